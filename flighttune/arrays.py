@@ -1,0 +1,41 @@
+"""Float arrays: the aliases, and the checks applied where arrays come in."""
+
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.errors import InputError, ShapeError
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+Floats: TypeAlias = float | FloatArray
+
+
+def read_only_matrix(name: str, value: npt.ArrayLike) -> FloatArray:
+    """Return `value` as a finite, read-only copy with two axes."""
+    return _read_only(name, value, axes=2)
+
+
+def read_only_vector(name: str, value: npt.ArrayLike) -> FloatArray:
+    """Return `value` as a finite, read-only copy with one axis."""
+    return _read_only(name, value, axes=1)
+
+
+def square_matrices(name: str, value: npt.ArrayLike) -> FloatArray:
+    """Return `value` as a finite float array of shape (..., n, n), n >= 1."""
+    matrices = np.asarray(value, dtype=float)
+    if matrices.ndim < 2 or matrices.shape[-1] != matrices.shape[-2] or matrices.shape[-1] == 0:
+        raise ShapeError(f"`{name}` must have shape (..., n, n), got {matrices.shape}.")
+    if not np.isfinite(matrices).all():
+        raise InputError(f"`{name}` must be finite, got {np.array2string(matrices, threshold=20)}.")
+    return matrices
+
+
+def _read_only(name: str, value: npt.ArrayLike, *, axes: int) -> FloatArray:
+    array = np.array(value, dtype=float)
+    if array.ndim != axes:
+        raise ShapeError(f"`{name}` must have {axes} axes, got shape {array.shape}.")
+    if not np.isfinite(array).all():
+        raise InputError(f"`{name}` must be finite, got {array.tolist()}.")
+    array.flags.writeable = False
+    return array

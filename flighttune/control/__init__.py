@@ -1,0 +1,1 @@
+"""The loop on paper: linear models, gains, limits and the discrete controller."""

@@ -1,0 +1,55 @@
+"""Gains of the multivariable PI controller."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.errors import ShapeError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PIGains:
+    """Gains of ``u = K_P e + K_I xi`` with ``d(xi)/dt = e``, m inputs and p errors.
+
+    Attributes
+    ----------
+    K_P : ndarray, shape (m, p), input unit per error unit
+        Proportional gain.
+    K_I : ndarray, shape (m, p), input unit per error unit and second
+        Integral gain.
+    inputs, errors : tuple of str, lengths m and p
+        Channel names, in row and column order.
+    """
+
+    K_P: FloatArray
+    K_I: FloatArray
+    inputs: tuple[str, ...] = ("phi", "n_z")
+    errors: tuple[str, ...] = ("chi", "gamma")
+
+    def __post_init__(self) -> None:
+        shape = len(self.inputs), len(self.errors)
+        for name in ("K_P", "K_I"):
+            gain = read_only_matrix(name, getattr(self, name))
+            if gain.shape != shape:
+                raise ShapeError(
+                    f"`{name}` must have shape {shape} (inputs, errors), got {gain.shape}."
+                )
+            object.__setattr__(self, name, gain)
+
+    @property
+    def K(self) -> FloatArray:
+        """The stacked gain (K_P, K_I), shape (m, 2 p)."""
+        return np.hstack([self.K_P, self.K_I])
+
+    @classmethod
+    def from_stacked(cls, K: FloatArray) -> "PIGains":
+        """Gains of the roll and load-factor loop from a stacked (K_P, K_I), shape (2, 4)."""
+        return cls(K_P=K[:, : K.shape[1] // 2], K_I=K[:, K.shape[1] // 2 :])
+
+
+PAPER_GAINS = PIGains(
+    K_P=np.array([[1.6968, 0.5906], [-0.5906, 1.9556]]),
+    K_I=np.array([[3.4869, 0.1784], [-0.1784, 3.4869]]),
+)
+"""K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma."""

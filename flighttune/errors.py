@@ -1,0 +1,43 @@
+"""What can go wrong.
+
+FlightTuneError
+├── InputError (ValueError)      a value the caller gave cannot be used
+│   ├── ShapeError               ... because of its array shape
+│   ├── ScenarioError            ... and it came from a scenario file: names file and key
+│   └── RecordingError           ... and it came from a recording or run folder
+├── PlantError (RuntimeError)    the simulated aircraft failed
+│   └── TrimError                ... to reach the steady flight asked for
+└── SolverError (RuntimeError)   an optimiser broke down (infeasible is a status)
+"""
+
+
+class FlightTuneError(Exception):
+    """Base of all errors that flighttune raises on purpose."""
+
+
+class InputError(FlightTuneError, ValueError):
+    """A value given by the caller cannot be used."""
+
+
+class ShapeError(InputError):
+    """An array has the wrong shape."""
+
+
+class ScenarioError(InputError):
+    """A scenario, gains or aircraft file cannot be used; the message names file and key."""
+
+
+class RecordingError(InputError):
+    """A recording or run folder cannot be read or written."""
+
+
+class PlantError(FlightTuneError, RuntimeError):
+    """The simulated aircraft could not be built or flown."""
+
+
+class TrimError(PlantError):
+    """No steady flight was found at the condition asked for."""
+
+
+class SolverError(FlightTuneError, RuntimeError):
+    """An optimiser broke down; an infeasible problem is a status instead."""

@@ -1,0 +1,106 @@
+"""What a plant must do: start from a flight condition, show its signals, fly on under a command."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, Protocol, TypeAlias
+
+from flighttune.errors import InputError
+
+StopStatus: TypeAlias = Literal["diverged", "ground_contact", "left_envelope"]
+
+COMMON_SIGNALS = ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down")
+"""Signals every plant shows first, in this order (SI, rad; position in local NED from the start)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightCondition:
+    """Where a flight starts.
+
+    Attributes
+    ----------
+    V_a : float, m/s
+        Airspeed, positive.
+    h : float, m
+        Height above sea level.
+    chi, gamma, phi : float, rad
+        Course clockwise from north; flight-path angle, climb positive; roll, right wing down.
+    n_z : float or None, 1
+        Load factor in force at the start; None for the steady value cos(gamma)/cos(phi).
+    """
+
+    V_a: float
+    h: float = 1000.0
+    chi: float = 0.0
+    gamma: float = 0.0
+    phi: float = 0.0
+    n_z: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.V_a) and self.V_a > 0.0):
+            raise InputError(f"`V_a` must be positive, got {self.V_a} m/s.")
+        for name in ("h", "chi", "gamma", "phi"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f"`{name}` must be finite, got {getattr(self, name)}.")
+        for name in ("gamma", "phi"):
+            if not abs(getattr(self, name)) < math.pi / 2:
+                raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
+        if self.n_z is not None and not math.isfinite(self.n_z):
+            raise InputError(f"`n_z` must be finite, got {self.n_z}.")
+
+    @property
+    def n_z_start(self) -> float:
+        """Load factor in force at the start: `n_z`, or the steady value where it is None."""
+        return math.cos(self.gamma) / math.cos(self.phi) if self.n_z is None else self.n_z
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Why a flight ended before its time: a status and a sentence with time and numbers."""
+
+    status: StopStatus
+    reason: str
+
+
+class Plant(Protocol):
+    """One aircraft that flies under roll and load-factor commands.
+
+    A member of the family is used once: ``start``, then ``observe`` and ``advance`` in turn.
+
+    Attributes
+    ----------
+    kind : str
+        Name of the family member, as scenarios write it.
+    signals : tuple of str
+        Names of what ``observe`` returns; begins with `COMMON_SIGNALS`.
+    """
+
+    kind: str
+    signals: tuple[str, ...]
+
+    def start(self, condition: FlightCondition) -> None:
+        """Put the aircraft into `condition` at t = 0.
+
+        Raises
+        ------
+        TrimError
+            If there is no steady flight at `condition`.
+        """
+        ...
+
+    def observe(self) -> tuple[float, ...]:
+        """Return the values of `signals` now, SI and radians."""
+        ...
+
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+        """Fly `duration` seconds with the command held; return why the flight ended, if it did.
+
+        Parameters
+        ----------
+        phi_cmd : float, rad
+            Roll command, right wing down positive.
+        n_z_cmd : float, 1
+            Load-factor command, lift over weight.
+        duration : float, s
+            Time to fly: the sample time of the controller.
+        """
+        ...

@@ -1,0 +1,1 @@
+"""Runs to Rerun and Parquet, and back."""

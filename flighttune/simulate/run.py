@@ -1,0 +1,122 @@
+"""A flown time history that cannot be changed afterwards."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+import pandas as pd
+
+from flighttune.control.gains import PIGains
+from flighttune.plants.base import StopStatus
+
+RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
+
+SIGNAL_UNITS: dict[str, str] = {
+    "chi": "rad",
+    "gamma": "rad",
+    "phi": "rad",
+    "n_z": "1",
+    "V_a": "m/s",
+    "north": "m",
+    "east": "m",
+    "down": "m",
+    "chi_ref": "rad",
+    "gamma_ref": "rad",
+    "chi_err": "rad",
+    "gamma_err": "rad",
+    "phi_cmd": "rad",
+    "n_z_cmd": "1",
+    "phi_unlimited": "rad",
+    "n_z_unlimited": "1",
+    "phi_integral": "rad",
+    "n_z_integral": "1",
+    "phi_limited": "1",
+    "n_z_limited": "1",
+    "d_chi": "rad/s",
+    "d_gamma": "rad/s",
+    "alpha": "rad",
+    "beta": "rad",
+    "theta": "rad",
+    "psi": "rad",
+    "p": "rad/s",
+    "q": "rad/s",
+    "r": "rad/s",
+    "h": "m",
+    "V_g": "m/s",
+    "n_y": "1",
+    "aileron": "rad",
+    "elevator": "rad",
+    "rudder": "rad",
+    "throttle": "1",
+    "thrust": "N",
+}
+"""Unit of every signal a run may hold.
+
+``*_err`` is reference minus actual, the course error wrapped to (-pi, pi]. ``*_cmd`` is the command
+after all limits, ``*_unlimited`` before them, ``*_integral`` the part of it that comes from the
+integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held by a rate limit).
+Positions are local NED from the start, surfaces positive trailing edge down (rudder: left).
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """What made a run: enough to fly it again to the same bits.
+
+    Attributes
+    ----------
+    scenario : mapping
+        The validated scenario, as it would be written in TOML.
+    plant : str
+        Label of the plant, for example ``"kinematic"`` or ``"jsbsim:aerosonde"``.
+    gains_name : str
+        Name of the gain set in the scenario.
+    gains : PIGains or None
+        The gains flown; None where none were found.
+    seed : int
+        Master seed.
+    versions : mapping
+        Version of every library that shaped the numbers.
+    wall_s : float, s
+        Time the flight took.
+    """
+
+    scenario: Mapping[str, Any]
+    plant: str
+    gains_name: str
+    gains: PIGains | None
+    seed: int
+    versions: Mapping[str, str]
+    wall_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Run:
+    """One flight of one gain set on one plant.
+
+    Attributes
+    ----------
+    signals : DataFrame, indexed by `t` in s
+        One column a signal, float64, SI and radians; `SIGNAL_UNITS` names the units.
+    status : str
+        ``completed``, or why the flight ended early or never began.
+    reason : str
+        A sentence with time and numbers where `status` is not ``completed``.
+    provenance : Provenance
+        What made the run.
+    """
+
+    signals: pd.DataFrame
+    status: RunStatus
+    reason: str
+    provenance: Provenance = field(repr=False)
+
+    @property
+    def label(self) -> str:
+        """``plant / gains``, the name of the run everywhere."""
+        return f"{self.provenance.plant} / {self.provenance.gains_name}"
+
+    @property
+    def duration(self) -> float:
+        """Time flown, s."""
+        return float(self.signals.index[-1]) if len(self.signals) else 0.0

@@ -1,0 +1,1 @@
+"""Matrices in, guarantees out: no aircraft, no time."""

@@ -1,0 +1,1 @@
+"""From a tuning problem to gains."""

@@ -1,0 +1,51 @@
+"""Imports point downwards, and heavy libraries stay behind one module each."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "flighttune"
+LAYERS = (
+    "errors units shipped",
+    "arrays",
+    "theory control",
+    "plants",
+    "simulate",
+    "metrics",
+    "tuning",
+    "scenario",
+    "flight",
+    "recording",
+    "compare",
+    "report",
+    "paper campaign",
+    "cli",
+)  # lowest first; names in one row do not import each other
+RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row.split()}
+ONLY_IN = {
+    "cvxpy": "theory/lmi.py",
+    "jsbsim": "plants/jsbsim",
+    "rerun": "recording",
+}  # a file, or the folder it may be used in
+MODULES = sorted(path for path in PACKAGE.rglob("[!_]*.py") if "shipped" not in path.parent.parts)
+
+
+def imported_modules(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path} has a relative import"
+            yield node.module
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_imports_point_downwards(path):
+    where = path.relative_to(PACKAGE).as_posix()
+    layer = where.split("/")[0].removesuffix(".py")
+    for module in imported_modules(path):
+        root, *rest = module.split(".")
+        assert where.startswith(ONLY_IN.get(root, where)), f"{where} may not import {root}"
+        if root == "flighttune" and rest and rest[0] != layer:
+            assert RANK[rest[0]] < RANK[layer], f"{where} imports upwards: {module}"
