@@ -1,0 +1,139 @@
+"""One closed loop in time: plant, controller and reference to a table of signals."""
+
+import math
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import InputError
+from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Plant, Stop
+from flighttune.simulate.reference import Reference
+
+LOOP_SIGNALS = (
+    "chi_ref",
+    "gamma_ref",
+    "chi_err",
+    "gamma_err",
+    "phi_cmd",
+    "n_z_cmd",
+    "phi_unlimited",
+    "n_z_unlimited",
+    "phi_integral",
+    "n_z_integral",
+    "phi_limited",
+    "n_z_limited",
+)
+"""What the loop adds to the signals of the plant, one row a sample of the controller."""
+
+PROGRESS_EVERY = 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimeHistory:
+    """What was flown: one row a sample, and why the flight ended before its time, if it did.
+
+    Attributes
+    ----------
+    signals : DataFrame, indexed by `t` in s
+        Plant signals, then `LOOP_SIGNALS`; SI and radians; read-only.
+    stop : Stop or None
+        None where the flight lasted as long as asked.
+    """
+
+    signals: pd.DataFrame
+    stop: Stop | None
+
+
+def simulate(
+    plant: Plant,
+    controller: MimoPI,
+    reference: Reference,
+    *,
+    condition: FlightCondition,
+    duration: float,
+    feed_forward: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> TimeHistory:
+    """Fly `plant` under `controller` along `reference` from `condition`.
+
+    Parameters
+    ----------
+    plant : Plant
+        A plant that was not flown before.
+    controller : MimoPI
+        From (chi, gamma) to (phi, n_z); its sample time is the step of the loop. It is started
+        from the roll and load factor of `condition`.
+    reference : Reference
+        Course and flight-path angle to follow.
+    condition : FlightCondition
+        Start of the flight.
+    duration : float, s
+        Time to fly, positive; rounded to whole samples.
+    feed_forward : bool
+        Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: what steady flight on the
+        reference needs at the bank flown. It depends on the reference and not on the error, so the
+        linear loop about wings-level flight is the same with it and without.
+    progress : callable, optional
+        Called with the time flown in s, about once a second of flight.
+
+    Returns
+    -------
+    TimeHistory
+        Ends with the last sample before the stop where the flight ended early.
+
+    Raises
+    ------
+    InputError
+        If `duration` is shorter than one sample.
+    TrimError
+        If the plant finds no steady flight at `condition`.
+    """
+    dt = controller.dt
+    if not (math.isfinite(duration) and duration >= dt):
+        raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
+    count = round(duration / dt)
+    t = np.arange(count + 1) * dt
+    chi_ref, gamma_ref = reference.sampled(t)
+    rows = array("d")
+    plant.start(condition)
+    controller.start((condition.phi, condition.n_z_start))
+    samples = zip(chi_ref.tolist(), gamma_ref.tolist(), np.cos(gamma_ref).tolist(), strict=True)
+    level = (0.0, 0.0)
+    stop = None
+    for k, (chi_wanted, gamma_wanted, steady) in enumerate(samples):
+        seen = plant.observe()
+        u_ff = (0.0, steady / math.cos(seen[2])) if feed_forward else level
+        ref = (chi_wanted, gamma_wanted)
+        u = controller.step(ref, seen[:2], u_ff, seen[4])
+        for part in (
+            seen,
+            ref,
+            controller.error,
+            u,
+            controller.unlimited,
+            controller.integral,
+            controller.limited,
+        ):
+            rows.extend(part)
+        if k == count:
+            break
+        stop = plant.advance(u[0], u[1], dt)
+        if stop is not None:
+            break
+        if progress is not None and k % PROGRESS_EVERY == 0:
+            progress(k * dt)
+    return TimeHistory(signals=_table(rows, plant.signals, t), stop=stop)
+
+
+def _table(rows: "array[float]", plant_signals: tuple[str, ...], t: np.ndarray) -> pd.DataFrame:
+    if plant_signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
+        raise InputError(f"`plant.signals` must begin with {COMMON_SIGNALS}, got {plant_signals}.")
+    columns = (*plant_signals, *LOOP_SIGNALS)
+    values = np.frombuffer(rows, dtype=float).reshape(-1, len(columns))
+    index = pd.Index(t[: len(values)], name="t")
+    values.flags.writeable = False
+    return pd.DataFrame(values, columns=pd.Index(columns), index=index, copy=False)
