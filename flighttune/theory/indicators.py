@@ -1,0 +1,212 @@
+"""The paper's indicators of a closed loop: rate of convergence R_K and ultimate radius I_K.
+
+The paper (arXiv 2411.13140, section 3.3) asks a semidefinite program for R_K: the smallest
+lambda_max(Q) with ``A_K' Q + Q A_K + I <= 0``. No solver is needed. Every feasible Q is bounded
+below, in the order of symmetric matrices, by the solution Q0 of the equation, so that
+``R_K = 1 / lambda_max(Q0)``. The minimiser is not unique and I_K depends on which one is taken; the
+numbers of the paper's Table 2 come from Q0, the smallest, and so do those given here.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray, read_only_vector, square_matrices
+from flighttune.errors import InputError, ShapeError
+from flighttune.theory.lyapunov import lyapunov_solution
+
+CHUNK_LOOPS = 8192
+"""Loops whose intermediate results are held in memory at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Indicators:
+    """What the Lyapunov equation says about one closed loop.
+
+    Attributes
+    ----------
+    status : "stable" or "unstable"
+    reason : str
+        Why there is no guarantee, naming the offending eigenvalue; empty for a stable loop.
+    R_K : float, 1/s
+        Guaranteed rate of decay of ``z' Q z`` (the norm decays at half of it); 0 if unstable.
+    I_K : float, s^2
+        Radius of the ultimate ball per ``2 L_d L_f``; inf if unstable.
+    spectral_abscissa : float, 1/s
+        Largest real part of an eigenvalue.
+    eigenvalues : ndarray of complex, shape (n,), 1/s
+        Rightmost first.
+    Q : ndarray, shape (n, n), s, or None
+        Solution of ``A_z' Q + Q A_z + I = 0`` in the scaled state z; None if unstable.
+    scaling : ndarray, shape (n,)
+        Unit of each state: ``z = s / scaling``. All ones in the paper.
+    """
+
+    status: Literal["stable", "unstable"]
+    reason: str
+    R_K: float
+    I_K: float
+    spectral_abscissa: float
+    eigenvalues: npt.NDArray[np.complex128]
+    Q: FloatArray | None
+    scaling: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class IndicatorArrays:
+    """Indicators of many loops, every array of the shape (...) of the stack.
+
+    Attributes
+    ----------
+    stable : ndarray of bool
+        Where there is a guarantee.
+    R_K, I_K : ndarray, 1/s and s^2
+        As in `Indicators`; 0 and inf where not stable.
+    spectral_abscissa : ndarray, 1/s
+        Largest real part of an eigenvalue.
+    """
+
+    stable: npt.NDArray[np.bool_]
+    R_K: FloatArray
+    I_K: FloatArray
+    spectral_abscissa: FloatArray
+
+
+def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> Indicators:
+    """R_K and I_K of one closed loop.
+
+    Parameters
+    ----------
+    A_K : array_like, shape (n, n), 1/s
+        Closed loop in velocity form, as `flighttune.control.closed_loop` makes it.
+    scaling : array_like, shape (n,), optional
+        Units of the states, positive: ``z = s / scaling``. By default all ones, as in the paper.
+
+    Returns
+    -------
+    Indicators
+        With status "unstable" where there is no guarantee; that is a result, not an error.
+
+    Raises
+    ------
+    ShapeError
+        If `A_K` is not square or `scaling` does not fit it.
+    InputError
+        If an entry is not finite or a scale is not positive.
+
+    Notes
+    -----
+    Eqs. (R_K) and (I_K) of arXiv 2411.13140, section 3.3: ``R_K = 1 / lambda_max(Q)`` and
+    ``I_K = cond(Q) / (R_K sigma_min(A_z))`` with ``A_z = diag(1 / scaling) A_K diag(scaling)``.
+    Both depend on the unit of time and on `scaling`. Without scaling R_K stays below 1 for any
+    gains where C = I, because the lower block of A_K is then the identity.
+    """
+    A_K = square_matrices("A_K", A_K)
+    if A_K.ndim != 2:
+        raise ShapeError(f"`A_K` must have 2 axes, got shape {A_K.shape}.")
+    scale = state_scaling(scaling, len(A_K))
+    found = indicators_batch(A_K, scaling=scale)
+    eigenvalues = np.asarray(np.linalg.eigvals(A_K), dtype=complex)
+    eigenvalues = eigenvalues[np.lexsort((-eigenvalues.imag, -eigenvalues.real))]
+    stable = bool(found.stable)
+    return Indicators(
+        status="stable" if stable else "unstable",
+        reason="" if stable else _why_unstable(eigenvalues[0]),
+        R_K=float(found.R_K),
+        I_K=float(found.I_K),
+        spectral_abscissa=float(found.spectral_abscissa),
+        eigenvalues=eigenvalues,
+        Q=lyapunov_solution(scaled(A_K, scale)) if stable else None,
+        scaling=scale,
+    )
+
+
+def indicators_batch(
+    A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None
+) -> IndicatorArrays:
+    """R_K, I_K and spectral abscissa of a stack of closed loops.
+
+    Parameters
+    ----------
+    A_K : array_like, shape (..., n, n), 1/s
+        Closed loops in velocity form; `flighttune.control.closed_loops` makes a stack of them.
+    scaling : array_like, shape (n,), optional
+        Units of the states, as in `indicators`.
+
+    Returns
+    -------
+    IndicatorArrays
+        R_K 0 and I_K inf where a loop is not stable.
+
+    Raises
+    ------
+    ShapeError, InputError
+        As `indicators`.
+    """
+    A_K = square_matrices("A_K", A_K)
+    n = A_K.shape[-1]
+    scale = state_scaling(scaling, n)
+    flat = A_K.reshape(-1, n, n)
+    R_K, I_K = np.zeros(len(flat)), np.full(len(flat), np.inf)
+    abscissa = np.empty(len(flat))
+    for start in range(0, len(flat), CHUNK_LOOPS):
+        part = slice(start, start + CHUNK_LOOPS)
+        abscissa[part] = np.real(np.linalg.eigvals(flat[part])).max(axis=-1)
+        left_half = start + np.flatnonzero(abscissa[part] < 0.0)
+        R_K[left_half], I_K[left_half] = _rate_and_radius(scaled(flat[left_half], scale))
+    shape = A_K.shape[:-2]
+    return IndicatorArrays(
+        stable=(R_K > 0.0).reshape(shape),
+        R_K=R_K.reshape(shape),
+        I_K=I_K.reshape(shape),
+        spectral_abscissa=abscissa.reshape(shape),
+    )
+
+
+def state_scaling(scaling: npt.ArrayLike | None, n: int) -> FloatArray:
+    """The scaling of n states as a checked read-only vector; all ones for None.
+
+    Raises
+    ------
+    ShapeError, InputError
+        If it does not have n entries, or one is not positive.
+    """
+    scale = read_only_vector("scaling", np.ones(n) if scaling is None else scaling)
+    if scale.shape != (n,):
+        raise ShapeError(f"`scaling` must have shape ({n},), got {scale.shape}.")
+    if not (scale > 0.0).all():
+        raise InputError(f"`scaling` must be positive, got {scale.tolist()}.")
+    return scale
+
+
+def scaled(A: FloatArray, scaling: FloatArray) -> FloatArray:
+    """``diag(1 / scaling) A diag(scaling)``: A in the scaled state, shape (..., n, n)."""
+    return A * (scaling / scaling[:, None])
+
+
+def _rate_and_radius(A: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """R_K and I_K of loops whose eigenvalues are on the left, shape (N, n, n).
+
+    A Q that is not positive refutes the eigenvalues: the loop is unstable within rounding.
+    """
+    if not len(A):
+        return np.empty(0), np.empty(0)
+    spectrum = np.linalg.eigvalsh(lyapunov_solution(A))
+    smallest, largest = spectrum[:, 0], spectrum[:, -1]
+    sigma_min = np.linalg.svd(A, compute_uv=False)[:, -1]
+    proven = (smallest > 0.0) & (sigma_min > 0.0) & np.isfinite(largest)
+    R_K, I_K = np.zeros(len(A)), np.full(len(A), np.inf)
+    R_K[proven] = 1.0 / largest[proven]
+    I_K[proven] = largest[proven] ** 2 / (smallest[proven] * sigma_min[proven])
+    return R_K, I_K
+
+
+def _why_unstable(rightmost: complex) -> str:
+    if rightmost.real >= 0.0:
+        return f"The eigenvalue {rightmost:.6g} 1/s is not in the open left half plane."
+    return (
+        f"The eigenvalue {rightmost:.6g} 1/s is so close to the imaginary axis that the "
+        "Lyapunov equation has no positive solution in floating point."
+    )

@@ -1,0 +1,99 @@
+"""The Lyapunov equation of one closed loop, or of a million at once."""
+
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import solve_continuous_lyapunov
+
+from flighttune.arrays import FloatArray, square_matrices
+from flighttune.errors import InputError, ShapeError
+
+KRONECKER_STATES = 10
+"""Up to here one linear system in the n (n + 1)/2 entries beats a Schur form per matrix."""
+CHUNK_BYTES = 1 << 22
+"""Memory for the linear systems solved at once: about what a core's cache holds."""
+
+
+def lyapunov_solution(A: npt.ArrayLike, S: npt.ArrayLike | None = None) -> FloatArray:
+    """Q of ``A' Q + Q A + S = 0``, for one matrix or a stack of them.
+
+    Parameters
+    ----------
+    A : array_like, shape (..., n, n), 1/s
+        Stable matrices: Q is then the integral of ``exp(A't) S exp(At)``. The dual equation
+        ``A X + X A' + S = 0`` is that of the transposed matrices.
+    S : array_like, shape (..., n, n), optional
+        Right-hand sides, symmetric, broadcast against `A`; by default the identity.
+
+    Returns
+    -------
+    ndarray, shape (..., n, n), unit of S times s
+        Symmetric to the bit.
+
+    Raises
+    ------
+    ShapeError
+        If `A` is not square or `S` does not broadcast against it.
+    InputError
+        If an entry is not finite, `S` is not symmetric, or two eigenvalues of a matrix of `A` add
+        up to zero, so that there is no unique solution.
+
+    Notes
+    -----
+    Up to `KRONECKER_STATES` states: one linear system in the upper triangle of Q for each matrix.
+    Above: the Schur form of Bartels and Stewart, by SciPy. The relative error is about 1e-16 times
+    the ratio of the fastest rate to the distance from instability.
+    """
+    A = square_matrices("A", A)
+    S = np.broadcast_to(np.eye(A.shape[-1]), A.shape) if S is None else square_matrices("S", S)
+    if S.shape[-1] != A.shape[-1]:
+        raise ShapeError(f"`S` must have shape (..., {A.shape[-1]}, ...), got {S.shape}.")
+    if not np.array_equal(S, S.mT):
+        raise InputError("`S` must be symmetric.")
+    try:
+        A, S = np.broadcast_arrays(A, S)
+    except ValueError as error:
+        raise ShapeError(f"`S` must broadcast against {A.shape}, got {S.shape}.") from error
+    n = A.shape[-1]
+    solve = _kronecker if n <= KRONECKER_STATES else _bartels_stewart
+    chunk = max(1, 4 * CHUNK_BYTES // (8 * n * n * (n + 1) ** 2))
+    flat_A, flat_S = A.reshape(-1, n, n), S.reshape(-1, n, n)
+    Q = np.empty(flat_A.shape)
+    for start in range(0, len(Q), chunk):
+        part = slice(start, start + chunk)
+        try:
+            Q[part] = solve(flat_A[part], flat_S[part])
+        except np.linalg.LinAlgError as error:
+            raise InputError("`A` must have no two eigenvalues that add up to zero.") from error
+    return Q.reshape(A.shape)
+
+
+def _kronecker(A: FloatArray, S: FloatArray) -> FloatArray:
+    rows, columns, operator = _upper_triangle(A.shape[-1])
+    system = (A.reshape(len(A), -1) @ operator).reshape(-1, len(rows), len(rows))
+    entries = np.linalg.solve(system, -S[:, rows, columns, None])[..., 0]
+    Q = np.empty(A.shape)
+    Q[:, rows, columns] = entries
+    Q[:, columns, rows] = entries
+    return Q
+
+
+@cache
+def _upper_triangle(n: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray]:
+    """Rows and columns of the entries of Q solved for, and vec(A) to the system's matrix."""
+    rows, columns = np.triu_indices(n)
+    size = len(rows)
+    position = np.empty((n, n), dtype=int)
+    position[rows, columns] = position[columns, rows] = np.arange(size)
+    operator = np.zeros((n, n, size, size))
+    for equation, (i, j) in enumerate(zip(rows, columns, strict=True)):
+        for k in range(n):
+            operator[k, i, equation, position[k, j]] += 1.0
+            operator[k, j, equation, position[i, k]] += 1.0
+    return rows, columns, operator.reshape(n * n, size * size)
+
+
+def _bartels_stewart(A: FloatArray, S: FloatArray) -> FloatArray:
+    Q = np.array([solve_continuous_lyapunov(a.T, -s) for a, s in zip(A, S, strict=True)])
+    return (Q + Q.mT) / 2.0

@@ -1,0 +1,155 @@
+"""R_K and I_K against the paper's Table 2, identities, and loops known to be unstable."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flighttune.control.closed_loop import closed_loop, closed_loops
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.linear_model import kinematic_model
+from flighttune.errors import InputError, ShapeError
+from flighttune.theory.indicators import indicators, indicators_batch
+
+MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+SHIFT = np.hstack([np.eye(2), np.eye(2)])
+LAST_DIGIT_R = 1e-4
+LAST_DIGIT_I = 1e-3  # the table cuts some figures and rounds others
+ROUNDING = 1e-9
+
+TABLE_2 = [  # arXiv 2411.13140, Table 2: name, epsilon, R_K, I_K
+    ("K1", -4.0, 0.7742, 7.873),
+    ("K2", -2.0, 0.6754, 6.057),
+    ("K3", -1.0, 0.5913, 5.312),
+    ("K4", 0.5, 0.3626, 5.207),
+    ("K5", 0.8, 0.2849, 6.161),
+    ("K6", 1.0, 0.2192, 8.258),
+]
+
+
+@pytest.mark.parametrize(("name", "epsilon", "R_K", "I_K"), TABLE_2)
+def test_every_row_of_table_2_is_reproduced_to_the_last_printed_digit(name, epsilon, R_K, I_K):
+    found = indicators(closed_loops(MODEL, PAPER_GAINS.K - epsilon * SHIFT))
+
+    assert found.status == "stable"
+    assert found.R_K == pytest.approx(R_K, abs=LAST_DIGIT_R)
+    assert found.I_K == pytest.approx(I_K, abs=LAST_DIGIT_I)
+
+
+def test_the_printed_gains_do_not_have_the_printed_indicators():
+    printed_R_K, printed_I_K = 0.4427, 4.9244
+
+    found = indicators(closed_loop(MODEL, PAPER_GAINS))
+
+    assert found.R_K == pytest.approx(0.4599, abs=LAST_DIGIT_R / 2.0)
+    assert found.I_K == pytest.approx(4.9162, abs=LAST_DIGIT_R / 2.0)
+    assert found.R_K - printed_R_K > 100.0 * LAST_DIGIT_R
+    assert printed_I_K - found.I_K > 50.0 * LAST_DIGIT_R
+
+
+def test_a_loop_of_decoupled_lags_has_the_indicators_known_on_paper():
+    slow, fast = 0.5, 4.0
+
+    found = indicators(np.diag([-slow, -fast]))
+
+    assert found.R_K == pytest.approx(2.0 * slow, rel=ROUNDING)
+    assert found.I_K == pytest.approx((fast / slow) / (2.0 * slow * slow), rel=ROUNDING)
+    assert found.spectral_abscissa == pytest.approx(-slow, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("unit", [0.01, 1.0, 57.3])
+def test_the_unit_common_to_all_states_changes_nothing(unit):
+    A_K = closed_loop(MODEL, PAPER_GAINS)
+
+    found = indicators(A_K, scaling=np.full(4, unit))
+
+    assert found.R_K == pytest.approx(indicators(A_K).R_K, rel=ROUNDING)
+    assert found.I_K == pytest.approx(indicators(A_K).I_K, rel=ROUNDING)
+
+
+def test_state_scaling_is_a_change_of_variables():
+    A_K, scale = closed_loop(MODEL, PAPER_GAINS), np.array([0.5, 0.5, 1.0, 2.0])
+
+    found = indicators(A_K, scaling=scale)
+
+    by_hand = indicators(np.diag(1.0 / scale) @ A_K @ np.diag(scale))
+    assert (found.R_K, found.I_K) == pytest.approx((by_hand.R_K, by_hand.I_K), rel=ROUNDING)
+    assert found.eigenvalues == pytest.approx(by_hand.eigenvalues, rel=ROUNDING)
+    assert found.scaling.tolist() == scale.tolist()
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 6))
+def test_the_rate_never_promises_more_than_the_slowest_eigenvalue(seed, n):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n))
+    A -= (np.linalg.eigvals(A).real.max() + rng.uniform(0.01, 2.0)) * np.eye(n)
+
+    found = indicators(A)
+
+    assert found.R_K <= -2.0 * found.spectral_abscissa * (1.0 + ROUNDING)
+    assert found.I_K * found.R_K * np.linalg.norm(A, 2) >= 1.0 - ROUNDING
+    assert found.Q is not None
+    assert np.linalg.eigvalsh(found.Q)[-1] == pytest.approx(1.0 / found.R_K, rel=ROUNDING)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), spread=st.floats(0.0, 3.0))
+def test_a_stack_has_the_indicators_of_its_members(seed, spread):
+    rng = np.random.default_rng(seed)
+    A_K = closed_loops(MODEL, PAPER_GAINS.K + spread * rng.standard_normal((2, 3, 2, 4)))
+
+    stack = indicators_batch(A_K)
+
+    for index in np.ndindex(2, 3):
+        one = indicators(A_K[index])
+        assert bool(stack.stable[index]) == (one.status == "stable")
+        assert stack.R_K[index] == pytest.approx(one.R_K, rel=ROUNDING)
+        assert stack.I_K[index] == pytest.approx(one.I_K, rel=ROUNDING)
+        assert stack.spectral_abscissa[index] == pytest.approx(one.spectral_abscissa)
+
+
+@pytest.mark.parametrize(
+    ("A", "named"),
+    [
+        (np.diag([0.25, -1.0]), r"eigenvalue 0\.25\+0j 1/s is not in the open left half"),
+        (np.array([[0.0, 2.0], [-2.0, 0.0]]), r"eigenvalue .*\+2j 1/s is not in the open left"),
+        (np.zeros((2, 2)), "eigenvalue 0"),
+    ],
+)
+def test_an_unstable_loop_is_a_result_that_names_the_eigenvalue(A, named):
+    found = indicators(A)
+
+    assert (found.status, found.R_K, found.I_K, found.Q) == ("unstable", 0.0, np.inf, None)
+    assert indicators_batch(A).R_K == 0.0
+    assert re.search(named, found.reason)
+
+
+def test_a_loop_stable_only_by_rounding_gets_no_guarantee():
+    turn = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
+    integrators = turn @ np.diag([0.0, 0.0, -1.0, -1e3]) @ turn.T
+
+    found = indicators(integrators - 1e-14 * np.eye(4))
+
+    assert found.status == "unstable" or found.R_K < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("A", "scaling", "error", "message"),
+    [
+        (np.ones((2, 3)), None, ShapeError, "`A_K` must have shape"),
+        (np.ones((2, 2, 2)), None, ShapeError, "`A_K` must have 2 axes"),
+        ([[np.nan]], None, InputError, "`A_K` must be finite"),
+        ([[-1.0]], [0.0], InputError, "`scaling` must be positive"),
+        ([[-1.0]], [1.0, 1.0], ShapeError, r"`scaling` must have shape \(1,\)"),
+    ],
+)
+def test_what_cannot_be_a_loop_is_refused(A, scaling, error, message):
+    with pytest.raises(error, match=message):
+        indicators(A, scaling=scaling)
+
+
+def test_no_loops_have_no_indicators():
+    assert indicators_batch(np.empty((0, 3, 3))).R_K.shape == (0,)
