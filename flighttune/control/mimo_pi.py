@@ -174,13 +174,19 @@ class MimoPI:
             for r, v, wrap in zip(ref, y, self._wrapped, strict=True)
         ]
         before = self.error
-        summed = [0.0] * len(error) if self._first else [a + b for a, b in zip(before, error)]
+        summed = (
+            [0.0] * len(error)
+            if self._first
+            else [a + b for a, b in zip(before, error, strict=True)]
+        )
         self._first = False
         self.error = error
         u, unlimited, integral, limited = self.u, self.unlimited, self.integral, self.limited
         for i, (lower, upper) in enumerate(self._magnitude):
             proportional = increment = 0.0
-            for k_p, k_i, e, s in zip(self._K_P[i], self._K_I_half_dt[i], error, summed):
+            for k_p, k_i, e, s in zip(
+                self._K_P[i], self._K_I_half_dt[i], error, summed, strict=True
+            ):
                 proportional += k_p * e
                 increment += k_i * s
             increment *= gain

@@ -9,7 +9,7 @@ from flighttune.errors import InputError
 StopStatus: TypeAlias = Literal["diverged", "ground_contact", "left_envelope"]
 
 COMMON_SIGNALS = ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down")
-"""Signals every plant shows first, in this order (SI, rad; position in local NED from the start)."""
+"""Signals every plant shows first, in this order: SI, rad, position in local NED from the start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -96,7 +96,7 @@ def simulate(
     if not (math.isfinite(duration) and duration >= dt):
         raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
     count = round(duration / dt)
-    t = np.arange(count + 1) * dt
+    t = np.arange(count + 1, dtype=np.float64) * dt
     chi_ref, gamma_ref = reference.sampled(t)
     rows = array("d")
     plant.start(condition)

@@ -1,0 +1,161 @@
+"""How well a run followed its reference: the paper's measures and the usual step measures."""
+
+import math
+
+import numpy as np
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.simulate.run import Run
+
+CHANNELS = {"chi": "phi", "gamma": "n_z"}
+"""Controlled quantity and the command that mostly moves it."""
+
+NO_STEP = 1e-6
+SMALLEST_STEP = math.radians(0.1)
+SETTLING_BAND = 0.05
+
+METRICS: dict[str, str] = {
+    "ITAE": "rad s^2",
+    "ITAE_mean": "rad s",
+    "PT_s": "s",
+    "MO_rad": "rad",
+    "MS_rad": "rad",
+    "ST_rad": "rad",
+    "rise_s": "s",
+    "settling_s": "s",
+    "effort_rms": "rad (chi), 1 (gamma)",
+    "saturation_s": "s",
+}
+"""Columns of `channel_metrics` and their units."""
+
+
+def channel_metrics(run: Run) -> pd.DataFrame:
+    r"""Tracking measures of a run, one row a channel.
+
+    Parameters
+    ----------
+    run : Run
+        A run with at least two samples.
+
+    Returns
+    -------
+    DataFrame
+        Index ``chi, gamma``; columns `METRICS`; NaN where a measure has no value.
+
+    Notes
+    -----
+    With ``e`` the error (reference minus actual, course wrapped) over the time T flown, and the
+    direction of travel opposite to the first error larger than 1e-6 rad:
+
+    ITAE
+        Integral of ``t |e|`` over [0, T] (trapezoidal rule), rad s^2.
+    ITAE_mean
+        ITAE / T, the paper's "average".
+    MO_rad
+        Maximum overshoot: the furthest the response goes beyond the reference, 0 if it does not.
+        Where no error ever exceeds 1e-6 rad there is no direction and it is 0.
+    PT_s
+        Peak time: when the response is furthest in the direction of travel (with an overshoot, the
+        time of its peak).
+    MS_rad, ST_rad
+        Mean and standard deviation (of the population) of ``e`` over the last quarter of the time.
+    rise_s
+        From 10 % to 90 % of the first error, first passage of each; NaN if 90 % is not reached or
+        the first error is below 0.1 deg.
+    settling_s
+        Time after which ``|e|`` stays within 5 % of the first error; NaN if it never does, or the
+        first error is below 0.1 deg.
+    effort_rms
+        Root mean square of the command minus what steady flight on the reference needs: 0 for roll,
+        ``cos(gamma_ref)`` for load factor.
+    saturation_s
+        Time in which the command was held by a magnitude or rate limit.
+
+    ITAE, PT, MO, MS and ST are those of arXiv 2411.13140, section 5.2, which names them in words.
+    """
+    t = run.signals.index.to_numpy(dtype=float)
+    rows = {}
+    for channel, command in CHANNELS.items():
+        error = run.signals[f"{channel}_err"].to_numpy()
+        steady = np.cos(run.signals["gamma_ref"].to_numpy()) if command == "n_z" else 0.0
+        effort = run.signals[f"{command}_cmd"].to_numpy() - steady
+        limited = run.signals[f"{command}_limited"].to_numpy() != 0.0
+        rows[channel] = {
+            **_integral_measures(t, error),
+            **_step_measures(t, error),
+            "effort_rms": math.sqrt(float(np.mean(effort**2))),
+            "saturation_s": _time_true(t, limited),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index", columns=list(METRICS), dtype=float)
+
+
+def flight_metrics(run: Run) -> dict[str, float]:
+    """What the whole aircraft did, as far as the plant shows it.
+
+    Returns
+    -------
+    dict
+        ``V_a_dev_mps``, the largest deviation of airspeed from the start; ``n_z_min``, ``n_z_max``;
+        ``alpha_max_rad``, the largest magnitude of angle of attack, where the plant has one.
+    """
+    signals = run.signals
+    V_a = signals["V_a"].to_numpy()
+    measures = {
+        "V_a_dev_mps": float(np.max(np.abs(V_a - V_a[0]))),
+        "n_z_min": float(signals["n_z"].min()),
+        "n_z_max": float(signals["n_z"].max()),
+    }
+    if "alpha" in signals:
+        measures["alpha_max_rad"] = float(signals["alpha"].abs().max())
+    return measures
+
+
+def _integral_measures(t: FloatArray, error: FloatArray) -> dict[str, float]:
+    itae = float(np.trapezoid(t * np.abs(error), t))
+    span = float(t[-1])
+    settled = error[t >= 0.75 * span]
+    return {
+        "ITAE": itae,
+        "ITAE_mean": itae / span if span > 0.0 else math.nan,
+        "MS_rad": float(np.mean(settled)),
+        "ST_rad": float(np.std(settled)),
+    }
+
+
+def _step_measures(t: FloatArray, error: FloatArray) -> dict[str, float]:
+    away = np.flatnonzero(np.abs(error) > NO_STEP)
+    if not len(away):
+        return {"PT_s": math.nan, "MO_rad": 0.0, "rise_s": math.nan, "settling_s": math.nan}
+    first = int(away[0])
+    step = abs(float(error[first]))
+    beyond = -math.copysign(1.0, error[first]) * error[first:]
+    peak = int(np.argmax(beyond))
+    measures = {"PT_s": float(t[first + peak]), "MO_rad": max(0.0, float(beyond[peak]))}
+    if step < SMALLEST_STEP:
+        return {**measures, "rise_s": math.nan, "settling_s": math.nan}
+    t = t[first:]
+    left = -beyond / step
+    outside = np.flatnonzero(np.abs(left) > SETTLING_BAND)
+    settled = int(outside[-1]) + 1
+    rise = _first_below(t, left, 0.1) - _first_below(t, left, 0.9)
+    return {
+        **measures,
+        "rise_s": rise,
+        "settling_s": float(t[settled] - t[0]) if settled < len(t) else math.nan,
+    }
+
+
+def _first_below(t: FloatArray, left: FloatArray, level: float) -> float:
+    """Time at which `left`, the part of the step still to go, first passes `level`."""
+    below = np.flatnonzero(left <= level)
+    if not len(below):
+        return math.nan
+    k = int(below[0])
+    if k == 0:
+        return float(t[0])
+    return float(np.interp(level, [left[k], left[k - 1]], [t[k], t[k - 1]]))
+
+
+def _time_true(t: FloatArray, flag: np.ndarray) -> float:
+    return float(np.sum(np.diff(t)[flag[:-1]]))
