@@ -109,7 +109,7 @@ def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> I
     scale = state_scaling(scaling, len(A_K))
     found = indicators_batch(A_K, scaling=scale)
     eigenvalues = np.asarray(np.linalg.eigvals(A_K), dtype=complex)
-    eigenvalues = eigenvalues[np.lexsort((-eigenvalues.imag, -eigenvalues.real))]
+    eigenvalues = eigenvalues[np.lexsort((-np.imag(eigenvalues), -np.real(eigenvalues)))]
     stable = bool(found.stable)
     return Indicators(
         status="stable" if stable else "unstable",
