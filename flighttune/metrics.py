@@ -100,14 +100,14 @@ def flight_metrics(run: Run) -> dict[str, float]:
         ``alpha_max_rad``, the largest magnitude of angle of attack, where the plant has one.
     """
     signals = run.signals
-    V_a = signals["V_a"].to_numpy()
+    V_a, n_z = signals["V_a"].to_numpy(), signals["n_z"].to_numpy()
     measures = {
         "V_a_dev_mps": float(np.max(np.abs(V_a - V_a[0]))),
-        "n_z_min": float(signals["n_z"].min()),
-        "n_z_max": float(signals["n_z"].max()),
+        "n_z_min": float(np.min(n_z)),
+        "n_z_max": float(np.max(n_z)),
     }
     if "alpha" in signals:
-        measures["alpha_max_rad"] = float(signals["alpha"].abs().max())
+        measures["alpha_max_rad"] = float(np.max(np.abs(signals["alpha"].to_numpy())))
     return measures
 
 

@@ -53,3 +53,17 @@ PAPER_GAINS = PIGains(
     K_I=np.array([[3.4869, 0.1784], [-0.1784, 3.4869]]),
 )
 """K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma."""
+
+PAPER_EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
+"""Table 2 of arXiv 2411.13140: K = K* - epsilon (I, I)."""
+
+
+def paper_family() -> dict[str, PIGains]:
+    """K* (as ``paper``) and K1 to K6 of the paper's Table 2, by name."""
+    shift = np.eye(2)
+    family = {"paper": PAPER_GAINS}
+    for name, epsilon in PAPER_EPSILON.items():
+        family[name] = PIGains(
+            K_P=PAPER_GAINS.K_P - epsilon * shift, K_I=PAPER_GAINS.K_I - epsilon * shift
+        )
+    return family

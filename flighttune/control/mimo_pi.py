@@ -89,7 +89,7 @@ class MimoPI:
         wrapped: Sequence[str] = ("chi",),
         schedule_speed: float | None = None,
     ) -> None:
-        m, p = gains.K_P.shape
+        m = len(gains.inputs)
         limits = Limits.none(m) if limits is None else limits
         if limits.lower.shape != (m,):
             raise ShapeError(f"`limits` must be of {m} commands, got {limits.lower.shape[0]}.")
@@ -166,7 +166,7 @@ class MimoPI:
         Returns
         -------
         list of float, length m
-            Command after all limits. The list is the controller's own: read it before the next step.
+            Command after all limits; the controller's own list, overwritten by the next step.
         """
         gain = V_a * self._per_speed if self._per_speed else 1.0
         error = [

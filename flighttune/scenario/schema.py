@@ -1,0 +1,296 @@
+"""The tables and keys of a scenario file, with their units at the end of each name."""
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from flighttune.control.gains import PIGains, paper_family
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.control.mimo_pi import AntiWindup
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.kinematic import G_PAPER
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.simulate.reference import Doublet, Ramp, Reference, Segment, Step
+from flighttune.units import DEG
+
+Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Inclination: TypeAlias = Annotated[float, Field(gt=-90.0, lt=90.0, allow_inf_nan=False)]
+Matrix: TypeAlias = list[list[Finite]]
+
+TUNED = "tuned"
+INPUTS = 2
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys are refused, and it does not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class FlightTable(Table):
+    """``[flight]``: start and length of the manoeuvre, and gravity of the kinematic law."""
+
+    V_a_mps: Positive
+    h_m: Finite = 1000.0
+    chi_deg: Finite = 0.0
+    gamma_deg: Inclination = 0.0
+    phi_deg: Inclination = 0.0
+    n_z: Finite | None = None
+    duration_s: Positive = 20.0
+    g_mps2: Positive = G_PAPER
+
+
+class StepTable(Table):
+    """A jump of a reference."""
+
+    shape: Literal["step"]
+    start_s: NotNegative = 0.0
+    change_deg: Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and rad."""
+        return Step(start=self.start_s, change=self.change_deg * DEG)
+
+
+class RampTable(Table):
+    """A steady change of a reference, kept afterwards."""
+
+    shape: Literal["ramp"]
+    start_s: NotNegative = 0.0
+    duration_s: Positive
+    rate_dps: Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and rad."""
+        return Ramp(start=self.start_s, duration=self.duration_s, rate=self.rate_dps * DEG)
+
+
+class DoubletTable(Table):
+    """A pulse up and its opposite, each `width_s` long."""
+
+    shape: Literal["doublet"]
+    start_s: NotNegative = 0.0
+    width_s: Positive
+    amplitude_deg: Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and rad."""
+        return Doublet(start=self.start_s, width=self.width_s, amplitude=self.amplitude_deg * DEG)
+
+
+SegmentTable: TypeAlias = Annotated[
+    StepTable | RampTable | DoubletTable, Field(discriminator="shape")
+]
+
+
+class ReferenceTable(Table):
+    """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``."""
+
+    chi_deg: Finite | list[SegmentTable]
+    gamma_deg: Inclination | list[SegmentTable]
+
+
+Range: TypeAlias = Annotated[list[Finite], Field(min_length=2, max_length=2)]
+
+
+class LimitsTable(Table):
+    """``[limits]`` of the commands; what is absent is not limited.
+
+    A rate is one number (both ways) or a range.
+    """
+
+    phi_deg: Range | None = None
+    phi_rate_dps: Positive | Range | None = None
+    n_z: Range | None = None
+    n_z_rate_per_s: Positive | Range | None = None
+
+    @field_validator("phi_deg", "phi_rate_dps", "n_z", "n_z_rate_per_s")
+    @classmethod
+    def _rises(cls, value: float | list[float] | None) -> float | list[float] | None:
+        if isinstance(value, list) and not value[0] < value[1]:
+            raise ValueError("must be a range [low, high] with low below high")
+        return value
+
+    @field_validator("phi_rate_dps", "n_z_rate_per_s")
+    @classmethod
+    def _holds_zero(cls, value: float | list[float] | None) -> float | list[float] | None:
+        if isinstance(value, list) and not value[0] <= 0.0 <= value[1]:
+            raise ValueError("must be a range of rates that holds zero")
+        return value
+
+    def limits(self) -> Limits:
+        """The limits in rad, 1 and seconds; infinite where the file gives none."""
+        phi, n_z = _bounds(self.phi_deg, DEG), _bounds(self.n_z, 1.0)
+        phi_rate, n_z_rate = _bounds(self.phi_rate_dps, DEG), _bounds(self.n_z_rate_per_s, 1.0)
+        return Limits(
+            lower=np.array([phi[0], n_z[0]]),
+            upper=np.array([phi[1], n_z[1]]),
+            rate_lower=np.array([phi_rate[0], n_z_rate[0]]),
+            rate_upper=np.array([phi_rate[1], n_z_rate[1]]),
+        )
+
+
+class ControllerTable(Table):
+    """``[controller]``: sample rate and options of the discrete MIMO-PI."""
+
+    rate_hz: Annotated[float, Field(ge=1.0, le=1000.0)] = 50.0
+    anti_windup: AntiWindup = "conditional"
+    tracking_time_s: Positive | None = None
+    feed_forward: bool = False
+    schedule: bool = False
+
+
+class TuningTable(Table):
+    """``[tuning]``: what the gains named ``tuned`` maximise R_K under."""
+
+    I_star: Annotated[float, Field(gt=0.0)] = 5.0
+    model: Literal["kinematic"] = "kinematic"
+    input_limits: bool = False
+    method: Literal["gradient"] = "gradient"
+    starts: Annotated[int, Field(ge=1, le=1000)] = 12
+
+
+class DisturbanceTable(Table):
+    """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s."""
+
+    chi_amplitude: Finite = 0.0
+    chi_omega_rad_s: NotNegative = 0.0
+    gamma_amplitude: Finite = 0.0
+    gamma_omega_rad_s: NotNegative = 0.0
+
+    def sinusoid(self) -> Sinusoid:
+        """The disturbance as a function of time."""
+        return Sinusoid(
+            chi_amplitude=self.chi_amplitude,
+            chi_omega=self.chi_omega_rad_s,
+            gamma_amplitude=self.gamma_amplitude,
+            gamma_omega=self.gamma_omega_rad_s,
+        )
+
+
+class PlantTable(Table):
+    """``[[plant]]``: what flies."""
+
+    kind: Literal["kinematic", "jsbsim"]
+    aircraft: Annotated[str, Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _aircraft_of_jsbsim(self) -> "PlantTable":
+        if (self.kind == "jsbsim") != (self.aircraft is not None):
+            raise ValueError("`aircraft` must be given with kind jsbsim, and only there")
+        return self
+
+    @property
+    def label(self) -> str:
+        """Name of the plant in tables, plots and files."""
+        return self.kind if self.aircraft is None else f"{self.kind}:{self.aircraft}"
+
+
+class GainsTable(Table):
+    """Gains given as numbers: rows phi, n_z; columns chi, gamma."""
+
+    name: Annotated[str, Field(min_length=1, pattern=r"^[\w.*+-]+$")]
+    K_P: Matrix
+    K_I: Matrix
+
+    @field_validator("K_P", "K_I")
+    @classmethod
+    def _two_by_two(cls, value: Matrix) -> Matrix:
+        if [len(row) for row in value] != [INPUTS] * INPUTS:
+            raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
+        return value
+
+    def gains(self) -> PIGains:
+        """The gains as a value."""
+        return PIGains(K_P=np.array(self.K_P), K_I=np.array(self.K_I))
+
+
+class Scenario(Table):
+    """One manoeuvre: every gain set flies on every plant."""
+
+    title: Annotated[str, Field(min_length=1)]
+    verifies: str = ""
+    source: str = ""
+    seed: Annotated[int, Field(ge=0)] = 0
+    gains: Annotated[list[str | GainsTable], Field(min_length=1)] = ["paper", TUNED]
+    flight: FlightTable
+    reference: ReferenceTable
+    limits: LimitsTable = LimitsTable()
+    controller: ControllerTable = ControllerTable()
+    tuning: TuningTable = TuningTable()
+    disturbance: DisturbanceTable | None = None
+    plant: Annotated[list[PlantTable], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _hangs_together(self) -> "Scenario":
+        names = [entry if isinstance(entry, str) else entry.name for entry in self.gains]
+        known = [TUNED, *paper_family()]
+        for entry in self.gains:
+            if isinstance(entry, str) and entry not in known:
+                raise ValueError(
+                    f"`gains` must name {', '.join(known)} or give K_P and K_I, got {entry!r}"
+                )
+        for key, labels in (("gains", names), ("plant", [p.label for p in self.plant])):
+            if len(set(labels)) < len(labels):
+                raise ValueError(f"`{key}` must not name anything twice, got {', '.join(labels)}")
+        if self.disturbance and any(p.kind == "jsbsim" for p in self.plant):
+            raise ValueError(
+                "`disturbance` must be absent where a plant is jsbsim: the sinusoid is a term of "
+                "the kinematic law"
+            )
+        if self.flight.duration_s * self.controller.rate_hz < 2.0:
+            raise ValueError(
+                "`duration_s` of [flight] must be at least two samples of the controller, "
+                f"got {self.flight.duration_s} s at {self.controller.rate_hz} Hz"
+            )
+        return self
+
+    @property
+    def condition(self) -> FlightCondition:
+        """Where the flight starts."""
+        f = self.flight
+        return FlightCondition(
+            V_a=f.V_a_mps,
+            h=f.h_m,
+            chi=f.chi_deg * DEG,
+            gamma=f.gamma_deg * DEG,
+            phi=f.phi_deg * DEG,
+            n_z=f.n_z,
+        )
+
+    def followed(self) -> Reference:
+        """What the outer loop is asked to follow."""
+        chi, chi_segments = _channel(self.reference.chi_deg, self.flight.chi_deg)
+        gamma, gamma_segments = _channel(self.reference.gamma_deg, self.flight.gamma_deg)
+        return Reference(
+            chi=chi, gamma=gamma, chi_segments=chi_segments, gamma_segments=gamma_segments
+        )
+
+    def linear_model(self) -> LinearModel:
+        """The kinematic law about wings-level flight on the first reference."""
+        _, gamma = self.followed().sampled(np.zeros(1))
+        f = self.flight
+        return kinematic_model(V_a=f.V_a_mps, gamma=float(gamma[0]), g=f.g_mps2)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The scenario as plain values, defaults filled in, as it would stand in a file."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+def _bounds(value: float | list[float] | None, unit: float) -> tuple[float, float]:
+    if value is None:
+        return -np.inf, np.inf
+    low, high = value if isinstance(value, list) else (-value, value)
+    return low * unit, high * unit
+
+
+def _channel(
+    value: float | list[StepTable | RampTable | DoubletTable], start_deg: float
+) -> tuple[float, tuple[Segment, ...]]:
+    if isinstance(value, list):
+        return start_deg * DEG, tuple(table.segment() for table in value)
+    return value * DEG, ()
