@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "flighttune"
 LAYERS = (
-    "errors units shipped",
+    "errors units palette shipped",
     "arrays",
     "theory control",
     "plants",

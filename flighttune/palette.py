@@ -1,0 +1,83 @@
+"""One look a run, the same in 3D, plots, figures and text, and safe for colour-blind readers."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+HUES = (
+    (("#2386E5", "blue"), ("#BBCFFD", "light blue")),
+    (("#A54A08", "rust"), ("#F29C66", "apricot")),
+    (("#027746", "green"), ("#78F5AC", "mint")),
+    (("#C91B8B", "magenta"), ("#DAA1B8", "rose")),
+    (("#929E08", "olive"), ("#E4E069", "yellow")),
+    (("#534EDD", "indigo"), ("#BBA5FF", "lavender")),
+)
+"""A strong and a light shade of each hue, chosen so that any two of twelve differ by 17 or more
+(CIE 1976) as seen with normal sight, protanopia, deuteranopia and tritanopia."""
+
+NEUTRAL = "#8C8C8C"
+"""References: readable on a dark and on a white ground."""
+
+LIMIT = "#E0475B"
+"""Limit lines."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How one run is drawn.
+
+    Attributes
+    ----------
+    colour : str
+        ``#RRGGBB``.
+    name : str
+        The colour in a word or two, for text.
+    width : float, points
+        Line width: the last plant of a scenario is drawn strongest.
+    dashed : bool
+        Whether a figure on white paper should break the line, because the shade is light.
+    """
+
+    colour: str
+    name: str
+    width: float
+    dashed: bool
+
+    @property
+    def rgb(self) -> tuple[int, int, int]:
+        """Red, green and blue, 0 to 255."""
+        return rgb(self.colour)
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue (0 to 255) of ``#RRGGBB``."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def looks(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Look]:
+    """Give each pair of plant and gain set a look of its own.
+
+    Parameters
+    ----------
+    pairs : iterable of (str, str)
+        Plant and gain set of each run, in the order of the scenario.
+
+    Returns
+    -------
+    dict
+        Look of each pair. With at most two plants and six gain sets the hue tells the gain set and
+        the shade the plant: the last plant has the strong one. Otherwise up to twelve pairs have
+        twelve colours in order, and more begin again.
+    """
+    pairs = list(dict.fromkeys(pairs))
+    plants = list(dict.fromkeys(plant for plant, _ in pairs))
+    gains = list(dict.fromkeys(name for _, name in pairs))
+    by_hue = len(plants) <= 2 and len(gains) <= len(HUES)
+    found = {}
+    for order, (plant, name) in enumerate(pairs):
+        if by_hue:
+            hue, shade = gains.index(name), len(plants) - 1 - plants.index(plant)
+        else:
+            hue, shade = order % len(HUES), order // len(HUES) % 2
+        colour, word = HUES[hue][shade]
+        found[plant, name] = Look(colour, word, 1.5 if shade else 2.2, bool(shade))
+    return found

@@ -1,0 +1,49 @@
+"""Who appears in a recording: the runs that flew, each with its key, look and name."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flighttune.palette import Look, looks
+from flighttune.simulate.run import Run
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Member:
+    """One run in a recording.
+
+    Attributes
+    ----------
+    run : Run
+        A run with at least two samples.
+    key : str
+        Its folder in the tree of the recording, unique.
+    look : Look
+        How it is drawn.
+    """
+
+    run: Run
+    key: str
+    look: Look
+
+
+def look_of(runs: Sequence[Run]) -> list[Look]:
+    """Look of every run, also of those that never flew, in order."""
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
+    found = looks(pairs)
+    return [found[pair] for pair in pairs]
+
+
+def cast(runs: Sequence[Run]) -> list[Member]:
+    """Return the runs with at least two samples, in order."""
+    members: list[Member] = []
+    taken: set[str] = set()
+    for run, look in zip(runs, look_of(runs), strict=True):
+        stem = re.sub(r"[^A-Za-z0-9.]+", "_", run.label).strip("_") or "run"
+        key, again = stem, 2
+        while key in taken:
+            key, again = f"{stem}_{again}", again + 1
+        taken.add(key)
+        if len(run.signals) > 1:
+            members.append(Member(run, key, look))
+    return members

@@ -1,0 +1,154 @@
+"""What is drawn over time: which signals share a plot, and which plots share a tab."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.simulate.run import SIGNAL_UNITS, Run
+
+DISPLAY: dict[str, tuple[str, float]] = {
+    "rad": ("deg", 180.0 / math.pi),
+    "rad/s": ("deg/s", 180.0 / math.pi),
+    "1": ("", 1.0),
+}
+"""Unit shown in plots and the factor to it; other units are shown as they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """One plot over time: the same signals of every run.
+
+    Attributes
+    ----------
+    signal : str
+        Signal drawn strong, one line a run; gives the plot its unit and its folder.
+    title : str
+        What it is, in words.
+    thin : str or None
+        Second signal of each run, drawn thin in the same colour.
+    common : str or None
+        Signal that is the same for every run, drawn once in grey.
+    limit : str or None
+        Table key of the scenario's ``[limits]`` without unit, drawn as two lines.
+    """
+
+    signal: str
+    title: str
+    thin: str | None = None
+    common: str | None = None
+    limit: str | None = None
+
+    @property
+    def heading(self) -> str:
+        """Title with symbol and unit, for example ``Course chi [deg]``."""
+        unit = DISPLAY.get(SIGNAL_UNITS[self.signal], (SIGNAL_UNITS[self.signal],))[0]
+        return f"{self.title} [{unit}]" if unit else self.title
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The signals of a run on this plot, the strong one first."""
+        return (self.signal,) if self.thin is None else (self.signal, self.thin)
+
+
+TABS: dict[str, tuple[Plot, ...]] = {
+    "Tracking": (
+        Plot("chi", "Course chi, reference grey", common="chi_ref"),
+        Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
+        Plot("chi_err", "Course error"),
+        Plot("gamma_err", "Path angle error"),
+    ),
+    "Commands and limits": (
+        Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
+        Plot("n_z", "Load factor n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z"),
+    ),
+    "Controller": (
+        Plot("phi_unlimited", "Roll command before limits, limits red", limit="phi"),
+        Plot("n_z_unlimited", "Load-factor command before limits, limits red", limit="n_z"),
+        Plot("phi_integral", "Roll command: part of the integrator"),
+        Plot("n_z_integral", "Load-factor command: part of the integrator"),
+    ),
+    "Aircraft": (
+        Plot("V_a", "Airspeed V_a"),
+        Plot("alpha", "Angle of attack alpha"),
+        Plot("beta", "Sideslip beta"),
+        Plot("throttle", "Throttle"),
+        Plot("aileron", "Aileron"),
+        Plot("elevator", "Elevator"),
+        Plot("rudder", "Rudder"),
+        Plot("h", "Height h"),
+        Plot("p", "Roll rate p"),
+        Plot("q", "Pitch rate q"),
+        Plot("r", "Yaw rate r"),
+        Plot("n_y", "Side load factor n_y"),
+    ),
+    "Disturbance": (
+        Plot("d_chi", "Disturbance of the course rate"),
+        Plot("d_gamma", "Disturbance of the path-angle rate"),
+    ),
+}
+"""Tabs of plots, in order. A plot none of whose signals a run has is left out."""
+
+CALM = "Disturbance"
+"""Tab that is left out in calm air."""
+
+STATES = {0: "", 1: "at limit", 2: "at rate limit"}
+"""Value of a ``*_limited`` signal to what the state timeline says; empty is a gap."""
+
+LANES = {"phi_limited": "roll", "n_z_limited": "load factor"}
+"""Signals of the state timeline, and what their lanes are called."""
+
+
+def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
+    """Return the plots of each tab that at least one run has a signal for.
+
+    A disturbance that is zero throughout is not shown.
+    """
+
+    def shows(tab: str, plot: Plot) -> bool:
+        having = [run.signals[plot.signal] for run in runs if plot.signal in run.signals]
+        return any(bool(values.any()) for values in having) if tab == CALM else bool(having)
+
+    shown = {tab: tuple(plot for plot in plots if shows(tab, plot)) for tab, plots in TABS.items()}
+    return {tab: plots for tab, plots in shown.items() if plots}
+
+
+def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
+    """Values of a signal as plots show them: degrees for angles, courses without jumps at +-180.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the unit of `DISPLAY`.
+    """
+    values = signals[name].to_numpy(dtype=float)
+    if name in ("chi", "chi_ref"):
+        values = np.unwrap(values)
+    return values * DISPLAY.get(SIGNAL_UNITS[name], ("", 1.0))[1]
+
+
+def limits_of(scenario: Mapping[str, Any], name: str) -> tuple[float, float] | None:
+    """Return the lower and upper limit of a command as plots show them, where there are any.
+
+    Parameters
+    ----------
+    scenario : mapping
+        A scenario as written in TOML, with the table ``limits``.
+    name : str
+        ``phi`` or ``n_z``.
+    """
+    table = scenario.get("limits") or {}
+    bounds = table.get(f"{name}_deg", table.get(name))
+    if bounds is None or len(bounds) != 2:
+        return None
+    return float(bounds[0]), float(bounds[1])
+
+
+def changes(values: FloatArray) -> npt.NDArray[np.intp]:
+    """Indices at which a piecewise constant signal begins or changes, shape (k,), k >= 1."""
+    return np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])

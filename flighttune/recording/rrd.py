@@ -1,0 +1,137 @@
+"""Runs to one Rerun recording with its blueprint, written by columns."""
+
+import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+from rerun.error_utils import strict_mode
+
+from flighttune.errors import RecordingError
+from flighttune.palette import LIMIT, NEUTRAL, rgb
+from flighttune.recording.blueprint import blueprint
+from flighttune.recording.cast import Member, cast
+from flighttune.recording.names import APPLICATION, PAGE, PHASES, PLOTS, times
+from flighttune.recording.plots import (
+    LANES,
+    STATES,
+    Plot,
+    changes,
+    displayed,
+    limits_of,
+    shown_plots,
+)
+from flighttune.recording.scene import log_scene
+from flighttune.recording.whole_file import whole_file
+from flighttune.simulate.run import Run
+
+FAINT = 150
+"""Opacity of thin lines, of 255."""
+
+
+def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
+    """Write all runs of a scenario to one recording that opens by itself in Rerun.
+
+    Angles are shown in degrees. A signal that a run does not have is not drawn, and a run with
+    fewer than two samples appears on the page only.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs of one scenario, in its order; `flighttune.palette` gives up to twelve their colours.
+    path : str or Path
+        File to write or replace; parent folders are made.
+    page : str
+        Markdown of the text page, see `flighttune.recording.page.scenario_page`.
+    title : str
+        Name of the recording in the viewer.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    members = cast(runs)
+    plots = shown_plots([member.run for member in members])
+    with whole_file(path) as part, strict():
+        stream = rr.RecordingStream(f"{APPLICATION}: {title}", recording_id=uuid.uuid4())
+        stream.save(part, default_blueprint=blueprint(members, plots))
+        stream.send_recording_name(title)
+        markdown = rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN)
+        stream.log(PAGE, markdown, static=True)
+        if members:
+            log_scene(stream, members)
+        for plot in (plot for tab in plots.values() for plot in tab):
+            _log_plot(stream, plot, members)
+        for member in members:
+            _log_phases(stream, member)
+        stream.flush()
+        stream.disconnect()
+        if not part.is_file() or part.stat().st_size == 0:
+            raise RecordingError(f"{path}: must be writable, got an empty recording.")
+
+
+@contextmanager
+def strict() -> Iterator[None]:
+    """Let Rerun raise on wrong data instead of dropping it with a warning."""
+    before = strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
+def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member]) -> None:
+    having = [member for member in members if plot.signal in member.run.signals]
+    for member in having:
+        signals, look = member.run.signals, member.look
+        names = [name for name in plot.signals if name in signals]
+        stream.log(
+            f"{PLOTS}/{plot.signal}/{member.key}",
+            rr.SeriesLines(
+                colors=[(*look.rgb, 255), (*look.rgb, FAINT)][: len(names)],
+                widths=[look.width, 1.0][: len(names)],
+                names=[member.run.label, f"{member.run.label}, command"][: len(names)],
+            ),
+            static=True,
+        )
+        values = np.column_stack([displayed(signals, name) for name in names])
+        columns = rr.Scalars.columns(scalars=values)
+        stream.send_columns(f"{PLOTS}/{plot.signal}/{member.key}", [times(signals.index)], columns)
+    longest = max(having, key=lambda member: member.run.duration)
+    signals = longest.run.signals
+    if plot.common is not None and plot.common in signals:
+        style = rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
+        stream.log(f"{PLOTS}/{plot.signal}/reference", style, static=True)
+        columns = rr.Scalars.columns(scalars=displayed(signals, plot.common))
+        stream.send_columns(f"{PLOTS}/{plot.signal}/reference", [times(signals.index)], columns)
+    bounds = limits_of(longest.run.provenance.scenario, plot.limit) if plot.limit else None
+    if bounds is not None:
+        style = rr.SeriesLines(
+            colors=[rgb(LIMIT)] * 2, widths=[1.2] * 2, names=["lower limit", "upper limit"]
+        )
+        stream.log(f"{PLOTS}/{plot.signal}/limits", style, static=True)
+        columns = rr.Scalars.columns(scalars=np.array([bounds, bounds]))
+        stream.send_columns(
+            f"{PLOTS}/{plot.signal}/limits", [times(signals.index[[0, -1]])], columns
+        )
+
+
+def _log_phases(stream: rr.RecordingStream, member: Member) -> None:
+    signals = member.run.signals
+    for name, lane in LANES.items():
+        if name not in signals:
+            continue
+        values = signals[name].to_numpy(dtype=float)
+        at = changes(values)
+        path = f"{PHASES}/{lane.replace(' ', '_')}/{member.key}"
+        words = [word for word in STATES.values() if word]
+        faint = tuple(round(0.55 * part) for part in member.look.rgb)
+        style = rr.StateConfiguration(values=words, labels=words, colors=[member.look.rgb, faint])
+        stream.log(path, style, static=True)
+        columns = rr.StateChange.columns(state=[STATES[int(value)] for value in values[at]])
+        stream.send_columns(path, [times(signals.index[at])], columns)

@@ -1,0 +1,70 @@
+"""The 3D scene: paths, their shadows, and the aircraft of all runs in local NED."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from flighttune.arrays import FloatArray
+from flighttune.recording.cast import Member
+from flighttune.recording.geometry import attitudes, enlargement, flown, headings, positions
+from flighttune.recording.mesh import Mesh, aircraft_mesh
+from flighttune.recording.names import AIRCRAFT, BODY, PATHS, SHADOWS, WORLD, times
+
+MOST_POINTS = 4000
+"""Points of a path as drawn; longer flights are thinned."""
+
+SHADOW = 90
+"""Opacity of a shadow, of 255."""
+
+PALE = 0.55
+"""How far the fuselage is mixed with white."""
+
+
+def log_scene(stream: rr.RecordingStream, members: Sequence[Member]) -> None:
+    """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
+    points = flown(members)
+    factor = enlargement(points)
+    floor = float(points[:, 2].max())
+    mesh = aircraft_mesh()
+    stream.log(WORLD, rr.ViewCoordinates.FRD, static=True)
+    for member in members:
+        _log_path(stream, member, floor)
+        _log_aircraft(stream, member, mesh, factor)
+
+
+def _log_path(stream: rr.RecordingStream, member: Member, floor: float) -> None:
+    path = positions(member.run.signals)
+    path = path[np.isfinite(path).all(axis=1)]
+    path = path[np.unique(np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int))]
+    width = rr.components.Radius.ui_points(member.look.width)
+    line = rr.LineStrips3D([path], radii=width, colors=[member.look.rgb])
+    stream.log(f"{PATHS}/{member.key}", line, static=True)
+    flat = np.column_stack([path[:, :2], np.full(len(path), floor)])
+    width = rr.components.Radius.ui_points(0.8)
+    line = rr.LineStrips3D([flat], radii=width, colors=[(*member.look.rgb, SHADOW)])
+    stream.log(f"{SHADOWS}/{member.key}", line, static=True)
+
+
+def _log_aircraft(stream: rr.RecordingStream, member: Member, mesh: Mesh, factor: float) -> None:
+    signals = member.run.signals
+    signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
+    time = times(signals.index)
+    frame = f"{AIRCRAFT}/{member.key}"
+    carried = rr.Transform3D.columns(translation=positions(signals), quaternion=headings(signals))
+    stream.send_columns(frame, [time], carried)
+    turned = rr.Transform3D.columns(quaternion=attitudes(signals))
+    stream.send_columns(f"{frame}/{BODY}", [time], turned)
+    shape = rr.Mesh3D(
+        vertex_positions=mesh.vertices * factor,
+        vertex_normals=mesh.normals,
+        triangle_indices=mesh.triangles,
+        vertex_colors=_paint(mesh, member.look.rgb),
+    )
+    stream.log(f"{frame}/{BODY}", shape, static=True)
+
+
+def _paint(mesh: Mesh, rgb: tuple[int, int, int]) -> np.ndarray:
+    strong = np.array(rgb, dtype=float)
+    pale: FloatArray = strong + (255.0 - strong) * PALE
+    return np.where(mesh.accent[:, None], strong, pale).round().astype(np.uint8)

@@ -1,0 +1,39 @@
+"""Files written whole or not at all."""
+
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from flighttune.errors import RecordingError
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside `path`, and rename it to `path` when the block ends well.
+
+    Parameters
+    ----------
+    path : Path
+        Where the finished file shall be; an existing file stays until it is replaced.
+
+    Yields
+    ------
+    Path
+        Where to write, in the same folder and with the same suffix.
+
+    Raises
+    ------
+    RecordingError
+        If the folder or the file cannot be written.
+    """
+    part = path.with_name(f".{path.stem}-{uuid.uuid4().hex}{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: must be writable, got {error}.") from error
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
