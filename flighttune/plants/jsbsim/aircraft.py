@@ -1,0 +1,212 @@
+"""An aircraft's folder: its ``aircraft.toml``, read once and checked."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
+
+from flighttune.errors import InputError, ScenarioError
+from flighttune.shipped import aircraft_folder
+
+
+def _rising(interval: tuple[float, float]) -> tuple[float, float]:
+    if not interval[0] < interval[1]:
+        raise ValueError("must be [lower, upper] with lower < upper")
+    return interval
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[Finite, Field(gt=0.0)]
+FromDegrees = Annotated[Finite, AfterValidator(math.radians)]
+Interval = Annotated[tuple[Finite, Finite], AfterValidator(_rising)]
+IntervalFromDegrees = Annotated[tuple[FromDegrees, FromDegrees], AfterValidator(_rising)]
+PropertyName = Annotated[str, Field(pattern=r"^[A-Za-z_][\w.-]*(/[A-Za-z_][\w.-]*(\[\d+\])?)*$")]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+
+
+class Envelope(_Table):
+    """Where the model holds: leaving it ends a flight.
+
+    Attributes
+    ----------
+    alpha, theta : tuple of two floats, rad
+        Angle of attack; pitch attitude.
+    V_a : tuple of two floats, m/s
+        Airspeed.
+    n_z : tuple of two floats, 1
+        Load factor.
+    """
+
+    alpha: IntervalFromDegrees = Field(alias="alpha_deg")
+    theta: IntervalFromDegrees = Field(alias="theta_deg")
+    V_a: Interval = Field(alias="V_a_mps")
+    n_z: Interval
+
+    @model_validator(mode="after")
+    def _flies_forward(self) -> Self:
+        if not self.V_a[0] > 1.0:
+            raise ValueError("`V_a_mps` must begin above 1 m/s")
+        return self
+
+
+class CommandLimits(_Table):
+    """What the inner loop clips its commands to.
+
+    Attributes
+    ----------
+    phi : tuple of two floats, rad
+        Roll command.
+    phi_rate : float, rad/s
+        Its rate.
+    n_z : tuple of two floats, 1
+        Load-factor command.
+    n_z_rate : float, 1/s
+        Its rate.
+    """
+
+    phi: IntervalFromDegrees = Field(alias="phi_deg")
+    phi_rate: Annotated[Positive, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
+    n_z: Interval
+    n_z_rate: Positive = Field(alias="n_z_rate_per_s")
+
+
+class Actuators(_Table):
+    """Travel of surfaces (rad) and throttle (1), lower and upper stop."""
+
+    aileron: IntervalFromDegrees = Field(alias="aileron_deg")
+    elevator: IntervalFromDegrees = Field(alias="elevator_deg")
+    rudder: IntervalFromDegrees = Field(alias="rudder_deg")
+    throttle: Interval
+
+
+class Channels(_Table):
+    """JSBSim properties by which the plant talks to the aircraft; the key says the unit."""
+
+    phi_cmd_rad: PropertyName
+    n_z_cmd: PropertyName
+    V_a_cmd_mps: PropertyName
+    engaged: PropertyName
+    n_z: PropertyName
+    aileron_trim_rad: PropertyName
+    elevator_trim_rad: PropertyName
+    rudder_trim_rad: PropertyName
+    throttle_trim: PropertyName
+    aileron_law_rad: PropertyName
+    elevator_law_rad: PropertyName
+    rudder_law_rad: PropertyName
+    throttle_law: PropertyName
+    aileron_rad: PropertyName
+    elevator_rad: PropertyName
+    rudder_rad: PropertyName
+    throttle: PropertyName
+    thrust_lbf: PropertyName
+
+    @property
+    def trimmed(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of trim property and of the inner loop's output that adds to it."""
+        return (
+            (self.aileron_trim_rad, self.aileron_law_rad),
+            (self.elevator_trim_rad, self.elevator_law_rad),
+            (self.rudder_trim_rad, self.rudder_law_rad),
+            (self.throttle_trim, self.throttle_law),
+        )
+
+
+class LimitProperties(_Table):
+    """JSBSim properties that take the command limits, in rad and s."""
+
+    phi_min: PropertyName
+    phi_max: PropertyName
+    phi_rate: PropertyName
+    n_z_min: PropertyName
+    n_z_max: PropertyName
+    n_z_rate: PropertyName
+
+
+class AircraftConfig(_Table):
+    """One aircraft as its ``aircraft.toml`` describes it, in SI and radians.
+
+    Attributes
+    ----------
+    title, source : str
+        What it is and where its numbers come from.
+    model : str
+        Name of JSBSim's main file, without ``.xml``.
+    envelope, limits, actuators, channels, limit_properties
+        Tables of the file.
+    gains : mapping of str to float
+        Gains of the inner loop by JSBSim property, in the units the file gives beside them.
+    """
+
+    title: str
+    source: str
+    model: Annotated[str, Field(pattern=r"^[\w.-]+$")]
+    envelope: Envelope
+    limits: CommandLimits
+    actuators: Actuators
+    channels: Channels
+    limit_properties: LimitProperties
+    gains: dict[PropertyName, Finite]
+    _folder: Path = PrivateAttr()
+
+    @property
+    def folder(self) -> Path:
+        """Folder the aircraft was read from."""
+        return self._folder
+
+    @property
+    def file(self) -> Path:
+        """The ``aircraft.toml`` itself."""
+        return self._folder / "aircraft.toml"
+
+
+def load_aircraft(aircraft: str | Path) -> AircraftConfig:
+    """Return the aircraft of a name, or of a folder that holds an ``aircraft.toml``.
+
+    Parameters
+    ----------
+    aircraft : str or Path
+        Name of a shipped aircraft; a Path, or a str with a separator, is a folder.
+
+    Raises
+    ------
+    InputError
+        If there is no such aircraft.
+    ScenarioError
+        If its ``aircraft.toml`` cannot be used; the message names file and key.
+    """
+    is_name = isinstance(aircraft, str) and Path(aircraft).name == aircraft
+    folder = aircraft_folder(aircraft) if is_name else Path(aircraft).resolve()
+    file = folder / "aircraft.toml"
+    try:
+        table = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{file}: must be a readable file, got {error.strerror}.") from error
+    except ValueError as error:
+        raise ScenarioError(f"{file}: must be TOML, got {error}.") from error
+    try:
+        config = AircraftConfig.model_validate(table)
+    except ValidationError as error:
+        raise ScenarioError(f"{file}: {_first_problem(error)}") from error
+    config._folder = folder
+    return config
+
+
+def _first_problem(error: ValidationError) -> str:
+    problem = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in problem["loc"])
+    says = problem["msg"].removeprefix("Value error, ")
+    return f"`{key}`: {says}, got {problem['input']!r}."

@@ -1,0 +1,104 @@
+"""One JSBSim instance that cannot be misused: built once, names checked, silent, errors translated."""
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import jsbsim
+
+from flighttune.errors import PlantError
+from flighttune.plants.jsbsim.aircraft import AircraftConfig
+from flighttune.plants.jsbsim.log import one_line, quiet
+
+_EARTH = Path(__file__).with_name("earth.xml")
+_PROPERTY_NAME = re.compile(r"^[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*$")
+
+
+class Fdm:
+    """A loaded aircraft over a flat Earth at rest; property nodes only by names that exist.
+
+    Parameters
+    ----------
+    config : AircraftConfig
+        The aircraft.
+    rate_hz : float, 1/s
+        Integration rate.
+
+    Raises
+    ------
+    PlantError
+        If JSBSim cannot load the aircraft; the message holds what JSBSim says.
+    """
+
+    def __init__(self, config: AircraftConfig, rate_hz: float) -> None:
+        self.config = config
+        folder = config.folder
+        with self._translated("cannot be loaded"), quiet() as log:
+            self._exec = jsbsim.FGFDMExec(str(folder))
+            self._exec.set_debug_level(0)
+            self._exec.set_dt(1.0 / rate_hz)
+            loaded = self._exec.load_model_with_paths(
+                config.model, str(folder), str(folder / "Engines"), str(folder / "Systems"), False
+            )
+            if not loaded or log.text:
+                raise PlantError(
+                    f"{folder / config.model}.xml: must load in JSBSim without complaint, "
+                    f"got: {log.text or 'no reason'}."
+                )
+            self._exec.disable_output()
+            if not self._exec.load_planet(str(_EARTH), False):
+                raise PlantError(f"{_EARTH}: cannot be loaded: {log.text}.")
+        self._properties = self._exec.get_property_manager()
+        self.run: Callable[[], bool] = self._exec.run
+        self.writer("propulsion/set-running")(-1.0)
+
+    def reader(self, name: str) -> Callable[[], float]:
+        """Return a function that reads the property `name` (JSBSim's units).
+
+        Raises
+        ------
+        PlantError
+            If the aircraft has no such property.
+        """
+        return self._node(name).get_double_value
+
+    def writer(self, name: str) -> Callable[[float], bool]:
+        """Return a function that writes the property `name` (JSBSim's units).
+
+        Raises
+        ------
+        PlantError
+            If the aircraft has no such property or it cannot be written.
+        """
+        node = self._node(name)
+        if not node.get_attribute(jsbsim.Attribute.WRITE):
+            raise PlantError(f"{self._model}: property `{name}` must be writable, got read-only.")
+        return node.set_double_value
+
+    def evaluate(self) -> None:
+        """Put the aircraft into the state of the ``ic/`` properties and evaluate its forces there.
+
+        Lags and rate limits of the aircraft's systems settle at once and no time passes.
+        """
+        with self._translated("cannot be evaluated"), quiet():
+            self._exec.set_trim_status(True)
+            self._exec.run_ic()
+            self._exec.set_trim_status(False)
+
+    @property
+    def _model(self) -> Path:
+        return self.config.folder / f"{self.config.model}.xml"
+
+    def _node(self, name: str) -> jsbsim.FGPropertyNode:
+        # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
+        if not _PROPERTY_NAME.match(name) or not self._properties.hasNode(name):
+            raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
+        return self._properties.get_node(name)
+
+    @contextmanager
+    def _translated(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except jsbsim.BaseError as error:
+            raise PlantError(f"{self._model}: {what} by JSBSim: {one_line(str(error))}") from error

@@ -1,0 +1,55 @@
+"""What a JSBSim aircraft shows: bound property nodes, turned into SI and radians."""
+
+from collections.abc import Callable
+from math import cos, remainder, sin, tau
+
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.units import FT, LBF
+
+
+def observer(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, ...]]:
+    """Return a function that reads the signals of `JSBSimPlant` from `fdm`, in their order.
+
+    Parameters
+    ----------
+    fdm : Fdm
+        The aircraft, already at the start of its flight: its position becomes the origin.
+    chi_0, psi_0 : float, rad
+        Course and heading near which the continuous angles begin.
+
+    Raises
+    ------
+    PlantError
+        If the aircraft lacks a property.
+    """
+    read = fdm.reader
+    channels = fdm.config.channels
+    chi, psi = read("flight-path/psi-gt-rad"), read("attitude/psi-rad")
+    gamma, phi, theta = (
+        read("flight-path/gamma-rad"), read("attitude/phi-rad"), read("attitude/theta-rad"),
+    )  # fmt: skip
+    alpha, beta = read("aero/alpha-rad"), read("aero/beta-rad")
+    N_x, N_y, N_z = (read(f"accelerations/N{axis}") for axis in "xyz")
+    V_a_fps, V_g_fps = read("velocities/vt-fps"), read("velocities/vg-fps")
+    p, q, r = (read(f"velocities/{rate}-rad_sec") for rate in "pqr")
+    north_ft, east_ft = read("position/from-start-neu-n-ft"), read("position/from-start-neu-e-ft")
+    h_ft = read("position/h-sl-ft")
+    aileron, elevator = read(channels.aileron_rad), read(channels.elevator_rad)
+    rudder, throttle = read(channels.rudder_rad), read(channels.throttle)
+    thrust_lbf = read(channels.thrust_lbf)
+    h_0 = h_ft() * FT
+    last_chi, last_psi = chi_0, psi_0
+
+    def observe() -> tuple[float, ...]:
+        nonlocal last_chi, last_psi
+        last_chi += remainder(chi() - last_chi, tau)
+        last_psi += remainder(psi() - last_psi, tau)
+        alpha_now, h = alpha(), h_ft() * FT
+        return (
+            last_chi, gamma(), phi(), N_z() * cos(alpha_now) + N_x() * sin(alpha_now),
+            V_a_fps() * FT, north_ft() * FT, east_ft() * FT, h_0 - h,
+            alpha_now, beta(), theta(), last_psi, p(), q(), r(), h, V_g_fps() * FT, N_y(),
+            aileron(), elevator(), rudder(), throttle(), thrust_lbf() * LBF,
+        )  # fmt: skip
+
+    return observe

@@ -1,0 +1,194 @@
+"""The aircraft of JSBSim with its inner loop, as a plant."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from flighttune.errors import InputError, PlantError
+from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
+from flighttune.plants.jsbsim.aircraft import AircraftConfig, load_aircraft
+
+if TYPE_CHECKING:
+    from flighttune.plants.jsbsim.fdm import Fdm
+
+_AIRFRAME_SIGNALS = (
+    "alpha", "beta", "theta", "psi", "p", "q", "r", "h", "V_g", "n_y",
+    "aileron", "elevator", "rudder", "throttle", "thrust",
+)  # fmt: skip
+
+_STEP_SHARE = 1e-6
+"""How far from a whole number of integration steps a duration may lie, in steps."""
+
+
+class JSBSimPlant:
+    """A 6-DoF aircraft that follows roll and load-factor commands and holds its airspeed.
+
+    Parameters
+    ----------
+    aircraft : str or Path
+        Name of a shipped aircraft, or a folder with an ``aircraft.toml``.
+    fdm_rate_hz : float, 1/s
+        Integration rate of JSBSim.
+    seed : int
+        Seed of JSBSim's own random numbers (turbulence).
+
+    Attributes
+    ----------
+    config : AircraftConfig
+        The aircraft: envelope, limits, gains.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no such aircraft, or its ``aircraft.toml`` cannot be used.
+
+    Notes
+    -----
+    The air is still, the Earth flat and at rest. `n_z` is the specific force along the lift axis
+    (normal to the airspeed, in the plane of symmetry) over standard gravity: lift, and the small
+    part of thrust that helps it. `chi` and `psi` run on through +-pi without a jump.
+    """
+
+    kind: str = "jsbsim"
+    signals: tuple[str, ...] = COMMON_SIGNALS + _AIRFRAME_SIGNALS
+
+    def __init__(
+        self, aircraft: str | Path = "aerosonde", *, fdm_rate_hz: float = 200.0, seed: int = 0
+    ) -> None:
+        if not (isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
+            raise InputError(f"`fdm_rate_hz` must be positive, got {fdm_rate_hz}.")
+        self.config: AircraftConfig = load_aircraft(aircraft)
+        self._rate = fdm_rate_hz
+        self._seed = seed
+        self._steps: dict[float, range] = {}
+        self._observe = self._run = _not_started
+
+    def start(self, condition: FlightCondition) -> None:
+        """Build a fresh aircraft and trim it: steady, coordinated flight at `condition`.
+
+        Where `condition` gives an `n_z` of its own, the aircraft starts in steady flight all the
+        same, and `n_z` is the load-factor command in force at t = 0.
+
+        Raises
+        ------
+        InputError
+            If `condition` lies outside the aircraft's envelope.
+        PlantError
+            If JSBSim cannot load the aircraft, or it lacks a property.
+        TrimError
+            If there is no steady flight at `condition`.
+        """
+        from flighttune.plants.jsbsim.fdm import Fdm
+        from flighttune.plants.jsbsim.guard import Guard
+        from flighttune.plants.jsbsim.observer import observer
+        from flighttune.plants.jsbsim.trim import trim
+
+        fdm = Fdm(self.config, self._rate)
+        self._write_settings(fdm)
+        point = trim(fdm, condition)
+        self._engage(fdm, condition)
+        self._guard = Guard(fdm)
+        self._observe = observer(fdm, condition.chi, point.psi)
+        self._inside = self._guard.inside
+        self._run = fdm.run
+
+    def observe(self) -> tuple[float, ...]:
+        """Return the values of `signals` now, SI and radians.
+
+        Raises
+        ------
+        PlantError
+            If the plant was not started.
+        """
+        return self._observe()
+
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+        """Fly `duration` seconds with the command held; return why the flight ended, if it did.
+
+        Parameters
+        ----------
+        phi_cmd : float, rad
+            Roll command, right wing down positive.
+        n_z_cmd : float, 1
+            Load-factor command.
+        duration : float, s
+            Time to fly: a whole number of integration steps.
+
+        Returns
+        -------
+        Stop or None
+            ``diverged`` where a command or the state is not finite, ``ground_contact``, or
+            ``left_envelope``, found at the integration step where it happens.
+
+        Raises
+        ------
+        InputError
+            If `duration` is not a whole number of integration steps.
+        PlantError
+            If the plant was not started, or its flight has ended.
+        """
+        steps = self._steps.get(duration) or self._count_steps(duration)
+        run, inside = self._run, self._inside
+        if not (isfinite(phi_cmd) and isfinite(n_z_cmd)):
+            return self._end(self._guard.bad_command(phi_cmd, n_z_cmd))
+        self._write_phi_cmd(phi_cmd)
+        self._write_n_z_cmd(n_z_cmd)
+        for _ in steps:
+            if not (run() and inside()):
+                return self._end(self._guard.diagnosis())
+        return None
+
+    def _write_settings(self, fdm: Fdm) -> None:
+        limits, properties = self.config.limits, self.config.limit_properties
+        settings = {
+            "simulation/randomseed": float(self._seed),
+            properties.phi_min: limits.phi[0],
+            properties.phi_max: limits.phi[1],
+            properties.phi_rate: limits.phi_rate,
+            properties.n_z_min: limits.n_z[0],
+            properties.n_z_max: limits.n_z[1],
+            properties.n_z_rate: limits.n_z_rate,
+            **self.config.gains,
+        }
+        for name, value in settings.items():
+            fdm.writer(name)(value)
+
+    def _engage(self, fdm: Fdm, condition: FlightCondition) -> None:
+        """Engage the inner loop without a bump: its first output comes off the trim."""
+        channels = self.config.channels
+        self._write_phi_cmd = fdm.writer(channels.phi_cmd_rad)
+        self._write_n_z_cmd = fdm.writer(channels.n_z_cmd)
+        fdm.writer(channels.V_a_cmd_mps)(condition.V_a)
+        self._write_phi_cmd(condition.phi)
+        self._write_n_z_cmd(fdm.reader(channels.n_z)())
+        fdm.evaluate()
+        for trim_name, law_name in channels.trimmed:
+            trim_value, law = fdm.reader(trim_name)(), fdm.reader(law_name)()
+            fdm.writer(trim_name)(trim_value - law)
+        fdm.writer(channels.engaged)(1.0)
+        if condition.n_z is not None:
+            self._write_n_z_cmd(condition.n_z)
+        fdm.evaluate()
+
+    def _count_steps(self, duration: float) -> range:
+        steps = duration * self._rate
+        if not (steps > 0.5 and abs(steps - round(steps)) < _STEP_SHARE * steps):
+            raise InputError(
+                f"`duration` must be a whole number of steps of {1.0 / self._rate:g} s, "
+                f"got {duration:g} s."
+            )
+        return self._steps.setdefault(duration, range(round(steps)))
+
+    def _end(self, stop: Stop) -> Stop:
+        self._run = _ended
+        return stop
+
+
+def _not_started(*_: object) -> NoReturn:
+    raise PlantError("`JSBSimPlant` must be started before it can be observed or flown.")
+
+
+def _ended(*_: object) -> NoReturn:
+    raise PlantError("`JSBSimPlant` must be started again: its flight has ended.")

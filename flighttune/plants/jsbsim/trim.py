@@ -1,0 +1,232 @@
+"""Steady flight of a JSBSim aircraft: straight or turning, climbing or descending."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError, TrimError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.aircraft import AircraftConfig
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.units import DEG, FT, G_0
+
+_SIDESLIP_SEARCHED = 10.0 * DEG
+_RESIDUAL_ALLOWED = 1e-6
+"""Largest unbalanced acceleration of a trim, in units of g or rad/s^2."""
+
+_AT_STOP = 0.01
+"""Share of its interval within which a trim variable counts as lying at the end of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrimPoint:
+    """Steady flight found by `trim`.
+
+    Attributes
+    ----------
+    alpha, beta, theta, psi : float, rad
+        Angle of attack, sideslip, pitch attitude, heading.
+    aileron, elevator, rudder : float, rad
+        Surface positions: rolls right, trailing edge down, trailing edge left.
+    throttle : float, 1
+        Throttle position.
+    psi_dot : float, rad/s
+        Turn rate, clockwise seen from above.
+    """
+
+    alpha: float
+    beta: float
+    theta: float
+    psi: float
+    aileron: float
+    elevator: float
+    rudder: float
+    throttle: float
+    psi_dot: float
+
+
+def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
+    """Put `fdm`, its inner loop disengaged, into steady coordinated flight at `condition`.
+
+    Seven unknowns (angle of attack, sideslip, three surfaces, throttle, turn rate) bring six body
+    accelerations and the lateral load factor to zero, by bounded least squares.
+
+    Parameters
+    ----------
+    fdm : Fdm
+        The aircraft.
+    condition : FlightCondition
+        Airspeed, height, course, flight-path angle and roll; `n_z` follows from them.
+
+    Returns
+    -------
+    TrimPoint
+        The steady flight the aircraft is left in.
+
+    Raises
+    ------
+    InputError
+        If `condition` lies outside the aircraft's envelope or command limits.
+    TrimError
+        If there is no steady flight; the message says what stands against it.
+    """
+    _check_condition(fdm.config, condition)
+    problem = _TrimProblem(fdm, condition)
+    lower, upper = problem.bounds
+    start = np.clip(problem.guess, lower + 0.02 * (upper - lower), upper - 0.02 * (upper - lower))
+    found = least_squares(
+        problem.residuals, start, bounds=(lower, upper), x_scale=upper - lower, max_nfev=60,
+        xtol=1e-14, ftol=1e-14, gtol=1e-14,
+    )  # fmt: skip
+    worst = float(np.max(np.abs(problem.residuals(found.x))))
+    if not worst < _RESIDUAL_ALLOWED:
+        raise TrimError(
+            f"{fdm.config.file}: no steady flight at {_described(condition)}: "
+            f"{problem.obstacle(found.x)} (left over: {worst:.2g} g)."
+        )
+    return problem.point(found.x)
+
+
+class _TrimProblem:
+    """Accelerations of the aircraft as a function of the seven unknowns."""
+
+    def __init__(self, fdm: Fdm, condition: FlightCondition) -> None:
+        self._fdm = fdm
+        self._condition = condition
+        channels = fdm.config.channels
+        self._set = {
+            name: fdm.writer(f"ic/{name}")
+            for name in ("u-fps", "v-fps", "w-fps", "phi-rad", "theta-rad", "psi-true-rad",
+                         "p-rad_sec", "q-rad_sec", "r-rad_sec", "h-sl-ft")
+        }  # fmt: skip
+        self._controls = [
+            fdm.writer(channels.aileron_trim_rad),
+            fdm.writer(channels.elevator_trim_rad),
+            fdm.writer(channels.rudder_trim_rad),
+            fdm.writer(channels.throttle_trim),
+        ]
+        ft_over_g = FT / G_0
+        self._balance = [
+            (fdm.reader("accelerations/udot-ft_sec2"), ft_over_g),
+            (fdm.reader("accelerations/vdot-ft_sec2"), ft_over_g),
+            (fdm.reader("accelerations/wdot-ft_sec2"), ft_over_g),
+            (fdm.reader("accelerations/pdot-rad_sec2"), 1.0),
+            (fdm.reader("accelerations/qdot-rad_sec2"), 1.0),
+            (fdm.reader("accelerations/rdot-rad_sec2"), 1.0),
+            (fdm.reader("accelerations/Ny"), 1.0),
+        ]
+        fdm.writer(channels.engaged)(0.0)
+        self._set["h-sl-ft"](condition.h / FT)
+
+    @property
+    def guess(self) -> FloatArray:
+        c = self._condition
+        alpha = 0.05 * math.cos(c.gamma) / math.cos(c.phi)
+        return np.array([alpha, 0.0, 0.0, 0.0, 0.0, 0.3, G_0 / c.V_a * math.tan(c.phi)])
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        config = self._fdm.config
+        turn_rate = 2.0 * G_0 / self._condition.V_a * (0.1 + abs(math.tan(self._condition.phi)))
+        intervals = np.array([
+            config.envelope.alpha,
+            (-_SIDESLIP_SEARCHED, _SIDESLIP_SEARCHED),
+            config.actuators.aileron,
+            config.actuators.elevator,
+            config.actuators.rudder,
+            config.actuators.throttle,
+            (-turn_rate, turn_rate),
+        ])  # fmt: skip
+        return intervals[:, 0], intervals[:, 1]
+
+    def point(self, x: FloatArray) -> TrimPoint:
+        alpha, beta, aileron, elevator, rudder, throttle, psi_dot = map(float, x)
+        theta = pitch_attitude(self._condition.gamma, self._condition.phi, alpha, beta)
+        psi = self._condition.chi - _drift_angle(theta, self._condition.phi, alpha, beta)
+        return TrimPoint(
+            alpha=alpha, beta=beta, theta=theta, psi=psi, aileron=aileron, elevator=elevator,
+            rudder=rudder, throttle=throttle, psi_dot=psi_dot,
+        )  # fmt: skip
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        point, phi, write = self.point(x), self._condition.phi, self._set
+        V_a_fps = self._condition.V_a / FT
+        write["u-fps"](V_a_fps * math.cos(point.alpha) * math.cos(point.beta))
+        write["v-fps"](V_a_fps * math.sin(point.beta))
+        write["w-fps"](V_a_fps * math.sin(point.alpha) * math.cos(point.beta))
+        write["phi-rad"](phi)
+        write["theta-rad"](point.theta)
+        write["psi-true-rad"](point.psi % math.tau)
+        write["p-rad_sec"](-point.psi_dot * math.sin(point.theta))
+        write["q-rad_sec"](point.psi_dot * math.cos(point.theta) * math.sin(phi))
+        write["r-rad_sec"](point.psi_dot * math.cos(point.theta) * math.cos(phi))
+        controls = (point.aileron, point.elevator, point.rudder, point.throttle)
+        for write_control, value in zip(self._controls, controls, strict=True):
+            write_control(value)
+        self._fdm.evaluate()
+        return np.array([read() * scale for read, scale in self._balance])
+
+    def obstacle(self, x: FloatArray) -> str:
+        """Name the bounds the best compromise leans on."""
+        low, high = self.bounds
+        share = (x - low) / (high - low)
+        reasons = (
+            (share[5] > 1 - _AT_STOP, "full throttle has too little thrust"),
+            (share[5] < _AT_STOP, "the aircraft speeds up with the throttle closed"),
+            (share[0] > 1 - _AT_STOP, f"it would stall, alpha is at {x[0] / DEG:.1f} deg"),
+            (share[0] < _AT_STOP, f"negative stall, alpha is at {x[0] / DEG:.1f} deg"),
+            (min(share[3], 1 - share[3]) < _AT_STOP, "the elevator is at its stop"),
+            (min(share[2], 1 - share[2]) < _AT_STOP, "the aileron is at its stop"),
+            (min(share[4], 1 - share[4]) < _AT_STOP, "the rudder is at its stop"),
+        )
+        return ", ".join(text for holds, text in reasons if holds) or "the search did not converge"
+
+
+def pitch_attitude(gamma: float, phi: float, alpha: float, beta: float) -> float:
+    """Return theta (rad) of flight at `gamma` with `phi`, `alpha`, `beta` (rad), in still air.
+
+    Notes
+    -----
+    Eq. (3.6-19) ff. of [1]_, the rate-of-climb constraint of a trimmed aircraft.
+
+    References
+    ----------
+    .. [1] B. L. Stevens, F. L. Lewis and E. N. Johnson, *Aircraft Control and Simulation*, Wiley.
+    """
+    a = math.cos(alpha) * math.cos(beta)
+    b = math.sin(phi) * math.sin(beta) + math.cos(phi) * math.sin(alpha) * math.cos(beta)
+    climb = math.sin(gamma)
+    root = math.sqrt(a * a - climb * climb + b * b)
+    return math.atan2(a * b + climb * root, a * a - climb * climb)
+
+
+def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
+    """Return course minus heading (rad) in still air."""
+    u = math.cos(alpha) * math.cos(beta)
+    v = math.sin(beta)
+    w = math.sin(alpha) * math.cos(beta)
+    down_bank = v * math.sin(phi) + w * math.cos(phi)
+    ahead = u * math.cos(theta) + down_bank * math.sin(theta)
+    aside = v * math.cos(phi) - w * math.sin(phi)
+    return math.atan2(aside, ahead)
+
+
+def _check_condition(config: AircraftConfig, condition: FlightCondition) -> None:
+    if not condition.h > 0.0:
+        raise InputError(f"`h` must be above the ground at 0 m, got {condition.h:g} m.")
+    low, high = config.envelope.V_a
+    if not low < condition.V_a < high:
+        raise InputError(
+            f"`V_a` must lie inside the envelope {low:g} to {high:g} m/s of {config.file}, "
+            f"got {condition.V_a:g} m/s."
+        )
+
+
+def _described(condition: FlightCondition) -> str:
+    return (
+        f"V_a {condition.V_a:g} m/s, h {condition.h:g} m, gamma {condition.gamma / DEG:g} deg, "
+        f"phi {condition.phi / DEG:g} deg"
+    )
