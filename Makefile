@@ -1,0 +1,37 @@
+VENV   := .venv
+PYTHON := $(VENV)/bin/python
+STAMP  := $(VENV)/installed
+DEBIAN := mesa-vulkan-drivers
+
+.PHONY: demo test lint bench clean viewer-packages
+
+demo: $(STAMP)
+	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
+
+test: $(STAMP) viewer-packages lint
+	$(PYTHON) -m pytest
+
+lint: $(STAMP)
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/pyright
+
+bench: $(STAMP)
+	for each in benchmarks/bench_*.py; do echo "== $$each"; $(PYTHON) $$each || exit 1; done
+
+clean:
+	rm -rf $(VENV) runs dist build .pytest_cache .ruff_cache .hypothesis .benchmarks
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(STAMP): pyproject.toml
+	test -x $(PYTHON) || python3 -m venv $(VENV)
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+# The picture tests open recordings in a headless viewer, which needs a software Vulkan driver. It is
+# installed where this can be done without a password; elsewhere those tests say that they were skipped.
+viewer-packages:
+	@if dpkg -s $(DEBIAN) >/dev/null 2>&1; then :; \
+	elif [ "$$(id -u)" = 0 ]; then apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null; \
+	elif sudo -n true 2>/dev/null; then sudo -n apt-get update -qq && sudo -n apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null; \
+	else echo "$(DEBIAN) is missing and cannot be installed here: the picture tests will be skipped"; fi

@@ -1,0 +1,100 @@
+"""Tune a fixed-wing outer loop with a certificate, and see what the full aircraft makes of it.
+
+Everything is imported on first use: ``import flighttune`` itself costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flighttune.control.closed_loop import closed_loop
+    from flighttune.control.gains import PAPER_GAINS, PIGains
+    from flighttune.control.limits import Limits
+    from flighttune.control.linear_model import LinearModel, kinematic_model
+    from flighttune.control.mimo_pi import MimoPI
+    from flighttune.errors import FlightTuneError
+    from flighttune.flight import FlownScenario, fly, tune_scenario, tuning_problem
+    from flighttune.metrics import channel_metrics, flight_metrics
+    from flighttune.plants.base import FlightCondition
+    from flighttune.plants.jsbsim import JSBSimPlant
+    from flighttune.plants.kinematic import KinematicPlant
+    from flighttune.recording import record
+    from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
+    from flighttune.simulate.loop import simulate
+    from flighttune.simulate.reference import Reference
+    from flighttune.simulate.run import Run
+    from flighttune.theory.indicators import Indicators, indicators, indicators_batch
+    from flighttune.tuning.problem import TuningProblem
+    from flighttune.tuning.result import TuningResult
+    from flighttune.tuning.tune import tune
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "control.closed_loop": ("closed_loop",),
+    "control.gains": ("PAPER_GAINS", "PIGains"),
+    "control.limits": ("Limits",),
+    "control.linear_model": ("LinearModel", "kinematic_model"),
+    "control.mimo_pi": ("MimoPI",),
+    "errors": ("FlightTuneError",),
+    "flight": ("FlownScenario", "fly", "tune_scenario", "tuning_problem"),
+    "metrics": ("channel_metrics", "flight_metrics"),
+    "plants.base": ("FlightCondition",),
+    "plants.jsbsim": ("JSBSimPlant",),
+    "plants.kinematic": ("KinematicPlant",),
+    "recording": ("record",),
+    "scenario": ("Scenario", "load_gains", "load_scenario", "scenario_from"),
+    "simulate.loop": ("simulate",),
+    "simulate.reference": ("Reference",),
+    "simulate.run": ("Run",),
+    "theory.indicators": ("Indicators", "indicators", "indicators_batch"),
+    "tuning.problem": ("TuningProblem",),
+    "tuning.result": ("TuningResult",),
+    "tuning.tune": ("tune",),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "PAPER_GAINS",
+    "FlightCondition",
+    "FlightTuneError",
+    "FlownScenario",
+    "Indicators",
+    "JSBSimPlant",
+    "KinematicPlant",
+    "Limits",
+    "LinearModel",
+    "MimoPI",
+    "PIGains",
+    "Reference",
+    "Run",
+    "Scenario",
+    "TuningProblem",
+    "TuningResult",
+    "channel_metrics",
+    "closed_loop",
+    "flight_metrics",
+    "fly",
+    "indicators",
+    "indicators_batch",
+    "kinematic_model",
+    "load_gains",
+    "load_scenario",
+    "record",
+    "scenario_from",
+    "simulate",
+    "tune",
+    "tune_scenario",
+    "tuning_problem",
+]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME_OF.get(name)
+    if home is None:
+        raise AttributeError(f"module 'flighttune' has no attribute {name!r}")
+    return getattr(import_module(f"flighttune.{home}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -1,0 +1,5 @@
+"""The command line: the only place that prints and exits."""
+
+from flighttune.cli.app import main
+
+__all__ = ["main"]

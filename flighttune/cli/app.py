@@ -1,0 +1,43 @@
+"""The commands, and what becomes of errors."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from flighttune.cli.flights import fly, list_shipped, view
+from flighttune.cli.gains import certify, tune
+from flighttune.cli.show import COULD_NOT_RUN, fail
+from flighttune.errors import FlightTuneError
+
+app = typer.Typer(
+    name="flighttune",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Tune a fixed-wing outer loop with a certificate, fly it on the kinematic law and on "
+    "JSBSim, and see in one recording where they part.",
+    epilog="Exit status: 0 fine, 1 the answer is no, 2 could not run.",
+)
+app.command()(fly)
+app.command()(tune)
+app.command()(certify)
+app.command("list")(list_shipped)
+app.command()(view)
+
+
+@app.callback()
+def _options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    """Options of every command."""
+
+
+def main() -> None:
+    """Run the command line; errors become one line on stderr and exit status 2."""
+    try:
+        app()
+    except FlightTuneError as error:
+        if "--debug" in sys.argv:
+            raise
+        fail(str(error), COULD_NOT_RUN)

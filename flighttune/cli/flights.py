@@ -1,0 +1,150 @@
+"""Commands that fly, and show what was flown."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flighttune.cli.show import (
+    NO,
+    JsonOption,
+    ScenarioArgument,
+    fail,
+    print_json,
+    print_table,
+    progress_bar,
+    say,
+)
+
+if TYPE_CHECKING:
+    from flighttune.flight import FlownScenario
+
+
+def fly(
+    scenario: ScenarioArgument,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the recording; by default runs/NAME.")
+    ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Open the recording in the viewer.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly every gain set of SCENARIO on each of its plants and record it."""
+    from flighttune.flight import fly as fly_scenario
+    from flighttune.recording import record
+    from flighttune.scenario import load_scenario
+
+    loaded = load_scenario(scenario)
+    folder = out if out is not None else Path("runs") / Path(scenario).stem
+    with progress_bar() as progress:
+        flown = fly_scenario(loaded, progress=progress)
+    files = record(flown, folder, name=Path(scenario).stem)
+    if as_json:
+        print_json(_flown_json(flown, files.recording, files.signals))
+    else:
+        _print_flown(flown, files.recording)
+    if view:
+        _open(files.recording)
+    ended_early = [run for run in flown.runs if run.status != "completed"]
+    if ended_early:
+        first = ended_early[0]
+        fail(f"{first.label}: {first.status}: {first.reason}", NO)
+
+
+def list_shipped(as_json: JsonOption = False) -> None:
+    """Show the scenarios and aircraft that come with the package."""
+    from flighttune.scenario import load_scenario
+    from flighttune.shipped import aircraft_names, scenario_names
+
+    scenarios = {name: load_scenario(name) for name in scenario_names()}
+    if as_json:
+        print_json(
+            {
+                "scenarios": [
+                    {"name": name, "title": scenario.title, "verifies": scenario.verifies}
+                    for name, scenario in scenarios.items()
+                ],
+                "aircraft": list(aircraft_names()),
+            }
+        )
+        return
+    rows = [(name, scenario.title, scenario.verifies) for name, scenario in scenarios.items()]
+    print_table("scenarios", ("name", "title", "verifies"), rows)
+    say(f"aircraft: {', '.join(aircraft_names())}")
+
+
+def view(path: Annotated[Path, typer.Argument(help="A recording, or the folder of one.")]) -> None:
+    """Open a recording in the Rerun viewer."""
+    _open(path)
+
+
+def _open(path: Path) -> None:
+    from flighttune.recording import view as open_viewer
+
+    say(open_viewer(path))
+
+
+def _flown_json(
+    flown: "FlownScenario", recording: Path, signals: dict[str, Path]
+) -> dict[str, Any]:
+    runs = []
+    for run in flown.runs:
+        found = flown.indicators.get(run.provenance.gains_name)
+        flew = run.label in signals
+        runs.append(
+            {
+                "plant": run.provenance.plant,
+                "gains": run.provenance.gains_name,
+                "status": run.status,
+                "reason": run.reason,
+                "duration_s": run.duration,
+                "signals": str(signals[run.label]) if flew else None,
+                "metrics": flown.metrics_of(run),
+                "indicators": {
+                    "R_K": None if found is None else found.R_K,
+                    "I_K": None if found is None else found.I_K,
+                },
+            }
+        )
+    return {"recording": str(recording), "runs": runs}
+
+
+def _print_flown(flown: "FlownScenario", recording: Path) -> None:
+    rows = []
+    for run in flown.runs:
+        found = flown.indicators.get(run.provenance.gains_name)
+        rows.append(
+            (
+                run.provenance.plant,
+                run.provenance.gains_name,
+                run.status,
+                "-" if found is None else f"{found.R_K:.4f}",
+                "-" if found is None else f"{found.I_K:.3f}",
+                *(
+                    _cell(flown, run.label, channel, key, unit)
+                    for key, unit in (
+                        ("ITAE", 1.0),
+                        ("MO_rad", 180.0 / math.pi),
+                        ("settling_s", 1.0),
+                    )
+                    for channel in ("chi", "gamma")
+                ),
+            )
+        )
+    header = (
+        "plant", "gains", "status", "R_K", "I_K",
+        "ITAE chi", "ITAE gamma", "over chi", "over gamma", "settle chi", "settle gamma",
+    )  # fmt: skip
+    print_table(flown.scenario.title, header, rows)
+    say(
+        "R_K 1/s, I_K s^2, ITAE rad s^2, overshoot deg, settling to 5 % s; linear indicators are "
+        "those of the kinematic law"
+    )
+    say(f"recording: {recording}   (open it with: flighttune view {recording})")
+
+
+def _cell(flown: "FlownScenario", label: str, channel: str, key: str, unit: float) -> str:
+    if (label, channel) not in flown.metrics.index:
+        return "-"
+    value = float(flown.metrics.at[(label, channel), key]) * unit
+    return f"{value:.2f}" if math.isfinite(value) else "never"

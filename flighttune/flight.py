@@ -1,0 +1,281 @@
+"""A whole scenario: every gain set on every plant, with indicators and metrics beside the runs."""
+
+import math
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+
+from flighttune.control.closed_loop import closed_loop
+from flighttune.control.gains import PIGains, paper_family
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import InputError, TrimError
+from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.plants.base import Plant
+from flighttune.plants.kinematic import KinematicPlant
+from flighttune.scenario.schema import TUNED, GainsTable, PlantTable, Scenario
+from flighttune.simulate.loop import LOOP_SIGNALS, simulate
+from flighttune.simulate.run import Provenance, Run, RunStatus
+from flighttune.theory.indicators import Indicators, indicators
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.result import TuningResult
+from flighttune.tuning.tune import tune
+from flighttune.units import wrap_angle
+
+LOWEST_FDM_RATE_HZ = 200.0
+"""The flight dynamics run at the lowest multiple of the controller's rate from here on."""
+
+VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
+
+Progress = Callable[[str, float], None]
+"""Called with the label of a run and the part of it flown, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlownScenario:
+    """A scenario and all that came of it.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        What was asked for.
+    runs : tuple of Run
+        Plant by plant, gain set by gain set.
+    indicators : mapping of str to Indicators
+        R_K and I_K on the linear model of the scenario, by name of the gain set.
+    tuning : TuningResult or None
+        How the gains named ``tuned`` were found, where the scenario asks for them.
+    metrics : DataFrame
+        `channel_metrics` of every run flown; index (run, channel).
+    flight : DataFrame
+        `flight_metrics` of every run flown; index run.
+    """
+
+    scenario: Scenario
+    runs: tuple[Run, ...]
+    indicators: Mapping[str, Indicators]
+    tuning: TuningResult | None
+    metrics: pd.DataFrame
+    flight: pd.DataFrame
+
+    def metrics_of(self, run: Run) -> dict[str, dict[str, float]]:
+        """Measures of one run as numbers: ``chi``, ``gamma`` and ``flight``; empty if not flown."""
+        if run.label not in self.flight.index:
+            return {}
+        channels = self.metrics.loc[run.label].to_dict(orient="index")
+        return {**channels, "flight": self.flight.loc[run.label].to_dict()}
+
+
+def tuning_problem(scenario: Scenario) -> TuningProblem:
+    """The paper's optimisation model for a scenario.
+
+    Returns
+    -------
+    TuningProblem
+        Maximise R_K of the loop about the first reference under ``I_K <= I_star`` and, where the
+        scenario asks, the input limits at the first error.
+
+    Notes
+    -----
+    Section 3.4 of arXiv 2411.13140. The limits hold for the PI part alone, as printed: a
+    feed-forward is not counted.
+    """
+    chi_ref, gamma_ref = (float(ref[0]) for ref in scenario.followed().sampled(np.zeros(1)))
+    condition = scenario.condition
+    return TuningProblem(
+        model=scenario.linear_model(),
+        I_star=scenario.tuning.I_star,
+        limits=scenario.limits.limits() if scenario.tuning.input_limits else None,
+        x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
+        seed=scenario.seed,
+    )
+
+
+def tune_scenario(scenario: Scenario) -> TuningResult:
+    """The gains named ``tuned`` of a scenario, and how they were found."""
+    return tune(
+        tuning_problem(scenario),
+        method=scenario.tuning.method,
+        starts=scenario.tuning.starts,
+    )
+
+
+def fly(scenario: Scenario, *, progress: Progress | None = None) -> FlownScenario:
+    """Fly every gain set of a scenario on each of its plants.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to fly.
+    progress : callable, optional
+        Told how far each run is.
+
+    Returns
+    -------
+    FlownScenario
+        With one run a plant and gain set. A run that diverged, left the envelope, hit the ground or
+        could not start says so in its status and reason.
+
+    Raises
+    ------
+    PlantError
+        If an aircraft cannot be built.
+    """
+    tuning = tune_scenario(scenario) if TUNED in scenario.gains else None
+    names = [entry if isinstance(entry, str) else entry.name for entry in scenario.gains]
+    gain_sets = {name: gain_set(scenario, name, tuning) for name in names}
+    model = scenario.linear_model()
+    runs = tuple(
+        _flown(scenario, plant, name, gains, progress)
+        for plant in scenario.plant
+        for name, gains in gain_sets.items()
+    )
+    flown = [run for run in runs if len(run.signals) > 1]
+    return FlownScenario(
+        scenario=scenario,
+        runs=runs,
+        indicators=MappingProxyType(
+            {
+                name: indicators(closed_loop(model, gains))
+                for name, gains in gain_sets.items()
+                if gains is not None
+            }
+        ),
+        tuning=tuning,
+        metrics=pd.concat({run.label: channel_metrics(run) for run in flown}, names=["run"])
+        if flown
+        else pd.DataFrame(),
+        flight=pd.DataFrame.from_dict(
+            {run.label: flight_metrics(run) for run in flown}, orient="index"
+        ),
+    )
+
+
+def plant_of(table: PlantTable, scenario: Scenario) -> Plant:
+    """A fresh plant of a scenario, ready to start.
+
+    Raises
+    ------
+    PlantError
+        If the aircraft cannot be built.
+    """
+    if table.aircraft is None:
+        disturbance = scenario.disturbance and scenario.disturbance.sinusoid()
+        return KinematicPlant(disturbance, g=scenario.flight.g_mps2)
+    from flighttune.plants.jsbsim import JSBSimPlant
+
+    rate = scenario.controller.rate_hz
+    return JSBSimPlant(
+        table.aircraft, fdm_rate_hz=rate * math.ceil(LOWEST_FDM_RATE_HZ / rate), seed=scenario.seed
+    )
+
+
+def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
+    """Gains by the name a scenario knows them by.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Whose gain sets and tuning problem are meant.
+    name : str
+        ``paper``, ``K1`` to ``K6``, ``tuned``, or the name of gains given as numbers.
+    tuning : TuningResult, optional
+        Result for ``tuned``; found anew by default.
+
+    Returns
+    -------
+    PIGains or None
+        None for ``tuned`` where the problem is infeasible.
+
+    Raises
+    ------
+    InputError
+        If there are no such gains.
+    """
+    if name == TUNED:
+        tuning = tune_scenario(scenario) if tuning is None else tuning
+        return tuning.gains if tuning.status == "optimal" else None
+    known = paper_family()
+    known.update({e.name: e.gains() for e in scenario.gains if isinstance(e, GainsTable)})
+    if name not in known:
+        raise InputError(f"`gains` must be one of {', '.join([TUNED, *known])}, got {name!r}.")
+    return known[name]
+
+
+def _flown(
+    scenario: Scenario,
+    plant: PlantTable,
+    gains_name: str,
+    gains: PIGains | None,
+    progress: Progress | None,
+) -> Run:
+    started = time.perf_counter()
+    signals, status, reason = (
+        _not_flown("no_gains", "tuning found no gains that meet the constraints")
+        if gains is None
+        else _time_history(scenario, plant, gains_name, gains, progress)
+    )
+    return Run(
+        signals=signals,
+        status=status,
+        reason=reason,
+        provenance=Provenance(
+            scenario=scenario.as_dict(),
+            plant=plant.label,
+            gains_name=gains_name,
+            gains=gains,
+            seed=scenario.seed,
+            versions=_versions(),
+            wall_s=time.perf_counter() - started,
+        ),
+    )
+
+
+def _time_history(
+    scenario: Scenario,
+    table: PlantTable,
+    gains_name: str,
+    gains: PIGains,
+    progress: Progress | None,
+) -> tuple[pd.DataFrame, RunStatus, str]:
+    settings, duration = scenario.controller, scenario.flight.duration_s
+    label = f"{table.label} / {gains_name}"
+    controller = MimoPI(
+        gains,
+        scenario.limits.limits(),
+        dt=1.0 / settings.rate_hz,
+        anti_windup=settings.anti_windup,
+        tracking_time=settings.tracking_time_s,
+        schedule_speed=scenario.flight.V_a_mps if settings.schedule else None,
+    )
+    try:
+        history = simulate(
+            plant_of(table, scenario),
+            controller,
+            scenario.followed(),
+            condition=scenario.condition,
+            duration=duration,
+            feed_forward=settings.feed_forward,
+            progress=None if progress is None else lambda t: progress(label, t / duration),
+        )
+    except TrimError as error:
+        return _not_flown("no_trim", str(error))
+    if progress is not None:
+        progress(label, 1.0)
+    if history.stop is not None:
+        return history.signals, history.stop.status, history.stop.reason
+    return history.signals, "completed", ""
+
+
+def _not_flown(status: RunStatus, reason: str) -> tuple[pd.DataFrame, RunStatus, str]:
+    empty = pd.DataFrame(columns=pd.Index(LOOP_SIGNALS), index=pd.Index([], name="t"), dtype=float)
+    return empty, status, reason
+
+
+def _versions() -> dict[str, str]:
+    return {"python": platform.python_version(), **{name: version(name) for name in VERSIONED}}

@@ -1,0 +1,224 @@
+"""The controller against what can be worked out on paper, sample by sample."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.limits import Limits
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import InputError, ShapeError
+
+ROUNDING = 1e-12
+NO_FEED_FORWARD = (0.0, 0.0)
+HERE = (0.0, 0.0)
+
+
+def diagonal(k_p, k_i):
+    return PIGains(K_P=np.diag(k_p), K_I=np.diag(k_i))
+
+
+def limits(magnitude=(math.inf, math.inf), rate=(math.inf, math.inf)):
+    magnitude, rate = np.array(magnitude), np.array(rate)
+    return Limits(lower=-magnitude, upper=magnitude, rate_lower=-rate, rate_upper=rate)
+
+
+def flown(controller, error, samples):
+    """Commands under a constant error."""
+    return np.array([controller.step(error, HERE, NO_FEED_FORWARD)[:] for _ in range(samples)])
+
+
+def test_a_constant_error_is_answered_by_proportion_and_its_running_integral():
+    dt, error = 0.02, np.array([0.3, -0.1])
+    controller = MimoPI(PAPER_GAINS, dt=dt)
+
+    commands = flown(controller, error, 50)
+
+    t = np.arange(50) * dt
+    wanted = (PAPER_GAINS.K_P @ error) + np.outer(t, PAPER_GAINS.K_I @ error)
+    assert commands == pytest.approx(wanted, abs=ROUNDING)
+
+
+def test_the_integral_of_a_ramp_is_exact():
+    dt, slope = 0.1, 0.5
+    controller = MimoPI(diagonal([0.0, 0.0], [2.0, 0.0]), dt=dt)
+
+    for k in range(21):
+        command = controller.step((slope * k * dt, 0.0), HERE, NO_FEED_FORWARD)
+
+    assert command[0] == pytest.approx(2.0 * slope * 2.0**2 / 2, abs=ROUNDING)
+
+
+@pytest.mark.parametrize(("ref", "actual"), [(3.1, -3.1), (-3.1, 3.1), (0.1, 6.2)])
+def test_the_course_error_takes_the_short_way_round(ref, actual):
+    controller = MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
+
+    controller.step((ref, 0.0), (actual, 0.0), NO_FEED_FORWARD)
+
+    wanted = math.atan2(math.sin(ref - actual), math.cos(ref - actual))
+    assert controller.state.error[0] == pytest.approx(wanted, abs=ROUNDING)
+
+
+def test_gamma_is_not_wrapped():
+    controller = MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
+
+    controller.step((0.0, 4.0), HERE, NO_FEED_FORWARD)
+
+    assert controller.state.error[1] == pytest.approx(4.0, abs=ROUNDING)
+
+
+def test_magnitude_and_rate_limits_hold_and_are_told_apart():
+    dt = 0.1
+    controller = MimoPI(diagonal([10.0, 10.0], [0.0, 0.0]), limits((0.5, 0.25), (1.0, 9.0)), dt=dt)
+
+    first = flown(controller, (1.0, 1.0), 1)[0]
+    kinds = controller.state.limited
+    later = flown(controller, (1.0, 1.0), 9)
+
+    assert first == pytest.approx([0.1, 0.25], abs=ROUNDING)
+    assert kinds == (2, 1)
+    assert np.diff(later[:4, 0]) == pytest.approx(1.0 * dt, abs=ROUNDING)
+    assert later[-1] == pytest.approx([0.5, 0.25], abs=ROUNDING)
+    assert controller.state.limited == (1, 1)
+
+
+def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it():
+    controller = MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((0.5, 9.0), (1.0, 9.0)), dt=0.1)
+    controller.start((1.0, 0.0))
+
+    commands = flown(controller, (0.0, 0.0), 12)[:, 0]
+
+    assert commands[:10] == pytest.approx(1.0 - 0.1 * np.arange(1, 11), abs=ROUNDING)
+
+
+def test_without_anti_windup_the_integrator_takes_everything():
+    dt, error, samples = 0.1, 2.0, 31
+    controller = MimoPI(
+        diagonal([1.0, 1.0], [0.5, 0.5]), limits((0.4, 0.4)), dt=dt, anti_windup="none"
+    )
+
+    flown(controller, (error, error), samples)
+
+    wound_up = 0.5 * error * dt * (samples - 1)
+    assert controller.state.integral == pytest.approx((wound_up, wound_up), abs=ROUNDING)
+
+
+def test_conditional_integration_never_drives_the_command_beyond_a_limit():
+    controller = MimoPI(diagonal([0.1, 0.1], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
+
+    for _ in range(60):
+        controller.step((1.0, -1.0), HERE, NO_FEED_FORWARD)
+        assert np.all(np.abs(controller.state.unlimited) <= 0.4 + ROUNDING)
+
+    assert controller.state.u == pytest.approx((0.4, -0.4), abs=ROUNDING)
+
+
+def test_conditional_integration_lets_go_as_soon_as_the_error_changes_sign():
+    controller = MimoPI(diagonal([1.0, 1.0], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
+    flown(controller, (1.0, 1.0), 50)
+
+    command = flown(controller, (-0.5, -0.5), 2)[-1]
+
+    assert np.all(command < 0.0)
+
+
+def test_conditional_integration_under_a_rate_limit_does_not_lock():
+    """An increment larger than one rate-limited step must still move the integrator."""
+    dt, rate, error = 0.02, 0.5, 0.3
+    controller = MimoPI(diagonal([0.0, 0.0], [5.0, 5.0]), limits(rate=(rate, rate)), dt=dt)
+
+    commands = flown(controller, (error, error), 101)
+
+    assert 5.0 * error > rate
+    assert commands[-1] == pytest.approx([rate * dt * 100] * 2, rel=0.02)
+
+
+def test_back_calculation_settles_where_the_excess_balances_the_error():
+    dt, error, tracking = 0.02, 1.0, 0.8
+    controller = MimoPI(
+        diagonal([1.0, 1.0], [0.5, 0.5]),
+        limits((0.4, 0.4)),
+        dt=dt,
+        anti_windup="back_calculation",
+        tracking_time=tracking,
+    )
+
+    flown(controller, (error, error), 2000)
+
+    excess = np.array(controller.state.unlimited) - 0.4
+    assert excess == pytest.approx([0.5 * error * tracking] * 2, rel=1e-9)
+
+
+def test_the_tracking_time_is_the_integral_time_unless_given():
+    gains = diagonal([3.0, 4.0], [0.6, 0.8])
+    commands = [
+        flown(
+            MimoPI(
+                gains,
+                limits((0.4, 0.4)),
+                dt=0.02,
+                anti_windup="back_calculation",
+                tracking_time=tracking,
+            ),
+            (1.0, -1.0),
+            100,
+        )
+        for tracking in (None, 5.0)
+    ]
+    assert commands[0] == pytest.approx(commands[1], abs=ROUNDING)
+
+
+def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_integral():
+    error = (0.2, 0.1)
+    plain = MimoPI(PAPER_GAINS, dt=0.02)
+    scheduled = MimoPI(PAPER_GAINS, dt=0.02, schedule_speed=25.0)
+    for _ in range(10):
+        plain.step(error, HERE, NO_FEED_FORWARD, 30.0)
+        scheduled.step(error, HERE, NO_FEED_FORWARD, 30.0)
+    before = scheduled.state.integral
+
+    scheduled.step((0.0, 0.0), error, NO_FEED_FORWARD, 20.0)
+
+    assert np.array(before) == pytest.approx(1.2 * np.array(plain.state.integral), abs=ROUNDING)
+    assert scheduled.state.integral == pytest.approx(before, abs=ROUNDING)
+
+
+def test_feed_forward_is_inside_the_limits():
+    controller = MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((1.0, 1.0)), dt=0.02)
+
+    command = controller.step(HERE, HERE, (0.0, 1.4))
+
+    assert command[1] == pytest.approx(1.0, abs=ROUNDING)
+
+
+def test_a_start_empties_the_integrator():
+    controller = MimoPI(PAPER_GAINS, dt=0.02)
+    once = flown(controller, (0.3, 0.1), 20)
+    controller.start((0.0, 0.0))
+
+    assert np.array_equal(flown(controller, (0.3, 0.1), 20), once)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"dt": 0.0}, r"`dt` must be positive, got 0\.0"),
+        ({"dt": math.nan}, r"`dt` must be positive, got nan"),
+        ({"dt": 0.1, "tracking_time": -1.0}, r"`tracking_time` must be positive, got -1\.0"),
+        ({"dt": 0.1, "anti_windup": "clamp"}, r"`anti_windup` must be none, .* got 'clamp'"),
+    ],
+)
+def test_impossible_settings_are_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        MimoPI(PAPER_GAINS, **settings)
+
+
+def test_limits_must_be_of_as_many_commands():
+    with pytest.raises(ShapeError, match=r"`limits` must be of 2 commands, got 3"):
+        MimoPI(PAPER_GAINS, Limits.none(3), dt=0.1)
+
+
+def test_a_start_command_must_be_finite():
+    with pytest.raises(InputError, match=r"`u` must be 2 finite numbers, got \[nan, 0\.0\]"):
+        MimoPI(PAPER_GAINS, dt=0.1).start((math.nan, 0.0))

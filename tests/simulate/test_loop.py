@@ -1,0 +1,173 @@
+"""The sampled loop against the continuous law, and the shape of what it returns."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.limits import Limits
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import InputError
+from flighttune.plants.base import FlightCondition, Stop
+from flighttune.plants.kinematic import KinematicPlant
+from flighttune.scenario import load_scenario
+from flighttune.simulate.loop import LOOP_SIGNALS, simulate
+from flighttune.simulate.reference import Reference
+from flighttune.simulate.run import SIGNAL_UNITS
+
+PEAK_TOLERANCE = 0.002
+PAPER_LIMITS = Limits(
+    lower=np.array([-math.pi / 4, -2.1]),
+    upper=np.array([math.pi / 4, 2.1]),
+    rate_lower=np.array([-math.pi / 6, -1.0]),
+    rate_upper=np.array([math.pi / 6, 1.0]),
+)
+PAPER_START = FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4)
+PAPER_REFERENCE = Reference(chi=0.0, gamma=math.pi / 12)
+
+
+def continuous_paper_peaks():
+    """Largest e_chi and e_gamma of the paper's continuous loop with magnitude limits only."""
+    reference, low, high = np.array([0.0, np.pi / 12]), [-np.pi / 4, -2.1], [np.pi / 4, 2.1]
+
+    def loop(t, x):
+        e = reference - x[:2]
+        phi, n_z = np.clip(PAPER_GAINS.K_P @ e + PAPER_GAINS.K_I @ x[2:], low, high)
+        d = 0.1 * np.sin(0.15 * t), 0.1 * np.cos(0.15 * t)
+        chi_dot = 9.81 / 25.0 * np.tan(phi) + d[0]
+        gamma_dot = 9.81 / 25.0 * (n_z * np.cos(phi) - np.cos(x[1])) + d[1]
+        return [chi_dot, gamma_dot, *e]
+
+    start = [np.pi / 3, np.pi / 4, 0.0, 0.0]
+    flown = solve_ivp(loop, (0.0, 20.0), start, rtol=1e-9, atol=1e-11, max_step=0.01)
+    return (reference[:, None] - flown.y[:2]).max(axis=1)
+
+
+def test_the_papers_mode_peaks_where_the_continuous_law_does():
+    scenario = load_scenario("paper_as_printed")
+    controller = MimoPI(
+        PAPER_GAINS,
+        scenario.limits.limits(),
+        dt=1.0 / scenario.controller.rate_hz,
+        anti_windup=scenario.controller.anti_windup,
+    )
+    assert scenario.disturbance is not None
+
+    history = simulate(
+        KinematicPlant(scenario.disturbance.sinusoid()),
+        controller,
+        scenario.followed(),
+        condition=scenario.condition,
+        duration=scenario.flight.duration_s,
+        feed_forward=scenario.controller.feed_forward,
+    )
+
+    peaks = history.signals[["chi_err", "gamma_err"]].max().to_numpy()
+    assert peaks == pytest.approx(continuous_paper_peaks(), abs=PEAK_TOLERANCE)
+
+
+def flown(anti_windup, duration=40.0):
+    controller = MimoPI(PAPER_GAINS, PAPER_LIMITS, dt=0.02, anti_windup=anti_windup)
+    return simulate(
+        KinematicPlant(),
+        controller,
+        PAPER_REFERENCE,
+        condition=PAPER_START,
+        duration=duration,
+    )
+
+
+@pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation"])
+def test_with_anti_windup_the_rate_limited_loop_converges(anti_windup):
+    errors = flown(anti_windup).signals[["chi_err", "gamma_err"]]
+
+    assert np.abs(errors.loc[30.0:].to_numpy()).max() < math.radians(0.1)
+
+
+def test_without_anti_windup_the_rate_limited_loop_never_settles():
+    errors = flown("none", duration=120.0).signals["chi_err"].loc[90.0:]
+
+    assert np.abs(errors.to_numpy()).max() > math.radians(30.0)
+
+
+def test_commands_keep_their_limits_in_every_sample():
+    signals = flown("conditional").signals
+    command = signals[["phi_cmd", "n_z_cmd"]].to_numpy()
+
+    rates = np.abs(np.diff(command, axis=0)) / 0.02
+    assert np.all(np.abs(command) <= PAPER_LIMITS.upper + 1e-12)
+    assert np.all(rates <= PAPER_LIMITS.rate_upper + 1e-9)
+
+
+def test_a_row_is_written_every_sample_with_a_unit_for_every_column():
+    signals = flown("conditional", duration=10.0).signals
+
+    assert len(signals) == 501
+    assert signals.index.name == "t"
+    assert signals.index[-1] == pytest.approx(10.0, abs=1e-12)
+    assert set(LOOP_SIGNALS) <= set(signals.columns) <= set(SIGNAL_UNITS)
+    assert np.isfinite(signals.to_numpy()).all()
+
+
+def test_what_was_flown_cannot_be_changed():
+    values = flown("conditional", duration=1.0).signals.to_numpy()
+
+    with pytest.raises(ValueError, match="read-only"):
+        values[0, 0] = 1.0
+
+
+def test_with_feed_forward_level_flight_needs_no_integral():
+    still = FlightCondition(V_a=25.0, gamma=0.3)
+    controller = MimoPI(PAPER_GAINS, dt=0.02)
+
+    history = simulate(
+        KinematicPlant(),
+        controller,
+        Reference(chi=0.0, gamma=0.3),
+        condition=still,
+        duration=5.0,
+        feed_forward=True,
+    )
+
+    assert np.abs(history.signals["n_z_integral"]).max() < 1e-12
+    assert np.abs(history.signals["gamma_err"]).max() < 1e-12
+
+
+class StopsAfterThreeSamples(KinematicPlant):
+    """A plant that meets the ground in its third sample."""
+
+    def start(self, condition):
+        super().start(condition)
+        self.left = 3
+
+    def advance(self, phi_cmd, n_z_cmd, duration):
+        self.left -= 1
+        super().advance(phi_cmd, n_z_cmd, duration)
+        return Stop("ground_contact", "hit the ground") if self.left == 0 else None
+
+
+def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
+    history = simulate(
+        StopsAfterThreeSamples(),
+        MimoPI(PAPER_GAINS, dt=0.02),
+        PAPER_REFERENCE,
+        condition=PAPER_START,
+        duration=10.0,
+    )
+
+    assert len(history.signals) == 3
+    assert history.stop == Stop("ground_contact", "hit the ground")
+
+
+@pytest.mark.parametrize("duration", [0.0, 0.01, math.nan, math.inf])
+def test_a_flight_lasts_at_least_one_sample(duration):
+    with pytest.raises(InputError, match=r"`duration` must be at least one sample"):
+        simulate(
+            KinematicPlant(),
+            MimoPI(PAPER_GAINS, dt=0.02),
+            PAPER_REFERENCE,
+            condition=PAPER_START,
+            duration=duration,
+        )

@@ -1,0 +1,45 @@
+"""References and disturbances at times whose value is plain."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.simulate.reference import Doublet, Ramp, Reference, Step
+
+
+def test_segments_add_to_the_start_value():
+    reference = Reference(
+        chi=1.0,
+        gamma=0.0,
+        chi_segments=(Step(start=1.0, change=0.5), Ramp(start=2.0, duration=2.0, rate=0.25)),
+        gamma_segments=(Doublet(start=1.0, width=1.0, amplitude=0.1),),
+    )
+
+    chi, gamma = reference.sampled(np.array([0.0, 0.99, 1.0, 2.0, 3.0, 4.0, 9.0]))
+
+    assert chi == pytest.approx([1.0, 1.0, 1.5, 1.5, 1.75, 2.0, 2.0])
+    assert gamma == pytest.approx([0.0, 0.0, 0.1, -0.1, 0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("omegas", [(0.15, 0.15), (0.3, 1.1)])
+def test_the_rate_bound_is_the_least_upper_bound_of_the_derivative(omegas):
+    sinusoid = Sinusoid(
+        chi_amplitude=0.1, chi_omega=omegas[0], gamma_amplitude=0.2, gamma_omega=omegas[1]
+    )
+    t = np.linspace(0.0, 2000.0, 400_001)
+    d = np.array([sinusoid(time) for time in t.tolist()])
+
+    largest = np.linalg.norm(np.gradient(d, t, axis=0)[1:-1], axis=1).max()
+
+    assert largest <= sinusoid.rate_bound * (1.0 + 1e-9)
+    assert largest == pytest.approx(sinusoid.rate_bound, rel=1e-3)
+
+
+def test_the_papers_disturbance_has_the_rate_bound_of_its_table():
+    sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.15, gamma_amplitude=0.1, gamma_omega=0.15)
+
+    assert sinusoid.rate_bound == pytest.approx(0.015)
+    assert sinusoid(0.0) == pytest.approx((0.0, 0.1))
+    assert sinusoid(math.pi / 0.3) == pytest.approx((0.1, 0.0), abs=1e-12)

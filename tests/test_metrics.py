@@ -1,0 +1,139 @@
+"""Metrics of responses whose measures follow from a formula."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.metrics import METRICS, channel_metrics, flight_metrics
+from flighttune.simulate.run import Provenance, Run
+
+SAMPLING = 2e-4
+T = np.linspace(0.0, 20.0, 200_001)
+
+
+def run_of(chi_err, gamma_err=None, **columns):
+    zero = np.zeros_like(T)
+    signals = pd.DataFrame(
+        {
+            "chi_err": chi_err,
+            "gamma_err": zero if gamma_err is None else gamma_err,
+            "gamma_ref": zero,
+            "phi_cmd": zero,
+            "n_z_cmd": zero + 1.0,
+            "phi_limited": zero,
+            "n_z_limited": zero,
+            "V_a": zero + 25.0,
+            "n_z": zero + 1.0,
+            **columns,
+        },
+        index=pd.Index(T, name="t"),
+    )
+    provenance = Provenance(
+        scenario={},
+        plant="kinematic",
+        gains_name="paper",
+        gains=PAPER_GAINS,
+        seed=0,
+        versions={},
+        wall_s=0.0,
+    )
+    return Run(signals=signals, status="completed", reason="", provenance=provenance)
+
+
+def second_order(damping, omega):
+    """Error of a unit step of a second-order lag, which starts at -1 and overshoots."""
+    damped = omega * math.sqrt(1.0 - damping**2)
+    decay = np.exp(-damping * omega * T)
+    return -decay * (np.cos(damped * T) + damping * omega / damped * np.sin(damped * T))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_overshoot_and_peak_time_of_a_second_order_lag_are_those_of_the_textbook(sign):
+    damping, omega = 0.3, 1.2
+
+    found = channel_metrics(run_of(sign * second_order(damping, omega))).loc["chi"]
+
+    root = math.sqrt(1.0 - damping**2)
+    assert found["MO_rad"] == pytest.approx(math.exp(-math.pi * damping / root), abs=1e-6)
+    assert found["PT_s"] == pytest.approx(math.pi / (omega * root), abs=SAMPLING)
+
+
+def test_an_exponential_has_the_integrals_and_times_of_its_formula():
+    rate = 0.8
+    found = channel_metrics(run_of(np.exp(-rate * T))).loc["chi"]
+
+    left = math.exp(-rate * 20.0)
+    itae = (1.0 - left * (1.0 + rate * 20.0)) / rate**2
+    last = np.exp(-rate * T[T >= 15.0])
+    assert found["ITAE"] == pytest.approx(itae, rel=1e-6)
+    assert found["ITAE_mean"] == pytest.approx(itae / 20.0, rel=1e-6)
+    assert found["MO_rad"] == 0.0
+    assert found["rise_s"] == pytest.approx(math.log(9.0) / rate, abs=SAMPLING)
+    assert found["settling_s"] == pytest.approx(math.log(20.0) / rate, abs=SAMPLING)
+    mean = (math.exp(-rate * 15.0) - left) / (rate * 5.0)
+    assert found["MS_rad"] == pytest.approx(mean, rel=1e-3)
+    assert found["ST_rad"] == pytest.approx(math.sqrt(np.mean(last**2) - np.mean(last) ** 2))
+
+
+def test_the_spread_of_a_sine_over_whole_periods_is_its_amplitude_over_root_two():
+    error = 0.01 * np.sin(math.tau * T)
+    found = channel_metrics(run_of(error)).loc["chi"]
+
+    assert found["MS_rad"] == pytest.approx(0.0, abs=1e-6)
+    assert found["ST_rad"] == pytest.approx(0.01 / math.sqrt(2.0), rel=1e-4)
+
+
+def test_a_response_that_never_settles_has_no_settling_time():
+    found = channel_metrics(run_of(np.cos(T))).loc["chi"]
+
+    assert math.isnan(found["settling_s"])
+
+
+def test_a_channel_without_error_has_no_times_and_no_overshoot():
+    found = channel_metrics(run_of(np.cos(T))).loc["gamma"]
+
+    assert found["MO_rad"] == 0.0
+    assert found[["PT_s", "rise_s", "settling_s"]].isna().all()
+
+
+def test_a_step_in_mid_flight_is_timed_from_its_start():
+    error = np.where(T < 5.0, 0.0, np.exp(-2.0 * (T - 5.0)))
+    found = channel_metrics(run_of(error)).loc["chi"]
+
+    assert found["settling_s"] == pytest.approx(math.log(20.0) / 2.0, abs=SAMPLING)
+
+
+def test_effort_and_time_at_limits_are_those_of_the_command():
+    phi_limited = np.where(T < 3.0, 2.0, np.where(T < 4.5, 1.0, 0.0))
+    run = run_of(
+        np.cos(T),
+        phi_cmd=0.2 * np.sin(math.tau * T),
+        phi_limited=phi_limited,
+        gamma_ref=0 * T + 0.5,
+    )
+    found = channel_metrics(run)
+
+    assert found.at["chi", "effort_rms"] == pytest.approx(0.2 / math.sqrt(2.0), rel=1e-4)
+    assert found.at["gamma", "effort_rms"] == pytest.approx(1.0 - math.cos(0.5), rel=1e-9)
+    assert found.at["chi", "saturation_s"] == pytest.approx(4.5, abs=SAMPLING)
+    assert found.at["gamma", "saturation_s"] == 0.0
+
+
+def test_every_metric_has_a_unit():
+    assert list(channel_metrics(run_of(np.cos(T))).columns) == list(METRICS)
+
+
+def test_flight_metrics_are_the_extremes():
+    run = run_of(np.cos(T), V_a=25.0 - np.sin(T), alpha=-0.2 * np.sin(T), n_z=1.0 + 0.5 * np.sin(T))
+    found = flight_metrics(run)
+
+    assert found["V_a_dev_mps"] == pytest.approx(1.0, abs=1e-6)
+    assert found["alpha_max_rad"] == pytest.approx(0.2, abs=1e-6)
+    assert (found["n_z_min"], found["n_z_max"]) == pytest.approx((0.5, 1.5), abs=1e-6)
+
+
+def test_a_plant_without_angle_of_attack_reports_none():
+    assert "alpha_max_rad" not in flight_metrics(run_of(np.cos(T)))
