@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from flighttune.flight import FlownScenario, fly, tune_scenario, tuning_problem
     from flighttune.metrics import channel_metrics, flight_metrics
     from flighttune.plants.base import FlightCondition
-    from flighttune.plants.jsbsim import JSBSimPlant
+    from flighttune.plants.jsbsim.plant import JSBSimPlant
     from flighttune.plants.kinematic import KinematicPlant
-    from flighttune.recording import record
+    from flighttune.recording.record import record
     from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
     from flighttune.simulate.loop import simulate
     from flighttune.simulate.reference import Reference
@@ -40,9 +40,9 @@ _HOMES = {
     "flight": ("FlownScenario", "fly", "tune_scenario", "tuning_problem"),
     "metrics": ("channel_metrics", "flight_metrics"),
     "plants.base": ("FlightCondition",),
-    "plants.jsbsim": ("JSBSimPlant",),
+    "plants.jsbsim.plant": ("JSBSimPlant",),
     "plants.kinematic": ("KinematicPlant",),
-    "recording": ("record",),
+    "recording.record": ("record",),
     "scenario": ("Scenario", "load_gains", "load_scenario", "scenario_from"),
     "simulate.loop": ("simulate",),
     "simulate.reference": ("Reference",),

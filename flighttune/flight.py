@@ -167,7 +167,7 @@ def plant_of(table: PlantTable, scenario: Scenario) -> Plant:
     if table.aircraft is None:
         disturbance = scenario.disturbance and scenario.disturbance.sinusoid()
         return KinematicPlant(disturbance, g=scenario.flight.g_mps2)
-    from flighttune.plants.jsbsim import JSBSimPlant
+    from flighttune.plants.jsbsim.plant import JSBSimPlant
 
     rate = scenario.controller.rate_hz
     return JSBSimPlant(

@@ -31,7 +31,7 @@ def fly(
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
     from flighttune.flight import fly as fly_scenario
-    from flighttune.recording import record
+    from flighttune.recording.record import record
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
@@ -79,7 +79,7 @@ def view(path: Annotated[Path, typer.Argument(help="A recording, or the folder o
 
 
 def _open(path: Path) -> None:
-    from flighttune.recording import view as open_viewer
+    from flighttune.recording.view import view as open_viewer
 
     say(open_viewer(path))
 
@@ -133,12 +133,12 @@ def _print_flown(flown: "FlownScenario", recording: Path) -> None:
         )
     header = (
         "plant", "gains", "status", "R_K", "I_K",
-        "ITAE chi", "ITAE gamma", "over chi", "over gamma", "settle chi", "settle gamma",
+        "ITAE χ", "ITAE γ", "MO χ", "MO γ", "settle χ", "settle γ",
     )  # fmt: skip
     print_table(flown.scenario.title, header, rows)
     say(
-        "R_K 1/s, I_K s^2, ITAE rad s^2, overshoot deg, settling to 5 % s; linear indicators are "
-        "those of the kinematic law"
+        "R_K in 1/s and I_K in s² hold for the kinematic law; ITAE in rad s², maximum overshoot MO "
+        "in deg, settling to 5 % in s"
     )
     say(f"recording: {recording}   (open it with: flighttune view {recording})")
 

@@ -38,7 +38,7 @@ def tune(scenario: ScenarioArgument, as_json: JsonOption = False) -> None:
             f"spectral abscissa {result.spectral_abscissa:.4f} 1/s",
             ("", "e_chi", "e_gamma", "int e_chi", "int e_gamma"),
             [
-                (name, *(f"{value:.4f}" for value in row))
+                (name, *(f"{round(value, 4) + 0.0:.4f}" for value in row))
                 for name, row in zip(("phi [rad]", "n_z [1]"), result.gains.K, strict=True)
             ]
             if result.gains is not None

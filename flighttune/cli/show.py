@@ -11,6 +11,7 @@ import typer
 
 FINE, NO, COULD_NOT_RUN = 0, 1, 2
 PLAIN_WIDTH = 132
+MISSING = ("-", "never")
 
 ScenarioArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")
@@ -19,17 +20,26 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 
 
 def print_table(title: str, header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+    """Print a titled table; columns of numbers stand to the right."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False)
-    table = Table(title=title, title_justify="left")
-    for column in header:
-        numbers = rows and all(row[header.index(column)][:1] in "-0123456789n" for row in rows)
-        table.add_column(column, justify="right" if numbers else "left")
+    table = Table()
+    for i, column in enumerate(header):
+        numbers = bool(rows) and all(_is_number(row[i]) for row in rows)
+        table.add_column(
+            Text(column), justify="right" if numbers else "left", no_wrap=numbers or i == 0
+        )
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(Text, row))
+    console.print(Text(title))
     console.print(table)
+
+
+def _is_number(cell: str) -> bool:
+    return cell in MISSING or cell.lstrip("-+")[:1].isdigit()
 
 
 @contextmanager
@@ -53,6 +63,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
 
 
 def print_json(value: dict[str, Any]) -> None:
+    """Print one JSON object; numbers JSON has no word for become null."""
     print(json.dumps(_finite(value), indent=2))
 
 
@@ -68,9 +79,11 @@ def _finite(value: Any) -> Any:
 
 
 def say(line: str) -> None:
+    """Print one line on stdout."""
     print(line)
 
 
 def fail(reason: str, status: int) -> NoReturn:
+    """Print the reason in one line on stderr and exit with `status`."""
     print(f"flighttune: {' '.join(reason.split())}", file=sys.stderr)
     sys.exit(status)
