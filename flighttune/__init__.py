@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from flighttune.plants.kinematic import KinematicPlant
     from flighttune.recording.record import record
     from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
-    from flighttune.simulate.loop import simulate
     from flighttune.simulate.reference import Reference
     from flighttune.simulate.run import Run
     from flighttune.theory.indicators import Indicators, indicators, indicators_batch
@@ -44,7 +43,6 @@ _HOMES = {
     "plants.kinematic": ("KinematicPlant",),
     "recording.record": ("record",),
     "scenario": ("Scenario", "load_gains", "load_scenario", "scenario_from"),
-    "simulate.loop": ("simulate",),
     "simulate.reference": ("Reference",),
     "simulate.run": ("Run",),
     "theory.indicators": ("Indicators", "indicators", "indicators_batch"),
@@ -82,7 +80,6 @@ __all__ = [
     "load_scenario",
     "record",
     "scenario_from",
-    "simulate",
     "tune",
     "tune_scenario",
     "tuning_problem",

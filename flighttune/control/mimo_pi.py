@@ -105,11 +105,19 @@ class MimoPI:
                 f"`anti_windup` must be none, conditional or back_calculation, got {anti_windup!r}."
             )
         self.gains, self.limits, self.dt, self.anti_windup = gains, limits, dt, anti_windup
-        self._K_P: list[list[float]] = gains.K_P.tolist()
-        self._K_I_half_dt: list[list[float]] = (gains.K_I * (0.5 * dt)).tolist()
-        self._magnitude = list(zip(limits.lower.tolist(), limits.upper.tolist(), strict=True))
-        self._step_down: list[float] = (limits.rate_lower * dt).tolist()
-        self._step_up: list[float] = (limits.rate_upper * dt).tolist()
+        self._columns = tuple(range(len(gains.errors)))
+        self._rows = tuple(
+            zip(
+                range(m),
+                gains.K_P.tolist(),
+                (gains.K_I * (0.5 * dt)).tolist(),
+                limits.lower.tolist(),
+                limits.upper.tolist(),
+                (limits.rate_lower * dt).tolist(),
+                (limits.rate_upper * dt).tolist(),
+                strict=True,
+            )
+        )
         self._wrapped = [name in wrapped for name in gains.errors]
         self._conditional = anti_windup == "conditional"
         self._lead_back = self._tracking_gain(tracking_time)
@@ -136,6 +144,7 @@ class MimoPI:
         self.integral = [0.0] * m
         self.limited = [FREE] * m
         self.error = [0.0] * p
+        self._summed = [0.0] * p
         self._first = True
 
     @property
@@ -169,49 +178,47 @@ class MimoPI:
             Command after all limits; the controller's own list, overwritten by the next step.
         """
         gain = V_a * self._per_speed if self._per_speed else 1.0
-        error = [
-            wrap_angle(r - v) if wrap else r - v
-            for r, v, wrap in zip(ref, y, self._wrapped, strict=True)
-        ]
-        before = self.error
-        summed = (
-            [0.0] * len(error)
-            if self._first
-            else [a + b for a, b in zip(before, error, strict=True)]
-        )
-        self._first = False
-        self.error = error
-        u, unlimited, integral, limited = self.u, self.unlimited, self.integral, self.limited
-        for i, (lower, upper) in enumerate(self._magnitude):
+        summed, columns = self._error_sums(ref, y), self._columns
+        error, u = self.error, self.u
+        for i, k_p, k_i, lower, upper, step_down, step_up in self._rows:
             proportional = increment = 0.0
-            for k_p, k_i, e, s in zip(
-                self._K_P[i], self._K_I_half_dt[i], error, summed, strict=True
-            ):
-                proportional += k_p * e
-                increment += k_i * s
+            for j in columns:
+                proportional += k_p[j] * error[j]
+                increment += k_i[j] * summed[j]
             increment *= gain
-            held = u_ff[i] + gain * proportional + integral[i]
+            held = u_ff[i] + gain * proportional + self.integral[i]
             wanted = held + increment
-            low, high = u[i] + self._step_down[i], u[i] + self._step_up[i]
+            low, high = u[i] + step_down, u[i] + step_up
             rate_low, rate_high = low > lower, high < upper
             if not rate_low:
-                low = min(lower, high)
+                low = lower if lower < high else high
             if not rate_high:
-                high = max(upper, low)
+                high = upper if upper > low else low
             allowed = low if wanted < low else high if wanted > high else wanted
             excess = wanted - allowed
-            if self._conditional and increment * excess > 0.0:
-                spare = allowed - held
-                increment = spare if increment * spare > 0.0 else 0.0
-                wanted = held + increment
-            integral[i] += increment - self._lead_back * excess
-            unlimited[i] = wanted
+            if excess:
+                if self._conditional and increment * excess > 0.0:
+                    spare = allowed - held
+                    increment = spare if increment * spare > 0.0 else 0.0
+                    wanted = held + increment
+                increment -= self._lead_back * excess
+                by_rate = rate_high if excess > 0.0 else rate_low
+                self.limited[i] = RATE_LIMITED if by_rate else MAGNITUDE_LIMITED
+            else:
+                self.limited[i] = FREE
+            self.integral[i] += increment
+            self.unlimited[i] = wanted
             u[i] = allowed
-            limited[i] = (
-                FREE
-                if not excess
-                else RATE_LIMITED
-                if (rate_high if excess > 0.0 else rate_low)
-                else MAGNITUDE_LIMITED
-            )
         return u
+
+    def _error_sums(self, ref: Sequence[float], y: Sequence[float]) -> list[float]:
+        """Take in the new error; return its sum with the one before, or zero at the start."""
+        error, summed = self.error, self._summed
+        for j in self._columns:
+            e = ref[j] - y[j]
+            if self._wrapped[j]:
+                e = wrap_angle(e)
+            summed[j] = 0.0 if self._first else error[j] + e
+            error[j] = e
+        self._first = False
+        return summed

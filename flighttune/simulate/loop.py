@@ -1,7 +1,7 @@
 """One closed loop in time: plant, controller and reference to a table of signals."""
 
 import math
-from array import array
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -98,7 +98,7 @@ def simulate(
     count = round(duration / dt)
     t = np.arange(count + 1, dtype=np.float64) * dt
     chi_ref, gamma_ref = reference.sampled(t)
-    rows = array("d")
+    rows, row = bytearray(), struct.Struct(f"{len(plant.signals) + len(LOOP_SIGNALS)}d")
     plant.start(condition)
     controller.start((condition.phi, condition.n_z_start))
     samples = zip(chi_ref.tolist(), gamma_ref.tolist(), np.cos(gamma_ref).tolist(), strict=True)
@@ -109,16 +109,15 @@ def simulate(
         u_ff = (0.0, steady / math.cos(seen[2])) if feed_forward else level
         ref = (chi_wanted, gamma_wanted)
         u = controller.step(ref, seen[:2], u_ff, seen[4])
-        for part in (
-            seen,
-            ref,
-            controller.error,
-            u,
-            controller.unlimited,
-            controller.integral,
-            controller.limited,
-        ):
-            rows.extend(part)
+        rows += row.pack(
+            *seen,
+            *ref,
+            *controller.error,
+            *u,
+            *controller.unlimited,
+            *controller.integral,
+            *controller.limited,
+        )
         if k == count:
             break
         stop = plant.advance(u[0], u[1], dt)
@@ -129,11 +128,11 @@ def simulate(
     return TimeHistory(signals=_table(rows, plant.signals, t), stop=stop)
 
 
-def _table(rows: "array[float]", plant_signals: tuple[str, ...], t: np.ndarray) -> pd.DataFrame:
+def _table(rows: bytearray, plant_signals: tuple[str, ...], t: np.ndarray) -> pd.DataFrame:
     if plant_signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
         raise InputError(f"`plant.signals` must begin with {COMMON_SIGNALS}, got {plant_signals}.")
     columns = (*plant_signals, *LOOP_SIGNALS)
-    values = np.frombuffer(rows, dtype=float).reshape(-1, len(columns))
+    values = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(columns))
     index = pd.Index(t[: len(values)], name="t")
     values.flags.writeable = False
     return pd.DataFrame(values, columns=pd.Index(columns), index=index, copy=False)

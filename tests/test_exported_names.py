@@ -1,0 +1,46 @@
+"""The public names: each one is there, documented, and not hidden by a module of the same name."""
+
+import ast
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import flighttune
+
+PACKAGE = Path(flighttune.__file__).parent
+
+
+@pytest.mark.parametrize("name", flighttune.__all__)
+def test_every_public_name_is_there(name):
+    assert getattr(flighttune, name) is not None
+    assert not (PACKAGE / name).exists()
+    assert not (PACKAGE / f"{name}.py").exists()
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in flighttune.__all__ if callable(getattr(flighttune, n))]
+)
+def test_every_public_name_is_documented(name):
+    assert inspect.getdoc(getattr(flighttune, name))
+
+
+def test_type_checkers_see_the_names_that_python_sees():
+    tree = ast.parse((PACKAGE / "__init__.py").read_text())
+    guarded = next(node for node in tree.body if isinstance(node, ast.If))
+    seen = {alias.name for node in guarded.body for alias in node.names}
+    assert seen == set(flighttune.__all__)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'simulator'"):
+        flighttune.simulator  # noqa: B018
+
+
+def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
+    heavy = ["numpy", "pandas", "scipy", "jsbsim", "cvxpy", "rerun", "matplotlib", "pydantic"]
+    code = f"import sys, flighttune.cli; print([m for m in {heavy} if m in sys.modules])"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "[]"
