@@ -162,6 +162,7 @@ class JSBSimPlant:
         self._write_n_z_cmd = fdm.writer(channels.n_z_cmd)
         fdm.writer(channels.V_a_cmd_mps)(condition.V_a)
         self._write_phi_cmd(condition.phi)
+        fdm.evaluate()  # the inner loop sees the load factor of the evaluation before
         self._write_n_z_cmd(fdm.reader(channels.n_z)())
         fdm.evaluate()
         for trim_name, law_name in channels.trimmed:
