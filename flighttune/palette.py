@@ -71,7 +71,7 @@ def looks(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Look]:
     pairs = list(dict.fromkeys(pairs))
     plants = list(dict.fromkeys(plant for plant, _ in pairs))
     gains = list(dict.fromkeys(name for _, name in pairs))
-    by_hue = len(plants) <= 2 and len(gains) <= len(HUES)
+    by_hue = hue_tells_gains(pairs)
     found = {}
     for order, (plant, name) in enumerate(pairs):
         if by_hue:
@@ -81,3 +81,10 @@ def looks(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Look]:
         colour, word = HUES[hue][shade]
         found[plant, name] = Look(colour, word, 1.5 if shade else 2.2, bool(shade))
     return found
+
+
+def hue_tells_gains(pairs: Iterable[tuple[str, str]]) -> bool:
+    """Whether `looks` gives every gain set of `pairs` (plant, gain set) a hue of its own."""
+    pairs = set(pairs)
+    plants, gains = {plant for plant, _ in pairs}, {name for _, name in pairs}
+    return len(plants) <= 2 and len(gains) <= len(HUES)

@@ -7,22 +7,18 @@ from rerun.blueprint.components import LinkAxis
 
 from flighttune.recording.cast import Member
 from flighttune.recording.geometry import Eye, chase_eye, enlargement, flown, overview_eye
+from flighttune.recording.lanes import CHANNELS
 from flighttune.recording.mesh import SPAN
-from flighttune.recording.names import (
-    AIRCRAFT,
-    PAGE,
-    PHASES,
-    PLOTS,
-    TIMELINE,
-    WORLD,
-)
-from flighttune.recording.plots import Plot
+from flighttune.recording.names import AIRCRAFT, GROUND, PAGE, PHASES, PLOTS, RUNS, TIMELINE, WORLD
+from flighttune.recording.plots import COMMANDS_TAB, Plot
 
-GRID_SPACING = 10.0
-"""Smallest mesh of the ground grid, m."""
+PAGE_TAB = "Scenario and metrics"
 
-PLOTS_BESIDE = ("chi_err", "gamma_err")
-"""Plots of the first tab."""
+FIRST_TAB_PLOTS = ("chi_err", "gamma_err")
+"""Plots beside the scene."""
+
+HEIGHT, HEADER, LANE = 900.0, 62.0, 24.0
+"""Height of a tab, of a title with time axis and of one lane, in points, for sharing out."""
 
 
 def blueprint(
@@ -39,12 +35,12 @@ def blueprint(
     tab : str, optional
         Tab to open with; the first one if not given.
     """
-    page = rrb.TextDocumentView(origin=PAGE, name="Scenario and metrics")
+    page: rrb.Container | rrb.View = rrb.TextDocumentView(origin=PAGE, name=PAGE_TAB)
     tabs: list[rrb.Container | rrb.View] = []
     if members:
         tabs.append(_overview(members, plots))
-    for name, shown in plots.items():
-        tabs.append(_tab(name, shown))
+        tabs += [_tab(name, shown, len(members)) for name, shown in plots.items()]
+        page = _with_runs(page, len(members), name=PAGE_TAB)
     tabs.append(page)
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=tab or 0),
@@ -59,28 +55,31 @@ def blueprint(
 def _overview(members: Sequence[Member], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
     points = flown(members)
     width = SPAN * enlargement(points)
-    leader = max(members, key=lambda member: (member.run.duration, len(member.run.signals.columns)))
-    whole = _scene("Paths and aircraft", overview_eye(points, margin=width / 2.0))
+    longest = max(member.run.duration for member in members)
+    leader = [member for member in members if member.run.duration == longest][-1]
+    whole = _scene("Paths and aircraft", overview_eye(points, margin=width / 2.0), f"/{WORLD}/**")
     chase = _scene(
         f"Behind {leader.run.label}",
         chase_eye(width),
+        f"/{AIRCRAFT}/**",
+        f"/{GROUND}/**",
         origin=f"{AIRCRAFT}/{leader.key}",
     )
-    beside = [plot for tab in plots.values() for plot in tab if plot.signal in PLOTS_BESIDE]
+    beside = [plot for tab in plots.values() for plot in tab if plot.signal in FIRST_TAB_PLOTS]
     return rrb.Horizontal(
-        whole,
-        rrb.Vertical(chase, *(_plot(plot, legend=k == 0) for k, plot in enumerate(beside))),
+        _with_runs(whole, len(members)),
+        rrb.Vertical(chase, *map(_plot, beside)),
         column_shares=[3, 2],
         name="Overview",
     )
 
 
-def _scene(name: str, eye: Eye, *, origin: str = WORLD) -> rrb.Spatial3DView:
+def _scene(name: str, eye: Eye, *contents: str, origin: str = WORLD) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin=origin,
-        contents=[f"/{WORLD}/**"],
+        contents=contents,
         name=name,
-        line_grid=rrb.LineGrid3D(spacing=GRID_SPACING),
+        line_grid=False,
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
             position=eye.position,
@@ -90,26 +89,46 @@ def _scene(name: str, eye: Eye, *, origin: str = WORLD) -> rrb.Spatial3DView:
     )
 
 
-def _tab(name: str, plots: Sequence[Plot]) -> rrb.Container:
-    views: list[rrb.View] = [_plot(plot, legend=k == 0) for k, plot in enumerate(plots)]
-    columns = 4 if len(views) > 6 else 2 if len(views) > 2 else 1
-    if name == "Commands and limits":
-        views.append(_phases())
-    return rrb.Grid(*views, grid_columns=columns, name=name)
+def _tab(name: str, plots: Sequence[Plot], lanes: int) -> rrb.Container:
+    if name == COMMANDS_TAB:
+        inner = _shares(lanes)[0]
+        columns = [
+            rrb.Vertical(_plot(plot), _phases(plot.signal), row_shares=_shares(lanes, inner))
+            for plot in plots
+        ]
+        return _with_runs(rrb.Horizontal(*columns), lanes, name=name)
+    count = 4 if len(plots) > 6 else 2
+    return _with_runs(rrb.Grid(*map(_plot, plots), grid_columns=count), lanes, name=name)
 
 
-def _plot(plot: Plot, *, legend: bool) -> rrb.TimeSeriesView:
+def _with_runs(
+    above: rrb.Container | rrb.View, lanes: int, *, name: str | None = None
+) -> rrb.Container:
+    """`above`, and below it the lanes that name the runs in their colours."""
+    runs = _lanes(RUNS, "Runs: name and colour")
+    return rrb.Vertical(above, runs, row_shares=_shares(lanes), name=name)
+
+
+def _shares(lanes: int, height: float = HEIGHT) -> tuple[float, float]:
+    """Shares of `height` for what is above the lanes and for the lanes."""
+    below = min(max(HEADER + LANE * lanes, height / 6.0), 0.45 * height)
+    return height - below, below
+
+
+def _plot(plot: Plot) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=f"{PLOTS}/{plot.signal}",
         name=plot.heading,
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
-        plot_legend=rrb.PlotLegend(visible=legend),
+        plot_legend=rrb.PlotLegend(visible=False),
     )
 
 
-def _phases() -> rrb.StateTimelineView:
+def _phases(command: str) -> rrb.StateTimelineView:
+    return _lanes(f"{PHASES}/{command}", CHANNELS[command])
+
+
+def _lanes(origin: str, name: str) -> rrb.StateTimelineView:
     return rrb.StateTimelineView(
-        origin=PHASES,
-        name="Commands held by a limit",
-        time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        origin=origin, name=name, time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
     )

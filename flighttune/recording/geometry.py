@@ -11,13 +11,20 @@ from flighttune.arrays import FloatArray
 from flighttune.recording.cast import Member
 from flighttune.recording.mesh import SPAN
 
-FIELD_OF_VIEW = math.radians(50.0)
-"""Opening of the viewer's camera assumed for framing, less than it has."""
+FIELD_OF_VIEW = math.radians(52.0)
+"""Opening of the camera that the flight shall fill; the viewer's own is 55 deg in height."""
 
-SHARE_OF_FLIGHT = 1.0 / 13.0
+VIEWED_FROM = math.radians(-120.0)
+ELEVATION = math.radians(22.0)
+"""Side (clockwise from the way flown) and height from which the flight is seen."""
+
+SHARE_OF_FLIGHT = 1.0 / 10.0
 """Width of an aircraft as drawn, over the size of the flight."""
 
-ROUND_FACTORS = (1.0, 2.0, 5.0)
+ROUND = (1.0, 2.0, 5.0)
+FINELY_ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+GROUND_LINES = 12
+"""About as many lines the ground grid has along its longer side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +87,7 @@ def quaternions(roll: FloatArray, pitch: FloatArray, heading: FloatArray) -> Flo
 
 
 def enlargement(points: FloatArray) -> float:
-    """Factor by which aircraft are drawn larger than they are, one of 1, 2, 5, 10, 20, ...
+    """Factor by which aircraft are drawn larger than they are, a round number, at least 1
 
     Parameters
     ----------
@@ -88,43 +95,87 @@ def enlargement(points: FloatArray) -> float:
         All positions flown.
     """
     wanted = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / SPAN
-    if wanted <= 1.0:
-        return 1.0
-    decade = 10.0 ** math.floor(math.log10(wanted))
-    return decade * max(factor for factor in ROUND_FACTORS if factor * decade <= wanted)
+    return max(1.0, _round_below(wanted, FINELY_ROUND))
 
 
-def overview_eye(points: FloatArray, *, margin: float) -> Eye:
-    """Camera that sees the whole flight from the side, a little from behind and above.
+def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
+    """Lines of a grid on the lowest level flown, a little wider than the flight.
 
     Parameters
     ----------
     points : ndarray, shape (n, 3), m
         All positions flown.
+
+    Returns
+    -------
+    lines : list of ndarray, shape (2, 3), m
+        Ends of each line.
+    spacing : float, m
+        Distance of neighbours: 1, 2 or 5 times a power of ten.
+    """
+    longest = float(np.ptp(points[:, :2], axis=0).max())
+    spacing = _round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
+    low = (np.floor(points[:, :2].min(axis=0) / spacing) - 1.0) * spacing
+    high = (np.ceil(points[:, :2].max(axis=0) / spacing) + 1.0) * spacing
+    down = float(points[:, 2].max())
+    lines = [
+        np.array([[north, low[1], down], [north, high[1], down]])
+        for north in np.arange(low[0], high[0] + spacing / 2.0, spacing)
+    ]
+    lines += [
+        np.array([[low[0], east, down], [high[0], east, down]])
+        for east in np.arange(low[1], high[1] + spacing / 2.0, spacing)
+    ]
+    return lines, spacing
+
+
+def _round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
+    """Largest of `steps` times a power of ten that is not above `value`."""
+    decade = 10.0 ** math.floor(math.log10(value)) if value > 0.0 else 1.0
+    return decade * max(factor for factor in steps if factor * decade <= value or factor == 1.0)
+
+
+def overview_eye(points: FloatArray, *, margin: float) -> Eye:
+    """Camera that sees the whole flight from the left, a little from behind and above.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3), m
+        All positions to see.
     margin : float, m
         Room to leave around them: half the width of an aircraft as drawn.
     """
-    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-    along = math.atan2(*(points[-1] - points[0])[1::-1])
-    azimuth, elevation = along + math.radians(-125.0), math.radians(24.0)
+    along = math.atan2(*np.ptp(points[:, :2], axis=0)[::-1] * _signs(points))
+    azimuth = along + VIEWED_FROM
     back = np.array(
         [
-            math.cos(azimuth) * math.cos(elevation),
-            math.sin(azimuth) * math.cos(elevation),
-            -math.sin(elevation),
+            math.cos(azimuth) * math.cos(ELEVATION),
+            math.sin(azimuth) * math.cos(ELEVATION),
+            -math.sin(ELEVATION),
         ]
     )
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     up = np.cross(right, back)
-    target = (low + high) / 2.0
-    around = corners - target
+    target = points.mean(axis=0)
     slope = math.tan(FIELD_OF_VIEW / 2.0)
-    sideways = np.maximum(np.abs(around @ right), np.abs(around @ up))
-    distance = float(np.max(around @ back + sideways / slope))
+    distance = 0.0
+    for _ in range(4):
+        depth = distance - (points - target) @ back if distance else np.ones(len(points))
+        seen = np.column_stack([(points - target) @ right, (points - target) @ up]) / depth[:, None]
+        centre = (seen.min(axis=0) + seen.max(axis=0)) / 2.0 * (distance or 1.0)
+        target = target + centre[0] * right + centre[1] * up
+        around = points - target
+        aside = np.maximum(np.abs(around @ right), np.abs(around @ up)) + margin
+        distance = float(np.max(around @ back + aside / slope))
     return Eye(tuple(target + distance * back), tuple(target))
+
+
+def _signs(points: FloatArray) -> FloatArray:
+    """Senses, 1 or -1, in which the flight goes east and north over all."""
+    gone = points[:, :2].mean(axis=0) - points[0, :2]
+    return np.where(gone[::-1] < 0.0, -1.0, 1.0)
 
 
 def chase_eye(width: float) -> Eye:
     """Camera behind and above an aircraft `width` m wide, in axes that turn with its course."""
-    return Eye((-2.6 * width, -0.9 * width, -1.1 * width), (0.9 * width, 0.0, 0.0))
+    return Eye((-1.7 * width, -0.7 * width, -0.8 * width), (0.4 * width, 0.0, 0.0))

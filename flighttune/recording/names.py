@@ -18,8 +18,11 @@ AIRCRAFT = f"{WORLD}/aircraft"
 BODY = "body"
 """Below such a frame: the aircraft with its attitude."""
 
+GROUND = f"{WORLD}/ground"
 PLOTS = "plots"
 PHASES = "phases"
+RUNS = "runs"
+"""Lanes that name the runs in their colours."""
 
 NANOSECONDS = 1e9
 

@@ -7,25 +7,33 @@ from typing import Any
 import pandas as pd
 
 from flighttune.control.gains import PIGains
+from flighttune.palette import hue_tells_gains
 from flighttune.recording.cast import cast, look_of
-from flighttune.recording.geometry import enlargement, flown
+from flighttune.recording.geometry import enlargement, flown, ground_grid
 from flighttune.recording.mesh import SPAN
 from flighttune.simulate.run import Run
 
 SYMBOLS = {"phi": "φ", "n_z": "n_z", "chi": "χ", "gamma": "γ"}
 
+ABOUT = {"verifies": "Verifies", "source": "Source"}
+
+DEGREES = 180.0 / math.pi
+
 TRACKING = {
-    "ITAE": ("ITAE [rad s²]", 1.0),
-    "PT_s": ("PT [s]", 1.0),
-    "MO_rad": ("MO [deg]", 180.0 / math.pi),
-    "MS_rad": ("MS [deg]", 180.0 / math.pi),
-    "ST_rad": ("ST [deg]", 180.0 / math.pi),
-    "rise_s": ("rise [s]", 1.0),
-    "settling_s": ("settling [s]", 1.0),
-    "effort_rms": ("effort rms", 1.0),
-    "saturation_s": ("at limits [s]", 1.0),
+    "ITAE": ("ITAE [rad s²]", 1.0, 3),
+    "PT_s": ("PT [s]", 1.0, 2),
+    "MO_rad": ("MO [deg]", DEGREES, 2),
+    "MS_rad": ("MS [deg]", DEGREES, 3),
+    "ST_rad": ("ST [deg]", DEGREES, 3),
+    "rise_s": ("rise [s]", 1.0, 2),
+    "settling_s": ("settling [s]", 1.0, 2),
+    "effort_rms": ("effort rms", 1.0, 3),
+    "saturation_s": ("at limits [s]", 1.0, 2),
 }
-"""Columns of the metrics shown first, their headings and the factor to the unit in it."""
+"""Columns of the metrics shown, their headings, factor to the unit in it, and decimals."""
+
+UNITS = {"rad": ("deg", DEGREES), "mps": ("m/s", 1.0), "s": ("s", 1.0), "m": ("m", 1.0)}
+"""Suffix of a column to the unit shown and the factor to it."""
 
 
 def scenario_page(
@@ -63,29 +71,29 @@ def scenario_page(
         parts += ["## Tracking", _tracking(metrics)]
     if flight is not None and len(flight):
         parts += ["## Aircraft", _flight(flight)]
-    parts += ["## Scenario", _scenario(scenario), "## How to read it", *_reading(runs)]
+    parts += ["## Scenario", _scenario(scenario), *_made_with(runs)]
+    parts += ["## How to read it", *_reading(runs)]
     return "\n\n".join(parts) + "\n"
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Markdown table; text in the first column, numbers to the right in the others."""
-    lines = [headings, ["---", *["---:"] * (len(headings) - 1)], *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    rule = ["---", *["---:"] * (len(headings) - 1)]
+    cells = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [headings, rule, *cells])
 
 
-def number(value: float, *, digits: int = 4) -> str:
-    """Significant digits of `value`, without exponent where it can be read without."""
-    if math.isnan(value):
-        return "–"
-    if value != 0.0 and not 1e-3 <= abs(value) < 1e5:
-        return f"{value:.{digits - 1}g}"
-    before = math.floor(math.log10(abs(value))) + 1 if value else 1
-    return f"{value:.{min(digits, max(0, digits - before))}f}"
+def number(value: float, decimals: int = 3) -> str:
+    """Decimal number, or a dash where there is no value."""
+    return f"{value:z.{decimals}f}" if math.isfinite(value) else "–" if math.isnan(value) else "∞"
 
 
 def _about(scenario: Mapping[str, Any]) -> list[str]:
-    shown = {"verifies": "Verifies", "source": "Source"}
-    return [f"**{word}:** {scenario[key]}" for key, word in shown.items() if scenario.get(key)]
+    return [f"**{word}:** {scenario[key]}" for key, word in ABOUT.items() if scenario.get(key)]
+
+
+def _pairs(runs: Sequence[Run]) -> list[tuple[str, str]]:
+    return [(run.provenance.plant, run.provenance.gains_name) for run in runs]
 
 
 def _runs(runs: Sequence[Run]) -> str:
@@ -102,7 +110,7 @@ def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float] | N
     rows = []
     for name, gains in sets.items():
         pair = indicators.get(name)
-        shown = [number(value, digits=5) for value in pair] if pair else ["–", "–"]
+        shown = [number(value, 5) for value in pair] if pair else ["–", "–"]
         rows.append([name, *shown, *_matrices(gains)])
     return table(["gains", "R_K [1/s]", "I_K [s²]", "K_P", "K_I"], rows)
 
@@ -111,34 +119,32 @@ def _matrices(gains: PIGains | None) -> list[str]:
     if gains is None:
         return ["none found", "none found"]
     return [
-        "; ".join("  ".join(f"{value:.4f}" for value in row) for row in matrix)
+        "[" + "; ".join(", ".join(f"{value:.4f}" for value in row) for row in matrix) + "]"
         for matrix in (gains.K_P, gains.K_I)
     ]
 
 
 def _tracking(metrics: pd.DataFrame) -> str:
     shown = {key: how for key, how in TRACKING.items() if key in metrics}
-    factors = [factor for _, factor in shown.values()]
     rows = [
         [
             f"{label}, {SYMBOLS.get(channel, channel)}",
-            *(number(value * factor) for value, factor in zip(values, factors, strict=True)),
+            *(number(v * how[1], how[2]) for v, how in zip(values, shown.values(), strict=True)),
         ]
         for (label, channel), values in zip(
             metrics.index, metrics[list(shown)].to_numpy(dtype=float).tolist(), strict=True
         )
     ]
-    return table(["run, channel", *(heading for heading, _ in shown.values())], rows)
+    return table(["run, channel", *(how[0] for how in shown.values())], rows)
 
 
 def _flight(flight: pd.DataFrame) -> str:
     headings, factors = [], []
     for name in map(str, flight.columns):
-        symbol, _, unit = name.rpartition("_")
-        angle = unit == "rad"
-        factors.append(180.0 / math.pi if angle else 1.0)
-        units = {"rad": "deg", "mps": "m/s", "s": "s", "m": "m"}
-        headings.append(f"{symbol} [{units[unit]}]" if unit in units else name)
+        symbol, _, suffix = name.rpartition("_")
+        unit, factor = UNITS.get(suffix, ("", 1.0))
+        headings.append(f"{symbol} [{unit}]" if unit else name)
+        factors.append(factor)
     rows = [
         [str(label), *(number(v * f) for v, f in zip(row, factors, strict=True))]
         for label, row in zip(flight.index, flight.to_numpy(dtype=float).tolist(), strict=True)
@@ -147,17 +153,28 @@ def _flight(flight: pd.DataFrame) -> str:
 
 
 def _scenario(scenario: Mapping[str, Any]) -> str:
-    about = {"title", "verifies", "source"}
-    rows = [
-        [name, str(value) if not isinstance(value, Mapping) else _keys(value)]
-        for name, value in scenario.items()
-        if name not in about and value not in (None, {}, [])
-    ]
-    return "\n".join(f"- **{name}**: {value}" for name, value in rows)
+    rest = {key: value for key, value in scenario.items() if key not in ABOUT and key != "title"}
+    return "\n".join(f"- **{key}**: {_plain(value)}" for key, value in rest.items() if value)
 
 
-def _keys(values: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} = {value}" for key, value in values.items() if value is not None)
+def _plain(value: Any) -> str:
+    """A value of a scenario in one line, without quotes."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_plain(v)}" for key, v in value.items() if v is not None)
+    if isinstance(value, (list, tuple)):
+        if any(isinstance(item, Mapping) for item in value):
+            return "; ".join(map(_plain, value))
+        return f"[{', '.join(map(_plain, value))}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _made_with(runs: Sequence[Run]) -> list[str]:
+    if not runs:
+        return []
+    first = runs[0].provenance
+    versions = ", ".join(f"{name} {number}" for name, number in first.versions.items())
+    seconds = sum(run.provenance.wall_s for run in runs)
+    return [f"Seed {first.seed}; {versions}; flown in {seconds:.2f} s."]
 
 
 def _reading(runs: Sequence[Run]) -> list[str]:
@@ -165,13 +182,20 @@ def _reading(runs: Sequence[Run]) -> list[str]:
     notes = [
         "Plots show angles in degrees; files keep radians. Positions are local north, east and "
         "down from the start, in m. Errors are reference minus actual.",
-        "A colour belongs to one pair of plant and gains, in 3D and in every plot: the hue tells "
-        "the gains, the strong shade the last plant, the light shade the one before.",
+        "Every run has a colour of its own, the same in 3D and in every plot; the lanes below "
+        "name them.",
     ]
+    if hue_tells_gains(_pairs(runs)):
+        notes[-1] += (
+            " The hue tells the gains; of two plants the first has the light shade, the last the "
+            "strong one."
+        )
     if members:
-        factor = enlargement(flown(members))
+        points = flown(members)
+        factor, spacing = enlargement(points), ground_grid(points)[1]
         notes.append(
-            f"Aircraft are drawn {factor:g} times their size: the span of {SPAN} m is shown as "
-            f"{factor * SPAN:g} m."
+            f"Aircraft are drawn {factor:g} times their size: a span of {SPAN} m is shown as "
+            f"{factor * SPAN:g} m. Lines on the ground are {spacing:g} m apart, at the lowest "
+            "level flown; the paths have their shadows on it."
         )
     return notes

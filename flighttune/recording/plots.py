@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from flighttune.arrays import FloatArray
@@ -56,6 +55,11 @@ class Plot:
         return (self.signal,) if self.thin is None else (self.signal, self.thin)
 
 
+CALM = "Disturbance"
+"""Tab that is left out in calm air."""
+
+COMMANDS_TAB = "Commands and limits"
+
 TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
         Plot("chi", "Course chi, reference grey", common="chi_ref"),
@@ -63,7 +67,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("chi_err", "Course error"),
         Plot("gamma_err", "Path angle error"),
     ),
-    "Commands and limits": (
+    COMMANDS_TAB: (
         Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
         Plot("n_z", "Load factor n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z"),
     ),
@@ -87,21 +91,12 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("r", "Yaw rate r"),
         Plot("n_y", "Side load factor n_y"),
     ),
-    "Disturbance": (
+    CALM: (
         Plot("d_chi", "Disturbance of the course rate"),
         Plot("d_gamma", "Disturbance of the path-angle rate"),
     ),
 }
 """Tabs of plots, in order. A plot none of whose signals a run has is left out."""
-
-CALM = "Disturbance"
-"""Tab that is left out in calm air."""
-
-STATES = {0: "", 1: "at limit", 2: "at rate limit"}
-"""Value of a ``*_limited`` signal to what the state timeline says; empty is a gap."""
-
-LANES = {"phi_limited": "roll", "n_z_limited": "load factor"}
-"""Signals of the state timeline, and what their lanes are called."""
 
 
 def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
@@ -147,8 +142,3 @@ def limits_of(scenario: Mapping[str, Any], name: str) -> tuple[float, float] | N
     if bounds is None or len(bounds) != 2:
         return None
     return float(bounds[0]), float(bounds[1])
-
-
-def changes(values: FloatArray) -> npt.NDArray[np.intp]:
-    """Indices at which a piecewise constant signal begins or changes, shape (k,), k >= 1."""
-    return np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])

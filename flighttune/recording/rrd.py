@@ -9,20 +9,13 @@ import numpy as np
 import rerun as rr
 from rerun.error_utils import strict_mode
 
-from flighttune.errors import RecordingError
 from flighttune.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording.blueprint import blueprint
 from flighttune.recording.cast import Member, cast
-from flighttune.recording.names import APPLICATION, PAGE, PHASES, PLOTS, times
-from flighttune.recording.plots import (
-    LANES,
-    STATES,
-    Plot,
-    changes,
-    displayed,
-    limits_of,
-    shown_plots,
-)
+from flighttune.recording.check import check_recording
+from flighttune.recording.lanes import log_lanes
+from flighttune.recording.names import APPLICATION, PAGE, PLOTS, times
+from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
 from flighttune.recording.scene import log_scene
 from flighttune.recording.whole_file import whole_file
 from flighttune.simulate.run import Run
@@ -64,14 +57,12 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
         stream.log(PAGE, markdown, static=True)
         if members:
             log_scene(stream, members)
+            log_lanes(stream, members)
         for plot in (plot for tab in plots.values() for plot in tab):
             _log_plot(stream, plot, members)
-        for member in members:
-            _log_phases(stream, member)
         stream.flush()
         stream.disconnect()
-        if not part.is_file() or part.stat().st_size == 0:
-            raise RecordingError(f"{path}: must be writable, got an empty recording.")
+        check_recording(part, whole=True)
 
 
 @contextmanager
@@ -119,19 +110,3 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member])
         stream.send_columns(
             f"{PLOTS}/{plot.signal}/limits", [times(signals.index[[0, -1]])], columns
         )
-
-
-def _log_phases(stream: rr.RecordingStream, member: Member) -> None:
-    signals = member.run.signals
-    for name, lane in LANES.items():
-        if name not in signals:
-            continue
-        values = signals[name].to_numpy(dtype=float)
-        at = changes(values)
-        path = f"{PHASES}/{lane.replace(' ', '_')}/{member.key}"
-        words = [word for word in STATES.values() if word]
-        faint = tuple(round(0.55 * part) for part in member.look.rgb)
-        style = rr.StateConfiguration(values=words, labels=words, colors=[member.look.rgb, faint])
-        stream.log(path, style, static=True)
-        columns = rr.StateChange.columns(state=[STATES[int(value)] for value in values[at]])
-        stream.send_columns(path, [times(signals.index[at])], columns)

@@ -6,16 +6,26 @@ import numpy as np
 import rerun as rr
 
 from flighttune.arrays import FloatArray
+from flighttune.palette import NEUTRAL, rgb
 from flighttune.recording.cast import Member
-from flighttune.recording.geometry import attitudes, enlargement, flown, headings, positions
+from flighttune.recording.geometry import (
+    attitudes,
+    enlargement,
+    flown,
+    ground_grid,
+    headings,
+    positions,
+)
 from flighttune.recording.mesh import Mesh, aircraft_mesh
-from flighttune.recording.names import AIRCRAFT, BODY, PATHS, SHADOWS, WORLD, times
+from flighttune.recording.names import AIRCRAFT, BODY, GROUND, PATHS, SHADOWS, WORLD, times
 
 MOST_POINTS = 4000
 """Points of a path as drawn; longer flights are thinned."""
 
 SHADOW = 90
 """Opacity of a shadow, of 255."""
+
+GROUND_COLOUR = (88, 88, 88)
 
 PALE = 0.55
 """How far the fuselage is mixed with white."""
@@ -28,9 +38,25 @@ def log_scene(stream: rr.RecordingStream, members: Sequence[Member]) -> None:
     floor = float(points[:, 2].max())
     mesh = aircraft_mesh()
     stream.log(WORLD, rr.ViewCoordinates.FRD, static=True)
+    _log_ground(stream, points)
     for member in members:
         _log_path(stream, member, floor)
         _log_aircraft(stream, member, mesh, factor)
+
+
+def _log_ground(stream: rr.RecordingStream, points: FloatArray) -> None:
+    lines, spacing = ground_grid(points)
+    thin = rr.components.Radius.ui_points(0.5)
+    stream.log(GROUND, rr.LineStrips3D(lines, radii=thin, colors=[GROUND_COLOUR]), static=True)
+    corner = np.array([lines[0][0, 0], lines[0][0, 1], lines[0][0, 2]])
+    arrows = rr.Arrows3D(
+        origins=[corner, corner],
+        vectors=np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]) * spacing,
+        labels=["north", "east"],
+        colors=[rgb(NEUTRAL)],
+        radii=rr.components.Radius.ui_points(1.5),
+    )
+    stream.log(f"{GROUND}/axes", arrows, static=True)
 
 
 def _log_path(stream: rr.RecordingStream, member: Member, floor: float) -> None:

@@ -1,0 +1,45 @@
+"""Whether a file is a recording of ours, before anything is done with it."""
+
+import warnings
+from pathlib import Path
+
+from flighttune.errors import RecordingError
+from flighttune.recording.names import APPLICATION
+
+
+def check_recording(path: str | Path, *, whole: bool = False) -> None:
+    """Make sure that `path` is a recording written by flighttune.
+
+    Parameters
+    ----------
+    path : path-like
+        A ``.rrd`` file.
+    whole : bool
+        Refuse also a file whose writer was ended before it could write the index at the end.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, it is empty, cut off in the middle, not from Rerun, or written by
+        another program.
+    """
+    from rerun.chunk import RrdReader
+    from rerun.error_utils import RerunWarning
+
+    path = Path(path)
+    if not path.is_file():
+        what = "a folder" if path.is_dir() else "no such file"
+        raise RecordingError(f"{path}: must be a recording (.rrd), got {what}.")
+    if path.stat().st_size == 0:
+        raise RecordingError(f"{path}: must be a recording (.rrd), got an empty file.")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error" if whole else "ignore", RerunWarning)
+            recordings = RrdReader(path).recordings()
+    except (RuntimeError, ValueError, RerunWarning) as error:
+        line = str(error).splitlines()[0].split(f"{path}: ")[-1].rstrip(".")
+        raise RecordingError(f"{path}: must be a sound recording (.rrd), got: {line}.") from error
+    programs = {entry.application_id for entry in recordings}
+    if not any(name == APPLICATION or name.startswith(f"{APPLICATION}: ") for name in programs):
+        got = ", ".join(sorted(programs)) or "nothing"
+        raise RecordingError(f"{path}: must be a recording of flighttune, got one of {got}.")

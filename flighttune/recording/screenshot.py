@@ -1,0 +1,195 @@
+"""Pictures of a recording without a screen, as the viewer draws it."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flighttune.errors import RecordingError
+from flighttune.recording.check import check_recording
+from flighttune.recording.names import TIMELINE
+from flighttune.recording.viewer import LOCAL, ViewerProcess, free_port
+from flighttune.recording.whole_file import whole_file
+
+SIZE = (1600, 1000)
+SETTLE_TIMEOUT = 20.0
+POLL = 0.1
+LOADING_GRACE = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """What the viewer found wrong: the view (or the log) and its words."""
+
+    where: str
+    words: str
+
+
+class HeadlessViewer:
+    """A viewer without window that has one recording open.
+
+    Parameters
+    ----------
+    recording : path-like
+        A ``.rrd`` file.
+    size : (int, int), pixels
+        Width and height of the pictures.
+
+    Raises
+    ------
+    RecordingError
+        If the viewer cannot start (without a graphics card it needs a software driver such as
+        Debian's ``mesa-vulkan-drivers``) or cannot open the file.
+    """
+
+    def __init__(self, recording: str | Path, *, size: tuple[int, int] = SIZE) -> None:
+        from rerun.experimental import ViewerClient
+
+        check_recording(recording)
+        path = Path(recording).resolve()
+        port = free_port()
+        window = f"{size[0]}x{size[1]}"
+        self._process = ViewerProcess(
+            ["--headless", "--hide-welcome-screen", "--window-size", window],
+            port=port,
+            environment={"CI": "true", "RUST_LOG": "error"},
+        )
+        try:
+            self._client = ViewerClient.connect(f"rerun+http://{LOCAL}:{port}/proxy")
+            self._open(path)
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, path: Path) -> None:
+        try:
+            self._client.open(str(path))
+        except RuntimeError as error:
+            line = str(error).splitlines()[0]
+            raise RecordingError(f"{path}: must open in the viewer, got: {line}.") from error
+        end = time.monotonic() + LOADING_GRACE
+        while self._client.get_state().loading and time.monotonic() < end:
+            time.sleep(POLL)
+        if not self._client.get_state().recordings:
+            raise RecordingError(f"{path}: must hold a recording, got none.")
+        self._layout = self._client.get_blueprint().blueprint
+        self._layout["/top_panel"] = {"PanelBlueprint": {"state": "Hidden"}}
+        self._apply()
+
+    def _apply(self) -> None:
+        self._client.set_blueprint(self._layout, of="recording")
+
+    @property
+    def tabs(self) -> dict[str, str]:
+        """Name of each tab and its place in the layout."""
+        return {self._name(place): place for place in self._tabs()["contents"]}
+
+    def _tabs(self) -> dict[str, Any]:
+        for parts in self._layout.values():
+            container = parts.get("ContainerBlueprint", {})
+            if container.get("container_kind") == "Tabs":
+                return container
+        raise RecordingError("the layout of a recording must have tabs, got none.")
+
+    def _name(self, place: str) -> str:
+        return next(iter(self._layout[_key(place)].values()))["display_name"]
+
+    def views(self, tab: str) -> dict[str, str]:
+        """Name and id of every view on `tab`."""
+        found: dict[str, str] = {}
+        pending = [self.tabs[tab]]
+        while pending:
+            place = pending.pop(0)
+            if _key(place).startswith("/view/"):
+                found[self._name(place)] = place.rpartition("/")[2]
+            else:
+                pending += self._layout[_key(place)]["ContainerBlueprint"]["contents"]
+        return found
+
+    def show(self, tab: str | None = None, *, at: float | None = None) -> None:
+        """Bring a tab to the front, and the time cursor to `at` (s of flight)."""
+        if tab is not None:
+            self._tabs()["active_tab"] = self.tabs[tab]
+            self._apply()
+        if at is not None:
+            self._client.set_time(TIMELINE, duration=float(at), play_state="paused")
+
+    def picture(self, view: str | None = None) -> bytes:
+        """PNG of the whole window, or of one view by its id, once it does not change any more."""
+        before, end = b"", time.monotonic() + SETTLE_TIMEOUT
+        while time.monotonic() < end:
+            now = self._client.take_screenshot(view)
+            if now == before and not self._client.get_state().loading:
+                return now
+            before = now
+        raise RecordingError(f"the viewer must come to rest within {SETTLE_TIMEOUT:g} s.")
+
+    @property
+    def cursor(self) -> float | None:
+        """Time of flight shown, s."""
+        now = self._client.get_state().recordings[0].current_time
+        return None if now is None else now / 1e9
+
+    def complaints(self) -> list[Complaint]:
+        """Reports of the views, and errors in the log of the viewer."""
+        found = [
+            Complaint(view.name, f"{report.summary} {report.details or ''}".strip())
+            for view in self._client.get_state().views
+            for report in view.reports
+        ]
+        logged = [entry for entry in self._client.get_logs() if entry.level == "ERROR"]
+        return found + [Complaint("log", entry.message) for entry in logged]
+
+    def close(self) -> None:
+        """End the viewer."""
+        self._process.close()
+
+    def __enter__(self) -> "HeadlessViewer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _key(place: str) -> str:
+    """Key of a part of the layout: the viewer refers to parts with and without a first slash."""
+    return f"/{place.lstrip('/')}"
+
+
+def screenshot(
+    recording: str | Path,
+    path: str | Path,
+    *,
+    tab: str | None = None,
+    at: float | None = None,
+    size: tuple[int, int] = SIZE,
+) -> None:
+    """Save a picture of a recording.
+
+    Parameters
+    ----------
+    recording : path-like
+        A ``.rrd`` file.
+    path : path-like
+        PNG file to write or replace.
+    tab : str, optional
+        Name of the tab to show; the first one if not given.
+    at : float, s, optional
+        Time of flight to show; the start if not given.
+    size : (int, int), pixels
+        Width and height.
+
+    Raises
+    ------
+    RecordingError
+        If the viewer cannot start, or the recording cannot be opened or has no such tab.
+    """
+    with HeadlessViewer(recording, size=size) as viewer:
+        if tab is not None and tab not in viewer.tabs:
+            raise RecordingError(
+                f"{recording}: the tab must be one of {', '.join(viewer.tabs)}, got {tab}."
+            )
+        viewer.show(tab, at=at)
+        picture = viewer.picture()
+    with whole_file(Path(path)) as part:
+        part.write_bytes(picture)
