@@ -55,6 +55,20 @@ def lyapunov_solution(A: npt.ArrayLike, S: npt.ArrayLike | None = None) -> Float
         A, S = np.broadcast_arrays(A, S)
     except ValueError as error:
         raise ShapeError(f"`S` must broadcast against {A.shape}, got {S.shape}.") from error
+    try:
+        return solution_of_checked(A, S)
+    except np.linalg.LinAlgError as error:
+        raise InputError("`A` must have no two eigenvalues that add up to zero.") from error
+
+
+def solution_of_checked(A: FloatArray, S: FloatArray) -> FloatArray:
+    """`lyapunov_solution` of finite arrays of one shape (..., n, n), S symmetric, not checked.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If there is no unique solution.
+    """
     n = A.shape[-1]
     solve = _kronecker if n <= KRONECKER_STATES else _bartels_stewart
     chunk = max(1, 4 * CHUNK_BYTES // (8 * n * n * (n + 1) ** 2))
@@ -62,10 +76,7 @@ def lyapunov_solution(A: npt.ArrayLike, S: npt.ArrayLike | None = None) -> Float
     Q = np.empty(flat_A.shape)
     for start in range(0, len(Q), chunk):
         part = slice(start, start + chunk)
-        try:
-            Q[part] = solve(flat_A[part], flat_S[part])
-        except np.linalg.LinAlgError as error:
-            raise InputError("`A` must have no two eigenvalues that add up to zero.") from error
+        Q[part] = solve(flat_A[part], flat_S[part])
     return Q.reshape(A.shape)
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray, square_matrices
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.indicators import scaled, state_scaling
-from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.lyapunov import solution_of_checked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,13 +66,15 @@ def spectra(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> Spec
         raise ShapeError(f"`A_K` must have 2 axes, got shape {A_K.shape}.")
     scale = state_scaling(scaling, len(A_K))
     A = scaled(A_K, scale)
-    if np.real(np.linalg.eigvals(A)).max() >= 0.0:
+    try:
+        Q = solution_of_checked(A, np.eye(len(A)))
+        eigenvalues, vectors = np.linalg.eigh(Q)
+        if not eigenvalues[0] > 0.0:  # Lyapunov's theorem: positive definite if and only if stable
+            return None
+        outer = vectors.T[:, :, None] * vectors.T[:, None, :]
+        X = solution_of_checked(np.broadcast_to(A.T, outer.shape), outer)
+    except np.linalg.LinAlgError:
         return None
-    Q = lyapunov_solution(A)
-    eigenvalues, vectors = np.linalg.eigh(Q)
-    if not eigenvalues[0] > 0.0:
-        return None
-    X = lyapunov_solution(A.T, vectors.T[:, :, None] * vectors.T[:, None, :])
     left, singular_values, right = np.linalg.svd(A)
     chain = scale / scale[:, None]
     return Spectra(

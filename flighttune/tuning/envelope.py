@@ -1,0 +1,278 @@
+"""Rates that hold over an envelope: of given gains, how far they reach, and the best gains for it.
+
+The rate over an envelope is that of the common Q at the vertices of `jacobian_hull`. It is convex
+to find for given gains; over the gains it is climbed by a sequence of semidefinite programs.
+"""
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.control.envelope import Envelope, Hull, jacobian_hull, vertex_loops
+from flighttune.control.gains import PIGains
+from flighttune.errors import InputError
+from flighttune.theory.common import CommonQ, common_Q
+from flighttune.tuning.climb import Point, climb, point
+from flighttune.tuning.gradient import tune_by_gradient
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.search_space import search_space
+from flighttune.tuning.starts import stabilising_starts
+
+FACTOR_TOLERANCE = 1e-3
+"""Relative accuracy of the largest factor."""
+
+LARGEST_FACTOR = 64.0
+"""An envelope is not grown beyond this."""
+
+GROWTHS = 12
+"""Times an envelope is grown towards the one asked for before giving up."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LargestEnvelope:
+    """How far an envelope can be scaled about the trim for gains to be certified.
+
+    Attributes
+    ----------
+    factor : float
+        Largest factor found; 0 if there is none, `LARGEST_FACTOR` if there is no end.
+    envelope : Envelope or None
+        The envelope at that factor.
+    R : float, 1/s
+        Rate over it.
+    """
+
+    factor: float
+    envelope: Envelope | None
+    R: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EnvelopeTuning:
+    """Gains tuned for their rate over an envelope, or why there are none.
+
+    Attributes
+    ----------
+    status : "found", "infeasible" or "failed"
+        Found: a local optimum, the best of the starts. Infeasible: no gains were found that meet
+        the constraints and have a common Q over the whole envelope.
+    reason : str
+        Empty if found.
+    gains : PIGains or None
+        If infeasible: those that reach farthest.
+    R : float, 1/s
+        Rate over the envelope; 0 if infeasible.
+    R_bound : float, 1/s
+        No common Q of these gains has a higher one.
+    R_K, I_K : float, 1/s and s^2
+        At the trim.
+    factor : float
+        Part of the envelope, scaled about the trim, that was reached; 1 if found.
+    wall_s : float
+        Time it took, s.
+    """
+
+    status: Literal["found", "infeasible", "failed"]
+    reason: str
+    gains: PIGains | None
+    R: float
+    R_bound: float
+    R_K: float
+    I_K: float
+    factor: float
+    wall_s: float
+
+
+def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float, hull: Hull = "speed") -> CommonQ:
+    """The rate of gains over an envelope of the chi/gamma law, and its common Q.
+
+    Parameters
+    ----------
+    gains : PIGains
+        From (chi, gamma) to (phi, n_z).
+    envelope : Envelope
+    g : float, m/s^2
+    hull : "entries" or "speed"
+        See `jacobian_hull`; with "speed" the rate is never lower.
+
+    Returns
+    -------
+    CommonQ
+
+    Raises
+    ------
+    InputError
+        If `g` is not positive or the channels do not fit.
+    """
+    return common_Q(vertex_loops(envelope, gains, g=g, hull=hull))
+
+
+def largest_envelope(
+    gains: PIGains,
+    envelope: Envelope,
+    trim: Envelope,
+    *,
+    g: float,
+    hull: Hull = "speed",
+) -> LargestEnvelope:
+    """The largest scaling of an envelope about the trim over which gains have a common Q.
+
+    Parameters
+    ----------
+    gains : PIGains
+    envelope : Envelope
+        Scaled by the factor; contains the trim.
+    trim : Envelope
+        A single condition, `Envelope.at`.
+    g : float, m/s^2
+    hull : "entries" or "speed"
+
+    Returns
+    -------
+    LargestEnvelope
+        By bisection, to `FACTOR_TOLERANCE`; the scaled envelopes are nested.
+
+    Raises
+    ------
+    InputError
+        If the trim is not inside the envelope.
+    """
+    if not envelope.contains(trim):
+        raise InputError(f"`envelope` must contain the trim {trim}, got {envelope}.")
+
+    def rate(factor: float) -> float:
+        try:
+            scaled = envelope.scaled(trim, factor)
+        except InputError:  # beyond +-pi/2 or standstill: not an envelope any more
+            return 0.0
+        return envelope_rate(gains, scaled, g=g, hull=hull).R
+
+    inside, outside = 0.0, 1.0
+    while rate(outside) > 0.0:
+        inside, outside = outside, 2.0 * outside
+        if outside > LARGEST_FACTOR:
+            break
+    if inside == 0.0 and rate(0.0) <= 0.0:
+        return LargestEnvelope(factor=0.0, envelope=None, R=0.0)
+    while outside <= LARGEST_FACTOR and outside - inside > FACTOR_TOLERANCE * outside:
+        middle = (inside + outside) / 2.0
+        inside, outside = (middle, outside) if rate(middle) > 0.0 else (inside, middle)
+    return LargestEnvelope(factor=inside, envelope=envelope.scaled(trim, inside), R=rate(inside))
+
+
+def tune_over_envelope(
+    problem: TuningProblem,
+    envelope: Envelope,
+    trim: Envelope,
+    *,
+    g: float,
+    hull: Hull = "speed",
+    starts: int = 2,
+) -> EnvelopeTuning:
+    """Gains with the largest rate over an envelope, under the constraints of a tuning problem.
+
+    Parameters
+    ----------
+    problem : TuningProblem
+        Its model is the chi/gamma law's at the trim; I_K (at the trim) and the input limits are
+        constraints as in `tune`. Without state scaling.
+    envelope : Envelope
+        Contains the trim.
+    trim : Envelope
+        A single condition, `Envelope.at`.
+    g : float, m/s^2
+    hull : "entries" or "speed"
+    starts : int
+        Searches from drawn gains, besides the one from the best gains for the trim.
+
+    Returns
+    -------
+    EnvelopeTuning
+
+    Raises
+    ------
+    InputError
+        If the trim is not inside the envelope, or the problem has a state scaling.
+
+    Notes
+    -----
+    Where the first gains have no common Q over the whole envelope, they are tuned for the part of
+    it (scaled about the trim) that they do reach, which grows with them.
+    """
+    began = time.perf_counter()
+    if not envelope.contains(trim):
+        raise InputError(f"`envelope` must contain the trim {trim}, got {envelope}.")
+    if problem.scaling is not None and not np.all(problem.scaling == 1.0):
+        raise InputError("`scaling` must be all ones for a rate over an envelope.")
+    space = search_space(problem)
+    nominal = tune_by_gradient(problem)
+    if nominal.status != "optimal" or nominal.gains is None:
+        return _none(nominal.status, nominal.reason, time.perf_counter() - began)
+    firsts = [nominal.gains.K[space.free], *stabilising_starts(problem, space, starts)]
+    searches = [_grow(problem, k, envelope, trim, g, hull) for k in firsts]
+    factor, best = max(
+        (found for found in searches if found is not None),
+        key=lambda found: (found[0], found[1].common.R),
+        default=(0.0, None),
+    )
+    if best is None:
+        return _none("infeasible", "No gains met the constraints.", time.perf_counter() - began)
+    found = factor >= 1.0
+    return EnvelopeTuning(
+        status="found" if found else "infeasible",
+        reason=""
+        if found
+        else f"No common Q was found beyond {factor:.3g} of the envelope about the trim.",
+        gains=problem.gains(space.K(best.k)),
+        R=best.common.R if found else 0.0,
+        R_bound=best.common.R_bound if found else math.inf,
+        R_K=best.R_K,
+        I_K=best.I_K,
+        factor=factor,
+        wall_s=time.perf_counter() - began,
+    )
+
+
+def _grow(
+    problem: TuningProblem,
+    k: FloatArray,
+    envelope: Envelope,
+    trim: Envelope,
+    g: float,
+    hull: Hull,
+) -> tuple[float, Point] | None:
+    """Climb on ever larger parts of the envelope; the factor reached and the point there."""
+    space = search_space(problem)
+    reached: tuple[float, Point] | None = None
+    for _ in range(GROWTHS):
+        part = largest_envelope(problem.gains(space.K(k)), envelope, trim, g=g, hull=hull)
+        factor = 1.0 if part.factor >= 1.0 else 0.95 * part.factor
+        if reached is not None and factor < 1.0 and factor <= reached[0] * 1.005:
+            break
+        models = jacobian_hull(envelope.scaled(trim, factor), g=g, hull=hull).models()
+        start = point(problem, models, k)
+        if start is None:
+            break
+        best = climb(problem, models, start)
+        reached, k = (factor, best), best.k
+        if factor >= 1.0:
+            break
+    return reached
+
+
+def _none(status: str, reason: str, wall_s: float) -> EnvelopeTuning:
+    return EnvelopeTuning(
+        status="failed" if status == "failed" else "infeasible",
+        reason=reason,
+        gains=None,
+        R=0.0,
+        R_bound=math.inf,
+        R_K=0.0,
+        I_K=math.inf,
+        factor=0.0,
+        wall_s=wall_s,
+    )

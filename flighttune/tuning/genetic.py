@@ -1,0 +1,110 @@
+"""Tuning by differential evolution, as the paper tunes by a genetic algorithm."""
+
+import time
+
+import numpy as np
+from scipy.optimize import NonlinearConstraint, differential_evolution
+
+from flighttune.arrays import FloatArray
+from flighttune.control.closed_loop import closed_loops
+from flighttune.theory.indicators import IndicatorArrays, indicators_batch
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.result import (
+    TuningResult,
+    assessment,
+    is_feasible,
+    result,
+)
+from flighttune.tuning.search_space import SearchSpace, search_space
+
+LARGEST_GAIN = 10.0
+"""Box of the search where the problem has no tighter one; evolution needs a small one."""
+GENERATIONS = 1000
+POPULATION = 15
+UNSTABLE = 1e6
+METHOD = "genetic"
+
+
+def tune_by_evolution(
+    problem: TuningProblem, *, largest_gain: float = LARGEST_GAIN, generations: int = GENERATIONS
+) -> TuningResult:
+    """Gains of the largest R_K, by SciPy's differential evolution with constraints.
+
+    Parameters
+    ----------
+    problem : TuningProblem
+    largest_gain : float
+        Size of the box searched, inside the problem's own bounds.
+    generations : int
+        Most generations bred.
+
+    Returns
+    -------
+    TuningResult
+        The same for the same problem.
+
+    Notes
+    -----
+    arXiv 2411.13140, section 4, uses a genetic algorithm on the same optimisation model. Whole
+    generations are evaluated at once by the batched indicators.
+    """
+    began = time.perf_counter()
+    space = search_space(problem)
+    judge = _Generation(problem, space)
+    radius = NonlinearConstraint(judge.log_radius, -np.inf, np.log(problem.I_star))
+    limits = NonlinearConstraint(judge.slack, 0.0, np.inf)
+    constraints = [radius] if np.isfinite(problem.I_star) else []
+    constraints += [limits] if space.names else []
+    found = differential_evolution(
+        judge.lost_rate,
+        np.column_stack(
+            [np.maximum(space.k_min, -largest_gain), np.minimum(space.k_max, largest_gain)]
+        ),
+        constraints=constraints,
+        maxiter=generations,
+        popsize=POPULATION,
+        tol=1e-6,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+        rng=np.random.default_rng(np.random.SeedSequence(problem.seed)),
+    )
+    best = assessment(problem, space.K(found.x))
+    feasible = is_feasible(problem, best)
+    return result(
+        problem,
+        best if best.R_K > 0.0 else None,
+        status="optimal" if feasible else "infeasible",
+        reason="" if feasible else "No generation held gains that meet every constraint.",
+        method=METHOD,
+        starts=1,
+        agreeing=int(feasible),
+        wall_s=time.perf_counter() - began,
+    )
+
+
+class _Generation:
+    """Objective and constraints of a whole generation of free gains, shape (f, members)."""
+
+    def __init__(self, problem: TuningProblem, space: SearchSpace) -> None:
+        self._problem = problem
+        self._space = space
+
+    def lost_rate(self, k: FloatArray) -> FloatArray:
+        """Minus R_K; for unstable loops the spectral abscissa, far above."""
+        found = self._indicators(k)
+        return np.where(found.stable, -found.R_K, UNSTABLE + found.spectral_abscissa)
+
+    def log_radius(self, k: FloatArray) -> FloatArray:
+        """log I_K, shape (1, members); for unstable loops far above."""
+        found = self._indicators(k)
+        lost = np.log(UNSTABLE) + found.spectral_abscissa
+        return np.where(found.stable, np.log(found.I_K), lost)[None]
+
+    def slack(self, k: FloatArray) -> FloatArray:
+        """What the input limits leave, shape (r, members)."""
+        return self._space.slack(k.T).T
+
+    def _indicators(self, k: FloatArray) -> IndicatorArrays:
+        A_K = closed_loops(self._problem.model, self._space.K(k.T))
+        return indicators_batch(A_K, scaling=self._problem.scaling)

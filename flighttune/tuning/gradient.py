@@ -1,0 +1,98 @@
+"""Tuning by SLSQP on exact gradients from several starts."""
+
+import time
+from collections.abc import Iterable
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.program import Objective, descend, program
+from flighttune.tuning.result import (
+    Assessment,
+    TuningResult,
+    assessment,
+    is_feasible,
+    result,
+    why_infeasible,
+)
+from flighttune.tuning.search_space import search_space
+from flighttune.tuning.starts import stabilising_starts
+
+STARTS = 4
+PROBES = 2
+"""Starts that must all miss feasibility before the smallest I_K is looked for."""
+AGREEMENT = 1e-4
+METHOD = "gradient"
+
+
+def tune_by_gradient(
+    problem: TuningProblem, *, starts: int = STARTS, first: FloatArray | None = None
+) -> TuningResult:
+    """Gains of the largest R_K, by SLSQP with exact gradients from several starts.
+
+    Parameters
+    ----------
+    problem : TuningProblem
+    starts : int
+        Searches from gains drawn with the problem's seed.
+    first : ndarray, shape (..., m, 2 p), optional
+        Stacked gains to start from as well, before the drawn ones.
+
+    Returns
+    -------
+    TuningResult
+        The same for the same problem. Infeasible and failed problems are results too.
+
+    Notes
+    -----
+    The optimisation model of arXiv 2411.13140, section 3.4. The problem is not convex: that no
+    feasible gains were found is no proof that there are none.
+    """
+    began = time.perf_counter()
+    space = search_space(problem)
+    k = stabilising_starts(problem, space, starts)
+    if first is not None:
+        k = np.vstack([first.reshape(-1, *space.base.shape)[:, space.free], k])
+    if not len(k):
+        return result(
+            problem, None, status="failed", reason="No stabilising gains were found to start from.",
+            method=METHOD, starts=0, agreeing=0, wall_s=time.perf_counter() - began,
+        )  # fmt: skip
+    found = _searches(problem, k[:PROBES], "R_K")
+    smallest = None
+    if not any(is_feasible(problem, one) for one in found):
+        smallest = smallest_radius(problem, k)
+    if smallest is None or smallest.I_K <= problem.I_star:
+        warm = k[:0] if smallest is None else smallest.K[space.free][None]
+        found += _searches(problem, np.vstack([warm, k[PROBES:]]), "R_K")
+        found += [smallest] if smallest is not None else []
+    feasible = [one for one in found if is_feasible(problem, one)]
+    best = max(feasible, key=lambda one: one.R_K, default=smallest)
+    value = best.R_K if best else 0.0
+    return result(
+        problem,
+        best,
+        status="optimal" if feasible else "infeasible",
+        reason="" if feasible else why_infeasible(problem, best),
+        method=METHOD,
+        starts=len(k),
+        agreeing=sum(one.R_K >= (1.0 - AGREEMENT) * value for one in feasible),
+        wall_s=time.perf_counter() - began,
+        smallest_I_K=best.I_K if best and not feasible else None,
+    )
+
+
+def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
+    """The smallest I_K found within limits and bounds from free gains k, shape (starts, f)."""
+    found = _searches(problem, k, "I_K")
+    kept = [one for one in found if one.within_limits and one.R_K > 0.0]
+    return min(kept, key=lambda one: one.I_K, default=None)
+
+
+def _searches(
+    problem: TuningProblem, k: Iterable[FloatArray], objective: Objective
+) -> list[Assessment]:
+    space = search_space(problem)
+    task = program(problem, space, objective)
+    return [assessment(problem, space.K(descend(task, one).k)) for one in k]

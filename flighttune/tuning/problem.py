@@ -1,0 +1,127 @@
+"""What is asked of the gains: one problem for every optimiser."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flighttune.arrays import FloatArray, Floats, read_only_vector
+from flighttune.control.gains import PIGains
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InputError, ShapeError
+from flighttune.theory.indicators import state_scaling
+
+LARGEST_GAIN = 1e3
+"""Default bound on the size of every gain: the problem has no optimum among unbounded ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TuningProblem:
+    """Maximise R_K over the gains, subject to I_K <= I_star, input limits and a structure.
+
+    Attributes
+    ----------
+    model : LinearModel
+        n states, m inputs, p errors; any model, with output feedback and lag states too.
+    I_star : float, s^2
+        Largest I_K allowed; inf for none.
+    limits : Limits, optional
+        Ranges of the m commands and rates at the first instant, from the error `x_0`.
+    x_0 : ndarray, shape (p,), optional
+        Error at the first instant; needed with `limits`.
+    dt : float, s
+        Over which the integral of the first error is taken.
+    scaling : ndarray, shape (n + p,), optional
+        Units of the state s = (x', e) in which R_K and I_K are measured; ones by default.
+    K_min, K_max : ndarray, shape (m, 2 p), optional
+        Bounds on the stacked gains (K_P, K_I); +-`LARGEST_GAIN` by default.
+    K_fixed : ndarray, shape (m, 2 p), optional
+        Gains that must have a value; NaN where a gain is free. All free by default.
+    seed : int
+        Of everything random in an optimiser.
+
+    Notes
+    -----
+    The optimisation model of arXiv 2411.13140, section 3.4, with ``u(t_0) = K (x_0; x_0 dt)`` and
+    ``u'(t_0) = K (0; x_0)``: linear in K, so that the limits are a polytope of gains.
+    """
+
+    model: LinearModel
+    I_star: float = math.inf
+    limits: Limits | None = None
+    x_0: FloatArray | None = None
+    dt: float = 0.1
+    scaling: FloatArray | None = None
+    K_min: FloatArray | None = None
+    K_max: FloatArray | None = None
+    K_fixed: FloatArray | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        n, m, p = self.model.shape
+        for name in ("I_star", "dt"):
+            value = getattr(self, name)
+            if not value > 0.0:
+                raise InputError(f"`{name}` must be positive, got {value}.")
+        if self.seed < 0:
+            raise InputError(f"`seed` must not be negative, got {self.seed}.")
+        if self.limits is not None:
+            self._check_limits(self.limits, m, p)
+        object.__setattr__(self, "scaling", state_scaling(self.scaling, n + p))
+        for name, default in (
+            ("K_min", -LARGEST_GAIN),
+            ("K_max", LARGEST_GAIN),
+            ("K_fixed", math.nan),
+        ):
+            given = getattr(self, name)
+            value = np.array(np.full((m, 2 * p), default) if given is None else given, dtype=float)
+            if value.shape != (m, 2 * p):
+                raise ShapeError(f"`{name}` must have shape {(m, 2 * p)}, got {value.shape}.")
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        if not np.all(self.gain_bounds[0] <= self.gain_bounds[1]):
+            raise InputError("`K_min` must not be above `K_max`, and neither may be NaN.")
+
+    def _check_limits(self, limits: Limits, m: int, p: int) -> None:
+        if limits.lower.shape != (m,):
+            raise ShapeError(f"`limits` must have {m} channels, got {limits.lower.size}.")
+        if self.x_0 is None:
+            raise InputError("`x_0` must be given with `limits`.")
+        x_0 = read_only_vector("x_0", self.x_0)
+        if x_0.shape != (p,):
+            raise ShapeError(f"`x_0` must have shape ({p},), got {x_0.shape}.")
+        object.__setattr__(self, "x_0", x_0)
+
+    @property
+    def gain_bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Smallest and largest allowed stacked gains, equal where a gain is fixed."""
+        K_min, K_max, K_fixed = map(np.asarray, (self.K_min, self.K_max, self.K_fixed))
+        free = np.isnan(K_fixed)
+        return np.where(free, K_min, K_fixed), np.where(free, K_max, K_fixed)
+
+    def gains(self, K: FloatArray) -> PIGains:
+        """The stacked gains (K_P, K_I), shape (m, 2 p), with the model's channel names."""
+        p = len(self.model.errors)
+        return PIGains(
+            K_P=K[:, :p], K_I=K[:, p:], inputs=self.model.inputs, errors=self.model.errors
+        )
+
+    def relaxed(self, factor: Floats, rate_factor: Floats) -> "TuningProblem":
+        """The problem with limits multiplied by factors, each a number or one an input."""
+        if self.limits is None:
+            return self
+        limits = Limits(
+            lower=self.limits.lower * factor,
+            upper=self.limits.upper * factor,
+            rate_lower=self.limits.rate_lower * rate_factor,
+            rate_upper=self.limits.rate_upper * rate_factor,
+        )
+        return replace(self, limits=limits)
+
+
+def decoupled(model: LinearModel) -> FloatArray:
+    """`K_fixed` that leaves input i to error i only, shape (m, 2 p): NaN there, 0 elsewhere."""
+    _, m, p = model.shape
+    own = np.eye(m, p, dtype=bool)
+    return np.where(np.hstack([own, own]), math.nan, 0.0)

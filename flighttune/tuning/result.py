@@ -1,0 +1,165 @@
+"""What an optimiser found, checked against the problem without trusting the optimiser."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.control.closed_loop import closed_loops
+from flighttune.control.gains import PIGains
+from flighttune.theory.indicators import indicators
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.search_space import search_space
+
+Status = Literal["optimal", "infeasible", "failed"]
+
+ROUNDING = 1e-9
+"""Relative amount by which rounding may break a limit."""
+BINDING = 1e-5
+"""Relative distance within which a limit counts as binding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Assessment:
+    """How gains stand to a problem.
+
+    Attributes
+    ----------
+    K : ndarray, shape (m, 2 p)
+        The stacked gains assessed.
+    R_K, I_K, spectral_abscissa : float
+        As in `flighttune.theory.indicators.Indicators`.
+    within_limits : bool
+        Whether input limits and gain bounds hold; says nothing on I_K.
+    active : tuple of str
+        Constraints that bind, and limits that are broken: ``I_K``, ``<input>_max``,
+        ``<input>_rate_min``, ``K_P[<input>,<error>]_max`` and the like.
+    """
+
+    K: FloatArray
+    R_K: float
+    I_K: float
+    spectral_abscissa: float
+    within_limits: bool
+    active: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TuningResult:
+    """Gains that an optimiser found for a problem, or why there are none.
+
+    Attributes
+    ----------
+    status : "optimal", "infeasible" or "failed"
+        "infeasible": no gains were found that meet all constraints, although the search for the
+        smallest I_K converged. "failed": no stabilising gains were found at all.
+    reason : str
+        What the status means here; empty when there is nothing to add.
+    method : str
+        The optimiser.
+    gains : PIGains or None
+        The best ones; if infeasible those of the smallest I_K; None if failed.
+    R_K, I_K, spectral_abscissa : float
+        Of `gains`, computed anew from them; 0, inf and nan if there are none.
+    active : tuple of str
+        Names of the constraints that bind at `gains`.
+    smallest_I_K : float or None
+        If infeasible and the method looks for it: the smallest I_K within the input limits.
+    starts, agreeing : int
+        Searches made, and those that ended within 1e-4 of the best value, relative.
+    wall_s : float
+        Time it took, s.
+    """
+
+    status: Status
+    reason: str
+    method: str
+    gains: PIGains | None
+    R_K: float
+    I_K: float
+    spectral_abscissa: float
+    active: tuple[str, ...]
+    smallest_I_K: float | None
+    starts: int
+    agreeing: int
+    wall_s: float
+
+
+def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
+    """How the stacked gains K, shape (m, 2 p), stand to `problem`."""
+    found = indicators(closed_loops(problem.model, K), scaling=problem.scaling)
+    space = search_space(problem)
+    k = K[space.free]
+    slack, size = space.slack(k), np.abs(space.bound)
+    lower, upper = problem.gain_bounds
+    binding = abs(found.I_K - problem.I_star) <= BINDING * problem.I_star < math.inf
+    active = ["I_K"] if binding else []
+    active += [name for name, low in zip(space.names, slack <= BINDING * size, strict=True) if low]
+    active += _active_bounds(problem, K, space.free)
+    within = bool((slack >= -ROUNDING * size).all() and (lower <= K).all() and (K <= upper).all())
+    return Assessment(
+        K=K,
+        R_K=found.R_K,
+        I_K=found.I_K,
+        spectral_abscissa=found.spectral_abscissa,
+        within_limits=within,
+        active=tuple(active) if math.isfinite(found.I_K) else (),
+    )
+
+
+def result(
+    problem: TuningProblem,
+    best: Assessment | None,
+    *,
+    status: Status,
+    reason: str,
+    method: str,
+    starts: int,
+    agreeing: int,
+    wall_s: float,
+    smallest_I_K: float | None = None,
+) -> TuningResult:
+    """A `TuningResult` with the figures of the assessment."""
+    return TuningResult(
+        status=status,
+        reason=reason,
+        method=method,
+        gains=problem.gains(best.K) if best else None,
+        R_K=best.R_K if best else 0.0,
+        I_K=best.I_K if best else math.inf,
+        spectral_abscissa=best.spectral_abscissa if best else math.nan,
+        active=best.active if best else (),
+        smallest_I_K=smallest_I_K,
+        starts=starts,
+        agreeing=agreeing,
+        wall_s=wall_s,
+    )
+
+
+def is_feasible(problem: TuningProblem, gains: Assessment) -> bool:
+    """Whether a loop is stable and meets every constraint."""
+    return gains.within_limits and gains.R_K > 0.0 and gains.I_K <= problem.I_star
+
+
+def why_infeasible(problem: TuningProblem, best: Assessment | None) -> str:
+    """One sentence on the smallest I_K that was reached and on the limits that bind there."""
+    if best is None:
+        return "No stabilising gains were found within the limits."
+    at = f" with {', '.join(best.active)} binding" if best.active else ""
+    return (
+        f"`I_star` must be at least {best.I_K:.6g}, the smallest I_K reached{at}, "
+        f"got {problem.I_star:g}."
+    )
+
+
+def _active_bounds(problem: TuningProblem, K: FloatArray, free: np.ndarray) -> list[str]:
+    p = len(problem.model.errors)
+    names = []
+    for side, bound in zip(("min", "max"), problem.gain_bounds, strict=True):
+        touching = free & (np.abs(K - bound) <= BINDING * np.maximum(np.abs(bound), 1.0))
+        for i, j in np.argwhere(touching):
+            part = "K_P" if j < p else "K_I"
+            names.append(f"{part}[{problem.model.inputs[i]},{problem.model.errors[j % p]}]_{side}")
+    return names

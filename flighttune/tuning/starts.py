@@ -1,0 +1,80 @@
+"""Stabilising gains to start an optimiser from."""
+
+import numpy as np
+from scipy.linalg import solve_continuous_are
+
+from flighttune.arrays import FloatArray
+from flighttune.control.closed_loop import closed_loops
+from flighttune.control.linear_model import LinearModel
+from flighttune.theory.indicators import indicators_batch
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.search_space import SearchSpace
+
+REGULATORS = 24
+VARIANTS = 16
+"""Candidates: this many regulators with random weights, each changed at random this often."""
+
+
+def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) -> FloatArray:
+    """Free gains of stable loops, at most `starts` of them, the best R_K first.
+
+    Candidates are linear-quadratic regulators of the velocity form with random weights, projected
+    on what the loop may feed back, scaled and disturbed at random, moved inside the bounds, and
+    half of them shrunk into the input limits. The result is spread over the better half of the
+    stable ones; it may be empty.
+
+    Parameters
+    ----------
+    problem : TuningProblem
+    space : SearchSpace
+        Of `problem`.
+    starts : int
+
+    Returns
+    -------
+    ndarray, shape (at most starts, f)
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(problem.seed))
+    regulators = _regulators(problem.model, rng)[:, None, :, :]
+    shape = (len(regulators), VARIANTS, *space.base.shape)
+    size = 10.0 ** rng.uniform(-1.0, 0.3, (*shape[:2], 1, 1))
+    disturbed = regulators * size * (1.0 + 0.3 * rng.standard_normal(shape))
+    coupling = 0.2 * np.abs(regulators).max(axis=(-2, -1), keepdims=True) * size
+    disturbed += coupling * rng.standard_normal(shape)
+    k = disturbed.reshape(-1, *space.base.shape)[:, space.free]
+    k = np.clip(k, space.k_min, space.k_max)
+    k[::2] *= _shrink(k[::2], space)[:, None]
+    k = np.clip(k, space.k_min, space.k_max)
+    found = indicators_batch(closed_loops(problem.model, space.K(k)), scaling=problem.scaling)
+    ranking = np.argsort(-found.R_K, kind="stable")[: int(found.stable.sum())]
+    if not len(ranking):
+        return k[:0]
+    better_half = ranking[: (len(ranking) + 1) // 2]
+    spread = np.linspace(0, len(better_half) - 1, min(starts, len(better_half)))
+    return k[better_half[spread.astype(int)]]
+
+
+def _regulators(model: LinearModel, rng: np.random.Generator) -> FloatArray:
+    """Stacked gains, shape (at most `REGULATORS`, m, 2 p); small random ones if none exists."""
+    n, m, p = model.shape
+    A = np.zeros((n + p, n + p))
+    A[:n, :n], A[n:, :n] = model.A, model.C
+    B = np.vstack([model.B, np.zeros((p, m))])
+    feedback = np.linalg.pinv(model.C)
+    gains = []
+    for _ in range(REGULATORS):
+        Q, R = (np.diag(10.0 ** rng.uniform(-1.5, 1.5, size)) for size in (n + p, m))
+        try:
+            K = -np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))
+        except np.linalg.LinAlgError:
+            K = rng.standard_normal((m, n + p))
+        gains.append(np.hstack([K[:, :n] @ feedback, K[:, n:]]))
+    return np.array(gains)
+
+
+def _shrink(k: FloatArray, space: SearchSpace) -> FloatArray:
+    """The largest factor up to 1 that keeps each row of k inside the input limits."""
+    use, room = k @ space.G.T, space.bound - space.offset
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(use > np.maximum(room, 0.0), np.maximum(room, 0.0) / use, 1.0)
+    return ratio.min(axis=1, initial=1.0)

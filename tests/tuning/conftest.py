@@ -1,0 +1,26 @@
+"""The optimisation model of arXiv 2411.13140 with the numbers of its section 4."""
+
+import numpy as np
+import pytest
+
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import kinematic_model
+from flighttune.tuning.problem import TuningProblem
+
+
+@pytest.fixture(scope="session")
+def model():
+    return kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+
+
+@pytest.fixture(scope="session")
+def printed(model):
+    """With every input limit of the paper, and I* = 5 (which it never prints)."""
+    limits = Limits(
+        lower=np.array([-np.pi / 4.0, -2.1]),
+        upper=np.array([np.pi / 4.0, 2.1]),
+        rate_lower=np.array([-np.pi / 6.0, -1.0]),
+        rate_upper=np.array([np.pi / 6.0, 1.0]),
+    )
+    x_0 = np.array([-np.pi / 3.0, -np.pi / 6.0])
+    return TuningProblem(model=model, I_star=5.0, limits=limits, x_0=x_0)

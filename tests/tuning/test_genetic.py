@@ -1,0 +1,46 @@
+"""Differential evolution against the gradient method: two ways to one optimum."""
+
+import numpy as np
+import pytest
+
+from flighttune.tuning.genetic import tune_by_evolution
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.tune import tune
+
+NEVER_WORSE_BY = 1e-4
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_evolution_ends_just_below_the_gradient_method(model, seed):
+    problem = TuningProblem(model=model, I_star=5.0, seed=seed)
+
+    evolved, descended = tune(problem, "genetic"), tune(problem)
+
+    assert evolved.status == "optimal"
+    assert evolved.I_K <= 5.0
+    assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
+
+
+def test_evolution_keeps_the_input_limits_too(printed):
+    problem = printed.relaxed(7.0, 7.0)
+
+    evolved, descended = tune(problem, "genetic"), tune(problem)
+
+    assert evolved.status == "optimal"
+    assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
+
+
+def test_evolution_of_an_infeasible_problem_says_so(printed):
+    evolved = tune_by_evolution(printed, generations=60)
+
+    assert evolved.status == "infeasible"
+    assert evolved.smallest_I_K is None
+    assert "every constraint" in evolved.reason
+
+
+def test_the_same_seed_breeds_the_same_bits(model):
+    problem = TuningProblem(model=model, I_star=20.0, seed=3)
+
+    first, second = (tune_by_evolution(problem, generations=20) for _ in range(2))
+
+    assert np.array_equal(first.gains.K, second.gains.K)

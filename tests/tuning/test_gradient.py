@@ -1,0 +1,177 @@
+"""The optima of the paper's problem, known from other formulations, found from every seed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.control.closed_loop import closed_loop, closed_loops
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.lag import with_input_lag
+from flighttune.errors import InputError
+from flighttune.theory.indicators import indicators, indicators_batch
+from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.program import _Constraints, program
+from flighttune.tuning.search_space import search_space
+from flighttune.tuning.tune import tune
+
+FIFTH_DIGIT = 1e-5
+FOURTH_DIGIT = 1e-4
+HALF_LAST_DIGIT = 5e-5
+STEP = 1e-6
+TRUNCATION = 1e-5
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
+    found = tune(TuningProblem(model=model, I_star=5.0, seed=seed))
+
+    assert found.status == "optimal"
+    assert found.R_K == pytest.approx(0.53976, abs=FIFTH_DIGIT)
+    assert found.I_K <= 5.0
+    assert found.active == ("I_K",)
+    assert found.agreeing == found.starts
+    assert found.gains.K == pytest.approx(
+        np.array([[2.2209, 0.0, 3.8753, 0.0], [0.0, 2.4797, 0.0, 3.8753]]), abs=FOURTH_DIGIT
+    )
+
+
+def test_the_optimum_for_the_printed_i_k_beats_the_papers(model):
+    found = tune(TuningProblem(model=model, I_star=4.9244))
+
+    assert found.R_K == pytest.approx(0.51393, abs=FIFTH_DIGIT)
+    assert found.R_K > 1.1 * indicators(closed_loop(model, PAPER_GAINS)).R_K
+
+
+def test_no_random_gains_near_the_optimum_are_better(model):
+    found = tune(TuningProblem(model=model, I_star=5.0))
+    rng = np.random.default_rng(7)
+    size = 10.0 ** rng.uniform(-4.0, 0.0, (20_000, 1, 1))
+    near = found.gains.K + size * rng.standard_normal((20_000, 2, 4))
+
+    others = indicators_batch(closed_loops(model, near))
+
+    assert others.R_K[others.I_K <= 5.0].max() <= found.R_K
+
+
+def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
+    found = tune(TuningProblem(model=model, I_star=4.8))
+
+    assert found.status == "infeasible"
+    assert found.smallest_I_K == pytest.approx(4.8503, abs=HALF_LAST_DIGIT)
+    assert found.I_K == found.smallest_I_K
+    assert "`I_star` must be at least 4.85027" in found.reason
+    assert found.gains.K == pytest.approx(
+        np.array([[1.6524, 0.0, 3.4577, 0.0], [0.0, 1.9112, 0.0, 3.4577]]), abs=FOURTH_DIGIT
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printed, seed):
+    found = tune(replace(printed, seed=seed))
+
+    assert found.status == "infeasible"
+    assert found.smallest_I_K == pytest.approx(67.15, abs=5e-3)
+    assert found.R_K == pytest.approx(0.220, abs=5e-4)
+    assert set(found.active) == {"phi_rate_min", "n_z_min", "n_z_rate_min"}
+    for name in found.active:
+        assert name in found.reason
+
+
+@pytest.mark.parametrize(
+    ("factor", "status", "R_K"),
+    [
+        (5.5, "infeasible", None),
+        (6.0, "optimal", None),
+        (7.0, "optimal", 0.526),
+        (8.0, "optimal", 0.540),
+    ],
+)
+def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, status, R_K):
+    found = tune(printed.relaxed(factor, factor))
+
+    assert found.status == status
+    if R_K is not None:
+        assert found.R_K == pytest.approx(R_K, abs=5e-4)
+    if status == "optimal":
+        assert found.I_K <= 5.0
+        assert (
+            search_space(printed.relaxed(factor, factor)).slack(found.gains.K.ravel()).min() >= 0.0
+        )
+
+
+def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model):
+    lagged = with_input_lag(model, (4.0, 8.0))
+
+    found = tune(TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
+
+    assert found.status == "optimal"
+    assert found.R_K == pytest.approx(0.1153, abs=HALF_LAST_DIGIT)
+    assert found.gains.K[1, [1, 3]] == pytest.approx([2.90, 0.92], abs=5e-3)
+    assert worst_damping(closed_loop(lagged, found.gains)) > 0.8
+    assert worst_damping(closed_loop(lagged, PAPER_GAINS)) == pytest.approx(0.12, abs=5e-3)
+
+
+def test_structure_and_bounds_are_kept_and_named(model):
+    K_max = np.full((2, 4), 3.0)
+
+    found = tune(TuningProblem(model=model, I_star=6.0, K_fixed=decoupled(model), K_max=K_max))
+
+    assert found.gains.K[[0, 0, 1, 1], [1, 3, 0, 2]].tolist() == [0.0] * 4
+    assert found.gains.K.max() <= 3.0
+    assert "K_I[phi,chi]_max" in found.active
+
+
+def test_state_scaling_changes_what_is_optimal(model):
+    scaling = np.array([0.5, 0.5, 1.0, 1.0])
+
+    found = tune(TuningProblem(model=model, I_star=8.0, scaling=scaling))
+
+    again = indicators(closed_loop(model, found.gains), scaling=scaling)
+    assert (found.R_K, found.I_K) == (again.R_K, again.I_K)
+    assert found.R_K > indicators(closed_loop(model, found.gains)).R_K
+
+
+def test_a_plant_that_no_gains_stabilise_is_a_failure_with_a_reason(model):
+    found = tune(TuningProblem(model=model, K_fixed=np.ones((2, 4))))
+
+    assert (found.status, found.gains, found.R_K) == ("failed", None, 0.0)
+    assert found.reason
+
+
+def test_the_slopes_of_the_program_are_those_of_central_differences(printed, model):
+    lagged = with_input_lag(model, (4.0, 8.0))
+    K_fixed = np.full((2, 4), np.nan)
+    K_fixed[0, 1] = 0.1
+    problem = TuningProblem(
+        model=lagged, I_star=9.0, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed
+    )
+    space = search_space(problem)
+    relaxable = np.ones(len(space.names), dtype=bool)
+    task = _Constraints(program(problem, space, "factor", relaxable=relaxable))
+    z = np.array([2.5, 0.8, 0.3, -0.2, 2.7, 0.1, 0.9, 2.0, -3.0, -1.0, 1.5])
+
+    slopes = task.slopes(z)
+
+    moves = STEP * np.eye(len(z))
+    differences = [(task.values(z + h) - task.values(z - h)) / (2.0 * STEP) for h in moves]
+    assert slopes == pytest.approx(np.array(differences).T, abs=TRUNCATION)
+
+
+def test_the_same_problem_gives_the_same_bits(printed):
+    first, second = (tune(printed.relaxed(7.0, 7.0)) for _ in range(2))
+
+    assert np.array_equal(first.gains.K, second.gains.K)
+
+
+def test_unknown_methods_and_no_starts_are_refused(model):
+    problem = TuningProblem(model=model)
+    with pytest.raises(InputError, match="`method` must be one of"):
+        tune(problem, "magic")
+    with pytest.raises(InputError, match="`starts` must be at least 1, got 0"):
+        tune(problem, starts=0)
+
+
+def worst_damping(A_K):
+    eigenvalues = np.linalg.eigvals(A_K)
+    return (-eigenvalues.real / np.abs(eigenvalues)).min()

@@ -1,0 +1,97 @@
+"""The problem, its polytope of gains, and starts that are stable."""
+
+import numpy as np
+import pytest
+
+from flighttune.control.closed_loop import closed_loops
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.lag import with_input_lag
+from flighttune.control.limits import Limits
+from flighttune.errors import InputError, ShapeError
+from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.search_space import search_space
+from flighttune.tuning.starts import stabilising_starts
+
+PRINTED_DIGITS = 5e-4
+ROUNDING = 1e-12
+
+
+def test_the_papers_gains_break_its_own_limits_by_the_amounts_known(printed):
+    space = search_space(printed)
+    u_and_rates = {
+        "phi": (-2.461, -3.745),
+        "n_z": (-0.569, -1.639),
+    }  # K* (x_0; x_0 dt), K* (0; x_0)
+
+    slack = dict(zip(space.names, space.slack(PAPER_GAINS.K.ravel()), strict=True))
+
+    for i, (channel, (u, rate)) in enumerate(u_and_rates.items()):
+        assert slack[f"{channel}_min"] == pytest.approx(
+            u - printed.limits.lower[i], abs=PRINTED_DIGITS
+        )
+        assert slack[f"{channel}_rate_max"] == pytest.approx(
+            printed.limits.rate_upper[i] - rate, abs=PRINTED_DIGITS
+        )
+
+
+def test_fixed_gains_take_part_in_the_limits_but_not_in_the_search(printed, model):
+    K_fixed = np.full((2, 4), np.nan)
+    K_fixed[0, 2:] = PAPER_GAINS.K[0, 2:]
+    fixed = search_space(
+        TuningProblem(model=model, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed)
+    )
+
+    slack = fixed.slack(PAPER_GAINS.K[np.isnan(K_fixed)])
+
+    assert len(fixed.k_min) == 6
+    assert fixed.K(PAPER_GAINS.K[np.isnan(K_fixed)]) == pytest.approx(PAPER_GAINS.K)
+    assert slack == pytest.approx(search_space(printed).slack(PAPER_GAINS.K.ravel()), abs=ROUNDING)
+
+
+def test_infinite_limits_make_no_rows(model):
+    problem = TuningProblem(model=model, limits=Limits.none(2), x_0=np.ones(2))
+
+    assert search_space(problem).names == ()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, seed):
+    lagged = with_input_lag(model, (4.0, 8.0))
+    problem = TuningProblem(
+        model=lagged, K_fixed=decoupled(lagged), K_max=np.full((2, 4), 3.0), seed=seed
+    )
+    space = search_space(problem)
+
+    k = stabilising_starts(problem, space, 6)
+
+    assert k.shape == (6, 4)
+    assert np.linalg.eigvals(closed_loops(lagged, space.K(k))).real.max() < 0.0
+    assert k.max() <= 3.0
+    assert np.array_equal(k, stabilising_starts(problem, space, 6))
+
+
+def test_relaxed_limits_are_multiplied_by_their_factors(printed):
+    relaxed = printed.relaxed(2.0, np.array([3.0, 1.0]))
+
+    assert relaxed.limits.upper == pytest.approx([np.pi / 2.0, 4.2])
+    assert relaxed.limits.rate_lower == pytest.approx([-np.pi / 2.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"I_star": 0.0}, InputError, "`I_star` must be positive, got 0"),
+        ({"I_star": np.nan}, InputError, "`I_star` must be positive, got nan"),
+        ({"dt": -0.1}, InputError, "`dt` must be positive"),
+        ({"seed": -1}, InputError, "`seed` must not be negative"),
+        ({"limits": Limits.none(2)}, InputError, "`x_0` must be given with `limits`"),
+        ({"limits": Limits.none(3), "x_0": np.ones(2)}, ShapeError, "`limits` must have 2"),
+        ({"limits": Limits.none(2), "x_0": np.ones(3)}, ShapeError, "`x_0` must have shape"),
+        ({"scaling": np.ones(3)}, ShapeError, "`scaling` must have shape"),
+        ({"K_min": np.zeros((2, 2))}, ShapeError, r"`K_min` must have shape \(2, 4\)"),
+        ({"K_min": np.ones((2, 4)), "K_max": np.zeros((2, 4))}, InputError, "`K_min` must not"),
+    ],
+)
+def test_a_problem_that_makes_no_sense_is_refused_by_name(model, change, error, message):
+    with pytest.raises(error, match=message):
+        TuningProblem(model=model, **change)
