@@ -1,6 +1,7 @@
 """Commands that fly, and show what was flown."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -85,7 +86,7 @@ def _open(path: Path) -> None:
 
 
 def _flown_json(
-    flown: "FlownScenario", recording: Path, signals: dict[str, Path]
+    flown: "FlownScenario", recording: Path, signals: Mapping[str, Path]
 ) -> dict[str, Any]:
     runs = []
     for run in flown.runs:

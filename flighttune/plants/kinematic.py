@@ -85,7 +85,7 @@ class KinematicPlant:
     """
 
     kind = "kinematic"
-    signals = (*COMMON_SIGNALS, "d_chi", "d_gamma")
+    signals: tuple[str, ...] = (*COMMON_SIGNALS, "d_chi", "d_gamma")
 
     def __init__(self, disturbance: Disturbance | None = None, *, g: float = G_PAPER) -> None:
         if not (math.isfinite(g) and g > 0.0):

@@ -1,0 +1,5 @@
+"""``python -m flighttune``."""
+
+from flighttune.cli import main
+
+main()

@@ -1,0 +1,215 @@
+"""The command line as a user meets it: a process with stdout, stderr and an exit status."""
+
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from flighttune.recording.parquet import read_run
+from flighttune.shipped import scenario_file
+
+TABLE_2 = {
+    "K1": (0.7742, 7.873),
+    "K2": (0.6754, 6.057),
+    "K3": (0.5913, 5.312),
+    "K4": (0.3626, 5.207),
+    "K5": (0.2849, 6.161),
+    "K6": (0.2192, 8.258),
+}
+"""R_K and I_K as Table 2 of arXiv 2411.13140 prints them; some cut off, some rounded."""
+LAST_DIGIT = 1e-4, 1e-3
+
+
+def flighttune(*arguments, status=0):
+    """Run a command; return what it printed on stdout and on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-m", "flighttune", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == status, done.stderr
+    return done.stdout, done.stderr
+
+
+def answer(*arguments, status=0):
+    """The JSON object a command prints."""
+    return json.loads(flighttune(*arguments, "--json", status=status)[0])
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory):
+    out = tmp_path_factory.mktemp("paper")
+    return answer("fly", scenario_file("paper"), "--out", out), out
+
+
+def test_fly_answers_for_every_gain_set_on_every_plant(paper):
+    flown, out = paper
+
+    flew = [(run["plant"], run["gains"], run["status"]) for run in flown["runs"]]
+    plants, sets = ("kinematic", "jsbsim:aerosonde"), ("paper", "tuned")
+    assert flew == [(plant, gains, "completed") for plant in plants for gains in sets]
+    assert flown["recording"] == str(out / "paper.rrd")
+    for run in flown["runs"]:
+        assert run["duration_s"] == pytest.approx(20.0)
+        for channel in ("chi", "gamma"):
+            names = {"ITAE", "ITAE_mean", "PT_s", "MO_rad", "MS_rad", "ST_rad"}
+            assert names <= run["metrics"][channel].keys()
+    assert flown["runs"][1]["indicators"]["R_K"] == pytest.approx(0.53976, abs=5e-6)
+
+
+def test_the_signals_of_a_run_are_where_fly_says(paper):
+    flown, _ = paper
+    for run in flown["runs"]:
+        stored = read_run(run["signals"])
+        error, t = stored.signals["chi_err"].to_numpy(), stored.signals.index.to_numpy()
+        itae = np.sum(np.diff(t) * 0.5 * ((t * abs(error))[1:] + (t * abs(error))[:-1]))
+        assert run["metrics"]["chi"]["ITAE"] == pytest.approx(itae, rel=1e-9)
+        assert f"{stored.provenance.plant} / {stored.provenance.gains_name}" == stored.label
+
+
+def test_the_full_aircraft_takes_longer_than_the_kinematic_law(paper):
+    flown, _ = paper
+    itae = {(r["plant"], r["gains"]): r["metrics"]["chi"]["ITAE"] for r in flown["runs"]}
+
+    assert itae["jsbsim:aerosonde", "paper"] > 1.5 * itae["kinematic", "paper"]
+    assert itae["jsbsim:aerosonde", "tuned"] < itae["jsbsim:aerosonde", "paper"]
+
+
+def test_fly_shows_a_table_and_names_the_recording(tmp_path):
+    out, err = flighttune("fly", "paper_as_printed", "--out", tmp_path)
+
+    assert "kinematic" in out
+    assert "ITAE χ" in out
+    assert str(tmp_path / "paper_as_printed.rrd") in out
+    assert err == ""
+
+
+def test_tune_finds_the_optimum_of_the_unlimited_problem():
+    found = answer("tune", scenario_file("paper"))
+
+    assert found["status"] == "optimal"
+    assert found["R_K"] == pytest.approx(0.53976, abs=5e-6)
+    assert found["I_K"] == pytest.approx(5.0, rel=1e-6)
+    assert found["active"] == ["I_K"]
+    assert np.array(found["K_P"]) == pytest.approx(np.diag([2.2209, 2.4797]), abs=1e-3)
+    assert {"reason", "K_I", "spectral_abscissa", "starts", "wall_s"} <= found.keys()
+
+
+def test_tune_says_no_to_the_printed_limits_and_which_bind():
+    found = answer("tune", "paper_printed_limits", status=1)
+
+    assert found["status"] == "infeasible"
+    assert found["I_K"] == pytest.approx(67.15, abs=0.005)
+    assert "phi_rate_min" in found["active"]
+    assert "67.1" in found["reason"]
+
+
+@pytest.mark.parametrize("name", TABLE_2)
+def test_certify_gives_the_papers_table(name):
+    found = answer("certify", "paper", "--gains", name)
+
+    assert found["R_K"] == pytest.approx(TABLE_2[name][0], abs=LAST_DIGIT[0])
+    assert found["I_K"] == pytest.approx(TABLE_2[name][1], abs=LAST_DIGIT[1])
+    assert found["status"] == "stable"
+
+
+def test_certify_takes_a_gains_file_and_its_Q_solves_the_lyapunov_equation(tmp_path):
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps(answer("certify", "paper", "--gains", "tuned")))
+
+    found = answer("certify", "paper", "--gains", path)
+
+    g = 9.81 / 25.0
+    A = np.array([[0.0, 0.0], [0.0, g * math.sin(math.pi / 12)]])
+    A_K = np.block(
+        [
+            [A - g * np.array(found["K_P"]), -g * np.array(found["K_I"])],
+            [np.eye(2), np.zeros((2, 2))],
+        ]
+    )
+    Q = np.array(found["Q"])
+    assert A_K.T @ Q + Q @ A_K == pytest.approx(-np.eye(4), abs=1e-10)
+    assert found["R_K"] == pytest.approx(1.0 / np.linalg.eigvalsh(Q)[-1], rel=1e-12)
+    assert sorted(value[0] for value in found["eigenvalues"]) == pytest.approx(
+        sorted(np.linalg.eigvals(A_K).real)
+    )
+
+
+def test_certify_says_no_to_an_unstable_loop_and_names_the_eigenvalue(tmp_path):
+    path = tmp_path / "wrong_sign.toml"
+    path.write_text("K_P = [[-1.0, 0.0], [0.0, 1.0]]\nK_I = [[1.0, 0.0], [0.0, 1.0]]\n")
+
+    out, err = flighttune("certify", "paper", "--gains", path, "--json", status=1)
+
+    found = json.loads(out)
+    assert found["status"] == "unstable"
+    assert found["I_K"] is None
+    assert "eigenvalue" in found["reason"]
+    assert err.count("\n") == 1
+
+
+def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp_path):
+    text = scenario_file("paper_as_printed").read_text()
+    path = tmp_path / "unlimited.toml"
+    path.write_text(text.replace("phi_deg = [-45.0, 45.0]\nn_z     = [-2.1, 2.1]", ""))
+
+    out, err = flighttune("fly", path, "--out", tmp_path, "--json", status=1)
+
+    (run,) = json.loads(out)["runs"]
+    assert run["status"] == "diverged"
+    assert "roll command" in run["reason"]
+    assert run["duration_s"] < 20.0
+    assert "kinematic / paper: diverged" in err
+
+
+def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
+    text = scenario_file("paper_printed_limits").read_text()
+    path = tmp_path / "infeasible.toml"
+    path.write_text(text.replace('gains    = ["paper"]', 'gains = ["paper", "tuned"]'))
+
+    out, err = flighttune("fly", path, "--out", tmp_path, "--json", status=1)
+
+    runs = json.loads(out)["runs"]
+    assert [run["status"] for run in runs] == ["completed", "no_gains"]
+    assert runs[1]["signals"] is None
+    assert "no_gains" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("fly", "nowhere.toml"), "nowhere.toml: the scenario must be a file or one of"),
+        (("certify", "paper", "--gains", "K9"), "must be one of tuned, paper"),
+        (("certify", "paper", "--gains", "gone.json"), "gone.json: the file must be readable"),
+        (("view", "gone.rrd"), "gone.rrd"),
+    ],
+)
+def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message):
+    out, err = flighttune(*arguments, status=2)
+
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+
+
+def test_debug_shows_the_traceback():
+    done = subprocess.run(
+        [sys.executable, "-m", "flighttune", "--debug", "fly", "nowhere.toml"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "Traceback" in done.stderr
+
+
+def test_list_shows_what_ships():
+    found = answer("list")
+
+    assert "aerosonde" in found["aircraft"]
+    assert {"paper", "paper_as_printed", "level_turn"} <= {s["name"] for s in found["scenarios"]}

@@ -1,0 +1,208 @@
+"""Scenario files: what is read, and the one line that says what is wrong."""
+
+import json
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS, paper_family
+from flighttune.errors import ScenarioError
+from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
+from flighttune.shipped import scenario_file, scenario_names
+
+ROUNDING = 1e-12
+
+
+def paper_tables():
+    return tomllib.loads(scenario_file("paper").read_text())
+
+
+@pytest.fixture
+def tables():
+    return paper_tables()
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_shipped_scenario_is_valid_and_says_what_it_shows(name):
+    scenario = load_scenario(name)
+
+    assert isinstance(scenario, Scenario)
+    assert scenario.title
+    assert scenario.verifies
+    assert scenario.source
+
+
+def test_edges_are_degrees_and_the_inside_is_radians():
+    scenario = load_scenario("paper")
+    limits = scenario.limits.limits()
+
+    assert scenario.condition.chi == pytest.approx(math.pi / 3, abs=ROUNDING)
+    assert scenario.condition.gamma == pytest.approx(math.pi / 4, abs=ROUNDING)
+    assert limits.lower == pytest.approx([-math.pi / 4, -2.1], abs=ROUNDING)
+    assert limits.rate_upper == pytest.approx([math.pi / 6, 1.0], abs=ROUNDING)
+
+
+def test_what_the_file_does_not_limit_is_not_limited():
+    limits = load_scenario("paper_as_printed").limits.limits()
+
+    assert np.isinf(limits.rate_lower).all()
+    assert np.isinf(limits.rate_upper).all()
+
+
+def test_a_rate_may_be_a_range(tables):
+    tables["limits"]["phi_rate_dps"] = [-10.0, 20.0]
+    limits = scenario_from(tables).limits.limits()
+
+    assert limits.rate_lower[0] == pytest.approx(math.radians(-10.0))
+    assert limits.rate_upper[0] == pytest.approx(math.radians(20.0))
+
+
+def test_segments_add_to_the_start_of_the_flight(tables):
+    tables["reference"]["chi_deg"] = [
+        {"shape": "step", "start_s": 1.0, "change_deg": 30.0},
+        {"shape": "ramp", "start_s": 2.0, "duration_s": 2.0, "rate_dps": -5.0},
+        {"shape": "doublet", "start_s": 6.0, "width_s": 1.0, "amplitude_deg": 3.0},
+    ]
+    chi, _ = scenario_from(tables).followed().sampled(np.array([0.0, 1.5, 3.0, 5.0, 6.5, 7.5, 9.0]))
+
+    assert np.rad2deg(chi) == pytest.approx([60.0, 90.0, 85.0, 80.0, 83.0, 77.0, 80.0])
+
+
+def test_a_scenario_written_out_and_read_again_is_the_same():
+    scenario = load_scenario("level_turn")
+
+    assert scenario_from(json.loads(json.dumps(scenario.as_dict()))) == scenario
+
+
+def test_a_scenario_cannot_be_changed():
+    with pytest.raises(ValueError, match="frozen"):
+        load_scenario("paper").seed = 2  # pyright: ignore[reportAttributeAccessIssue]
+
+
+WRONG = [
+    ("flight", {"V_a_mps": -50.0}, r"\[flight\] `V_a_mps` must be greater than 0, got -50\.0"),
+    ("flight", {"V_a": 50.0}, r"\[flight\] `V_a` is not a known key; did you mean `V_a_mps`\?"),
+    ("flight", {"gamma_rad": 0.5}, r"`gamma_rad` is not a known key; did you mean `gamma_deg`\?"),
+    ("flight", {"V_a_mps": "25"}, r"`V_a_mps` must be a valid number, got '25'"),
+    ("flight", {"V_a_mps": True}, r"`V_a_mps` must be a valid number, got True"),
+    ("flight", {"V_a_mps": math.nan}, r"`V_a_mps` must be a finite number, got nan"),
+    ("flight", {"gamma_deg": 95.0}, r"`gamma_deg` must be less than 90, got 95\.0"),
+    ("flight", {"duration_s": 0.01}, r"`duration_s` of \[flight\] must be at least two samples"),
+    ("limits", {"phi_deg": [45.0, -45.0]}, r"must be a range \[low, high\] with low below high"),
+    ("limits", {"phi_deg": [45.0]}, r"\[limits\] `phi_deg` must have at least 2 items"),
+    ("limits", {"phi_rate_dps": -3.0}, r"\[limits\] `phi_rate_dps` must be greater than 0"),
+    ("limits", {"phi_rate_dps": [3.0, 5.0]}, r"must be a range of rates that holds zero"),
+    ("controller", {"anti_windup": "clamp"}, r"must be 'none', 'conditional' or 'back_calc"),
+    ("controller", {"rate_hz": 0.0}, r"`rate_hz` must be greater than or equal to 1, got 0\.0"),
+    ("reference", {"chi_deg": "north"}, r"\[reference\] `chi_deg` must be a valid"),
+    ("reference", {"chi_deg": [{"shape": "jump"}]}, r"`shape` of step, ramp or doublet"),
+    ("reference", {"chi_deg": [{"shape": "step"}]}, r"`change_deg` must be given"),
+    ("tuning", {"I_star": -1.0}, r"\[tuning\] `I_star` must be greater than 0, got -1\.0"),
+    ("tuning", {"model": "guess"}, r"\[tuning\] `model` must be 'kinematic'"),
+    (None, {"gains": ["papr"]}, r"`gains` must name tuned, paper, .* got 'papr'"),
+    (None, {"gains": ["paper", "paper"]}, r"`gains` must not name anything twice"),
+    (None, {"gains": []}, r"`gains` must have at least 1 item"),
+    (None, {"gains": [{"name": "x", "K_P": [[1.0]], "K_I": [[1.0]]}]}, r"must have 2 rows"),
+    (None, {"plant": [{"kind": "jsbsim"}]}, r"`aircraft` must be given with kind jsbsim"),
+    (None, {"plant": [{"kind": "x-plane"}]}, r"\[plant\] `kind` must be 'kinematic' or 'jsbsim'"),
+    (None, {"plants": []}, r"`plants` is not a known key; did you mean `plant`\?"),
+    (None, {"flight": 3}, r"`flight` must be a table, got 3"),
+    (None, {"disturbance": {"chi_amplitude": 0.1}}, r"`disturbance` must be absent where a plant"),
+]
+
+
+@pytest.mark.parametrize(("table", "change", "message"), WRONG)
+def test_a_wrong_value_gets_one_line_with_file_and_key(table, change, message, tables, tmp_path):
+    (tables if table is None else tables[table]).update(change)
+    path = tmp_path / "wrong.toml"
+    path.write_text(to_toml(tables))
+
+    with pytest.raises(ScenarioError, match=message) as caught:
+        load_scenario(path)
+
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def to_toml(tables):
+    """Enough TOML for these tests: every table inline."""
+
+    def value(item):
+        if isinstance(item, dict):
+            return "{" + ", ".join(f"{key} = {value(part)}" for key, part in item.items()) + "}"
+        if isinstance(item, list):
+            return "[" + ", ".join(map(value, item)) + "]"
+        if isinstance(item, bool):
+            return str(item).lower()
+        return json.dumps(item) if isinstance(item, str) else repr(item)
+
+    return "\n".join(f"{key} = {value(item)}" for key, item in tables.items())
+
+
+def test_a_missing_key_is_named(tables):
+    del tables["flight"]["V_a_mps"]
+
+    with pytest.raises(ScenarioError, match=r"scenario: \[flight\] `V_a_mps` must be given\."):
+        scenario_from(tables)
+
+
+def test_several_mistakes_are_counted(tables):
+    tables["flight"]["V_a_mps"] = -1.0
+    tables["seed"] = -1
+
+    with pytest.raises(ScenarioError, match=r"\(1 more\)$"):
+        scenario_from(tables)
+
+
+def test_a_file_that_is_not_there_lists_the_shipped_ones():
+    with pytest.raises(ScenarioError, match=r"nowhere\.toml: .* one of .*level_turn.*paper"):
+        load_scenario("nowhere.toml")
+
+
+def test_a_file_that_is_not_toml_gives_the_line(tmp_path):
+    path = tmp_path / "torn.toml"
+    path.write_text("title = \n")
+
+    with pytest.raises(ScenarioError, match=r"torn\.toml: .* valid TOML: .*line 1"):
+        load_scenario(path)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".toml"])
+def test_gains_are_read_from_json_and_toml(suffix, tmp_path):
+    path = tmp_path / f"gains{suffix}"
+    numbers = {"K_P": PAPER_GAINS.K_P.tolist(), "K_I": PAPER_GAINS.K_I.tolist()}
+    path.write_text(json.dumps({**numbers, "R_K": 0.5}) if suffix == ".json" else to_toml(numbers))
+
+    gains = load_gains(path)
+
+    assert np.array_equal(gains.K_P, PAPER_GAINS.K_P)
+    assert np.array_equal(gains.K_I, PAPER_GAINS.K_I)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", r"must be valid JSON"),
+        ("[1]", r"must hold one object, got list"),
+        ('{"K_P": [[1, 0], [0, 1]]}', r"`K_I` must be given"),
+        ('{"K_P": [[1, 0]], "K_I": [[1, 0], [0, 1]]}', r"`K_P` must have 2 rows"),
+        ('{"K_P": [[NaN, 0], [0, 1]], "K_I": [[1, 0], [0, 1]]}', r"must be a finite number"),
+    ],
+)
+def test_gains_that_cannot_be_read_get_one_line(text, message, tmp_path):
+    path = tmp_path / "gains.json"
+    path.write_text(text)
+
+    with pytest.raises(ScenarioError, match=message) as caught:
+        load_gains(path)
+
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_the_papers_family_is_shifted_as_its_table_says():
+    family = paper_family()
+
+    assert family["K1"].K_P == pytest.approx(PAPER_GAINS.K_P + 4.0 * np.eye(2))
+    assert family["K6"].K_I == pytest.approx(PAPER_GAINS.K_I - 1.0 * np.eye(2))
