@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
+from scipy.optimize import OptimizeResult, minimize
 
 from flighttune.arrays import FloatArray
 from flighttune.control.closed_loop import closed_loops
@@ -24,8 +24,8 @@ Objective = Literal["R_K", "I_K", "factor"]
 
 ACCURACY = 1e-9
 ITERATIONS = 60
-ATTEMPTS = 3
-"""Runs of SLSQP, each the second from where the first did not converge: a fresh curvature frees it."""
+RESTARTS = 2
+"""Further runs from where one stopped short of an optimum: a fresh curvature often frees it."""
 INSIDE = 1e-8
 """Relative distance kept from every limit, so that rounding does not break it."""
 UNSTABLE_LOG = 30.0
@@ -99,21 +99,22 @@ def descend(program: Program, k: FloatArray, factor: float = 1.0) -> Optimum:
     varies = program.objective == "factor"
     lower = np.concatenate([program.space.k_min, [-np.inf] * 3, [0.0 if varies else 1.0]])
     upper = np.concatenate([program.space.k_max, [np.inf] * 3, [np.inf if varies else 1.0]])
-    bounds = np.column_stack([lower, upper])
-    constraints = {"type": "ineq", "fun": curve.values, "jac": curve.slopes}
-    for _ in range(ATTEMPTS):
-        found = minimize(
+
+    def run(z: FloatArray) -> OptimizeResult:
+        return minimize(
             lambda z: float(slope @ z),
             z,
             jac=lambda _: slope,
             method="SLSQP",
-            bounds=bounds,
-            constraints=constraints,
+            bounds=np.column_stack([lower, upper]),
+            constraints={"type": "ineq", "fun": curve.values, "jac": curve.slopes},
             options={"maxiter": ITERATIONS, "ftol": ACCURACY},
         )
-        z = found.x
-        if found.success:
-            break
+
+    found = run(z)
+    for _ in range(RESTARTS):
+        if not found.success:
+            found = run(found.x)
     k = np.clip(found.x[:size], program.space.k_min, program.space.k_max)
     return Optimum(k=k, factor=float(found.x[-1]), converged=bool(found.success))
 
