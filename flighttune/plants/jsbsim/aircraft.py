@@ -99,7 +99,6 @@ class Channels(_Table):
     n_z_cmd: PropertyName
     V_a_cmd_mps: PropertyName
     engaged: PropertyName
-    n_z: PropertyName
     aileron_trim_rad: PropertyName
     elevator_trim_rad: PropertyName
     rudder_trim_rad: PropertyName
@@ -188,8 +187,10 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
     ScenarioError
         If its ``aircraft.toml`` cannot be used; the message names file and key.
     """
-    is_name = isinstance(aircraft, str) and Path(aircraft).name == aircraft
-    folder = aircraft_folder(aircraft) if is_name else Path(aircraft).resolve()
+    if isinstance(aircraft, str) and Path(aircraft).name == aircraft:
+        folder = aircraft_folder(aircraft)
+    else:
+        folder = Path(aircraft).resolve()
     file = folder / "aircraft.toml"
     try:
         table = tomllib.loads(file.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""One JSBSim instance that cannot be misused: built once, names checked, silent, errors translated."""
+"""One JSBSim instance that cannot be misused: built once, names checked, errors translated."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -92,9 +92,11 @@ class Fdm:
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
-        if not _PROPERTY_NAME.match(name) or not self._properties.hasNode(name):
+        known = _PROPERTY_NAME.match(name) and self._properties.hasNode(name)
+        node = self._properties.get_node(name) if known else None
+        if node is None:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
-        return self._properties.get_node(name)
+        return node
 
     @contextmanager
     def _translated(self, what: str) -> Iterator[None]:

@@ -1,21 +1,22 @@
 """Watches a flight of JSBSim: finite, above the ground, inside the envelope."""
 
-import math
 from collections.abc import Callable
+from math import cos, isfinite, sin
 
 from flighttune.errors import PlantError
 from flighttune.plants.base import Stop
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.log import one_line
 from flighttune.units import DEG, FT
 
 
 class Guard:
-    """Checks after every integration step, and says why when one fails.
+    """Checks a flight while it runs, and says why when a check fails.
 
     Parameters
     ----------
     fdm : Fdm
-        The aircraft; its configuration holds the envelope.
+        The aircraft; its configuration holds the envelope. The ground lies at sea level.
 
     Attributes
     ----------
@@ -28,14 +29,14 @@ class Guard:
         self._alpha = fdm.reader("aero/alpha-rad")
         self._theta = fdm.reader("attitude/theta-rad")
         self._V_a_fps = fdm.reader("velocities/vt-fps")
-        self._n_z = fdm.reader(fdm.config.channels.n_z)
-        self._agl_ft = fdm.reader("position/h-agl-ft")
+        self._N_x, self._N_z = fdm.reader("accelerations/Nx"), fdm.reader("accelerations/Nz")
+        self._h_ft = fdm.reader("position/h-sl-ft")
         self._time = fdm.reader("simulation/sim-time-sec")
         self.inside = self._check()
 
     def _check(self) -> Callable[[], bool]:
-        alpha, theta, V_a_fps, n_z = self._alpha, self._theta, self._V_a_fps, self._n_z
-        agl_ft = self._agl_ft
+        alpha, theta, V_a_fps, h_ft = self._alpha, self._theta, self._V_a_fps, self._h_ft
+        N_x, N_z = self._N_x, self._N_z
         envelope = self._fdm.config.envelope
         alpha_low, alpha_high = envelope.alpha
         theta_low, theta_high = envelope.theta
@@ -43,15 +44,20 @@ class Guard:
         n_low, n_high = envelope.n_z
 
         def inside() -> bool:
+            a = alpha()
             return (
-                alpha_low < alpha() < alpha_high
+                alpha_low < a < alpha_high
                 and V_low < V_a_fps() < V_high
-                and n_low < n_z() < n_high
+                and n_low < N_z() * cos(a) + N_x() * sin(a) < n_high
                 and theta_low < theta() < theta_high
-                and agl_ft() > 0.0
+                and h_ft() > 0.0
             )
 
         return inside
+
+    def gave_up(self, error: RuntimeError) -> Stop:
+        """Return the stop of a flight in which JSBSim itself raised `error`."""
+        return Stop("diverged", f"t = {self._time():.3f} s: JSBSim gave up: {one_line(str(error))}")
 
     def bad_command(self, phi_cmd: float, n_z_cmd: float) -> Stop:
         """Return the stop of a flight whose command is not finite."""
@@ -70,27 +76,31 @@ class Guard:
             If nothing is wrong with the state: JSBSim ended the run by itself.
         """
         at = f"t = {self._time():.3f} s"
-        V_a, agl = self._V_a_fps() * FT, self._agl_ft() * FT
+        alpha, h = self._alpha(), self._h_ft() * FT
         state = {
-            "alpha": self._alpha(), "theta": self._theta(), "V_a": V_a, "n_z": self._n_z(), "h": agl,
-        }  # fmt: skip
-        lost = [name for name, value in state.items() if not math.isfinite(value)]
+            "alpha": alpha,
+            "V_a": self._V_a_fps() * FT,
+            "n_z": self._N_z() * cos(alpha) + self._N_x() * sin(alpha),
+            "theta": self._theta(),
+            "h": h,
+        }
+        lost = [name for name, value in state.items() if not isfinite(value)]
         if lost:
-            return Stop("diverged", f"{at}: {', '.join(lost)} must be finite, got no number.")
-        if agl <= 0.0:
-            return Stop("ground_contact", f"{at}: touched the ground at {V_a:.1f} m/s.")
+            return Stop("diverged", f"{at}: state must be finite, got nan for {', '.join(lost)}.")
+        if h <= 0.0:
+            return Stop("ground_contact", f"{at}: hit the ground at V_a = {state['V_a']:.1f} m/s.")
         envelope = self._fdm.config.envelope
         watched = (
-            ("alpha", envelope.alpha, DEG, "deg"),
-            ("V_a", envelope.V_a, 1.0, "m/s"),
+            ("alpha", envelope.alpha, DEG, " deg"),
+            ("V_a", envelope.V_a, 1.0, " m/s"),
             ("n_z", envelope.n_z, 1.0, ""),
-            ("theta", envelope.theta, DEG, "deg"),
+            ("theta", envelope.theta, DEG, " deg"),
         )
-        for name, (low, high), unit, unit_name in watched:
+        for name, (low, high), unit, symbol in watched:
             if not low < state[name] < high:
                 return Stop(
                     "left_envelope",
-                    f"{at}: {name} must stay in {low / unit:g} to {high / unit:g} {unit_name}, "
-                    f"got {state[name] / unit:.2f}.".replace("  ", " ").replace(" ,", ","),
+                    f"{at}: {name} must stay inside {low / unit:g} to {high / unit:g}{symbol}, "
+                    f"got {state[name] / unit:.2f}{symbol}.",
                 )
-        raise PlantError(f"{at}: JSBSim ended the run by itself, with a state inside the envelope.")
+        raise PlantError(f"{at}: JSBSim ended the run by itself, its state inside the envelope.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -20,6 +20,12 @@ _AIRFRAME_SIGNALS = (
 
 _STEP_SHARE = 1e-6
 """How far from a whole number of integration steps a duration may lie, in steps."""
+
+
+_GUARD_INTERVAL = 0.02
+"""Longest time flown between two looks at the state, s."""
+
+_N_Z = COMMON_SIGNALS.index("n_z")
 
 
 class JSBSimPlant:
@@ -57,12 +63,12 @@ class JSBSimPlant:
     def __init__(
         self, aircraft: str | Path = "aerosonde", *, fdm_rate_hz: float = 200.0, seed: int = 0
     ) -> None:
-        if not (isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
+        if not (math.isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
             raise InputError(f"`fdm_rate_hz` must be positive, got {fdm_rate_hz}.")
         self.config: AircraftConfig = load_aircraft(aircraft)
         self._rate = fdm_rate_hz
         self._seed = seed
-        self._steps: dict[float, range] = {}
+        self._chunks: dict[float, tuple[range, ...]] = {}
         self._observe = self._run = _not_started
 
     def start(self, condition: FlightCondition) -> None:
@@ -88,9 +94,9 @@ class JSBSimPlant:
         fdm = Fdm(self.config, self._rate)
         self._write_settings(fdm)
         point = trim(fdm, condition)
-        self._engage(fdm, condition)
-        self._guard = Guard(fdm)
         self._observe = observer(fdm, condition.chi, point.psi)
+        self._engage(fdm, condition, steady_n_z=self._observe()[_N_Z])
+        self._guard = Guard(fdm)
         self._inside = self._guard.inside
         self._run = fdm.run
 
@@ -120,7 +126,7 @@ class JSBSimPlant:
         -------
         Stop or None
             ``diverged`` where a command or the state is not finite, ``ground_contact``, or
-            ``left_envelope``, found at the integration step where it happens.
+            ``left_envelope``; looked for at least every 20 ms of flight.
 
         Raises
         ------
@@ -129,16 +135,24 @@ class JSBSimPlant:
         PlantError
             If the plant was not started, or its flight has ended.
         """
-        steps = self._steps.get(duration) or self._count_steps(duration)
+        chunks = self._chunks.get(duration) or self._count_steps(duration)
         run, inside = self._run, self._inside
-        if not (isfinite(phi_cmd) and isfinite(n_z_cmd)):
+        if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
             return self._end(self._guard.bad_command(phi_cmd, n_z_cmd))
         self._write_phi_cmd(phi_cmd)
         self._write_n_z_cmd(n_z_cmd)
-        for _ in steps:
-            if not (run() and inside()):
-                return self._end(self._guard.diagnosis())
-        return None
+        going = True
+        try:
+            for chunk in chunks:
+                for _ in chunk:
+                    going = run()
+                if not (going and inside()):
+                    break
+            else:
+                return None
+        except RuntimeError as error:
+            return self._end(self._guard.gave_up(error))
+        return self._end(self._guard.diagnosis())
 
     def _write_settings(self, fdm: Fdm) -> None:
         limits, properties = self.config.limits, self.config.limit_properties
@@ -155,7 +169,7 @@ class JSBSimPlant:
         for name, value in settings.items():
             fdm.writer(name)(value)
 
-    def _engage(self, fdm: Fdm, condition: FlightCondition) -> None:
+    def _engage(self, fdm: Fdm, condition: FlightCondition, steady_n_z: float) -> None:
         """Engage the inner loop without a bump: its first output comes off the trim."""
         channels = self.config.channels
         self._write_phi_cmd = fdm.writer(channels.phi_cmd_rad)
@@ -163,7 +177,7 @@ class JSBSimPlant:
         fdm.writer(channels.V_a_cmd_mps)(condition.V_a)
         self._write_phi_cmd(condition.phi)
         fdm.evaluate()  # the inner loop sees the load factor of the evaluation before
-        self._write_n_z_cmd(fdm.reader(channels.n_z)())
+        self._write_n_z_cmd(steady_n_z)
         fdm.evaluate()
         for trim_name, law_name in channels.trimmed:
             trim_value, law = fdm.reader(trim_name)(), fdm.reader(law_name)()
@@ -173,14 +187,18 @@ class JSBSimPlant:
             self._write_n_z_cmd(condition.n_z)
         fdm.evaluate()
 
-    def _count_steps(self, duration: float) -> range:
+    def _count_steps(self, duration: float) -> tuple[range, ...]:
+        """Return the integration steps of `duration`, in chunks after which the guard looks."""
         steps = duration * self._rate
         if not (steps > 0.5 and abs(steps - round(steps)) < _STEP_SHARE * steps):
             raise InputError(
                 f"`duration` must be a whole number of steps of {1.0 / self._rate:g} s, "
                 f"got {duration:g} s."
             )
-        return self._steps.setdefault(duration, range(round(steps)))
+        most = max(1, math.floor(_GUARD_INTERVAL * self._rate))
+        whole, rest = divmod(round(steps), most)
+        chunks = (range(most),) * whole + (range(rest),) * (rest > 0)
+        return self._chunks.setdefault(duration, chunks)
 
     def _end(self, stop: Stop) -> Stop:
         self._run = _ended
