@@ -1,0 +1,76 @@
+"""Every file in scenarios/ flies, and the tables that describe them keep up."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flighttune.flight import fly
+from flighttune.scenario import load_scenario
+from flighttune.shipped import scenario_names
+
+ROOT = Path(__file__).parents[1]
+SCRIPTS = sorted((ROOT / "scenarios").glob("*.py"))
+LONGEST_SCRIPT = 40
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return {name: fly(load_scenario(name)) for name in scenario_names()}
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_scenario_flies_to_its_end(name, flown):
+    for run in flown[name].runs:
+        assert (run.status, run.reason) == ("completed", "")
+        assert run.duration == pytest.approx(flown[name].scenario.flight.duration_s)
+        assert np.isfinite(run.signals.to_numpy()).all()
+
+
+@pytest.mark.parametrize("name", ["paper", "level_turn"])
+def test_tuned_gains_converge_on_the_full_aircraft(name, flown):
+    (run,) = (r for r in flown[name].runs if r.label == "jsbsim:aerosonde / tuned")
+    last = run.signals[["chi_err", "gamma_err"]].iloc[-100:]
+
+    assert np.rad2deg(np.abs(last.to_numpy())).max() < 1.5
+
+
+def test_the_printed_rate_limits_without_anti_windup_never_converge(flown):
+    (run,) = flown["paper_printed_limits"].runs
+    late = np.abs(run.signals["chi_err"].loc[40.0:].to_numpy())
+
+    assert late.max() > 0.5
+
+
+def test_two_flights_of_one_scenario_are_equal_to_the_bit(flown):
+    again = fly(load_scenario("paper"))
+    for first, second in zip(flown["paper"].runs, again.runs, strict=True):
+        assert first.label == second.label
+        assert np.array_equal(first.signals.to_numpy(), second.signals.to_numpy())
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_every_script_runs_and_is_short(script, tmp_path):
+    assert len(script.read_text().splitlines()) < LONGEST_SCRIPT
+
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.rglob("*.rrd"))
+
+
+@pytest.mark.parametrize("page", ["README.md", "scenarios/README.md"])
+def test_the_scenario_tables_name_every_scenario(page):
+    text = (ROOT / page).read_text()
+    for name in [*(f"{name}.toml" for name in scenario_names()), *(s.name for s in SCRIPTS)]:
+        assert f"`{name}`" in text, f"{page} does not tell of {name}"
+
+
+def test_the_table_of_scenarios_says_what_their_headers_say():
+    text = (ROOT / "scenarios/README.md").read_text()
+    for name in scenario_names():
+        assert f"| `{name}.toml` | {load_scenario(name).title} |" in text
