@@ -1,0 +1,103 @@
+"""Margins against loops that are actually changed by as much."""
+
+import numpy as np
+import pytest
+
+from flighttune.control.closed_loop import closed_loop
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.lag import with_input_delay, with_input_lag
+from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.control.margins import delay_margin, lag_margin, loop_margins
+
+MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+LAGGED = with_input_lag(MODEL, (4.0, 8.0))
+K6 = PIGains.from_stacked(PAPER_GAINS.K - np.hstack([np.eye(2), np.eye(2)]))
+BELOW, ABOVE = 0.99, 1.01
+PADE_SECTIONS = 6
+HALF_MILLISECOND = 5e-4
+ROUNDING = 1e-9
+
+
+def abscissa(model, gains=PAPER_GAINS):
+    return np.linalg.eigvals(closed_loop(model, gains)).real.max()
+
+
+def with_input_gains(model, factors):
+    return LinearModel(
+        A=model.A, B=model.B * factors, C=model.C,
+        states=model.states, inputs=model.inputs, errors=model.errors,
+    )  # fmt: skip
+
+
+def test_the_papers_gains_lose_stability_at_a_lag_of_0_360_s_and_k6_at_0_169_s():
+    assert lag_margin(MODEL, PAPER_GAINS) == pytest.approx(0.360, abs=HALF_MILLISECOND)
+    assert lag_margin(MODEL, K6) == pytest.approx(0.169, abs=HALF_MILLISECOND)
+
+
+@pytest.mark.parametrize("gains", [PAPER_GAINS, K6])
+def test_a_lag_at_the_margin_puts_a_pair_on_the_imaginary_axis(gains):
+    lag = lag_margin(MODEL, gains)
+
+    assert abscissa(with_input_lag(MODEL, 1.0 / lag), gains) == pytest.approx(0.0, abs=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("model", "gains"), [(MODEL, PAPER_GAINS), (MODEL, K6), (LAGGED, PAPER_GAINS)]
+)
+def test_a_delay_in_all_inputs_destabilises_at_the_margin(model, gains):
+    delay = delay_margin(model, gains)
+
+    assert abscissa(with_input_delay(model, BELOW * delay, sections=PADE_SECTIONS), gains) < 0.0
+    assert abscissa(with_input_delay(model, ABOVE * delay, sections=PADE_SECTIONS), gains) > 0.0
+
+
+@pytest.mark.parametrize("i", [0, 1])
+def test_each_channels_margins_are_where_that_channel_destabilises(i):
+    channel = loop_margins(LAGGED, PAPER_GAINS).channels[i]
+
+    assert channel.channel == LAGGED.inputs[i]
+    for factor, is_stable in ((BELOW, True), (ABOVE, False)):
+        delay = np.full(2, 1e-6)
+        delay[i] = factor * channel.delay_margin
+        delayed = with_input_delay(LAGGED, delay, sections=PADE_SECTIONS)
+        assert (abscissa(delayed) < 0.0) == is_stable
+    if channel.gain_decrease > 0.0:
+        factors = np.ones(2)
+        factors[i] = channel.gain_decrease
+        assert abscissa(with_input_gains(LAGGED, factors)) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_phase_margin_of_a_proportional_loop_behind_one_lag_is_known_on_paper():
+    bandwidth, gain, slow = 5.0, 2.0, 1e-6
+    integrator = LinearModel(
+        A=np.zeros((1, 1)), B=-np.eye(1), C=np.eye(1), states=("e",), inputs=("u",), errors=("e",)
+    )
+    gains = PIGains(K_P=[[gain]], K_I=[[slow]], inputs=("u",), errors=("e",))
+    omega = bandwidth * np.sqrt((np.sqrt(1.0 + 4.0 * (gain / bandwidth) ** 2) - 1.0) / 2.0)
+
+    found = loop_margins(with_input_lag(integrator, bandwidth), gains)
+
+    phase = np.pi / 2.0 - np.arctan(omega / bandwidth)
+    assert found.channels[0].phase_margin == pytest.approx(phase, rel=1e-5)
+    assert found.channels[0].delay_margin == pytest.approx(phase / omega, rel=1e-5)
+    assert found.delay_margin == pytest.approx(phase / omega, rel=1e-5)
+    assert found.lag_margin == np.inf or found.lag_margin > 1.0
+
+
+def test_every_change_inside_the_disk_margin_is_survived():
+    margins = loop_margins(LAGGED, PAPER_GAINS)
+    rng = np.random.default_rng(0)
+
+    for exponents in rng.uniform(-1.0, 1.0, (200, 2)):
+        assert abscissa(with_input_gains(LAGGED, margins.disk_gain**exponents)) < 0.0
+
+    assert margins.disk_phase <= min(one.phase_margin for one in margins.channels)
+    assert 0.0 < margins.disk_margin < 2.0
+
+
+def test_an_unstable_loop_has_no_margins():
+    nothing = PIGains(K_P=np.zeros((2, 2)), K_I=np.zeros((2, 2)))
+
+    assert loop_margins(MODEL, nothing) is None
+    assert lag_margin(MODEL, nothing) == 0.0
+    assert delay_margin(MODEL, nothing) == 0.0
