@@ -18,6 +18,10 @@ from pydantic import (
 from flighttune.errors import InputError, ScenarioError
 from flighttune.shipped import aircraft_folder
 
+_LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
+PROPERTY_NAME = rf"^{_LEVEL}(/{_LEVEL})*$"
+"""Names JSBSim takes; it ends the process over any other."""
+
 
 def _rising(interval: tuple[float, float]) -> tuple[float, float]:
     if not interval[0] < interval[1]:
@@ -30,7 +34,7 @@ Positive = Annotated[Finite, Field(gt=0.0)]
 FromDegrees = Annotated[Finite, AfterValidator(math.radians)]
 Interval = Annotated[tuple[Finite, Finite], AfterValidator(_rising)]
 IntervalFromDegrees = Annotated[tuple[FromDegrees, FromDegrees], AfterValidator(_rising)]
-PropertyName = Annotated[str, Field(pattern=r"^[A-Za-z_][\w.-]*(/[A-Za-z_][\w.-]*(\[\d+\])?)*$")]
+PropertyName = Annotated[str, Field(pattern=PROPERTY_NAME)]
 
 
 class _Table(BaseModel):

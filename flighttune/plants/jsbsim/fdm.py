@@ -8,11 +8,10 @@ from pathlib import Path
 import jsbsim
 
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim.aircraft import AircraftConfig
+from flighttune.plants.jsbsim.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.plants.jsbsim.log import one_line, quiet
 
 _EARTH = Path(__file__).with_name("earth.xml")
-_PROPERTY_NAME = re.compile(r"^[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*$")
 
 
 class Fdm:
@@ -92,7 +91,7 @@ class Fdm:
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
-        known = _PROPERTY_NAME.match(name) and self._properties.hasNode(name)
+        known = re.fullmatch(PROPERTY_NAME, name) and self._properties.hasNode(name)
         node = self._properties.get_node(name) if known else None
         if node is None:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")

@@ -13,10 +13,9 @@ _KEPT_RECORDS = 200
 
 
 class QuietLogger(jsbsim.FGLogger):
-    """Logger that writes nowhere and keeps the latest warnings and errors of each thread."""
+    """Logger that writes nowhere and keeps the errors of each thread."""
 
     def __init__(self) -> None:
-        super().__init__()
         self._thread = _ThreadRecords()
 
     def set_level(self, level: Any) -> None:
@@ -37,7 +36,7 @@ class QuietLogger(jsbsim.FGLogger):
     def flush(self) -> None:
         """End the record."""
         thread = self._thread
-        if thread.level >= jsbsim.LogLevel.WARN and len(thread.records) < _KEPT_RECORDS:
+        if thread.level >= jsbsim.LogLevel.ERROR and len(thread.records) < _KEPT_RECORDS:
             thread.records.append(thread.text)
 
     def clear(self) -> None:
@@ -46,7 +45,7 @@ class QuietLogger(jsbsim.FGLogger):
 
     @property
     def text(self) -> str:
-        """This thread's warnings and errors in one line."""
+        """This thread's errors in one line."""
         return one_line(" ".join(self._thread.records))
 
 

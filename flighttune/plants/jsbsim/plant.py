@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -24,6 +25,8 @@ _STEP_SHARE = 1e-6
 
 _GUARD_INTERVAL = 0.02
 """Longest time flown between two looks at the state, s."""
+
+_LARGEST_SEED = 2**31 - 1
 
 _N_Z = COMMON_SIGNALS.index("n_z")
 
@@ -65,17 +68,20 @@ class JSBSimPlant:
     ) -> None:
         if not (math.isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
             raise InputError(f"`fdm_rate_hz` must be positive, got {fdm_rate_hz}.")
+        if not 0 <= seed <= _LARGEST_SEED:
+            raise InputError(f"`seed` must lie in 0 to {_LARGEST_SEED}, got {seed}.")
         self.config: AircraftConfig = load_aircraft(aircraft)
         self._rate = fdm_rate_hz
         self._seed = seed
         self._chunks: dict[float, tuple[range, ...]] = {}
-        self._observe = self._run = _not_started
+        self._observe: Callable[[], tuple[float, ...]] = _not_started
+        self._write_phi_cmd: Callable[[float], object] = _not_started
 
     def start(self, condition: FlightCondition) -> None:
         """Build a fresh aircraft and trim it: steady, coordinated flight at `condition`.
 
-        Where `condition` gives an `n_z` of its own, the aircraft starts in steady flight all the
-        same, and `n_z` is the load-factor command in force at t = 0.
+        An `n_z` of its own in `condition` does not change that: an aircraft cannot be held in
+        unsteady flight. The inner loop takes up the first command at its own rate limit.
 
         Raises
         ------
@@ -91,14 +97,15 @@ class JSBSimPlant:
         from flighttune.plants.jsbsim.observer import observer
         from flighttune.plants.jsbsim.trim import trim
 
+        self._observe = self._write_phi_cmd = _not_started
         fdm = Fdm(self.config, self._rate)
         self._write_settings(fdm)
         point = trim(fdm, condition)
-        self._observe = observer(fdm, condition.chi, point.psi)
-        self._engage(fdm, condition, steady_n_z=self._observe()[_N_Z])
+        observe = observer(fdm, condition.chi, point.psi)
         self._guard = Guard(fdm)
-        self._inside = self._guard.inside
-        self._run = fdm.run
+        self._inside, self._run = self._guard.inside, fdm.run
+        self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
+        self._observe = observe
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians.
@@ -136,11 +143,11 @@ class JSBSimPlant:
             If the plant was not started, or its flight has ended.
         """
         chunks = self._chunks.get(duration) or self._count_steps(duration)
-        run, inside = self._run, self._inside
-        if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
-            return self._end(self._guard.bad_command(phi_cmd, n_z_cmd))
         self._write_phi_cmd(phi_cmd)
         self._write_n_z_cmd(n_z_cmd)
+        if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
+            return self._end(self._guard.bad_command(phi_cmd, n_z_cmd))
+        run, inside = self._run, self._inside
         going = True
         try:
             for chunk in chunks:
@@ -172,10 +179,10 @@ class JSBSimPlant:
     def _engage(self, fdm: Fdm, condition: FlightCondition, steady_n_z: float) -> None:
         """Engage the inner loop without a bump: its first output comes off the trim."""
         channels = self.config.channels
-        self._write_phi_cmd = fdm.writer(channels.phi_cmd_rad)
         self._write_n_z_cmd = fdm.writer(channels.n_z_cmd)
+        write_phi_cmd = fdm.writer(channels.phi_cmd_rad)
+        write_phi_cmd(condition.phi)
         fdm.writer(channels.V_a_cmd_mps)(condition.V_a)
-        self._write_phi_cmd(condition.phi)
         fdm.evaluate()  # the inner loop sees the load factor of the evaluation before
         self._write_n_z_cmd(steady_n_z)
         fdm.evaluate()
@@ -183,9 +190,8 @@ class JSBSimPlant:
             trim_value, law = fdm.reader(trim_name)(), fdm.reader(law_name)()
             fdm.writer(trim_name)(trim_value - law)
         fdm.writer(channels.engaged)(1.0)
-        if condition.n_z is not None:
-            self._write_n_z_cmd(condition.n_z)
         fdm.evaluate()
+        self._write_phi_cmd = write_phi_cmd
 
     def _count_steps(self, duration: float) -> tuple[range, ...]:
         """Return the integration steps of `duration`, in chunks after which the guard looks."""
@@ -201,7 +207,7 @@ class JSBSimPlant:
         return self._chunks.setdefault(duration, chunks)
 
     def _end(self, stop: Stop) -> Stop:
-        self._run = _ended
+        self._write_phi_cmd = _ended
         return stop
 
 

@@ -217,12 +217,17 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
 def _check_condition(config: AircraftConfig, condition: FlightCondition) -> None:
     if not condition.h > 0.0:
         raise InputError(f"`h` must be above the ground at 0 m, got {condition.h:g} m.")
-    low, high = config.envelope.V_a
-    if not low < condition.V_a < high:
-        raise InputError(
-            f"`V_a` must lie inside the envelope {low:g} to {high:g} m/s of {config.file}, "
-            f"got {condition.V_a:g} m/s."
-        )
+    watched = (
+        ("V_a", condition.V_a, config.envelope.V_a, 1.0, " m/s"),
+        ("phi", condition.phi, config.limits.phi, DEG, " deg"),
+        ("n_z", condition.n_z_start, config.limits.n_z, 1.0, ""),
+    )
+    for name, value, (low, high), unit, symbol in watched:
+        if not low <= value <= high:
+            raise InputError(
+                f"`{name}` must lie in {low / unit:g} to {high / unit:g}{symbol} "
+                f"({config.file}), got {value / unit:g}{symbol}."
+            )
 
 
 def _described(condition: FlightCondition) -> str:
