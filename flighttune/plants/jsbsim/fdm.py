@@ -1,9 +1,11 @@
 """One JSBSim instance that cannot be misused: built once, names checked, errors translated."""
 
+import ctypes
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from xml.etree import ElementTree
 
 import jsbsim
 
@@ -33,8 +35,9 @@ class Fdm:
     def __init__(self, config: AircraftConfig, rate_hz: float) -> None:
         self.config = config
         folder = config.folder
-        with self._translated("cannot be loaded"), quiet() as log:
+        with quiet():
             self._exec = jsbsim.FGFDMExec(str(folder))
+        with self._translated("cannot be loaded"), quiet() as log:
             self._exec.set_debug_level(0)
             self._exec.set_dt(1.0 / rate_hz)
             loaded = self._exec.load_model_with_paths(
@@ -45,12 +48,13 @@ class Fdm:
                     f"{folder / config.model}.xml: must load in JSBSim without complaint, "
                     f"got: {log.text or 'no reason'}."
                 )
-            self._exec.disable_output()
+            self._refuse_connections()
             if not self._exec.load_planet(str(_EARTH), False):
                 raise PlantError(f"{_EARTH}: cannot be loaded: {log.text}.")
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
         self.writer("propulsion/set-running")(-1.0)
+        self.evaluate()
 
     def reader(self, name: str) -> Callable[[], float]:
         """Return a function that reads the property `name` (JSBSim's units).
@@ -85,6 +89,22 @@ class Fdm:
             self._exec.run_ic()
             self._exec.set_trim_status(False)
 
+    def abandon(self) -> None:
+        """Keep the broken aircraft for good.
+
+        JSBSim evaluates an aircraft once more when it frees it, and ends the process if that fails.
+        """
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._exec))
+
+    def _refuse_connections(self) -> None:
+        """JSBSim opens files and sockets of an aircraft on its first evaluation."""
+        root = ElementTree.parse(self._model).getroot()
+        for tag in ("output", "input"):
+            if root.find(tag) is not None:
+                raise PlantError(
+                    f"{self._model}: must have no <{tag}>, got one: flighttune records its runs."
+                )
+
     @property
     def _model(self) -> Path:
         return self.config.folder / f"{self.config.model}.xml"
@@ -101,5 +121,8 @@ class Fdm:
     def _translated(self, what: str) -> Iterator[None]:
         try:
             yield
-        except jsbsim.BaseError as error:
+        except (jsbsim.BaseError, PlantError) as error:
+            self.abandon()
+            if isinstance(error, PlantError):
+                raise
             raise PlantError(f"{self._model}: {what} by JSBSim: {one_line(str(error))}") from error

@@ -57,6 +57,7 @@ class Guard:
 
     def gave_up(self, error: RuntimeError) -> Stop:
         """Return the stop of a flight in which JSBSim itself raised `error`."""
+        self._fdm.abandon()
         return Stop("diverged", f"t = {self._time():.3f} s: JSBSim gave up: {one_line(str(error))}")
 
     def bad_command(self, phi_cmd: float, n_z_cmd: float) -> Stop:

@@ -196,7 +196,7 @@ class JSBSimPlant:
     def _count_steps(self, duration: float) -> tuple[range, ...]:
         """Return the integration steps of `duration`, in chunks after which the guard looks."""
         steps = duration * self._rate
-        if not (steps > 0.5 and abs(steps - round(steps)) < _STEP_SHARE * steps):
+        if not (0.5 < steps < math.inf and abs(steps - round(steps)) < _STEP_SHARE * steps):
             raise InputError(
                 f"`duration` must be a whole number of steps of {1.0 / self._rate:g} s, "
                 f"got {duration:g} s."

@@ -1,0 +1,306 @@
+"""Every way JSBSim fails silently or fatally, provoked: an error or a stop that says why."""
+
+import math
+import re
+import threading
+
+import pytest
+
+from flighttune.errors import InputError, PlantError, ScenarioError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.aircraft import load_aircraft
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.shipped import aircraft_folder
+
+DEG = math.pi / 180.0
+LEVEL = FlightCondition(V_a=25.0)
+
+
+def started(folder):
+    plant = JSBSimPlant(folder)
+    plant.start(LEVEL)
+    return plant
+
+
+def one_line_of(error):
+    text = str(error.value)
+    assert "\n" not in text
+    return text
+
+
+def test_malformed_xml_names_file_and_line(changed_aircraft):
+    folder = changed_aircraft("aerosonde.xml", "</metrics>", "</metric>")
+
+    with pytest.raises(PlantError, match=r"aerosonde.xml: .*line 17 .*mismatched tag") as error:
+        started(folder)
+    one_line_of(error)
+
+
+def test_bad_unit_names_the_unit(changed_aircraft):
+    folder = changed_aircraft("aerosonde.xml", 'unit="M2"', 'unit="ACRES"')
+
+    with pytest.raises(PlantError, match="ACRES") as error:
+        started(folder)
+    one_line_of(error)
+
+
+def test_missing_aircraft_xml_is_named(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", '"aerosonde" ', '"albatross" ')
+
+    with pytest.raises(PlantError, match=r"albatross.xml") as error:
+        started(folder)
+    one_line_of(error)
+
+
+@pytest.mark.parametrize(
+    ("kind", "folder", "name"),
+    [("engine", "Engines", "aerosonde_motor"), ("thruster", "Engines", "direct"),
+     ("system", "Systems", "inner_loop")],
+)  # fmt: skip
+def test_missing_part_is_named(changed_aircraft, kind, folder, name):
+    aircraft = changed_aircraft("aerosonde.xml", f'{kind} file="{name}"', f'{kind} file="lost"')
+
+    with pytest.raises(PlantError, match="lost") as error:
+        started(aircraft)
+    one_line_of(error)
+
+
+def test_unknown_property_in_the_aerodynamics_is_named(changed_aircraft):
+    folder = changed_aircraft(
+        "aerosonde.xml", "<property> aero/beta-rad </property>", "<property> aero/bta </property>"
+    )
+
+    with pytest.raises(PlantError, match="aero/bta") as error:
+        started(folder)
+    one_line_of(error)
+
+
+@pytest.mark.parametrize("channel", ["phi_cmd_rad", "throttle_trim", "thrust_lbf"])
+def test_unknown_property_of_a_channel_is_named(changed_aircraft, channel):
+    folder = changed_aircraft(
+        "aircraft.toml", rf'{channel}(\s*)= "[^"]*"', rf'{channel}\1= "guidance/lost"'
+    )
+
+    with pytest.raises(PlantError, match="must have the property `guidance/lost`, got none"):
+        started(folder)
+
+
+def test_unknown_property_of_a_gain_is_named(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", "inner-loop/roll/k_p", "inner-loop/roll/k_P")
+
+    with pytest.raises(PlantError, match="must have the property `inner-loop/roll/k_P`"):
+        started(folder)
+
+
+def test_read_only_property_is_not_written(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", "inner-loop/roll/k_p", "attitude/phi-rad")
+
+    with pytest.raises(PlantError, match="`attitude/phi-rad` must be writable, got read-only"):
+        started(folder)
+
+
+@pytest.mark.parametrize("name", ["", "a b", "9lives", "fcs//x", "/fcs", "ä", "fcs/x[a]", "fcs\n"])
+def test_malformed_property_name_is_an_error_and_not_the_end_of_the_process(name):
+    fdm = Fdm(load_aircraft("aerosonde"), 200.0)
+
+    with pytest.raises(PlantError, match="must have the property"):
+        fdm.reader(name)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("channel", ["phi_cmd", "n_z_cmd"])
+def test_command_that_is_no_number_stops_the_flight(channel, bad):
+    plant = JSBSimPlant()
+    plant.start(LEVEL)
+    plant.advance(0.0, 1.0, 1.0)
+    before = plant.observe()
+
+    stop = plant.advance(**{"phi_cmd": 0.0, "n_z_cmd": 1.0, "duration": 0.02} | {channel: bad})
+
+    assert stop is not None
+    assert stop.status == "diverged"
+    assert re.fullmatch(
+        r"t = 1\.000 s: commands must be finite, got phi_cmd .* n_z_cmd .*\.", stop.reason
+    )
+    assert plant.observe() == before
+    with pytest.raises(PlantError, match="its flight has ended"):
+        plant.advance(0.0, 1.0, 0.02)
+
+
+def test_state_that_is_no_number_stops_the_flight(changed_aircraft):
+    # Zero times one over the seconds left until t = 1 s: not a number there, and ever after.
+    folder = changed_aircraft(
+        "Systems/inner_loop.xml",
+        r"<sum>(\s*)<property> guidance/rudder-trim-rad </property>",
+        r"<sum>\1<property> guidance/rudder-trim-rad </property> <product> <value> 0 </value>"
+        "<sqrt> <difference> <value> 1 </value> <property> simulation/sim-time-sec </property>"
+        "</difference> </sqrt> </product>",
+    )
+    plant = started(folder)
+
+    stop = plant.advance(0.0, 1.0, 2.0)
+
+    assert stop is not None
+    assert stop.status == "diverged"
+    assert re.match(r"t = 1\.0\d+ s: state must be finite, got nan for V_a, n_z, .*", stop.reason)
+
+
+def test_dive_into_the_ground_is_a_ground_contact(fly):
+    flight = fly(lambda now: (0.0, math.cos(now["gamma"])), h=30.0, gamma=-4.0 * DEG, duration=60.0)
+
+    assert flight.stop.status == "ground_contact"
+    assert re.fullmatch(r"t = 17\.\d+ s: hit the ground at V_a = 25\.\d m/s\.", flight.stop.reason)
+    assert flight["h"][-2] > 0.0 >= flight["h"][-1]
+
+
+def test_start_below_ground_is_refused():
+    with pytest.raises(InputError, match="`h` must be above the ground at 0 m, got -5 m"):
+        JSBSimPlant().start(FlightCondition(V_a=25.0, h=-5.0))
+
+
+def envelope_with(changed_aircraft, key, interval):
+    return changed_aircraft(
+        "aircraft.toml", rf"(?m)^{key}(\s*)= \[[^]]*\]", rf"{key}\1= {interval}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "interval", "reason"),
+    [
+        ("alpha_deg", "[-14.0, 6.0]", r"alpha must stay inside -14 to 6 deg, got 6\.\d+ deg\."),
+        ("V_a_mps", "[24.9, 45.0]", r"V_a must stay inside 24.9 to 45 m/s, got 24\.\d+ m/s\."),
+        ("n_z", "[-3.0, 1.5]", r"n_z must stay inside -3 to 1.5, got 1\.5\d*\."),
+        ("theta_deg", "[-80.0, 20.0]", r"theta must stay inside -80 to 20 deg, got 20\.\d+ deg\."),
+    ],
+)
+def test_leaving_the_envelope_ends_the_flight(fly, changed_aircraft, key, interval, reason):
+    folder = envelope_with(changed_aircraft, key, interval)
+
+    flight = fly((0.0, 1.8), aircraft=folder, duration=3.0)
+
+    assert flight.stop.status == "left_envelope"
+    assert re.fullmatch(rf"t = [012]\.\d\d\d s: {reason}", flight.stop.reason)
+
+
+def test_stall_ends_the_flight(fly):
+    # At 18 m/s the lift peak of 1.5 carries 1.4 times the weight.
+    flight = fly((0.0, 2.0), V_a=18.0, duration=5.0)
+
+    assert flight.stop.status == "left_envelope"
+    assert re.search("alpha must stay inside -14 to 16 deg, got 16", flight.stop.reason)
+
+
+def test_jsbsim_giving_up_in_flight_is_a_stop(changed_aircraft):
+    # A way point beyond the pole is an error that JSBSim raises while it runs.
+    folder = changed_aircraft(
+        "Systems/inner_loop.xml",
+        r'(?s)<channel name="speed">',
+        '<channel name="way point"> <waypoint_heading name="guidance/lost">'
+        '<target_latitude unit="RAD"> simulation/sim-time-sec </target_latitude>'
+        '<target_longitude unit="RAD"> simulation/sim-time-sec </target_longitude>'
+        '<source_latitude unit="RAD"> position/lat-geod-rad </source_latitude>'
+        '<source_longitude unit="RAD"> position/long-gc-rad </source_longitude>'
+        '</waypoint_heading> </channel> <channel name="speed">',
+    )
+    plant = started(folder)
+
+    stop = plant.advance(0.0, 1.0, 3.0)
+
+    assert stop is not None
+    assert stop.status == "diverged"
+    assert re.match(r"t = 1\.5\d+ s: JSBSim gave up: .*latitude", stop.reason)
+
+
+def test_jsbsim_ending_the_run_is_an_error(changed_aircraft):
+    folder = changed_aircraft(
+        "Systems/inner_loop.xml",
+        '<channel name="speed">',
+        '<channel name="end"> <fcs_function name="simulation/terminate"> <function>'
+        "<gt> <property> simulation/sim-time-sec </property> <value> 0.5 </value> </gt>"
+        '</function> </fcs_function> </channel> <channel name="speed">',
+    )
+    plant = started(folder)
+
+    with pytest.raises(PlantError, match=r"t = 0\.5\d+ s: JSBSim ended the run by itself"):
+        plant.advance(0.0, 1.0, 2.0)
+
+
+def test_nothing_is_written_to_the_terminal(capfd, changed_aircraft):
+    broken = changed_aircraft(
+        "aerosonde.xml", 'engine file="aerosonde_motor"', 'engine file="lost"'
+    )
+    plant = started("aerosonde")
+    plant.advance(0.5, 1.5, 2.0)
+    thread = threading.Thread(target=started, args=("aerosonde",))
+    thread.start()
+    thread.join()
+    with pytest.raises(PlantError):
+        started(broken)
+
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("tag", "content"),
+    [
+        ("output", '<output name="stray.csv" type="CSV" rate="50"> <rates> ON </rates> </output>'),
+        ("input", '<input port="1137"/>'),
+    ],
+)
+def test_an_aircraft_that_opens_files_or_sockets_is_refused(
+    changed_aircraft, tmp_path, monkeypatch, tag, content
+):
+    folder = changed_aircraft("aerosonde.xml", "</fdm_config>", f"{content}</fdm_config>")
+    monkeypatch.chdir(tmp_path)
+
+    with pytest.raises(PlantError, match=f"must have no <{tag}>, got one"):
+        started(folder)
+
+    assert list(tmp_path.rglob("*.csv")) == []
+
+
+def test_a_flight_leaves_no_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    started("aerosonde").advance(0.0, 1.0, 1.0)
+
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "message"),
+    [
+        ("alpha_deg = ", "alfa_deg = ", r"`envelope\.alpha_deg`: Field required"),
+        (r"\[limits\]", "[limits]\nv = 3", r"`limits\.v`: Extra inputs are not permitted, got 3"),
+        ("_dps   = 30.0", "_dps = -30.0", r"`limits\.phi_rate_dps`: .* greater than 0, got -30"),
+        ("_dps   = 30.0", "_dps = nan", r"`limits\.phi_rate_dps`: .*, got nan"),
+        ("_dps   = 30.0", '_dps = "fast"', r"`limits\.phi_rate_dps`: .*number.*, got 'fast'"),
+        (r"\[-3.0, 4.0\]", "[4.0, -3.0]", r"`envelope\.n_z`: must be \[lower, upper\] with .*"),
+        (r"\[15.0, 45.0\]", "[0.5, 45.0]", r"`envelope`: `V_a_mps` must begin above 1 m/s.*"),
+        ('"guidance/engaged"', '"guidance engaged"', r"`channels\.engaged`: .*match pattern.*"),
+        ('title  = "', 'title = "\n', "must be TOML, got .*"),
+    ],
+)
+def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, replacement, message):
+    folder = changed_aircraft("aircraft.toml", pattern, replacement)
+
+    with pytest.raises(ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
+        JSBSimPlant(folder)
+    one_line_of(error)
+
+
+def test_unknown_aircraft_names_those_there_are():
+    with pytest.raises(InputError, match=r"`aircraft` must be one of aerosonde.*, got 'concorde'"):
+        JSBSimPlant("concorde")
+
+
+def test_folder_without_aircraft_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"aircraft.toml: must be a readable file"):
+        JSBSimPlant(tmp_path)
+
+
+def test_an_aircraft_can_be_given_by_its_folder():
+    by_name, by_path = started("aerosonde"), started(aircraft_folder("aerosonde"))
+
+    assert by_name.observe() == by_path.observe()

@@ -1,0 +1,242 @@
+"""Signals of the JSBSim plant: signs and definitions against independent computations."""
+
+import math
+import threading
+
+import numpy as np
+import pytest
+
+from flighttune.errors import InputError, PlantError
+from flighttune.plants.base import COMMON_SIGNALS, FlightCondition
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.simulate.run import SIGNAL_UNITS
+from flighttune.units import G_0
+
+DEG = math.pi / 180.0
+TWO_STEPS = 0.01
+ANGLE_FROM_POSITIONS = 2e-4
+LOAD_FROM_POSITIONS = 5e-3
+
+
+def manoeuvre(now):
+    """Bank right and climb: nothing stays at zero."""
+    return 25.0 * DEG, 1.2
+
+
+@pytest.fixture
+def turn(fly):
+    return fly(manoeuvre, chi=60.0 * DEG, gamma=10.0 * DEG, duration=3.0, dt=TWO_STEPS)
+
+
+def velocity_and_acceleration(flight):
+    position = np.stack([flight["north"], flight["east"], flight["down"]], axis=1)
+    velocity = (position[2:] - position[:-2]) / (2 * TWO_STEPS)
+    acceleration = (position[2:] - 2 * position[1:-1] + position[:-2]) / TWO_STEPS**2
+    return velocity, acceleration
+
+
+def test_signals_begin_with_the_common_ones_and_all_have_units():
+    assert JSBSimPlant.signals[: len(COMMON_SIGNALS)] == COMMON_SIGNALS
+    assert set(JSBSimPlant.signals) <= set(SIGNAL_UNITS)
+
+
+def test_starts_at_the_condition_in_steady_flight():
+    plant = JSBSimPlant()
+    plant.start(FlightCondition(V_a=25.0, h=800.0, chi=60.0 * DEG, gamma=20.0 * DEG))
+
+    now = dict(zip(plant.signals, plant.observe(), strict=True))
+
+    expected = {"chi": 60.0 * DEG, "gamma": 20.0 * DEG, "phi": 0.0, "V_a": 25.0, "h": 800.0,
+                "n_z": math.cos(20.0 * DEG), "V_g": 25.0 * math.cos(20.0 * DEG), "psi": 60.0 * DEG,
+                "north": 0.0, "east": 0.0, "down": 0.0, "p": 0.0, "q": 0.0, "r": 0.0,
+                "beta": 0.0, "n_y": 0.0, "theta": 20.0 * DEG + now["alpha"]}  # fmt: skip
+    assert {name: now[name] for name in expected} == pytest.approx(expected, abs=1e-5)
+
+
+def test_level_flight_has_load_factor_plus_one(fly):
+    flight = fly((0.0, 1.0), duration=1.0)
+
+    assert flight["n_z"] == pytest.approx(1.0, abs=1e-4)
+
+
+def test_chi_is_the_direction_of_travel_clockwise_from_north(turn):
+    velocity, _ = velocity_and_acceleration(turn)
+
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+
+    assert turn["chi"][1:-1] == pytest.approx(course, abs=ANGLE_FROM_POSITIONS)
+    assert turn["chi"][-1] > turn["chi"][0], "right bank must turn clockwise"
+
+
+def test_gamma_is_the_climb_angle_of_the_path(turn):
+    velocity, _ = velocity_and_acceleration(turn)
+
+    climb = np.arctan2(-velocity[:, 2], np.hypot(velocity[:, 0], velocity[:, 1]))
+
+    assert turn["gamma"][1:-1] == pytest.approx(climb, abs=ANGLE_FROM_POSITIONS)
+
+
+def test_airspeed_is_the_length_of_the_velocity_in_still_air(turn):
+    velocity, _ = velocity_and_acceleration(turn)
+
+    assert turn["V_a"][1:-1] == pytest.approx(np.linalg.norm(velocity, axis=1), abs=1e-3)
+
+
+def test_n_z_is_the_force_normal_to_the_path_over_weight(turn):
+    velocity, acceleration = velocity_and_acceleration(turn)
+    force = acceleration - [0.0, 0.0, G_0]
+    ahead = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+    normal = force - np.sum(force * ahead, axis=1, keepdims=True) * ahead
+    load = np.sqrt(np.sum(normal**2, axis=1) / G_0**2 - turn["n_y"][1:-1] ** 2)
+
+    assert turn["n_z"][1:-1] == pytest.approx(load, abs=LOAD_FROM_POSITIONS)
+
+
+def test_n_z_is_negative_when_lift_points_down(fly):
+    flight = fly((0.0, -0.5), duration=2.0)
+
+    assert flight["n_z"][-1] < -0.3
+    assert flight["alpha"][-1] < 0.0
+
+
+def test_down_and_h_are_one_height(turn):
+    assert turn["h"] + turn["down"] == pytest.approx(1000.0, abs=1e-6)
+
+
+def test_chi_runs_on_through_south_without_a_jump(fly):
+    flight = fly((30.0 * DEG, 1.15), chi=170.0 * DEG, duration=4.0)
+
+    assert flight["chi"][-1] > 180.0 * DEG
+    assert np.max(np.abs(np.diff(flight["chi"]))) < 1.0 * DEG
+    assert np.max(np.abs(np.diff(flight["psi"]))) < 1.0 * DEG
+
+
+def test_surface_signs(fly):
+    right = fly((30.0 * DEG, 1.0), duration=0.4)
+    up = fly((0.0, 1.5), duration=0.4)
+
+    assert np.max(right["aileron"]) > 1.0 * DEG
+    assert right["p"][-1] > 0.0
+    assert np.min(up["elevator"]) < up["elevator"][0]
+    assert up["q"][-1] > 0.0
+
+
+def test_thrust_balances_weight_and_drag_in_a_climb(fly):
+    mass, gamma = 11.0, 45.0 * DEG
+    flight = fly((0.0, math.cos(gamma)), gamma=gamma, duration=0.1)
+    alpha, dynamic_pressure = flight["alpha"][0], 0.5 * 1.1117 * 25.0**2
+    C_L = 0.23 + 5.61 * alpha + 0.13 * flight["elevator"][0]
+    drag = dynamic_pressure * 0.55 * (0.043 + C_L**2 / (math.pi * 0.9 * 2.8956**2 / 0.55))
+
+    thrust = flight["thrust"][0] * math.cos(alpha)
+
+    assert thrust == pytest.approx(mass * G_0 * math.sin(gamma) + drag, rel=2e-3)
+    assert flight["throttle"][0] == pytest.approx(flight["thrust"][0] / 120.0, rel=1e-3)
+
+
+def test_an_n_z_of_its_own_leaves_the_start_steady():
+    steady, other = JSBSimPlant(), JSBSimPlant()
+    steady.start(FlightCondition(V_a=25.0))
+    other.start(FlightCondition(V_a=25.0, n_z=1.4))
+
+    assert other.observe() == steady.observe()
+
+
+def signals_of_a_turn(aircraft="aerosonde"):
+    plant = JSBSimPlant(aircraft)
+    plant.start(FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
+    rows = [plant.observe()]
+    for _ in range(100):
+        plant.advance(0.4, 1.3, 0.02)
+        rows.append(plant.observe())
+    return rows
+
+
+def test_two_flights_are_equal_to_the_bit():
+    assert signals_of_a_turn() == signals_of_a_turn()
+
+
+def test_a_plant_can_be_started_again():
+    plant = JSBSimPlant()
+    starts = []
+    for _ in range(2):
+        plant.start(FlightCondition(V_a=25.0))
+        starts.append(plant.observe())
+        plant.advance(0.5, 1.5, 1.0)
+
+    assert starts[0] == starts[1]
+
+
+def test_flights_in_turns_do_not_touch_each_other():
+    alone, plants = signals_of_a_turn(), [JSBSimPlant(), JSBSimPlant()]
+    for plant in plants:
+        plant.start(FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
+    for _ in range(100):
+        plants[0].advance(0.4, 1.3, 0.02)
+        plants[1].advance(-0.7, 0.5, 0.02)
+
+    assert plants[0].observe() == alone[-1]
+
+
+def test_flights_in_threads_equal_those_in_the_main_thread():
+    flown = []
+    threads = [threading.Thread(target=lambda: flown.append(signals_of_a_turn())) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+    assert flown == [signals_of_a_turn()] * 4
+
+
+def test_long_and_short_samples_fly_the_same_path():
+    plants = [JSBSimPlant(), JSBSimPlant()]
+    for plant in plants:
+        plant.start(FlightCondition(V_a=25.0))
+    plants[0].advance(0.3, 1.2, 1.015)
+    for _ in range(203):
+        plants[1].advance(0.3, 1.2, 0.005)
+
+    assert plants[0].observe() == plants[1].observe()
+
+
+@pytest.mark.parametrize("duration", [0.0, 0.004, 0.0125, -0.02, math.nan, math.inf])
+def test_duration_must_be_whole_integration_steps(duration):
+    plant = JSBSimPlant()
+    plant.start(FlightCondition(V_a=25.0))
+
+    with pytest.raises(InputError, match=r"`duration` must be a whole number of steps of 0.005 s"):
+        plant.advance(0.0, 1.0, duration)
+
+
+def test_integration_error_at_200_hz_is_small():
+    ends = []
+    for rate in (200.0, 1000.0):
+        plant = JSBSimPlant(fdm_rate_hz=rate)
+        plant.start(FlightCondition(V_a=25.0))
+        for _ in range(50):
+            plant.advance(0.6, 1.2, 0.1)
+        ends.append(dict(zip(plant.signals, plant.observe(), strict=True)))
+
+    for name in ("chi", "gamma", "phi"):
+        assert ends[0][name] == pytest.approx(ends[1][name], abs=0.2 * DEG)
+
+
+@pytest.mark.parametrize("rate", [0.0, -200.0, math.nan, math.inf])
+def test_rate_must_be_positive(rate):
+    with pytest.raises(InputError, match="`fdm_rate_hz` must be positive"):
+        JSBSimPlant(fdm_rate_hz=rate)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**31])
+def test_seed_must_fit(seed):
+    with pytest.raises(InputError, match="`seed` must lie in 0 to 2147483647"):
+        JSBSimPlant(seed=seed)
+
+
+@pytest.mark.parametrize(
+    "use", [lambda plant: plant.observe(), lambda plant: plant.advance(0.0, 1.0, 0.02)]
+)
+def test_must_be_started_first(use):
+    with pytest.raises(PlantError, match="must be started before"):
+        use(JSBSimPlant())

@@ -1,0 +1,121 @@
+"""The Aerosonde's inner loop against what an outer loop needs of it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+
+DEG = math.pi / 180.0
+FINE = 0.005
+
+ROLL_T90, ROLL_OVERSHOOT = 1.3, 0.06
+LOAD_T90, LOAD_OVERSHOOT = 0.8, 0.05
+BANKED_LOAD, BANKED_LOAD_TOLERANCE = 1.41, 0.02
+COURSE_DRIFT = 0.05 * DEG
+
+
+def time_to_90_percent(t, y, y_0, y_1):
+    return t[np.argmax((y - y_0) / (y_1 - y_0) >= 0.9)]
+
+
+def overshoot(y, y_0, y_1):
+    return np.max((y - y_0) / (y_1 - y_0)) - 1.0
+
+
+@pytest.mark.parametrize("gamma_deg", [0.0, 5.0, 15.0, 30.0, 45.0])
+@pytest.mark.parametrize("V_a", [20.0, 25.0, 30.0])
+def test_trims_in_a_climb_of_up_to_45_deg_and_stays_there(fly, V_a, gamma_deg):
+    gamma = gamma_deg * DEG
+
+    flight = fly(lambda now: (0.0, math.cos(gamma)), V_a=V_a, gamma=gamma, duration=0.5)
+
+    assert flight.stop is None
+    assert flight["gamma"] == pytest.approx(gamma, abs=0.1 * DEG)
+    assert flight["V_a"] == pytest.approx(V_a, abs=0.01)
+    assert flight["phi"] == pytest.approx(0.0, abs=1e-6)
+    assert flight["n_z"] == pytest.approx(math.cos(gamma), abs=1e-3)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["right", "left"])
+@pytest.mark.parametrize(
+    ("V_a", "gamma_deg"), [(20.0, 0.0), (25.0, 0.0), (25.0, 20.0), (25.0, 45.0), (30.0, 0.0)]
+)
+def test_rolls_30_deg_fast_and_well_damped(fly, holding_gamma, V_a, gamma_deg, sign):
+    phi_1 = sign * 30.0 * DEG
+
+    flight = fly(holding_gamma(phi_1), V_a=V_a, gamma=gamma_deg * DEG, duration=4.0, dt=FINE)
+
+    assert time_to_90_percent(flight.t, flight["phi"], 0.0, phi_1) <= ROLL_T90
+    assert overshoot(flight["phi"], 0.0, phi_1) <= ROLL_OVERSHOOT
+    assert flight["phi"][-1] == pytest.approx(phi_1, abs=0.2 * DEG)
+
+
+@pytest.mark.parametrize("step", [0.5, -0.5])
+@pytest.mark.parametrize(
+    ("V_a", "gamma_deg"), [(20.0, 0.0), (25.0, 0.0), (25.0, 20.0), (25.0, 45.0), (30.0, 0.0)]
+)
+def test_changes_load_factor_by_half_fast_and_well_damped(fly, V_a, gamma_deg, step):
+    n_0 = math.cos(gamma_deg * DEG)
+
+    flight = fly(
+        (0.0, n_0 + step), V_a=V_a, gamma=gamma_deg * DEG, duration=1.5, dt=FINE
+    )  # until the pull-up has turned the path away from the start
+
+    assert time_to_90_percent(flight.t, flight["n_z"], n_0, n_0 + step) <= LOAD_T90
+    assert overshoot(flight["n_z"], n_0, n_0 + step) <= LOAD_OVERSHOOT
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["right", "left"])
+def test_banks_45_deg_level_and_coordinated(fly, holding_gamma, sign):
+    flight = fly(holding_gamma(sign * 45.0 * DEG), duration=8.0)
+
+    settled = flight.t > 4.0
+    assert flight["n_z"][settled] == pytest.approx(BANKED_LOAD, abs=BANKED_LOAD_TOLERANCE)
+    assert flight["n_y"][settled] == pytest.approx(0.0, abs=0.01)
+    assert flight["V_a"][settled] == pytest.approx(25.0, abs=0.1)
+
+
+@pytest.mark.parametrize("chi_deg", [0.0, 60.0, 179.9])
+def test_holds_course_for_a_minute_wings_level(fly, chi_deg):
+    flight = fly((0.0, 1.0), chi=chi_deg * DEG, duration=60.0, dt=0.1)
+
+    assert flight["chi"] == pytest.approx(chi_deg * DEG, abs=COURSE_DRIFT)
+
+
+def test_holds_course_after_a_bank(fly):
+    plant = JSBSimPlant()
+    plant.start(FlightCondition(V_a=25.0))
+    for phi_cmd, seconds in ((20.0 * DEG, 3.0), (0.0, 10.0)):
+        for _ in range(round(seconds / 0.1)):
+            plant.advance(phi_cmd, 1.0, 0.1)
+    chi_then = plant.observe()[0]
+    for _ in range(600):
+        assert plant.advance(0.0, 1.0, 0.1) is None
+
+    assert plant.observe()[0] == pytest.approx(chi_then, abs=COURSE_DRIFT)
+
+
+@pytest.mark.parametrize("share", [0.5, 2.0, 3.0])
+def test_inner_loop_stays_stable_with_other_surface_effectiveness(
+    fly, holding_gamma, changed_aircraft, share
+):
+    # The surface gains are proportional to the square of the design airspeed.
+    folder = changed_aircraft(
+        "aircraft.toml", r'(V_a-design-mps"\s*= )25\.0', rf"\g<1>{25.0 * math.sqrt(share)}"
+    )
+
+    flight = fly(holding_gamma(30.0 * DEG), aircraft=folder, duration=8.0)
+
+    late = flight.t > 6.0
+    assert np.ptp(flight["phi"][late]) < 1.0 * DEG
+    assert np.ptp(flight["n_z"][late]) < 0.02
+
+
+def test_inner_loop_limits_commands_in_size_and_rate(fly, holding_gamma):
+    flight = fly(holding_gamma(80.0 * DEG), duration=3.0)
+
+    assert np.max(flight["phi"]) == pytest.approx(45.0 * DEG, abs=2.0 * DEG)
+    assert np.max(flight["p"]) < 36.0 * DEG

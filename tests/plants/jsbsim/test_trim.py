@@ -1,0 +1,70 @@
+"""Steady flight found by the trim search, and why there is none."""
+
+import math
+
+import pytest
+
+from flighttune.errors import InputError, TrimError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.units import G_0
+
+DEG = math.pi / 180.0
+
+
+@pytest.mark.parametrize("phi_deg", [-45.0, -20.0, 30.0, 45.0])
+@pytest.mark.parametrize("gamma_deg", [-4.0, 0.0, 20.0])
+def test_a_banked_start_is_a_steady_coordinated_turn(fly, phi_deg, gamma_deg):
+    phi, gamma = phi_deg * DEG, gamma_deg * DEG
+
+    start = fly((phi, math.cos(gamma) / math.cos(phi)), phi=phi, gamma=gamma, chi=2.0, duration=0.2)
+
+    assert start["chi"][0] == pytest.approx(2.0, abs=1e-6)
+    assert start["gamma"] == pytest.approx(gamma, abs=0.05 * DEG)
+    assert start["phi"] == pytest.approx(phi, abs=0.05 * DEG)
+    assert start["n_y"] == pytest.approx(0.0, abs=1e-3)
+    assert start["V_a"] == pytest.approx(25.0, abs=1e-2)
+
+
+def test_level_turn_rate_is_g_tan_phi_over_V(fly):
+    phi = 45.0 * DEG
+
+    turn = fly((phi, 1.0 / math.cos(phi)), phi=phi, duration=2.0)
+
+    turn_rate = (turn["chi"][-1] - turn["chi"][0]) / 2.0
+    assert turn_rate == pytest.approx(G_0 * math.tan(phi) / 25.0, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("condition", "obstacle"),
+    [
+        ({"gamma": 80.0 * DEG, "V_a": 40.0}, "full throttle has too little thrust"),
+        ({"gamma": -20.0 * DEG}, "the aircraft speeds up with the throttle closed"),
+        ({"V_a": 15.2, "phi": 45.0 * DEG}, "it would stall, alpha is at 16.0 deg"),
+    ],
+)
+def test_trim_error_says_what_stands_against_it(condition, obstacle):
+    with pytest.raises(TrimError, match=rf"no steady flight at V_a .*: {obstacle} .*left over"):
+        JSBSimPlant().start(FlightCondition(**{"V_a": 25.0} | condition))
+
+
+def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
+    folder = changed_aircraft(
+        "aircraft.toml", r"elevator_deg = \[-25.0, 25.0\]", "elevator_deg = [-25.0, 1.0]"
+    )
+
+    with pytest.raises(TrimError, match="the elevator is at its stop"):
+        JSBSimPlant(folder).start(FlightCondition(V_a=25.0))
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        ({"V_a": 12.0}, "`V_a` must lie in 15 to 45 m/s .*, got 12 m/s"),
+        ({"phi": 50.0 * DEG}, "`phi` must lie in -45 to 45 deg .*, got 50 deg"),
+        ({"n_z": 2.5}, "`n_z` must lie in -2.1 to 2.1 .*, got 2.5"),
+    ],
+)
+def test_conditions_outside_the_aircraft_are_refused(condition, message):
+    with pytest.raises(InputError, match=message):
+        JSBSimPlant().start(FlightCondition(**{"V_a": 25.0} | condition))
