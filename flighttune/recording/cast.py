@@ -1,10 +1,10 @@
 """Who appears in a recording: the runs that flew, each with its key, look and name."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flighttune.palette import Look, looks
+from flighttune.recording.names import plain_name
 from flighttune.simulate.run import Run
 
 
@@ -39,7 +39,7 @@ def cast(runs: Sequence[Run]) -> list[Member]:
     members: list[Member] = []
     taken: set[str] = set()
     for run, look in zip(runs, look_of(runs), strict=True):
-        stem = re.sub(r"[^A-Za-z0-9.]+", "_", run.label).strip("_") or "run"
+        stem = plain_name(run.label)
         key, again = stem, 2
         while key in taken:
             key, again = f"{stem}_{again}", again + 1

@@ -40,6 +40,6 @@ def check_recording(path: str | Path, *, whole: bool = False) -> None:
         line = str(error).splitlines()[0].split(f"{path}: ")[-1].rstrip(".")
         raise RecordingError(f"{path}: must be a sound recording (.rrd), got: {line}.") from error
     programs = {entry.application_id for entry in recordings}
-    if not any(name == APPLICATION or name.startswith(f"{APPLICATION}: ") for name in programs):
+    if not any(name == APPLICATION or name.startswith(f"{APPLICATION}-") for name in programs):
         got = ", ".join(sorted(programs)) or "nothing"
         raise RecordingError(f"{path}: must be a recording of flighttune, got one of {got}.")

@@ -1,5 +1,7 @@
 """Where things are in a recording: timeline and folders."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import rerun as rr
@@ -25,6 +27,16 @@ RUNS = "runs"
 """Lanes that name the runs in their colours."""
 
 NANOSECONDS = 1e9
+
+
+def application(title: str) -> str:
+    """Application of a recording: the viewer keeps one layout for each, so scenarios differ."""
+    return f"{APPLICATION}-{plain_name(title).lower()}"[:80].rstrip("-_")
+
+
+def plain_name(text: str) -> str:
+    """`text` in letters, digits, dots and underscores, as names in Rerun want them."""
+    return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "unnamed"
 
 
 def times(index: pd.Index) -> rr.TimeColumn:

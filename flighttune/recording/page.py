@@ -119,7 +119,7 @@ def _matrices(gains: PIGains | None) -> list[str]:
     if gains is None:
         return ["none found", "none found"]
     return [
-        "[" + "; ".join(", ".join(f"{value:.4f}" for value in row) for row in matrix) + "]"
+        "[" + "; ".join(", ".join(f"{value:z.4f}" for value in row) for row in matrix) + "]"
         for matrix in (gains.K_P, gains.K_I)
     ]
 

@@ -14,7 +14,6 @@ from flighttune.simulate.run import SIGNAL_UNITS, Run
 DISPLAY: dict[str, tuple[str, float]] = {
     "rad": ("deg", 180.0 / math.pi),
     "rad/s": ("deg/s", 180.0 / math.pi),
-    "1": ("", 1.0),
 }
 """Unit shown in plots and the factor to it; other units are shown as they are."""
 
@@ -46,8 +45,8 @@ class Plot:
     @property
     def heading(self) -> str:
         """Title with symbol and unit, for example ``Course chi [deg]``."""
-        unit = DISPLAY.get(SIGNAL_UNITS[self.signal], (SIGNAL_UNITS[self.signal],))[0]
-        return f"{self.title} [{unit}]" if unit else self.title
+        unit = SIGNAL_UNITS[self.signal]
+        return f"{self.title} [{DISPLAY[unit][0] if unit in DISPLAY else unit}]"
 
     @property
     def signals(self) -> tuple[str, ...]:

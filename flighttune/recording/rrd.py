@@ -6,15 +6,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import rerun as rr
 from rerun.error_utils import strict_mode
 
+from flighttune.arrays import FloatArray
 from flighttune.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording.blueprint import blueprint
 from flighttune.recording.cast import Member, cast
 from flighttune.recording.check import check_recording
 from flighttune.recording.lanes import log_lanes
-from flighttune.recording.names import APPLICATION, PAGE, PLOTS, times
+from flighttune.recording.names import PAGE, PLOTS, application, times
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
 from flighttune.recording.scene import log_scene
 from flighttune.recording.whole_file import whole_file
@@ -47,22 +49,29 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
         If the file cannot be written.
     """
     path = Path(path)
-    members = cast(runs)
-    plots = shown_plots([member.run for member in members])
     with whole_file(path) as part, strict():
-        stream = rr.RecordingStream(f"{APPLICATION}: {title}", recording_id=uuid.uuid4())
-        stream.save(part, default_blueprint=blueprint(members, plots))
-        stream.send_recording_name(title)
-        markdown = rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN)
-        stream.log(PAGE, markdown, static=True)
-        if members:
-            log_scene(stream, members)
-            log_lanes(stream, members)
-        for plot in (plot for tab in plots.values() for plot in tab):
-            _log_plot(stream, plot, members)
-        stream.flush()
-        stream.disconnect()
+        stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
+        try:
+            _log(stream, part, cast(runs), page=page, title=title)
+        finally:
+            stream.disconnect()
         check_recording(part, whole=True)
+
+
+def _log(
+    stream: rr.RecordingStream, part: Path, members: Sequence[Member], *, page: str, title: str
+) -> None:
+    plots = shown_plots([member.run for member in members])
+    stream.save(part, default_blueprint=blueprint(members, plots))
+    stream.send_recording_name(title)
+    stream.log(PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
+    if members:
+        log_scene(stream, members)
+        log_lanes(stream, members)
+    for tab in plots.values():
+        for plot in tab:
+            _log_plot(stream, plot, members)
+    stream.flush()
 
 
 @contextmanager
@@ -77,36 +86,37 @@ def strict() -> Iterator[None]:
 
 
 def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member]) -> None:
+    folder = f"{PLOTS}/{plot.signal}"
     having = [member for member in members if plot.signal in member.run.signals]
     for member in having:
         signals, look = member.run.signals, member.look
         names = [name for name in plot.signals if name in signals]
-        stream.log(
-            f"{PLOTS}/{plot.signal}/{member.key}",
-            rr.SeriesLines(
-                colors=[(*look.rgb, 255), (*look.rgb, FAINT)][: len(names)],
-                widths=[look.width, 1.0][: len(names)],
-                names=[member.run.label, f"{member.run.label}, command"][: len(names)],
-            ),
-            static=True,
+        style = rr.SeriesLines(
+            colors=[(*look.rgb, 255), (*look.rgb, FAINT)][: len(names)],
+            widths=[look.width, 1.0][: len(names)],
+            names=[member.run.label, f"{member.run.label}, command"][: len(names)],
         )
         values = np.column_stack([displayed(signals, name) for name in names])
-        columns = rr.Scalars.columns(scalars=values)
-        stream.send_columns(f"{PLOTS}/{plot.signal}/{member.key}", [times(signals.index)], columns)
-    longest = max(having, key=lambda member: member.run.duration)
-    signals = longest.run.signals
-    if plot.common is not None and plot.common in signals:
+        _log_lines(stream, f"{folder}/{member.key}", style, signals.index, values)
+    longest = max(having, key=lambda member: member.run.duration).run
+    index = longest.signals.index
+    if plot.common is not None and plot.common in longest.signals:
         style = rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
-        stream.log(f"{PLOTS}/{plot.signal}/reference", style, static=True)
-        columns = rr.Scalars.columns(scalars=displayed(signals, plot.common))
-        stream.send_columns(f"{PLOTS}/{plot.signal}/reference", [times(signals.index)], columns)
-    bounds = limits_of(longest.run.provenance.scenario, plot.limit) if plot.limit else None
+        values = displayed(longest.signals, plot.common)
+        _log_lines(stream, f"{folder}/reference", style, index, values)
+    bounds = limits_of(longest.provenance.scenario, plot.limit) if plot.limit else None
     if bounds is not None:
-        style = rr.SeriesLines(
-            colors=[rgb(LIMIT)] * 2, widths=[1.2] * 2, names=["lower limit", "upper limit"]
-        )
-        stream.log(f"{PLOTS}/{plot.signal}/limits", style, static=True)
-        columns = rr.Scalars.columns(scalars=np.array([bounds, bounds]))
-        stream.send_columns(
-            f"{PLOTS}/{plot.signal}/limits", [times(signals.index[[0, -1]])], columns
-        )
+        names = ["lower limit", "upper limit"]
+        style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
+        _log_lines(stream, f"{folder}/limits", style, index[[0, -1]], np.array([bounds, bounds]))
+
+
+def _log_lines(
+    stream: rr.RecordingStream,
+    path: str,
+    style: rr.SeriesLines,
+    index: pd.Index,
+    values: FloatArray,
+) -> None:
+    stream.log(path, style, static=True)
+    stream.send_columns(path, [times(index)], rr.Scalars.columns(scalars=values))

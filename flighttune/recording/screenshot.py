@@ -1,9 +1,12 @@
 """Pictures of a recording without a screen, as the viewer draws it."""
 
+import io
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flighttune.errors import RecordingError
 from flighttune.recording.check import check_recording
@@ -11,7 +14,12 @@ from flighttune.recording.names import TIMELINE
 from flighttune.recording.viewer import LOCAL, ViewerProcess, free_port
 from flighttune.recording.whole_file import whole_file
 
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerState
+
 SIZE = (1600, 1000)
+TITLE_BAR = 36
+COLOURS = 256
 SETTLE_TIMEOUT = 20.0
 POLL = 0.1
 LOADING_GRACE = 10.0
@@ -46,6 +54,7 @@ class HeadlessViewer:
         from rerun.experimental import ViewerClient
 
         check_recording(recording)
+        self._recording = recording
         path = Path(recording).resolve()
         port = free_port()
         window = f"{size[0]}x{size[1]}"
@@ -62,22 +71,34 @@ class HeadlessViewer:
             raise
 
     def _open(self, path: Path) -> None:
-        try:
+        with self._asked():
             self._client.open(str(path))
-        except RuntimeError as error:
-            line = str(error).splitlines()[0]
-            raise RecordingError(f"{path}: must open in the viewer, got: {line}.") from error
         end = time.monotonic() + LOADING_GRACE
-        while self._client.get_state().loading and time.monotonic() < end:
+        while self._state().loading and time.monotonic() < end:
             time.sleep(POLL)
-        if not self._client.get_state().recordings:
-            raise RecordingError(f"{path}: must hold a recording, got none.")
-        self._layout = self._client.get_blueprint().blueprint
+        with self._asked():
+            self._layout = self._client.get_blueprint().blueprint
         self._layout["/top_panel"] = {"PanelBlueprint": {"state": "Hidden"}}
         self._apply()
 
+    @contextmanager
+    def _asked(self) -> Iterator[None]:
+        """Translate what goes wrong when the viewer is asked for something."""
+        try:
+            yield
+        except (ConnectionError, RuntimeError) as error:
+            said = self._process.last_words() if self._process.ended else str(error)
+            raise RecordingError(
+                f"{self._recording}: the viewer must show it, got: {said}."
+            ) from error
+
+    def _state(self) -> "ViewerState":
+        with self._asked():
+            return self._client.get_state()
+
     def _apply(self) -> None:
-        self._client.set_blueprint(self._layout, of="recording")
+        with self._asked():
+            self._client.set_blueprint(self._layout, of="recording")
 
     @property
     def tabs(self) -> dict[str, str]:
@@ -107,37 +128,57 @@ class HeadlessViewer:
         return found
 
     def show(self, tab: str | None = None, *, at: float | None = None) -> None:
-        """Bring a tab to the front, and the time cursor to `at` (s of flight)."""
+        """Bring a tab to the front and the time cursor to `at` (s of flight); wait for the picture.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such tab, or the picture does not come to rest.
+        """
         if tab is not None:
+            if tab not in self.tabs:
+                known = ", ".join(self.tabs)
+                raise RecordingError(
+                    f"{self._recording}: the tab must be one of {known}, got {tab}."
+                )
             self._tabs()["active_tab"] = self.tabs[tab]
             self._apply()
         if at is not None:
-            self._client.set_time(TIMELINE, duration=float(at), play_state="paused")
+            with self._asked():
+                self._client.set_time(TIMELINE, duration=float(at), play_state="paused")
+        self._settle()
 
-    def picture(self, view: str | None = None) -> bytes:
-        """PNG of the whole window, or of one view by its id, once it does not change any more."""
+    def _settle(self) -> None:
         before, end = b"", time.monotonic() + SETTLE_TIMEOUT
         while time.monotonic() < end:
-            now = self._client.take_screenshot(view)
-            if now == before and not self._client.get_state().loading:
-                return now
+            now = self.picture()
+            if now == before and not self._state().loading:
+                return
             before = now
-        raise RecordingError(f"the viewer must come to rest within {SETTLE_TIMEOUT:g} s.")
+        raise RecordingError(
+            f"{self._recording}: the picture must come to rest within {SETTLE_TIMEOUT:g} s."
+        )
+
+    def picture(self, view: str | None = None) -> bytes:
+        """PNG of the whole window, or of one view by its id."""
+        with self._asked():
+            return self._client.take_screenshot(view)
 
     @property
     def cursor(self) -> float | None:
         """Time of flight shown, s."""
-        now = self._client.get_state().recordings[0].current_time
+        now = self._state().recordings[0].current_time
         return None if now is None else now / 1e9
 
     def complaints(self) -> list[Complaint]:
         """Reports of the views, and errors in the log of the viewer."""
         found = [
             Complaint(view.name, f"{report.summary} {report.details or ''}".strip())
-            for view in self._client.get_state().views
+            for view in self._state().views
             for report in view.reports
         ]
-        logged = [entry for entry in self._client.get_logs() if entry.level == "ERROR"]
+        with self._asked():
+            logged = [entry for entry in self._client.get_logs() if entry.level == "ERROR"]
         return found + [Complaint("log", entry.message) for entry in logged]
 
     def close(self) -> None:
@@ -164,7 +205,7 @@ def screenshot(
     at: float | None = None,
     size: tuple[int, int] = SIZE,
 ) -> None:
-    """Save a picture of a recording.
+    """Save a picture of a recording, small enough for a page: 256 colours, no title bar.
 
     Parameters
     ----------
@@ -177,19 +218,19 @@ def screenshot(
     at : float, s, optional
         Time of flight to show; the start if not given.
     size : (int, int), pixels
-        Width and height.
+        Width and height of the window, of which the picture leaves out the title bar.
 
     Raises
     ------
     RecordingError
         If the viewer cannot start, or the recording cannot be opened or has no such tab.
     """
+    from PIL import Image
+
     with HeadlessViewer(recording, size=size) as viewer:
-        if tab is not None and tab not in viewer.tabs:
-            raise RecordingError(
-                f"{recording}: the tab must be one of {', '.join(viewer.tabs)}, got {tab}."
-            )
         viewer.show(tab, at=at)
         picture = viewer.picture()
-    with whole_file(Path(path)) as part:
-        part.write_bytes(picture)
+    with whole_file(Path(path)) as part, Image.open(io.BytesIO(picture)) as image:
+        width, height = image.size
+        below = image.convert("RGB").crop((0, TITLE_BAR, width, height))
+        below.quantize(COLOURS, dither=Image.Dither.NONE).save(part, optimize=True)

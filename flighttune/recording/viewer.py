@@ -13,6 +13,7 @@ from flighttune.errors import RecordingError
 LOCAL = "127.0.0.1"
 START_TIMEOUT = 30.0
 POLL = 0.05
+NOISE = "XDG_RUNTIME_DIR"
 
 
 def executable() -> Path:
@@ -94,12 +95,23 @@ class ViewerProcess:
                 return
         raise RecordingError(f"the Rerun viewer must answer within {START_TIMEOUT:g} s.")
 
+    @property
+    def ended(self) -> bool:
+        """Whether it runs no more; a viewer that broke off may need a moment for it."""
+        try:
+            self._process.wait(timeout=1.0)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
     def last_words(self) -> str:
         """The line in which it said why it ended, or the last one."""
         self._said.seek(0)
         lines = self._said.read().decode(errors="replace").strip().splitlines()
-        telling = [line for line in lines if "rror" in line or "anic" in line]
-        return (telling or lines or [f"exit status {self._process.poll()}"])[-1].strip().rstrip(".")
+        panics = [line for line in lines if "panicked" in line]
+        errors = [line for line in lines if "error" in line.lower() and NOISE not in line]
+        told = panics[:1] or errors[-1:] or lines[-1:] or [f"exit status {self._process.poll()}"]
+        return told[0].strip().rstrip(".")
 
     def wait(self) -> int:
         """Wait until the user closes it and return its exit status."""

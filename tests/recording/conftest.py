@@ -122,3 +122,30 @@ def four_runs():
         fly("kinematic", "tuned", TUNED_GAINS),
         fly("jsbsim:aerosonde", "tuned", TUNED_GAINS, lag=0.25),
     ]
+
+
+@pytest.fixture(scope="session")
+def without_gains():
+    """A run that could not be flown."""
+    return never_flown("jsbsim:aerosonde", "strict", "the smallest reachable I_K is 67.15")
+
+
+@pytest.fixture(scope="session")
+def in_sinusoid():
+    """A kinematic run in the sinusoidal disturbance."""
+    return fly("kinematic", "paper", PAPER_GAINS, amplitude=0.05, seconds=6.0)
+
+
+@pytest.fixture(scope="session")
+def cut_short(four_runs):
+    """A run that left the envelope after 7 s."""
+    whole = four_runs[3]
+    made = whole.provenance
+    return made_up(
+        whole.signals.loc[:7.0],
+        made.plant,
+        "bold",
+        made.gains,
+        status="left_envelope",
+        reason="alpha 16.3 deg at t = 7.00 s, must stay below 16 deg",
+    )

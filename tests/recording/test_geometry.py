@@ -1,0 +1,140 @@
+"""Attitude, cameras and the mesh against what they must do in space."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.recording.geometry import (
+    attitudes,
+    chase_eye,
+    enlargement,
+    ground_grid,
+    headings,
+    overview_eye,
+    quaternions,
+)
+from flighttune.recording.mesh import SPAN, aircraft_mesh
+
+ROUNDING = 1e-12
+HALF_VIEW = np.tan(np.deg2rad(27.5))
+"""Half the height of what the viewer's camera sees, at distance 1."""
+
+
+def turned(quaternion, vector):
+    x, y, z, w = quaternion
+    across = 2.0 * np.cross([x, y, z], vector)
+    return vector + w * across + np.cross([x, y, z], across)
+
+
+@pytest.mark.parametrize(
+    ("angles", "nose", "right_wing"),
+    [
+        ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        ((0.0, 0.0, 90.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)),
+        ((0.0, 90.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+        ((90.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        ((90.0, 0.0, 180.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    ],
+    ids=["level north", "level east", "straight up", "right wing down", "south, right wing down"],
+)
+def test_an_attitude_points_nose_and_wing_the_right_way(angles, nose, right_wing):
+    roll, pitch, heading = (np.array([np.deg2rad(angle)]) for angle in angles)
+
+    (quaternion,) = quaternions(roll, pitch, heading)
+
+    assert turned(quaternion, np.array([1.0, 0.0, 0.0])) == pytest.approx(nose, abs=ROUNDING)
+    assert turned(quaternion, np.array([0.0, 1.0, 0.0])) == pytest.approx(right_wing, abs=ROUNDING)
+    assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=ROUNDING)
+
+
+def test_a_plant_without_pitch_and_heading_is_drawn_along_its_path():
+    signals = pd.DataFrame({"chi": [0.7], "gamma": [0.3], "phi": [0.5]})
+    along = [np.cos(0.3) * np.cos(0.7), np.cos(0.3) * np.sin(0.7), -np.sin(0.3)]
+
+    nose = turned(attitudes(signals)[0], np.array([1.0, 0.0, 0.0]))
+
+    assert turned(headings(signals)[0], nose) == pytest.approx(along, abs=ROUNDING)
+
+
+FLIGHTS = {
+    "climb north": np.linspace([0.0, 0.0, 0.0], [400.0, 20.0, -150.0], 50),
+    "descent west": np.linspace([0.0, 0.0, 0.0], [-10.0, -900.0, 120.0], 50),
+    "circle": np.column_stack(
+        [
+            60.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 80)),
+            60.0 * np.cos(np.linspace(0.0, 2.0 * np.pi, 80)),
+            np.zeros(80),
+        ]
+    ),
+    "zoom": np.linspace([0.0, 0.0, 0.0], [30.0, 5.0, -400.0], 50),
+    "half an hour": np.linspace([0.0, 0.0, 0.0], [45e3, 9e3, -800.0], 500),
+}
+
+
+@pytest.mark.parametrize("flight", FLIGHTS)
+def test_the_overview_sees_every_point_and_stands_no_further_than_it_must(flight):
+    points = FLIGHTS[flight]
+    margin = 0.5 * SPAN * enlargement(points)
+
+    eye = overview_eye(points, margin=margin)
+    position, target = np.array(eye.position), np.array(eye.target)
+    ahead = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(ahead, [0.0, 0.0, -1.0])
+    right /= np.linalg.norm(right)
+    up = np.cross(right, ahead)
+    depth = (points - position) @ ahead
+    seen = np.column_stack([(points - position) @ right, (points - position) @ up]) / depth[:, None]
+
+    assert position[2] < target[2]
+    assert depth.min() > 0.0
+    assert np.abs(seen).max() < HALF_VIEW
+    assert np.ptp(seen, axis=0).max() > 0.55 * 2.0 * HALF_VIEW
+
+
+def test_the_chase_camera_is_behind_and_above_and_looks_ahead():
+    eye = chase_eye(30.0)
+
+    assert eye.position[0] < -30.0
+    assert eye.position[2] < 0.0
+    assert eye.target[0] > eye.position[0]
+
+
+@pytest.mark.parametrize(
+    ("length", "factor"), [(10.0, 1.0), (29.0, 1.0), (100.0, 3.0), (500.0, 15.0), (45e3, 1500.0)]
+)
+def test_aircraft_are_enlarged_by_a_round_factor_with_the_flight(length, factor):
+    assert enlargement(np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]])) == factor
+
+
+def test_the_ground_reaches_beyond_the_flight_at_its_lowest_level():
+    points = FLIGHTS["descent west"]
+
+    lines, spacing = ground_grid(points)
+    corners = np.vstack(lines)
+
+    assert spacing == 100.0
+    assert set(corners[:, 2]) == {120.0}
+    assert np.all(corners[:, :2].min(axis=0) < points[:, :2].min(axis=0))
+    assert np.all(corners[:, :2].max(axis=0) > points[:, :2].max(axis=0))
+    assert np.all(corners[:, :2] % spacing == 0.0)
+
+
+def test_the_mesh_is_as_wide_as_the_aircraft_and_symmetric():
+    mesh = aircraft_mesh()
+    mirrored = mesh.vertices * [1.0, -1.0, 1.0]
+
+    assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(SPAN, abs=ROUNDING)
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, rtol=0.0, atol=ROUNDING)
+    for corner in mirrored:
+        assert np.min(np.linalg.norm(mesh.vertices - corner, axis=1)) < 1e-9
+
+
+def test_the_skin_of_the_mesh_is_closed_and_faces_outwards():
+    mesh = aircraft_mesh()
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    areas = np.cross(b - a, c - a) / 2.0
+    volume = np.sum(np.einsum("ij,ij->i", a, np.cross(b, c))) / 6.0
+
+    assert np.allclose(areas.sum(axis=0), 0.0, rtol=0.0, atol=1e-12)
+    assert volume > 0.0
+    assert np.all(np.einsum("ij,ij->i", areas, mesh.normals[mesh.triangles[:, 0]]) > 0.0)

@@ -1,0 +1,112 @@
+"""The page has what was asked for and what came of it, in tables that stay tables."""
+
+import pandas as pd
+import pytest
+
+from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.recording.page import number, scenario_page, table
+
+
+@pytest.fixture(scope="module")
+def page(four_runs, cut_short, without_gains):
+    runs = [*four_runs, cut_short, without_gains]
+    flown = [run for run in runs if len(run.signals)]
+    return scenario_page(
+        runs,
+        scenario=four_runs[0].provenance.scenario,
+        indicators={"paper": (0.45993, 4.91615), "tuned": (0.53976, 5.0), "strict": None},
+        metrics=pd.concat({run.label: channel_metrics(run) for run in flown}),
+        flight=pd.DataFrame.from_dict(
+            {run.label: flight_metrics(run) for run in flown}, orient="index"
+        ),
+    )
+
+
+def rows(page, heading):
+    """Cells of the table below a heading, without headings and rule."""
+    lines = page.split(f"## {heading}\n\n")[1].split("\n\n")[0].splitlines()
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
+
+
+def test_every_run_is_named_with_its_colour_and_outcome(page):
+    assert rows(page, "Runs") == [
+        ["kinematic / paper", "light blue", "20.00", "completed"],
+        ["jsbsim:aerosonde / paper", "blue", "20.00", "completed"],
+        ["kinematic / tuned", "apricot", "20.00", "completed"],
+        ["jsbsim:aerosonde / tuned", "rust", "20.00", "completed"],
+        [
+            "jsbsim:aerosonde / bold",
+            "green",
+            "7.00",
+            "left envelope: alpha 16.3 deg at t = 7.00 s, must stay below 16 deg",
+        ],
+        [
+            "jsbsim:aerosonde / strict",
+            "not drawn",
+            "0.00",
+            "no gains: the smallest reachable I_K is 67.15",
+        ],
+    ]
+
+
+def test_gains_stand_beside_their_indicators(page):
+    found = rows(page, "Gains")
+
+    assert found[0] == [
+        "paper",
+        "0.45993",
+        "4.91615",
+        "[1.6968, 0.5906; -0.5906, 1.9556]",
+        "[3.4869, 0.1784; -0.1784, 3.4869]",
+    ]
+    assert found[3] == ["strict", "–", "–", "none found", "none found"]
+
+
+def test_metrics_are_shown_in_degrees_with_their_units(page, four_runs):
+    overshoot = channel_metrics(four_runs[1]).loc["gamma", "MO_rad"] * 57.29577951308232
+    found = {row[0]: row[1:] for row in rows(page, "Tracking")}
+
+    assert "MO [deg]" in page
+    assert found["jsbsim:aerosonde / paper, γ"][2] == f"{overshoot:.2f}"
+    assert len(found) == 10
+
+
+def test_what_a_plant_does_not_show_is_a_dash(page):
+    found = {row[0]: row[1:] for row in rows(page, "Aircraft")}
+
+    assert found["kinematic / paper"][-1] == "–"
+    assert found["jsbsim:aerosonde / paper"][-1] != "–"
+
+
+def test_the_scenario_is_there_without_brackets_of_python(page):
+    assert "- **flight**: V_a_mps 25, h_m 1000, chi_deg 0" in page
+    assert "- **plant**: kind kinematic; kind jsbsim, aircraft aerosonde" in page
+    assert "{" not in page
+    assert "'" not in page
+
+
+def test_enlargement_and_units_are_stated(page):
+    assert "Aircraft are drawn 15 times their size: a span of 2.9 m is shown as 43.5 m." in page
+    assert "Plots show angles in degrees; files keep radians." in page
+
+
+def test_with_nothing_flown_the_page_says_why(without_gains):
+    page = scenario_page([without_gains], scenario={"title": "None"})
+
+    assert page.startswith("# None\n")
+    assert "the smallest reachable I_K is 67.15" in page
+    assert "times their size" not in page
+
+
+def test_a_reason_with_bars_and_line_breaks_stays_one_cell():
+    assert table(["a", "b"], [["x", "one | two\nthree"]]).splitlines()[2] == (
+        "| x | one \\| two three |"
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(1.0, "1.000"), (-1e-9, "0.000"), (float("nan"), "–"), (float("inf"), "∞")],
+)
+def test_numbers_have_no_negative_zero_and_no_nan(value, shown):
+    assert number(value) == shown

@@ -1,0 +1,167 @@
+"""A run read back is the run that was written, to the bit; anything else gets one clear line."""
+
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from flighttune.control.gains import PIGains
+from flighttune.errors import RecordingError
+from flighttune.recording.parquet import METADATA_KEY, read_run, write_run
+
+
+def assert_same(read, run):
+    pd.testing.assert_frame_equal(read.signals, run.signals, check_exact=True)
+    assert read.signals.to_numpy().tobytes() == run.signals.to_numpy(dtype=float).tobytes()
+    assert (read.status, read.reason, read.label) == (run.status, run.reason, run.label)
+    for name in ("scenario", "plant", "gains_name", "seed", "versions", "wall_s"):
+        assert getattr(read.provenance, name) == getattr(run.provenance, name)
+
+
+def test_a_run_comes_back_to_the_bit(four_runs, tmp_path):
+    for k, run in enumerate(four_runs):
+        write_run(run, tmp_path / f"{k}.parquet")
+
+        assert_same(read_run(tmp_path / f"{k}.parquet"), run)
+
+
+def test_gains_come_back_to_the_bit(four_runs, tmp_path):
+    third = PIGains(K_P=np.full((2, 2), 1.0 / 3.0), K_I=np.full((2, 2), -1e-300))
+    run = replace(four_runs[0], provenance=replace(four_runs[0].provenance, gains=third))
+
+    write_run(run, tmp_path / "run.parquet")
+    read = read_run(tmp_path / "run.parquet").provenance.gains
+
+    assert read.K.tobytes() == third.K.tobytes()
+    assert (read.inputs, read.errors) == (third.inputs, third.errors)
+
+
+def test_values_at_the_edge_of_float64_come_back(four_runs, tmp_path):
+    edge = [np.nan, np.inf, -np.inf, -0.0, 5e-324, np.nextafter(1.0, 2.0), 1.7976931348623157e308]
+    t = pd.Index([0.0, 0.1 + 0.2, 1.0 / 3.0, 2.0, 3.0, 4.0, 5e5], name="t")
+    run = replace(four_runs[0], signals=pd.DataFrame({"chi": edge}, index=t))
+
+    write_run(run, tmp_path / "run.parquet")
+    read = read_run(tmp_path / "run.parquet").signals
+
+    assert read["chi"].to_numpy().tobytes() == np.array(edge).tobytes()
+    assert read.index.to_numpy().tobytes() == t.to_numpy().tobytes()
+
+
+def test_a_run_that_never_flew_comes_back(without_gains, tmp_path):
+    write_run(without_gains, tmp_path / "run.parquet")
+    read = read_run(tmp_path / "run.parquet")
+
+    assert_same(read, without_gains)
+    assert read.provenance.gains is None
+    assert read.duration == 0.0
+
+
+def test_units_are_in_the_file(four_runs, tmp_path):
+    write_run(four_runs[1], tmp_path / "run.parquet")
+    schema = pq.read_schema(tmp_path / "run.parquet")
+
+    assert schema.field("t").metadata == {b"unit": b"s"}
+    assert schema.field("alpha").metadata == {b"unit": b"rad"}
+    assert schema.field("V_a").metadata == {b"unit": b"m/s"}
+
+
+def test_an_existing_file_is_replaced_and_nothing_is_left_beside_it(four_runs, tmp_path):
+    path = tmp_path / "made" / "run.parquet"
+    write_run(four_runs[0], path)
+    write_run(four_runs[1], path)
+
+    assert read_run(path).label == four_runs[1].label
+    assert os.listdir(path.parent) == ["run.parquet"]
+
+
+def test_a_scenario_that_json_cannot_hold_leaves_the_old_file_alone(four_runs, tmp_path):
+    path = tmp_path / "run.parquet"
+    write_run(four_runs[0], path)
+    odd = replace(four_runs[0].provenance, scenario={"title": object()})
+
+    with pytest.raises(RecordingError, match=r"run\.parquet: the scenario must hold plain values"):
+        write_run(replace(four_runs[0], provenance=odd), path)
+
+    assert_same(read_run(path), four_runs[0])
+    assert os.listdir(tmp_path) == ["run.parquet"]
+
+
+def test_a_folder_that_is_a_file_gives_one_line(four_runs, tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+
+    with pytest.raises(RecordingError, match=r"file/run\.parquet: must be writable, got .*"):
+        write_run(four_runs[0], tmp_path / "file" / "run.parquet")
+
+
+def flipped(data, at):
+    return data[:at] + bytes([data[at] ^ 0xFF]) + data[at + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda data: b"", "got an empty file"),
+        (lambda data: b"hello", "must be a sound Parquet file"),
+        (lambda data: b"hello world, " * 100, "must be a sound Parquet file"),
+        (lambda data: data[: len(data) // 2], "must be a sound Parquet file"),
+        (lambda data: flipped(data, 300), "must be a sound Parquet file"),
+    ],
+    ids=["empty", "short", "foreign", "cut off", "one byte wrong"],
+)
+def test_a_damaged_file_gives_one_line_that_names_it(four_runs, tmp_path, damage, words):
+    path = tmp_path / "run.parquet"
+    write_run(four_runs[0], path)
+    path.write_bytes(damage(path.read_bytes()))
+
+    with pytest.raises(RecordingError, match=words) as caught:
+        read_run(path)
+
+    assert str(caught.value).startswith(f"{path}: must be a")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_and_a_folder_are_told_apart(tmp_path):
+    with pytest.raises(RecordingError, match="got no such file"):
+        read_run(tmp_path / "run.parquet")
+    with pytest.raises(RecordingError, match="got a folder"):
+        read_run(tmp_path)
+
+
+def test_parquet_of_another_program_is_refused(tmp_path):
+    pq.write_table(pa.table({"t": [0.0, 1.0]}), tmp_path / "foreign.parquet")
+
+    with pytest.raises(RecordingError, match="must be a run written by flighttune"):
+        read_run(tmp_path / "foreign.parquet")
+
+
+@pytest.mark.parametrize(
+    ("description", "words"),
+    [
+        ("{", "must describe a complete run"),
+        ('{"format": 99}', "layout must be 1 or older, got 99"),
+        ('{"format": 1, "status": "completed", "reason": ""}', "KeyError: 'provenance'"),
+        ("[]", "must describe a complete run"),
+    ],
+)
+def test_a_description_that_is_not_whole_is_refused(tmp_path, description, words):
+    table = pa.table({"t": [0.0, 1.0]}).replace_schema_metadata({METADATA_KEY: description})
+    pq.write_table(table, tmp_path / "odd.parquet")
+
+    with pytest.raises(RecordingError, match=words):
+        read_run(tmp_path / "odd.parquet")
+
+
+def test_the_description_is_json_that_others_can_read(four_runs, tmp_path):
+    write_run(four_runs[0], tmp_path / "run.parquet")
+    raw = pq.read_schema(tmp_path / "run.parquet").metadata[METADATA_KEY]
+
+    made = json.loads(raw)["provenance"]
+
+    assert made["scenario"]["flight"]["V_a_mps"] == 25.0
+    assert made["gains"]["K_P"] == four_runs[0].provenance.gains.K_P.tolist()

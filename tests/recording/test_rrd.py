@@ -1,0 +1,366 @@
+"""What is in a recording, read back from the file, against what was put in."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+from rerun.error_utils import strict_mode
+
+from flighttune.errors import RecordingError
+from flighttune.palette import looks
+from flighttune.recording.check import check_recording
+from flighttune.recording.names import TIMELINE
+from flighttune.recording.plots import TABS, shown_plots
+from flighttune.recording.rrd import write_recording
+
+FLOAT32_POSITION = 1e-4
+"""Positions are float32 in Rerun: 0.03 mm at 500 m, m."""
+
+FLOAT32_ROTATION = 1e-6
+"""Entries of a rotation matrix from a float32 quaternion, 1."""
+
+DEGREES = 180.0 / np.pi
+
+
+class Contents:
+    """Columns of a recording by entity: static ones, and those over time."""
+
+    def __init__(self, path):
+        reader = RrdReader(path)
+        self.static, self.timed = {}, {}
+        self.application = reader.recordings()[0].application_id
+        self.identity = reader.recordings()[0].recording_id
+        for chunk in reader.stream().to_chunks():
+            batch = chunk.to_record_batch()
+            columns = {name: batch.column(name) for name in batch.schema.names}
+            into = self.static if chunk.is_static else self.timed
+            into.setdefault(chunk.entity_path, {}).update(columns)
+        self.blueprint = [
+            chunk.to_record_batch()
+            for chunk in reader.stream(store=reader.blueprints()[0]).to_chunks()
+        ]
+
+    def nanoseconds(self, entity):
+        return self.timed[entity][TIMELINE].to_numpy(zero_copy_only=False).astype(np.int64)
+
+    def values(self, entity, component="Scalars:scalars"):
+        return np.array(self.timed[entity][component].to_pylist())
+
+
+@pytest.fixture(scope="module")
+def recording(four_runs, cut_short, without_gains, tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording") / "flight.rrd"
+    write_recording([*four_runs, cut_short, without_gains], path, page="# Page\n", title="Flight")
+    return path
+
+
+@pytest.fixture(scope="module")
+def contents(recording):
+    return Contents(recording)
+
+
+KEYS = ("kinematic_paper", "jsbsim_aerosonde_paper", "kinematic_tuned", "jsbsim_aerosonde_tuned")
+
+
+def test_times_are_exact_to_the_nanosecond(contents, four_runs):
+    for key, run in zip(KEYS, four_runs, strict=True):
+        wanted = [round(1e9 * t) for t in run.signals.index]
+
+        assert contents.nanoseconds(f"/plots/V_a/{key}").tolist() == wanted
+        assert contents.nanoseconds(f"/world/aircraft/{key}/body").tolist() == wanted
+
+
+@pytest.mark.parametrize("plot", [p for tab in TABS.values() for p in tab], ids=lambda p: p.signal)
+def test_every_plot_holds_the_signals_of_every_run_that_has_them(contents, four_runs, plot):
+    for key, run in zip(KEYS, four_runs, strict=True):
+        entity = f"/plots/{plot.signal}/{key}"
+        shown = plot in [p for tab in shown_plots(four_runs).values() for p in tab]
+        if plot.signal not in run.signals or not shown:
+            assert entity not in contents.timed
+            continue
+        wanted = run.signals[list(plot.signals)].to_numpy()
+        factor = DEGREES if "deg" in plot.heading else 1.0
+
+        assert np.array_equal(contents.values(entity), wanted * factor)
+
+
+def test_headings_carry_the_unit_shown():
+    headings = {plot.signal: plot.heading for tab in TABS.values() for plot in tab}
+
+    assert headings["chi"].endswith("[deg]")
+    assert headings["p"].endswith("[deg/s]")
+    assert headings["V_a"].endswith("[m/s]")
+    assert headings["n_z"].endswith("[1]")
+
+
+def test_reference_and_limits_are_drawn_once(contents):
+    assert np.allclose(contents.values("/plots/chi/reference"), 60.0, rtol=0.0, atol=1e-12)
+    assert contents.values("/plots/phi/limits").tolist() == [[-45.0, 45.0]] * 2
+    assert contents.values("/plots/n_z/limits").tolist() == [[0.0, 2.0]] * 2
+    assert contents.nanoseconds("/plots/phi/limits").tolist() == [0, 20_000_000_000]
+
+
+def test_a_course_through_south_has_no_jump(four_runs, tmp_path):
+    run = four_runs[0]
+    turning = run.signals.copy()
+    turning["chi"] = (np.linspace(3.0, 3.4, len(turning)) + np.pi) % (2.0 * np.pi) - np.pi
+    path = tmp_path / "turn.rrd"
+    write_recording([replace(run, signals=turning)], path, page="", title="Turn")
+    drawn = Contents(path).values("/plots/chi/kinematic_paper")
+
+    assert np.ptp(turning["chi"]) > 6.0
+    assert np.allclose(drawn[:, 0], np.rad2deg(np.linspace(3.0, 3.4, len(turning))))
+
+
+def rotation(x, y, z, w):
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def test_aircraft_are_where_they_flew_with_their_attitude(contents, four_runs):
+    for key, run in zip(KEYS, four_runs, strict=True):
+        frame = f"/world/aircraft/{key}"
+        moved = contents.values(frame, "Transform3D:translation")[:, 0]
+        carried = contents.values(frame, "Transform3D:quaternion")[:, 0]
+        turned = contents.values(f"{frame}/body", "Transform3D:quaternion")[:, 0]
+        at = run.signals.iloc[123]
+        body = rotation(*carried[123]) @ rotation(*turned[123])
+        pitch, heading = at.get("theta", at["gamma"]), at.get("psi", at["chi"])
+        nose = [
+            np.cos(pitch) * np.cos(heading),
+            np.cos(pitch) * np.sin(heading),
+            -np.sin(pitch),
+        ]
+        right_wing_down = np.sin(at["phi"]) * np.cos(pitch)
+
+        flown = run.signals[["north", "east", "down"]].to_numpy()
+        assert np.allclose(moved, flown, rtol=0.0, atol=FLOAT32_POSITION)
+        assert np.allclose(body[:, 0], nose, rtol=0.0, atol=FLOAT32_ROTATION)
+        assert body[2, 1] == pytest.approx(right_wing_down, abs=FLOAT32_ROTATION)
+
+
+def test_world_axes_are_north_east_down(contents):
+    forward_right_down = contents.static["/world"]["ViewCoordinates:xyz"].to_pylist()[0][0]
+
+    assert list(forward_right_down) == [5, 3, 2]
+
+
+def packed(look):
+    red, green, blue = look.rgb
+    return red << 24 | green << 16 | blue << 8 | 255
+
+
+def test_a_run_has_one_colour_in_paths_and_plots(contents, four_runs):
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in four_runs]
+    found = looks([*pairs, ("jsbsim:aerosonde", "bold"), ("jsbsim:aerosonde", "strict")])
+    for key, pair in zip(KEYS, pairs, strict=True):
+        colour = packed(found[pair])
+
+        assert contents.static[f"/world/paths/{key}"]["LineStrips3D:colors"].to_pylist() == [
+            [colour]
+        ]
+        for tab in shown_plots(four_runs).values():
+            for plot in tab:
+                style = contents.static.get(f"/plots/{plot.signal}/{key}")
+                assert style is None or style["SeriesLines:colors"].to_pylist()[0][0] == colour
+
+
+def test_lines_are_named_as_the_run(contents):
+    names = contents.static["/plots/phi/jsbsim_aerosonde_tuned"]["SeriesLines:names"].to_pylist()
+
+    assert names == [["jsbsim:aerosonde / tuned", "jsbsim:aerosonde / tuned, command"]]
+
+
+def lane(contents, entity, number):
+    states = [moment[number] for moment in contents.timed[entity]["StateChange:state"].to_pylist()]
+    return list(zip(contents.nanoseconds(entity).tolist(), states, strict=True))
+
+
+def test_lanes_name_the_runs_for_as_long_as_they_flew(contents):
+    assert lane(contents, "/runs", 0) == [
+        (0, "kinematic / paper"),
+        (7_000_000_000, "kinematic / paper"),
+        (20_000_000_000, ""),
+    ]
+    assert lane(contents, "/runs", 4) == [
+        (0, "jsbsim:aerosonde / bold: left envelope"),
+        (7_000_000_000, ""),
+        (20_000_000_000, ""),
+    ]
+
+
+@pytest.mark.parametrize("command", ["phi", "n_z"])
+def test_lanes_show_every_sample_held_by_a_limit(contents, four_runs, command):
+    entity = f"/phases/{command}"
+    for number, (key, run) in enumerate(zip(KEYS, four_runs, strict=True)):
+        when, said = zip(*lane(contents, entity, number), strict=True)
+        t = np.rint(run.signals.index.to_numpy()[:-1] * 1e9).astype(np.int64)
+        now = np.array(said)[np.searchsorted(when, t, side="right") - 1]
+        words = {0.0: "", 1.0: f"{key} limit", 2.0: f"{key} rate"}
+        held = run.signals[f"{command}_limited"].iloc[:-1]
+
+        assert now.tolist() == [words[value] for value in held]
+        assert said[-1] == ""
+
+
+def test_a_run_that_ended_early_is_drawn_as_far_as_it_flew(contents):
+    last = contents.nanoseconds("/plots/chi/jsbsim_aerosonde_bold")[-1]
+
+    assert last == 7_000_000_000
+
+
+def test_a_run_that_never_flew_is_nowhere_but_on_the_page(contents):
+    assert not [path for path in [*contents.timed, *contents.static] if "strict" in path]
+
+
+def test_the_page_is_what_the_caller_wrote(contents):
+    assert contents.static["/page"]["TextDocument:text"].to_pylist() == [["# Page\n"]]
+
+
+def test_recordings_of_the_same_scenario_can_be_open_together(contents, four_runs, tmp_path):
+    write_recording(four_runs, tmp_path / "again.rrd", page="", title="Flight")
+    again = Contents(tmp_path / "again.rrd")
+
+    assert again.identity != contents.identity
+    assert again.application == contents.application == "flighttune-flight"
+
+
+def blueprint_values(contents, component):
+    return [
+        value
+        for batch in contents.blueprint
+        if component in batch.schema.names
+        for value in batch.column(component).to_pylist()
+    ]
+
+
+def test_it_opens_paused_with_linked_time_axes_and_nothing_added_by_the_viewer(contents):
+    assert blueprint_values(contents, "TimePanelBlueprint:play_state") == [[1]]
+    assert blueprint_values(contents, "TimePanelBlueprint:timeline") == [[TIMELINE]]
+    assert blueprint_values(contents, "ViewportBlueprint:auto_views") == [[False]]
+    assert set(map(tuple, blueprint_values(contents, "TimeAxis:link"))) == {(2,)}
+
+
+def test_tabs_are_those_that_have_something_to_show(contents, four_runs, in_sinusoid, tmp_path):
+    write_recording([*four_runs, in_sinusoid], tmp_path / "windy.rrd", page="", title="Flight")
+    calm, windy = (
+        {name for (name,) in blueprint_values(c, "ContainerBlueprint:display_name")}
+        for c in (contents, Contents(tmp_path / "windy.rrd"))
+    )
+
+    assert calm >= {"Overview", "Tracking", "Commands and limits", "Controller", "Aircraft"}
+    assert windy - calm == {"Disturbance"}
+
+
+def test_with_no_run_flown_the_page_is_all_there_is(without_gains, tmp_path):
+    write_recording([without_gains], tmp_path / "page.rrd", page="# None\n", title="None")
+    alone = Contents(tmp_path / "page.rrd")
+
+    assert alone.timed == {}
+    assert alone.static["/page"]["TextDocument:text"].to_pylist() == [["# None\n"]]
+
+
+def test_a_position_that_is_no_number_does_not_reach_the_scene(four_runs, tmp_path):
+    odd = four_runs[0].signals.copy()
+    odd.loc[odd.index[-3:], "north"] = np.nan
+    write_recording([replace(four_runs[0], signals=odd)], tmp_path / "odd.rrd", page="", title="x")
+    scene = Contents(tmp_path / "odd.rrd")
+
+    moved = scene.values("/world/aircraft/kinematic_paper", "Transform3D:translation")
+    assert len(moved) == len(odd) - 3
+    assert np.isfinite(moved).all()
+
+
+def test_two_runs_of_one_name_keep_apart(four_runs, tmp_path):
+    write_recording([four_runs[0]] * 2, tmp_path / "twice.rrd", page="", title="Twice")
+    timed = Contents(tmp_path / "twice.rrd").timed
+
+    assert {"/plots/chi/kinematic_paper", "/plots/chi/kinematic_paper_2"} <= set(timed)
+
+
+def test_strictness_of_rerun_is_put_back(four_runs, tmp_path):
+    before = strict_mode()
+    rr.set_strict_mode(False)
+    try:
+        write_recording(four_runs[:1], tmp_path / "flight.rrd", page="", title="Flight")
+
+        assert strict_mode() is False
+    finally:
+        rr.set_strict_mode(before)
+
+
+def test_an_existing_recording_is_replaced_whole(four_runs, tmp_path):
+    path = tmp_path / "flight.rrd"
+    path.write_bytes(b"old")
+
+    write_recording(four_runs[:1], path, page="", title="Flight")
+
+    check_recording(path, whole=True)
+    assert os.listdir(tmp_path) == ["flight.rrd"]
+
+
+def test_a_failed_write_leaves_the_old_recording(four_runs, tmp_path):
+    path = tmp_path / "flight.rrd"
+    path.write_bytes(b"old")
+
+    lost = replace(four_runs[0], signals=four_runs[0].signals.drop(columns="north"))
+    with pytest.raises(KeyError):
+        write_recording([lost], path, page="", title="Flight")
+
+    assert path.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == ["flight.rrd"]
+
+
+def test_a_recording_cut_off_is_refused_in_one_line(recording, tmp_path):
+    path = tmp_path / "cut.rrd"
+    path.write_bytes(recording.read_bytes()[:100_000])
+
+    with pytest.raises(RecordingError, match="must be a sound recording") as caught:
+        check_recording(path)
+
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [(b"", "got an empty file"), (b"hello, world" * 20, "must be a sound recording")],
+    ids=["empty", "foreign"],
+)
+def test_what_is_no_recording_is_refused(tmp_path, data, words):
+    (tmp_path / "odd.rrd").write_bytes(data)
+
+    with pytest.raises(RecordingError, match=words):
+        check_recording(tmp_path / "odd.rrd")
+    with pytest.raises(RecordingError, match="got no such file"):
+        check_recording(tmp_path / "none.rrd")
+    with pytest.raises(RecordingError, match="got a folder"):
+        check_recording(tmp_path)
+
+
+def test_a_recording_of_another_program_is_refused(tmp_path):
+    stream = rr.RecordingStream("other")
+    stream.save(tmp_path / "other.rrd")
+    stream.log("page", rr.TextDocument("hello"), static=True)
+    stream.disconnect()
+
+    with pytest.raises(RecordingError, match="must be a recording of flighttune, got one of other"):
+        check_recording(tmp_path / "other.rrd")
+
+
+def test_importing_the_package_does_not_import_rerun():
+    code = "import flighttune.recording, sys, json; print(json.dumps('rerun' in sys.modules))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert json.loads(said.stdout) is False
