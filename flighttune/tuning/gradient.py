@@ -6,6 +6,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.control.closed_loop import closed_loops
+from flighttune.theory.indicators import indicators_batch
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.program import Objective, descend, program
 from flighttune.tuning.result import (
@@ -37,7 +39,7 @@ def tune_by_gradient(
     starts : int
         Searches from gains drawn with the problem's seed.
     first : ndarray, shape (..., m, 2 p), optional
-        Stacked gains to start from as well, before the drawn ones.
+        Stacked gains to start from as well, before the drawn ones; unstable ones are passed over.
 
     Returns
     -------
@@ -53,19 +55,21 @@ def tune_by_gradient(
     space = search_space(problem)
     k = stabilising_starts(problem, space, starts)
     if first is not None:
-        k = np.vstack([first.reshape(-1, *space.base.shape)[:, space.free], k])
+        given = first.reshape(-1, *space.base.shape)[:, space.free]
+        loops = closed_loops(problem.model, space.K(given))
+        k = np.vstack([given[indicators_batch(loops, scaling=problem.scaling).stable], k])
     if not len(k):
         return result(
             problem, None, status="failed", reason="No stabilising gains were found to start from.",
             method=METHOD, starts=0, agreeing=0, wall_s=time.perf_counter() - began,
         )  # fmt: skip
-    found = _searches(problem, k[:PROBES], "R_K")
+    found = searches(problem, k[:PROBES], "R_K")
     smallest = None
     if not any(is_feasible(problem, one) for one in found):
         smallest = smallest_radius(problem, k)
     if smallest is None or smallest.I_K <= problem.I_star:
         warm = k[:0] if smallest is None else smallest.K[space.free][None]
-        found += _searches(problem, np.vstack([warm, k[PROBES:]]), "R_K")
+        found += searches(problem, np.vstack([warm, k[PROBES:]]), "R_K")
         found += [smallest] if smallest is not None else []
     feasible = [one for one in found if is_feasible(problem, one)]
     best = max(feasible, key=lambda one: one.R_K, default=smallest)
@@ -85,14 +89,15 @@ def tune_by_gradient(
 
 def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
     """The smallest I_K found within limits and bounds from free gains k, shape (starts, f)."""
-    found = _searches(problem, k, "I_K")
+    found = searches(problem, k, "I_K")
     kept = [one for one in found if one.within_limits and one.R_K > 0.0]
     return min(kept, key=lambda one: one.I_K, default=None)
 
 
-def _searches(
+def searches(
     problem: TuningProblem, k: Iterable[FloatArray], objective: Objective
 ) -> list[Assessment]:
+    """What SLSQP reaches for an objective from each of the free gains k, shape (starts, f)."""
     space = search_space(problem)
     task = program(problem, space, objective)
     return [assessment(problem, space.K(descend(task, one).k)) for one in k]

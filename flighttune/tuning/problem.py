@@ -108,16 +108,22 @@ class TuningProblem:
         )
 
     def relaxed(self, factor: Floats, rate_factor: Floats) -> "TuningProblem":
-        """The problem with limits multiplied by factors, each a number or one an input."""
+        """The problem with limits times factors, one number or m of them; inf drops a limit."""
         if self.limits is None:
             return self
         limits = Limits(
-            lower=self.limits.lower * factor,
-            upper=self.limits.upper * factor,
-            rate_lower=self.limits.rate_lower * rate_factor,
-            rate_upper=self.limits.rate_upper * rate_factor,
+            lower=-_relaxed(-self.limits.lower, factor),
+            upper=_relaxed(self.limits.upper, factor),
+            rate_lower=-_relaxed(-self.limits.rate_lower, rate_factor),
+            rate_upper=_relaxed(self.limits.rate_upper, rate_factor),
         )
         return replace(self, limits=limits)
+
+
+def _relaxed(bound: FloatArray, factor: Floats) -> FloatArray:
+    """`bound` times `factor`; none at all where either is infinite."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.isinf(bound) | np.isinf(factor), np.inf, bound * factor)
 
 
 def decoupled(model: LinearModel) -> FloatArray:

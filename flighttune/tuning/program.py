@@ -26,6 +26,7 @@ ACCURACY = 1e-9
 ITERATIONS = 60
 RESTARTS = 2
 """Further runs from where one stopped short of an optimum: a fresh curvature often frees it."""
+SMALLEST_FACTOR = 1e-6
 INSIDE = 1e-8
 """Relative distance kept from every limit, so that rounding does not break it."""
 UNSTABLE_LOG = 30.0
@@ -97,7 +98,9 @@ def descend(program: Program, k: FloatArray, factor: float = 1.0) -> Optimum:
         "factor": (0.0, 0.0, 0.0, 1.0),
     }[program.objective]
     varies = program.objective == "factor"
-    lower = np.concatenate([program.space.k_min, [-np.inf] * 3, [0.0 if varies else 1.0]])
+    lower = np.concatenate(
+        [program.space.k_min, [-np.inf] * 3, [SMALLEST_FACTOR if varies else 1.0]]
+    )
     upper = np.concatenate([program.space.k_max, [np.inf] * 3, [np.inf if varies else 1.0]])
 
     def run(z: FloatArray) -> OptimizeResult:

@@ -1,0 +1,73 @@
+"""Why the printed problem is infeasible, held against tuning at the factors diagnosed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.tuning.diagnosis import diagnosis
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.tune import tune
+
+BELOW, ABOVE = 0.999, 1.001
+
+
+@pytest.fixture(scope="module")
+def printed_diagnosis(printed):
+    return diagnosis(printed)
+
+
+def test_the_printed_problem_needs_between_5_5_and_6_times_its_limits(printed, printed_diagnosis):
+    factor = printed_diagnosis.common_factor
+
+    assert 5.5 < factor < 6.0
+    assert tune(printed.relaxed(ABOVE * factor, ABOVE * factor)).status == "optimal"
+    assert tune(printed.relaxed(BELOW * factor, BELOW * factor)).status == "infeasible"
+    assert printed_diagnosis.binding == ("phi_rate_min",)
+
+
+def test_the_extremes_within_the_printed_limits_are_the_known_ones(printed_diagnosis):
+    assert printed_diagnosis.smallest_I_K == pytest.approx(67.15, abs=5e-3)
+    assert printed_diagnosis.largest_R_K == pytest.approx(0.2649, abs=5e-5)
+
+
+def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosis):
+    worst = printed_diagnosis.limits[0]
+
+    assert worst.name == "phi_rate"
+    assert worst.use == pytest.approx(printed_diagnosis.common_factor, rel=1e-6)
+    dropped = tune(printed.relaxed(1.0, np.array([np.inf, 1.0])))
+    assert dropped.smallest_I_K == pytest.approx(worst.smallest_I_K_without, rel=1e-6)
+    assert {one.name for one in printed_diagnosis.limits} == {"phi", "phi_rate", "n_z", "n_z_rate"}
+    assert all(one.factor_alone == np.inf for one in printed_diagnosis.limits)
+
+
+def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
+    generous = printed.relaxed(20.0, np.array([1.0, 20.0]))
+
+    found = diagnosis(generous)
+
+    worst = found.limits[0]
+    assert worst.name == "phi_rate"
+    assert worst.factor_alone == pytest.approx(found.common_factor, rel=1e-6)
+    for factor, status in ((ABOVE, "optimal"), (BELOW, "infeasible")):
+        one = generous.relaxed(1.0, np.array([factor * worst.factor_alone, 1.0]))
+        assert tune(one).status == status
+
+
+def test_a_feasible_problem_has_room_and_no_limits_have_no_factor(printed, model):
+    roomy = diagnosis(printed.relaxed(8.0, 8.0))
+
+    assert 5.5 / 8.0 < roomy.common_factor < 6.0 / 8.0
+    assert roomy.gains is not None
+    unlimited = diagnosis(TuningProblem(model=model, I_star=5.0))
+    assert (unlimited.common_factor, unlimited.limits) == (0.0, ())
+    hopeless = diagnosis(TuningProblem(model=model, I_star=4.0))
+    assert hopeless.common_factor == np.inf
+    assert hopeless.gains is None
+
+
+def test_a_problem_without_stable_gains_has_only_infinities(printed):
+    found = diagnosis(replace(printed, K_fixed=np.ones((2, 4))))
+
+    assert (found.smallest_I_K, found.largest_R_K, found.common_factor) == (np.inf, 0.0, np.inf)
