@@ -1,0 +1,67 @@
+"""The frontier against optima known from elsewhere and the paper's own gains."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.errors import InputError
+from flighttune.tuning.frontier import frontier
+from flighttune.tuning.problem import TuningProblem
+
+SHIFT = np.hstack([np.eye(2), np.eye(2)])
+EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
+MARKED = {
+    "K*": PAPER_GAINS,
+    **{name: PIGains.from_stacked(PAPER_GAINS.K - eps * SHIFT) for name, eps in EPSILON.items()},
+}
+HALF_LAST_DIGIT = 5e-5
+
+
+@pytest.fixture(scope="module")
+def paper_frontier(model):
+    return frontier(TuningProblem(model=model), points=12, marked=MARKED)
+
+
+def test_none_of_the_papers_gains_lie_above_the_frontier(paper_frontier):
+    line = paper_frontier[paper_frontier.name == "frontier"]
+    marks = paper_frontier[paper_frontier.name != "frontier"]
+
+    reachable = np.interp(marks.I_K, line.I_K, line.R_K)
+
+    assert list(marks.name) == list(MARKED)
+    assert (marks.R_K.to_numpy() < reachable).all()
+    assert line.I_K.max() >= marks.I_K.max()
+
+
+def test_the_frontier_rises_from_the_smallest_i_k(paper_frontier):
+    line = paper_frontier[paper_frontier.name == "frontier"]
+
+    assert line.I_K.iloc[0] == pytest.approx(4.8503, abs=HALF_LAST_DIGIT)
+    assert (np.diff(line.R_K) > 0.0).all()
+    assert (line.I_K <= line.I_star * (1.0 + 1e-12)).all()
+
+
+def test_a_point_of_the_frontier_is_the_known_optimum(model):
+    line = frontier(TuningProblem(model=model), points=2, I_max=5.0)
+
+    assert line.R_K.iloc[-1] == pytest.approx(0.53976, abs=1e-5)
+
+
+def test_the_frontier_is_the_same_table_every_time(printed):
+    first, second = (frontier(printed, points=3) for _ in range(2))
+
+    pd.testing.assert_frame_equal(first, second)
+    assert "phi_rate_min" in first.active.iloc[0]
+    assert first.within_limits.all()
+
+
+def test_without_stable_gains_only_the_marks_are_left(model):
+    found = frontier(TuningProblem(model=model, K_fixed=np.ones((2, 4))), marked=MARKED)
+
+    assert list(found.name) == list(MARKED)
+
+
+def test_a_frontier_has_two_points_at_least(model):
+    with pytest.raises(InputError, match="`points` must be at least 2, got 1"):
+        frontier(TuningProblem(model=model), points=1)
