@@ -3,12 +3,13 @@
 from typing import Literal, get_args
 
 from flighttune.errors import InputError
+from flighttune.tuning.convex import tune_from_convex_start
 from flighttune.tuning.genetic import tune_by_evolution
 from flighttune.tuning.gradient import STARTS, tune_by_gradient
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
 
-Method = Literal["gradient", "genetic"]
+Method = Literal["gradient", "genetic", "convex"]
 
 
 def tune(
@@ -19,8 +20,9 @@ def tune(
     Parameters
     ----------
     problem : TuningProblem
-    method : "gradient" or "genetic"
-        SLSQP on exact gradients from several starts; or differential evolution as in the paper.
+    method : "gradient", "genetic" or "convex"
+        SLSQP on exact gradients from several random starts; differential evolution, as in the
+        paper; or SLSQP from the solutions of a semidefinite program.
     starts : int
         Searches of the gradient method.
 
@@ -40,4 +42,6 @@ def tune(
         raise InputError(f"`starts` must be at least 1, got {starts}.")
     if method == "genetic":
         return tune_by_evolution(problem)
+    if method == "convex":
+        return tune_from_convex_start(problem)
     return tune_by_gradient(problem, starts=starts)

@@ -1,0 +1,136 @@
+"""Tuning from a convex start: the semidefinite program in W = Q^-1 and Y = K W.
+
+For feedback of the whole state s the condition ``A_K' Q + Q A_K + I <= 0`` is linear in (W, Y)
+after multiplication by W from both sides, and ``lambda_max(Q) <= 1/R`` is ``W >= R I``. So the
+largest R_K is a convex problem in the gains as long as I_K, input limits and structure are left
+out; a bound on the gains, ``K W K' <= size^2 I``, keeps it finite. Its solutions for several sizes
+start the gradient method, which restores what was left out.
+"""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.control.linear_model import LinearModel
+from flighttune.theory.lmi import Cone, minimise
+from flighttune.tuning.gradient import tune_by_gradient
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.result import TuningResult
+
+SIZES = (0.5, 1.0, 2.0, 4.0, 8.0)
+METHOD = "convex"
+
+
+def tune_from_convex_start(problem: TuningProblem) -> TuningResult:
+    """Gains of the largest R_K, by the gradient method from gains of a convex problem.
+
+    Parameters
+    ----------
+    problem : TuningProblem
+        Gains on states that its loop does not feed back are left out of the start; with lag or
+        delay it is then a guess, no longer an optimum.
+
+    Returns
+    -------
+    TuningResult
+        Without any random start, so that the seed plays no part; "failed" where no convex start
+        stabilises the loop that is allowed.
+    """
+    began = time.perf_counter()
+    K = convex_starts(problem)
+    found = tune_by_gradient(problem, starts=0, first=K)
+    return replace(found, method=METHOD, wall_s=time.perf_counter() - began)
+
+
+def convex_starts(problem: TuningProblem) -> FloatArray:
+    """Stacked gains of the convex problem for each of `SIZES`, shape (at most 5, m, 2 p).
+
+    Parameters
+    ----------
+    problem : TuningProblem
+        Model, scaling and the bounds and fixed values of gains are used, the rest is not.
+
+    Returns
+    -------
+    ndarray
+        Empty where the solver found no answer at all.
+    """
+    found = [state_feedback(problem.model, problem.scaling, size) for size in SIZES]
+    n = len(problem.model.states)
+    output = np.linalg.pinv(problem.model.C)
+    lower, upper = problem.gain_bounds
+    stacked = [np.hstack([K[:, :n] @ output, K[:, n:]]) for K in found if K is not None]
+    return np.clip(np.array(stacked).reshape(-1, *lower.shape), lower, upper)
+
+
+def state_feedback(
+    model: LinearModel, scaling: FloatArray | None, size: float
+) -> FloatArray | None:
+    """K of ``u' = K s`` with the largest R_K under ``K W K' <= size^2 I``, or None.
+
+    Parameters
+    ----------
+    model : LinearModel
+        n states, m inputs, p errors.
+    scaling : ndarray, shape (n + p,)
+        Units of the state s = (x', e).
+    size : float
+        Bound on the gains in the norm of the optimal W.
+
+    Returns
+    -------
+    ndarray, shape (m, n + p), or None
+        None where the solver has no answer.
+    """
+    n, m, p = model.shape
+    order = n + p
+    scale = np.ones(order) if scaling is None else scaling
+    A, B = np.zeros((order, order)), np.vstack([model.B, np.zeros((p, m))])
+    A[:n, :n], A[n:, :n] = model.A, model.C
+    A, B = A * (scale / scale[:, None]), B / scale[:, None]
+    W_basis = _symmetric_basis(order)
+    Y_basis = np.eye(m * order).reshape(-1, m, order)
+    zero_W, zero_Y = np.zeros((len(W_basis), m, order)), np.zeros((len(Y_basis), order, order))
+    W = np.concatenate([np.zeros((1, order, order)), W_basis, zero_Y])
+    Y = np.concatenate([np.zeros((1, m, order)), zero_W, Y_basis])
+    rate = np.zeros_like(W)
+    rate[0] = np.eye(order)
+    flow = A @ W + B @ Y
+    decay = _blocks(-(flow + flow.mT), W, np.zeros_like(W))
+    bound = _blocks(np.zeros((len(W), m, m)), Y, W)
+    cones = [
+        Cone(constant=_corner(order, order), coefficients=decay),
+        Cone(constant=np.zeros((order, order)), coefficients=W - rate),
+        Cone(constant=size**2 * _corner(0, m, order), coefficients=bound),
+    ]
+    objective = np.zeros(len(W))
+    objective[0] = -1.0
+    found = minimise(objective, cones)
+    if found.x is None:
+        return None
+    K = np.linalg.solve(np.tensordot(found.x, W, 1), np.tensordot(found.x, Y, 1).T).T
+    return K / scale
+
+
+def _symmetric_basis(n: int) -> FloatArray:
+    """Matrices that span the symmetric ones, shape (n (n + 1)/2, n, n)."""
+    rows, columns = np.triu_indices(n)
+    basis = np.zeros((len(rows), n, n))
+    index = np.arange(len(rows))
+    basis[index, rows, columns] = basis[index, columns, rows] = 1.0
+    return basis
+
+
+def _blocks(top: FloatArray, right: FloatArray, bottom: FloatArray) -> FloatArray:
+    """``[[top, right], [right', bottom]]`` of stacks."""
+    return np.concatenate(
+        [np.concatenate([top, right], axis=-1), np.concatenate([right.mT, bottom], axis=-1)],
+        axis=-2,
+    )
+
+
+def _corner(before: int, ones: int, after: int = 0) -> FloatArray:
+    """A diagonal of zeros, ones and zeros."""
+    return np.diag(np.concatenate([np.zeros(before), np.ones(ones), np.zeros(after)]))
