@@ -173,16 +173,18 @@ def delay_margin(model: LinearModel, gains: PIGains) -> float:
 
     def eigenvalues(omega: float) -> npt.NDArray[np.complex128]:
         loop = C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B)
-        values = np.linalg.eigvals(loop)
+        values = np.asarray(np.linalg.eigvals(loop), dtype=complex)
         return values[np.argsort(np.abs(values))]
 
-    omega = _frequencies(A_K)
+    omega = _frequencies(A_K).tolist()
     excess = np.abs([eigenvalues(w) for w in omega]) - 1.0
     delays = [math.inf]
     for step, k in np.argwhere(excess[:-1] * excess[1:] <= 0.0):
-        crossing = _root(lambda w, k=k: abs(eigenvalues(w)[k]) - 1.0, omega[step], omega[step + 1])
+        crossing = _root(
+            lambda w, k=k: float(np.abs(eigenvalues(w)[k])) - 1.0, omega[step], omega[step + 1]
+        )
         phase = np.angle(eigenvalues(crossing)[k])
-        delays.append((phase + math.pi) % (2.0 * math.pi) / crossing)
+        delays.append(float((phase + math.pi) % (2.0 * math.pi)) / crossing)
     return float(min(delays))
 
 
