@@ -1,0 +1,212 @@
+"""Where a disturbed linear loop ends up: four bounds on its ultimate size, loosest first.
+
+The loop is ``s' = A s + E v`` with ``||v|| <= L_d``. In velocity form s = (x', e) and v is the
+derivative of the disturbance, which enters through ``E = [I; 0]`` alone. The paper's ball knows
+neither E nor the direction in which the loop is weak; the invariant ellipsoid and the peak gain
+do, and `reachable` has the exact figure they are all held against.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+
+from flighttune.arrays import FloatArray, read_only_matrix, square_matrices
+from flighttune.errors import InputError, ShapeError
+from flighttune.theory.lyapunov import lyapunov_solution
+
+Reading = Literal["velocity_form", "proportional", "open_loop"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperBall:
+    """The paper's ultimate ball ``||s|| <= 2 L_d L_f I_K`` for one reading of L_f.
+
+    Attributes
+    ----------
+    reading : "velocity_form", "proportional" or "open_loop"
+        L_f is the norm of A_K (Theorem 1 applied to the velocity form), of its upper left block
+        ``df/dx + df/du K_P`` (Theorem 2 with f(x, u(x)) read as the loop under K_P), or of
+        ``df/dx`` (Theorem 2 to the letter of its formula).
+    safe : bool
+        Whether the theorem's proof covers the reading. Only that of the velocity form is covered:
+        the loop can leave the ball of either of the others.
+    L_f : float, 1/s
+    radius : float, unit of s
+    """
+
+    reading: Reading
+    safe: bool
+    L_f: float
+    radius: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ellipsoid:
+    """An invariant ellipsoid ``s' W^-1 s <= 1``: the loop approaches it and does not leave it.
+
+    Attributes
+    ----------
+    W : ndarray, shape (n, n)
+        Square of the unit of s.
+    multiplier : float, 1/s
+        The a of ``A W + W A' + a W + (L_d^2 / a) E E' = 0``; rate at which ``s' W^-1 s``
+        approaches one from outside.
+    radius : float, unit of s
+        Longest half axis: the square root of lambda_max(W).
+    """
+
+    W: FloatArray
+    multiplier: float
+    radius: float
+
+    def reach(self, direction: npt.ArrayLike) -> float:
+        """Largest value of ``direction @ s`` in the ellipsoid."""
+        c = np.asarray(direction, dtype=float)
+        return math.sqrt(c @ self.W @ c)
+
+
+def paper_balls(
+    A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float
+) -> tuple[PaperBall, PaperBall, PaperBall]:
+    """The paper's ball under each reading of L_f, the safe one first.
+
+    Parameters
+    ----------
+    A_K : array_like, shape (n + p, n + p), 1/s
+        Closed loop in velocity form, s = (x', e).
+    A : array_like, shape (n, n), 1/s
+        Open-loop Jacobian df/dx.
+    I_K : float, s^2
+        As `indicators` gives it.
+    L_d : float, unit of x' per second
+        Bound on the norm of the disturbance's derivative, positive.
+
+    Returns
+    -------
+    tuple of PaperBall
+        Of the velocity form (safe), of the proportional loop and of the open loop (both unsafe).
+
+    Raises
+    ------
+    ShapeError, InputError
+        If the matrices do not fit or are not finite, or `L_d` or `I_K` is not positive.
+
+    Notes
+    -----
+    Theorem 2 of arXiv 2411.13140. Its statement uses L_f = ||df(0)/dx||; its proof applies
+    Theorem 1 to ``s' = A_K s + d_s``, whose Jacobian is A_K.
+    """
+    A_K, A = _matrix("A_K", A_K), _matrix("A", A)
+    n = len(A)
+    if n > len(A_K):
+        raise ShapeError(f"`A` must not be larger than `A_K`, got {A.shape} and {A_K.shape}.")
+    _positive("L_d", L_d)
+    if not I_K > 0.0:
+        raise InputError(f"`I_K` must be positive, got {I_K}.")
+
+    def ball(reading: Reading, jacobian: FloatArray) -> PaperBall:
+        L_f = float(np.linalg.norm(jacobian, 2))
+        safe = reading == "velocity_form"
+        return PaperBall(reading=reading, safe=safe, L_f=L_f, radius=2.0 * L_d * L_f * I_K)
+
+    return (
+        ball("velocity_form", A_K),
+        ball("proportional", A_K[:n, :n]),
+        ball("open_loop", A),
+    )
+
+
+def invariant_ellipsoid(
+    A: npt.ArrayLike,
+    E: npt.ArrayLike,
+    *,
+    L_d: float,
+    direction: npt.ArrayLike | None = None,
+    room: float = 0.0,
+) -> Ellipsoid:
+    """The invariant ellipsoid that is smallest in radius, or in one direction.
+
+    Parameters
+    ----------
+    A : array_like, shape (n, n), 1/s
+        Stable.
+    E : array_like, shape (n, m)
+        Where the disturbance enters.
+    L_d : float
+        Bound on the norm of the disturbance v, positive.
+    direction : array_like, shape (n,), optional
+        Minimise the reach in this direction instead of the radius.
+    room : float, 1
+        Room left in the inequality, as a fraction of the disturbance's term, so that it holds
+        strictly.
+
+    Returns
+    -------
+    Ellipsoid
+
+    Raises
+    ------
+    ShapeError, InputError
+        If the matrices do not fit, `A` is not stable, or `L_d` is not positive.
+
+    Notes
+    -----
+    For each a in (0, -2 abscissa) a Lyapunov equation gives W; a is found by a search in one
+    dimension. S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*, 6.1.2.
+    """
+    A, E = stable_system(A, E)
+    _positive("L_d", L_d)
+    c = None if direction is None else np.asarray(direction, dtype=float)
+    widest = -2.0 * float(np.linalg.eigvals(A).real.max())
+
+    entry = E @ E.T
+    entry = entry + room * float(np.linalg.norm(entry, 2)) * np.eye(len(A))
+
+    def W_of(a: float) -> FloatArray:
+        load = entry * (L_d**2 / a)
+        return lyapunov_solution((A + a / 2.0 * np.eye(len(A))).T, (load + load.T) / 2.0)
+
+    def size(logit: float) -> float:
+        W = W_of(widest / (1.0 + math.exp(-logit)))
+        squared = np.linalg.eigvalsh(W)[-1] if c is None else c @ W @ c
+        return 0.5 * math.log(squared)
+
+    found: Any = minimize_scalar(
+        size, bounds=(-20.0, 20.0), method="bounded", options={"xatol": 1e-6}
+    )
+    a = widest / (1.0 + math.exp(-float(found.x)))
+    W = W_of(a)
+    return Ellipsoid(W=W, multiplier=a, radius=math.sqrt(float(np.linalg.eigvalsh(W)[-1])))
+
+
+def stable_system(A: npt.ArrayLike, E: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """A and E as checked arrays, A stable.
+
+    Raises
+    ------
+    ShapeError, InputError
+        If they do not fit, are not finite, or an eigenvalue of A is not in the left half plane.
+    """
+    A, E = _matrix("A", A), read_only_matrix("E", E)
+    if len(E) != len(A) or not E.any():
+        raise ShapeError(f"`E` must have {len(A)} rows and not vanish, got shape {E.shape}.")
+    rightmost = np.linalg.eigvals(A).real.max()
+    if not rightmost < 0.0:
+        raise InputError(f"`A` must be stable, got spectral abscissa {rightmost:.6g} 1/s.")
+    return A, E
+
+
+def _matrix(name: str, value: npt.ArrayLike) -> FloatArray:
+    matrix = square_matrices(name, value)
+    if matrix.ndim != 2:
+        raise ShapeError(f"`{name}` must have 2 axes, got shape {matrix.shape}.")
+    return matrix
+
+
+def _positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise InputError(f"`{name}` must be positive, got {value}.")

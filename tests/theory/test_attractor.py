@@ -1,0 +1,111 @@
+"""Ultimate bounds of the paper's loop, and loops whose bounds are known on paper."""
+
+import numpy as np
+import pytest
+
+from flighttune.control.closed_loop import closed_loop, disturbance_entry
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.linear_model import kinematic_model
+from flighttune.errors import InputError, ShapeError
+from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
+from flighttune.theory.indicators import indicators
+from flighttune.theory.reachable import ReachableSet
+
+MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=9.81)
+A_K = closed_loop(MODEL, PAPER_GAINS)
+E = disturbance_entry(MODEL)
+L_D = 0.1 * 0.15  # amplitude and frequency of the paper's Table 1
+LAST_DIGIT = 5e-4
+SEARCH = 1e-6
+EIGENVALUE_ROUNDING = 1e-12
+
+
+def test_the_papers_ball_has_three_readings_and_only_the_first_is_called_safe():
+    balls = paper_balls(A_K, MODEL.A, I_K=indicators(A_K).I_K, L_d=L_D)
+
+    assert [ball.reading for ball in balls] == ["velocity_form", "proportional", "open_loop"]
+    assert [ball.radius for ball in balls] == pytest.approx([0.241, 0.104, 0.015], abs=LAST_DIGIT)
+    assert [ball.safe for ball in balls] == [True, False, False]
+
+
+def test_the_paper_loop_can_leave_the_ball_of_the_open_loop_reading():
+    ball = paper_balls(A_K, MODEL.A, I_K=indicators(A_K).I_K, L_d=L_D)[2]
+
+    assert ReachableSet.of(A_K, E, L_d=L_D).largest_reach().radius > 2.0 * ball.radius
+
+
+def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
+    damping = 0.1
+    oscillator = np.array([[-damping, -1.0], [1.0, 0.0]])
+    safe, proportional, _ = paper_balls(
+        oscillator, [[0.0]], I_K=indicators(oscillator).I_K, L_d=1.0
+    )
+
+    reached = ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0).largest_reach().radius
+
+    assert proportional.radius < reached / 5.0
+    assert reached < safe.radius
+
+
+def test_the_ellipsoid_of_the_papers_loop_has_radius_0_0333():
+    ellipsoid = invariant_ellipsoid(A_K, E, L_d=L_D)
+
+    assert ellipsoid.radius == pytest.approx(0.0333, abs=5e-5)
+
+
+def test_the_ellipsoid_of_a_single_decay_is_the_exact_interval():
+    """s' = -k s + v reaches L_d / k; the best multiplier is a = k."""
+    k, L_d = 3.0, 0.6
+
+    ellipsoid = invariant_ellipsoid([[-k]], [[1.0]], L_d=L_d)
+
+    assert ellipsoid.radius == pytest.approx(L_d / k, rel=SEARCH)
+    assert ellipsoid.multiplier == pytest.approx(k, rel=1e-3)
+
+
+def test_the_ellipsoid_satisfies_its_inequality():
+    ellipsoid = invariant_ellipsoid(A_K, E, L_d=L_D)
+    W, a = ellipsoid.W, ellipsoid.multiplier
+
+    flow = A_K @ W + W @ A_K.T + a * W + L_D**2 / a * E @ E.T
+
+    assert np.linalg.eigvalsh(W)[0] > 0.0
+    assert np.abs(np.linalg.eigvalsh(flow)).max() < EIGENVALUE_ROUNDING
+
+
+def test_room_makes_the_inequality_strict_at_almost_no_cost():
+    tight, roomy = (invariant_ellipsoid(A_K, E, L_d=L_D, room=room) for room in (0.0, 1e-6))
+    W, a = roomy.W, roomy.multiplier
+
+    flow = A_K @ W + W @ A_K.T + a * W + L_D**2 / a * E @ E.T
+
+    assert np.linalg.eigvalsh(flow)[-1] < 0.0
+    assert roomy.radius == pytest.approx(tight.radius, rel=1e-5)
+
+
+def test_an_ellipsoid_for_one_direction_reaches_less_far_in_it():
+    e_chi = np.eye(4)[2]
+    overall = invariant_ellipsoid(A_K, E, L_d=L_D)
+    directed = invariant_ellipsoid(A_K, E, L_d=L_D, direction=e_chi)
+
+    exact = ReachableSet.of(A_K, E, L_d=L_D).reach(e_chi)
+
+    assert exact <= directed.reach(e_chi) <= overall.reach(e_chi)
+
+
+@pytest.mark.parametrize("L_d", [0.0, -1.0, np.nan, np.inf])
+def test_the_disturbance_bound_must_be_positive(L_d):
+    with pytest.raises(InputError, match="`L_d` must be positive"):
+        invariant_ellipsoid(A_K, E, L_d=L_d)
+    with pytest.raises(InputError, match="`L_d` must be positive"):
+        paper_balls(A_K, MODEL.A, I_K=1.0, L_d=L_d)
+
+
+def test_an_unstable_loop_has_no_ellipsoid():
+    with pytest.raises(InputError, match=r"`A` must be stable, got spectral abscissa 0\.5 1/s"):
+        invariant_ellipsoid([[0.5]], [[1.0]], L_d=1.0)
+
+
+def test_the_disturbance_must_enter_somewhere():
+    with pytest.raises(ShapeError, match="`E` must have 2 rows and not vanish"):
+        invariant_ellipsoid(-np.eye(2), [[0.0], [0.0]], L_d=1.0)
