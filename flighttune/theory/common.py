@@ -1,0 +1,268 @@
+"""One Q, and one ellipsoid, for every loop of a polytope: a linear matrix inequality a vertex.
+
+A loop that wanders anywhere inside the convex hull of the vertices, as fast as it likes, inherits
+what the common matrix guarantees. Answers are checked by eigenvalues before they leave.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+
+from flighttune.arrays import FloatArray, read_only_matrix, square_matrices
+from flighttune.errors import InputError, ShapeError
+from flighttune.theory.lmi import Cone, minimise
+from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.quadratic import scaled_to_inequality, symmetric_basis
+
+GAP = 1e-4
+"""Largest relative distance between a checked rate and its checked bound to be called optimal."""
+
+NO_RATE = 1e-6
+"""A common rate below this fraction of the fastest vertex's is taken for none."""
+
+ROOM = 1e-6
+"""Room left in the ellipsoid's inequality, as a fraction of the disturbance's term."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CommonQ:
+    """A Q for all vertices, checked by eigenvalues.
+
+    Attributes
+    ----------
+    status : "optimal", "inaccurate", "none" or "failed"
+        Inaccurate: Q holds what it says, but a better one may exist. None: no common Q was found;
+        `R_bound` says how well it is known that there is none.
+    reason : str
+        Why it is not optimal; empty otherwise.
+    Q : ndarray, shape (n, n), s, or None
+        Positive, with ``A' Q + Q A + I <= 0`` at every vertex up to rounding.
+    R : float, 1/s
+        ``1 / lambda_max(Q)``: rate of decay of ``s' Q s``; 0 without a Q.
+    R_bound : float, 1/s
+        No common Q has a higher rate: from the solver's multipliers, made feasible.
+    slope : ndarray, shape (k, n, n), or None
+        Derivative of R with respect to the entries of each vertex, from the same multipliers.
+    """
+
+    status: Literal["optimal", "inaccurate", "none", "failed"]
+    reason: str
+    Q: FloatArray | None
+    R: float
+    R_bound: float
+    slope: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CommonEllipsoid:
+    """An ellipsoid ``s' W^-1 s <= 1`` that no vertex leaves, for disturbances of norm L_d.
+
+    Attributes
+    ----------
+    status : "found" or "none"
+    reason : str
+        Why there is none; empty otherwise.
+    W : ndarray, shape (n, n), or None
+    multiplier : float, 1/s
+        The a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``; states outside approach at rate a.
+    radius : float
+        ``sqrt(lambda_max(W))``; inf without one.
+    """
+
+    status: Literal["found", "none"]
+    reason: str
+    W: FloatArray | None
+    multiplier: float
+    radius: float
+
+
+def common_Q(vertices: npt.ArrayLike) -> CommonQ:
+    """The common Q with the highest rate.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (k, n, n), 1/s
+
+    Returns
+    -------
+    CommonQ
+
+    Raises
+    ------
+    ShapeError, InputError
+        If `vertices` are not k finite square matrices, k >= 1.
+
+    Notes
+    -----
+    Maximise R subject to ``A' Q + Q A + R I <= 0`` at every vertex and ``0 <= Q <= I``: bounded and
+    always feasible, with R = 0 where there is no common Q. For any X_k >= 0 whose traces add up to
+    one, R is at most the sum of the positive eigenvalues of ``-sum(A_k X_k + X_k A_k')``.
+    """
+    A = _vertex_matrices(vertices)
+    n = A.shape[-1]
+    basis, speed = _scaled_basis(A)
+    size = len(basis)
+    derivative = (A.mT[:, None] @ basis + basis @ A[:, None]) / speed
+    eye = np.eye(n)
+    cones = [
+        Cone(constant=np.zeros((n, n)), coefficients=np.concatenate([-d, -eye[None]]))
+        for d in derivative
+    ]
+    cones.append(Cone(constant=eye, coefficients=np.concatenate([-basis, 0.0 * eye[None]])))
+    solution = minimise(-np.eye(size + 1)[size], cones)
+    if solution.x is None:
+        return _no_Q("failed", solution.reason, np.inf)
+    multipliers = _normalised(np.array(solution.duals[:-1]))
+    bound = _rate_bound(A, multipliers)
+    Q = np.tensordot(solution.x[:size], basis, axes=1)
+    Q = scaled_to_inequality(Q, A)
+    if Q is None or 1.0 / np.linalg.eigvalsh(Q)[-1] < NO_RATE * speed:
+        return _no_Q("none", f"no common Q was found; its rate is at most {bound:.3g} 1/s", bound)
+    R = float(1.0 / np.linalg.eigvalsh(Q)[-1])
+    close = bound <= (1.0 + GAP) * R
+    return CommonQ(
+        status="optimal" if close else "inaccurate",
+        reason="" if close else f"the rate is only known to lie in [{R:.6g}, {bound:.6g}] 1/s",
+        Q=Q,
+        R=R,
+        R_bound=bound,
+        slope=-2.0 * R * Q @ multipliers,
+    )
+
+
+def common_ellipsoid(vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -> CommonEllipsoid:
+    """The common invariant ellipsoid with the smallest radius.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (k, n, n), 1/s
+    E : array_like, shape (n, m)
+        Where the disturbance enters: ``s' = A s + E v``.
+    L_d : float
+        Bound on the norm of v, positive.
+
+    Returns
+    -------
+    CommonEllipsoid
+
+    Raises
+    ------
+    ShapeError, InputError
+        If the matrices do not fit, are not finite, or `L_d` is not positive.
+
+    Notes
+    -----
+    A linear matrix inequality in W for every multiplier a, and a one-dimensional search over a;
+    S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*, section 6.1.2.
+    """
+    A = _vertex_matrices(vertices)
+    E = read_only_matrix("E", E)
+    if E.shape[0] != A.shape[-1]:
+        raise ShapeError(f"`E` must have {A.shape[-1]} rows, got shape {E.shape}.")
+    if not (np.isfinite(L_d) and L_d > 0.0):
+        raise InputError(f"`L_d` must be positive, got {L_d}.")
+    fastest = -2.0 * np.linalg.eigvals(A).real.max()
+    if not fastest > 0.0:
+        return _no_ellipsoid("a vertex is not stable")
+    tried: dict[float, FloatArray] = {}
+
+    def radius(fraction: float) -> float:
+        W = _ellipsoid(A, E, fraction * fastest)
+        if W is None:
+            return 2.0 / max(fraction, 1e-3) * np.linalg.norm(E, 2) / fastest
+        tried[fraction] = W
+        return float(np.sqrt(np.linalg.eigvalsh(W)[-1]))
+
+    for coarse in (0.05, 0.15, 0.3, 0.5):
+        radius(coarse)
+    if not tried:
+        return _no_ellipsoid("no common ellipsoid was found at any multiplier")
+    start = min(tried, key=lambda fraction: np.linalg.eigvalsh(tried[fraction])[-1])
+    minimize_scalar(
+        radius,
+        bounds=(start / 3.0, min(3.0 * start, 1.0)),
+        method="bounded",
+        options={"xatol": 1e-3},
+    )
+    best = min(tried, key=lambda fraction: np.linalg.eigvalsh(tried[fraction])[-1])
+    W = L_d**2 * tried[best]
+    return CommonEllipsoid(
+        status="found",
+        reason="",
+        W=W,
+        multiplier=best * fastest,
+        radius=float(np.sqrt(np.linalg.eigvalsh(W)[-1])),
+    )
+
+
+def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
+    """W of the smallest radius at one multiplier for L_d = 1, or None."""
+    n = A.shape[-1]
+    shifted = A + a / 2.0 * np.eye(n)
+    basis, speed = _scaled_basis(shifted.mT)
+    load = E @ E.T / a
+    load = (load + ROOM * np.linalg.norm(load, 2) * np.eye(n)) / speed
+    scale = float(np.linalg.norm(load, 2))
+    basis = basis / float(np.linalg.norm(basis, axis=(1, 2)).max())
+    derivative = (shifted[:, None] @ basis + basis @ shifted.mT[:, None]) / speed
+    eye, size = np.eye(n), len(basis)
+    cones = [
+        Cone(constant=-load / scale, coefficients=np.concatenate([-d, 0.0 * eye[None]]))
+        for d in derivative
+    ]
+    cones.append(Cone(constant=0.0 * eye, coefficients=np.concatenate([-basis, eye[None]])))
+    solution = minimise(np.eye(size + 1)[size], cones)
+    if solution.x is None:
+        return None
+    W = scale * np.tensordot(solution.x[:size], basis, axes=1)
+    return _invariant(W, shifted, E @ E.T / a)
+
+
+def _invariant(W: FloatArray, shifted: FloatArray, load: FloatArray) -> FloatArray | None:
+    """W if it is positive and invariant at every vertex."""
+    flow = np.linalg.eigvalsh(shifted @ W + W @ shifted.mT + load)
+    return W if flow[:, -1].max() < 0.0 < np.linalg.eigvalsh(W)[0] else None
+
+
+def _scaled_basis(A: FloatArray) -> tuple[FloatArray, float]:
+    """Basis of Q that makes the mean vertex's Lyapunov solution the identity, and its rate."""
+    mean = A.mean(axis=0)
+    n = len(mean)
+    if np.linalg.eigvals(mean).real.max() < 0.0:
+        Q0 = lyapunov_solution(mean)
+        top = np.linalg.eigvalsh(Q0)[-1]
+        try:
+            L = np.linalg.cholesky(Q0 / top)
+        except np.linalg.LinAlgError:
+            L = np.eye(n)
+        return L @ symmetric_basis(n) @ L.T, float(1.0 / top)
+    return symmetric_basis(n), float(np.linalg.norm(mean, 2)) or 1.0
+
+
+def _normalised(multipliers: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(multipliers)
+    positive = vectors * np.maximum(values, 0.0)[:, None, :] @ vectors.mT
+    return positive / max(float(np.trace(positive, axis1=1, axis2=2).sum()), 1e-300)
+
+
+def _rate_bound(A: FloatArray, multipliers: FloatArray) -> float:
+    flow = -(A @ multipliers).sum(axis=0)
+    return float(np.maximum(np.linalg.eigvalsh(flow + flow.T), 0.0).sum())
+
+
+def _vertex_matrices(vertices: npt.ArrayLike) -> FloatArray:
+    A = square_matrices("vertices", vertices)
+    if A.ndim != 3 or not len(A):
+        raise ShapeError(f"`vertices` must have shape (k, n, n), got {A.shape}.")
+    return A
+
+
+def _no_Q(status: Literal["none", "failed"], reason: str, bound: float) -> CommonQ:
+    return CommonQ(status=status, reason=reason, Q=None, R=0.0, R_bound=bound, slope=None)
+
+
+def _no_ellipsoid(reason: str) -> CommonEllipsoid:
+    return CommonEllipsoid(status="none", reason=reason, W=None, multiplier=np.nan, radius=np.inf)

@@ -1,0 +1,155 @@
+"""Common Q and ellipsoids: single loops, and polytopes whose answer is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flighttune.control.closed_loop import closed_loop, disturbance_entry
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.linear_model import kinematic_model
+from flighttune.errors import InputError, ShapeError
+from flighttune.theory import common
+from flighttune.theory.attractor import invariant_ellipsoid
+from flighttune.theory.common import common_ellipsoid, common_Q
+from flighttune.theory.indicators import indicators
+from flighttune.theory.lmi import LmiSolution
+
+MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=9.81)
+A_K = closed_loop(MODEL, PAPER_GAINS)
+E = disturbance_entry(MODEL)
+SOLVER = 1e-6
+EIGENVALUE_ROUNDING = 1e-9
+
+STABLE_APART = np.array([[[-1.0, 8.0], [0.0, -1.0]], [[-1.0, 0.0], [8.0, -1.0]]])
+"""Each stable, their mean is not: no common Q."""
+
+
+def largest_violation(loops, Q):
+    return np.linalg.eigvalsh(loops.mT @ Q + Q @ loops + np.eye(len(Q)))[:, -1].max()
+
+
+def test_the_common_Q_of_one_loop_has_the_rate_of_the_closed_form():
+    found = common_Q(A_K[None])
+
+    assert found.status == "optimal"
+    assert found.R == pytest.approx(indicators(A_K).R_K, rel=SOLVER)
+
+
+def test_the_common_rate_of_decays_is_that_of_the_slowest():
+    """diag(-k): R = 2 k, with Q = I / (2 k) for the smallest k of any vertex and direction."""
+    found = common_Q([-np.diag([1.0, 5.0]), -np.diag([3.0, 0.4]), -np.diag([2.0, 2.0])])
+
+    assert found.R == pytest.approx(2.0 * 0.4, rel=SOLVER)
+
+
+def test_loops_whose_mean_is_unstable_have_no_common_Q_and_the_bound_says_so():
+    found = common_Q(STABLE_APART)
+
+    assert found.status == "none"
+    assert found.Q is None
+    assert found.R == 0.0
+    assert found.R_bound < SOLVER
+    assert "no common Q was found" in found.reason
+
+
+def test_the_rate_is_lowered_by_every_vertex_and_held_by_every_matrix_between():
+    spread = np.array([[0.0, 1.0, 0.0, 0.0], *np.zeros((3, 4))])
+    loops = np.array([A_K, A_K + 0.2 * spread, A_K - 0.2 * spread.T])
+    found = common_Q(loops)
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet(np.ones(3), size=200)
+
+    between = np.einsum("ik,kab->iab", weights, loops)
+
+    assert found.R <= min(indicators(A).R_K for A in loops) * (1.0 + SOLVER)
+    assert largest_violation(loops, found.Q) < EIGENVALUE_ROUNDING
+    assert largest_violation(between, found.Q) < EIGENVALUE_ROUNDING
+
+
+@settings(max_examples=30, deadline=None, derandomize=True, database=None)
+@given(st.integers(0, 2**32))
+def test_rate_and_bound_enclose_each_other_on_random_polytopes(seed):
+    rng = np.random.default_rng(seed)
+    centre = rng.normal(size=(3, 3))
+    centre -= (np.linalg.eigvals(centre).real.max() + 0.5) * np.eye(3)
+    found = common_Q(centre + 0.15 * rng.normal(size=(4, 3, 3)))
+
+    assert found.R <= found.R_bound
+    assert found.status in ("optimal", "none")
+
+
+def test_the_slope_of_the_rate_is_its_derivative_in_the_vertices():
+    rng = np.random.default_rng(1)
+    loops = A_K + 0.02 * rng.normal(size=(3, 4, 4))
+    step = 1e-4 * rng.normal(size=loops.shape)
+
+    ahead, behind = common_Q(loops + step).R, common_Q(loops - step).R
+
+    predicted = 2.0 * (common_Q(loops).slope * step).sum()
+    assert ahead - behind == pytest.approx(predicted, rel=1e-2)
+
+
+def test_the_common_ellipsoid_of_one_loop_is_the_closed_form():
+    single = common_ellipsoid(A_K[None], E, L_d=0.015)
+
+    assert single.status == "found"
+    assert single.radius == pytest.approx(invariant_ellipsoid(A_K, E, L_d=0.015).radius, rel=1e-4)
+
+
+def test_the_common_ellipsoid_is_invariant_at_every_vertex():
+    loops = np.array([A_K, 1.1 * A_K, A_K - 0.1 * np.eye(4)])
+    found = common_ellipsoid(loops, E, L_d=0.015)
+    W, a = found.W, found.multiplier
+
+    flow = loops @ W + W @ loops.mT + a * W + 0.015**2 / a * E @ E.T
+
+    assert np.linalg.eigvalsh(flow)[:, -1].max() < 0.0
+    assert found.radius == pytest.approx(np.sqrt(np.linalg.eigvalsh(W)[-1]))
+    assert found.radius > invariant_ellipsoid(A_K, E, L_d=0.015).radius
+
+
+def test_without_a_common_Q_there_is_no_common_ellipsoid_either():
+    found = common_ellipsoid(STABLE_APART, np.eye(2), L_d=1.0)
+
+    assert found.status == "none"
+    assert found.radius == np.inf
+    assert found.reason
+
+
+def test_an_unstable_vertex_is_a_result_with_a_reason():
+    found = common_ellipsoid([-np.eye(2), np.eye(2)], np.eye(2), L_d=1.0)
+
+    assert found.reason == "a vertex is not stable"
+    assert common_Q([-np.eye(2), np.eye(2)]).status == "none"
+
+
+def test_a_solver_that_fails_is_a_result_with_its_reason(monkeypatch):
+    failure = LmiSolution(status="failed", reason="the solver failed numerically", x=None, duals=())
+    monkeypatch.setattr(common, "minimise", lambda *_, **__: failure)
+
+    assert common_Q(A_K[None]).status == "failed"
+    assert common_Q(A_K[None]).reason == "the solver failed numerically"
+    assert common_ellipsoid(A_K[None], E, L_d=1.0).status == "none"
+
+
+def test_a_solver_that_lies_is_not_believed(monkeypatch):
+    def liar(objective, cones, *_, **__):
+        x = np.ones(len(objective))
+        return LmiSolution(status="optimal", reason="", x=x, duals=tuple(np.eye(4) for _ in cones))
+
+    monkeypatch.setattr(common, "minimise", liar)
+    found = common_Q(np.array([A_K, A_K]))
+
+    assert found.status != "optimal"
+    assert found.R <= indicators(A_K).R_K
+    assert common_ellipsoid(A_K[None], E, L_d=1.0).W is None
+
+
+def test_vertices_must_be_a_stack_of_matrices():
+    with pytest.raises(ShapeError, match=r"`vertices` must have shape \(k, n, n\)"):
+        common_Q(A_K)
+    with pytest.raises(ShapeError, match="`E` must have 4 rows"):
+        common_ellipsoid(A_K[None], np.eye(2), L_d=1.0)
+    with pytest.raises(InputError, match="`L_d` must be positive, got 0"):
+        common_ellipsoid(A_K[None], E, L_d=0.0)
