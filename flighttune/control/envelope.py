@@ -1,0 +1,230 @@
+"""Ranges of flight, and polytopes of Jacobians of the chi/gamma law over them.
+
+The law's Jacobians depend on the flight condition through four numbers only (arXiv 2411.13140,
+below Eq. (40)): ``a = (g/V) sin(gamma)``, ``b1 = (g/V) / cos(phi)^2``, ``b2 = (g n_z/V) sin(phi)``
+and ``b3 = (g/V) cos(phi)``. A_K is affine in them, so that the box of their ranges, 16 vertices,
+contains every Jacobian of the envelope. The corners of (V, gamma, phi, n_z) alone do not: the
+extremes of a product or of a cosine need not lie there. The four share the factor g/V; keeping it
+apart, 32 vertices, contains them all as well and is never larger.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from flighttune.arrays import FloatArray, read_only_vector
+from flighttune.control.closed_loop import closed_loop
+from flighttune.control.gains import PIGains
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InputError, ShapeError
+
+ENTRIES = ("a", "b1", "b2", "b3")
+OUTWARD = 1e-14
+"""Relative widening of each range: some 50 times the rounding of the formulas."""
+
+Hull = Literal["entries", "speed"]
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Envelope:
+    """Ranges of flight conditions, each independent of the others.
+
+    Attributes
+    ----------
+    V_a : (float, float), m/s
+        Airspeed, positive.
+    gamma, phi : (float, float), rad
+        Flight-path angle, climb positive; roll angle, right wing down positive; inside +-pi/2.
+    n_z : (float, float), 1
+        Load factor.
+    """
+
+    V_a: Range
+    gamma: Range
+    phi: Range
+    n_z: Range
+
+    def __post_init__(self) -> None:
+        for name in ("V_a", "gamma", "phi", "n_z"):
+            low, high = (float(end) for end in getattr(self, name))
+            if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+                raise InputError(
+                    f"`{name}` must be a range (low, high), got {getattr(self, name)}."
+                )
+            object.__setattr__(self, name, (low, high))
+        if not self.V_a[0] > 0.0:
+            raise InputError(f"`V_a` must be positive, got {self.V_a[0]:g} m/s.")
+        for name in ("gamma", "phi"):
+            if not max(map(abs, getattr(self, name))) < math.pi / 2:
+                raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
+
+    @classmethod
+    def at(
+        cls, *, V_a: float, gamma: float, phi: float = 0.0, n_z: float | None = None
+    ) -> "Envelope":
+        """The envelope of a single condition; n_z by default the steady cos(gamma)/cos(phi)."""
+        n_z = math.cos(gamma) / math.cos(phi) if n_z is None else n_z
+        return cls(V_a=(V_a, V_a), gamma=(gamma, gamma), phi=(phi, phi), n_z=(n_z, n_z))
+
+    def scaled(self, trim: "Envelope", factor: float) -> "Envelope":
+        """Every end moved to ``trim + factor (end - trim)``.
+
+        Raises
+        ------
+        InputError
+            If `factor` is negative, or the result is not an envelope.
+        """
+        if not factor >= 0.0:
+            raise InputError(f"`factor` must not be negative, got {factor}.")
+        ranges = {}
+        for name in ("V_a", "gamma", "phi", "n_z"):
+            ends, about = getattr(self, name), getattr(trim, name)
+            ranges[name] = tuple(
+                at + factor * (end - at) for end, at in zip(ends, about, strict=True)
+            )
+        return Envelope(**ranges)
+
+    def contains(self, other: "Envelope") -> bool:
+        """Whether every range of `other` lies inside the same range here."""
+        return all(
+            getattr(self, name)[0] <= getattr(other, name)[0]
+            and getattr(other, name)[1] <= getattr(self, name)[1]
+            for name in ("V_a", "gamma", "phi", "n_z")
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JacobianHull:
+    """A polytope of entries (a, b1, b2, b3): a range of factors times a box.
+
+    Attributes
+    ----------
+    factor : (float, float)
+        (1, 1) where the box holds the entries themselves, else the range of g/V in 1/s.
+    lower, upper : ndarray, shape (4,)
+        The box, in 1/s over the unit of `factor`.
+    """
+
+    factor: Range
+    lower: FloatArray
+    upper: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper"):
+            ends = read_only_vector(name, getattr(self, name))
+            if ends.shape != (len(ENTRIES),):
+                raise ShapeError(f"`{name}` must have shape ({len(ENTRIES)},), got {ends.shape}.")
+            object.__setattr__(self, name, ends)
+        if not (self.lower <= self.upper).all():
+            raise InputError(
+                f"`lower` must not exceed `upper`, got {self.lower.tolist()} "
+                f"and {self.upper.tolist()}."
+            )
+        if not 0.0 < self.factor[0] <= self.factor[1] < math.inf:
+            raise InputError(f"`factor` must be a positive range, got {self.factor}.")
+
+    @property
+    def corners(self) -> FloatArray:
+        """Entries at the vertices, shape (k, 4); a range without width counts once."""
+        box = itertools.product(
+            *(sorted(set(ends)) for ends in zip(self.lower, self.upper, strict=True))
+        )
+        corners = np.array(list(box))
+        return np.concatenate([factor * corners for factor in sorted(set(self.factor))])
+
+    def models(self) -> tuple[LinearModel, ...]:
+        """The linear model of each vertex."""
+        return tuple(entry_model(corner) for corner in self.corners)
+
+
+def entry_model(entries: FloatArray) -> LinearModel:
+    """The chi/gamma law's linear model of given entries (a, b1, b2, b3), 1/s."""
+    a, b1, b2, b3 = entries
+    return LinearModel(
+        A=np.array([[0.0, 0.0], [0.0, a]]),
+        B=np.array([[-b1, 0.0], [b2, -b3]]),
+        C=np.eye(2),
+        states=("chi", "gamma"),
+        inputs=("phi", "n_z"),
+        errors=("chi", "gamma"),
+    )
+
+
+def jacobian_hull(envelope: Envelope, *, g: float, hull: Hull = "speed") -> JacobianHull:
+    """A polytope that contains the law's Jacobian at every condition of an envelope.
+
+    Parameters
+    ----------
+    envelope : Envelope
+    g : float, m/s^2
+        Acceleration of gravity, positive.
+    hull : "entries" or "speed"
+        The box of the four entries (16 vertices), or the factor g/V apart from a box (32).
+
+    Returns
+    -------
+    JacobianHull
+        Rounded outward.
+
+    Raises
+    ------
+    InputError
+        If `g` is not positive or `hull` is not one of the two.
+
+    Notes
+    -----
+    Interval arithmetic: the sine grows over +-pi/2, the cosine has its maximum where roll is zero,
+    and a product is extreme at ends of its factors. A function that is affine in each of several
+    numbers lies, over a box of them, in the convex hull of its corner values.
+    """
+    if not (math.isfinite(g) and g > 0.0):
+        raise InputError(f"`g` must be positive, got {g} m/s^2.")
+    if hull not in ("entries", "speed"):
+        raise InputError(f'`hull` must be "entries" or "speed", got {hull!r}.')
+    factor = (g / envelope.V_a[1], g / envelope.V_a[0])
+    level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
+    cosines = sorted(map(math.cos, envelope.phi))
+    cosine = (cosines[0], 1.0 if level else cosines[1])
+    sine_gamma = (math.sin(envelope.gamma[0]), math.sin(envelope.gamma[1]))
+    sine_phi = (math.sin(envelope.phi[0]), math.sin(envelope.phi[1]))
+    box = (
+        sine_gamma,
+        (cosine[1] ** -2, cosine[0] ** -2),
+        _product(envelope.n_z, sine_phi),
+        cosine,
+    )
+    if hull == "entries":
+        box = tuple(_product(factor, ends) for ends in box)
+        factor = (1.0, 1.0)
+    else:
+        factor = _outward(factor)
+    lower, upper = np.array([_outward(ends) for ends in box]).T
+    return JacobianHull(factor=factor, lower=lower, upper=upper)
+
+
+def vertex_loops(
+    envelope: Envelope, gains: PIGains, *, g: float, hull: Hull = "speed"
+) -> FloatArray:
+    """A_K at the vertices of `jacobian_hull`, shape (k, 4, 4).
+
+    Raises
+    ------
+    InputError
+        As `jacobian_hull`, or if the channels of `gains` are not (chi, gamma) to (phi, n_z).
+    """
+    models = jacobian_hull(envelope, g=g, hull=hull).models()
+    return np.array([closed_loop(model, gains) for model in models])
+
+
+def _product(first: Range, second: Range) -> Range:
+    products = [one * other for one in first for other in second]
+    return min(products), max(products)
+
+
+def _outward(ends: Range) -> Range:
+    low, high = ends
+    return low - OUTWARD * abs(low), high + OUTWARD * abs(high)

@@ -1,0 +1,166 @@
+"""The polytopes of an envelope: every Jacobian of the law lies inside, extremes included."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from flighttune.control.closed_loop import closed_loop
+from flighttune.control.envelope import Envelope, entry_model, jacobian_hull, vertex_loops
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.linear_model import kinematic_model
+from flighttune.errors import InputError
+
+G = 9.81
+ROUNDING = 1e-12
+WIDE = Envelope(V_a=(20.0, 30.0), gamma=(-0.35, 0.785), phi=(-0.52, 0.7), n_z=(-0.5, 1.5))
+TRIM = Envelope.at(V_a=25.0, gamma=math.pi / 12)
+
+
+def entries(model):
+    return np.array([model.A[1, 1], -model.B[0, 0], model.B[1, 0], -model.B[1, 1]])
+
+
+def inside(point, corners):
+    """Whether a point is a convex combination of the corners, by linear programming."""
+    found = linprog(
+        np.zeros(len(corners)),
+        A_eq=np.vstack([corners.T, np.ones(len(corners))]),
+        b_eq=np.append(point, 1.0),
+    )
+    return found.status == 0
+
+
+fractions = st.floats(0.0, 1.0)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True, database=None)
+@given(st.tuples(*[fractions] * 4), st.sampled_from(["entries", "speed"]))
+def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at, hull):
+    values = {
+        name: low + part * (high - low)
+        for part, (name, (low, high)) in zip(
+            at, {name: getattr(WIDE, name) for name in ("V_a", "gamma", "phi", "n_z")}.items(),
+            strict=True,
+        )
+    }  # fmt: skip
+
+    assert inside(
+        entries(kinematic_model(**values, g=G)), jacobian_hull(WIDE, g=G, hull=hull).corners
+    )
+
+
+def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
+    """At zero roll b1 is least and b3 largest: between the ends of the roll range."""
+    corners = [
+        entries(kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G))
+        for V_a in WIDE.V_a for gamma in WIDE.gamma for phi in WIDE.phi for n_z in WIDE.n_z
+    ]  # fmt: skip
+    level = entries(kinematic_model(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0, g=G))
+
+    assert not inside(level, np.array(corners))
+    assert inside(level, jacobian_hull(WIDE, g=G, hull="entries").corners)
+
+
+def test_the_entries_range_over_hand_computed_ends():
+    hull = jacobian_hull(WIDE, g=G, hull="entries")
+
+    assert hull.lower == pytest.approx(
+        [
+            -G / 20.0 * math.sin(0.35),
+            G / 30.0,
+            -1.5 * G / 20.0 * math.sin(0.52),
+            G / 30.0 * math.cos(0.7),
+        ],
+        rel=ROUNDING,
+    )  # fmt: skip
+    assert hull.upper == pytest.approx(
+        [
+            G / 20.0 * math.sin(0.785),
+            G / 20.0 / math.cos(0.7) ** 2,
+            1.5 * G / 20.0 * math.sin(0.7),
+            G / 20.0,
+        ],
+        rel=ROUNDING,
+    )
+
+
+def test_roll_on_one_side_has_its_extremes_at_the_ends():
+    turning = Envelope(V_a=(25.0, 25.0), gamma=(0.0, 0.0), phi=(0.2, 0.6), n_z=(1.0, 1.0))
+
+    hull = jacobian_hull(turning, g=G, hull="speed")
+
+    assert hull.lower[3] == pytest.approx(math.cos(0.6), rel=ROUNDING)
+    assert hull.upper[3] == pytest.approx(math.cos(0.2), rel=ROUNDING)
+    assert hull.lower[1] == pytest.approx(math.cos(0.2) ** -2, rel=ROUNDING)
+
+
+@pytest.mark.parametrize(("hull", "vertices"), [("entries", 16), ("speed", 32)])
+def test_a_polytope_has_16_vertices_or_32_with_the_speed_apart(hull, vertices):
+    assert len(jacobian_hull(WIDE, g=G, hull=hull).corners) == vertices
+    assert vertex_loops(WIDE, PAPER_GAINS, g=G, hull=hull).shape == (vertices, 4, 4)
+
+
+def test_the_polytope_with_the_speed_apart_lies_inside_the_box_of_entries():
+    box = jacobian_hull(WIDE, g=G, hull="entries")
+
+    corners = jacobian_hull(WIDE, g=G, hull="speed").corners
+
+    assert (box.lower - ROUNDING <= corners).all()
+    assert (corners <= box.upper + ROUNDING).all()
+
+
+def test_the_polytope_of_a_single_condition_is_the_models_own_loop():
+    model = kinematic_model(V_a=25.0, gamma=math.pi / 12, g=G)
+
+    for A in vertex_loops(TRIM, PAPER_GAINS, g=G):
+        assert pytest.approx(closed_loop(model, PAPER_GAINS), abs=ROUNDING) == A
+
+
+def test_entries_make_the_model_they_were_read_from():
+    model = kinematic_model(V_a=31.0, gamma=0.3, phi=-0.2, n_z=1.4, g=G)
+
+    rebuilt = entry_model(entries(model))
+
+    assert np.array_equal(rebuilt.A, model.A)
+    assert np.array_equal(rebuilt.B, model.B)
+
+
+def test_an_envelope_is_scaled_about_the_trim():
+    half, none = WIDE.scaled(TRIM, 0.5), WIDE.scaled(TRIM, 0.0)
+
+    assert half.V_a == pytest.approx((22.5, 27.5))
+    assert half.gamma == pytest.approx((math.pi / 24 - 0.175, math.pi / 24 + 0.3925))
+    assert none == TRIM
+    assert WIDE.contains(half)
+    assert half.contains(TRIM)
+    assert not half.contains(WIDE)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"V_a": (0.0, 30.0)}, "`V_a` must be positive, got 0 m/s"),
+        ({"V_a": (30.0, 20.0)}, "`V_a` must be a range"),
+        ({"gamma": (0.0, math.pi / 2)}, r"`gamma` must lie inside \+-pi/2"),
+        ({"phi": (-2.0, 0.0)}, r"`phi` must lie inside \+-pi/2"),
+        ({"n_z": (0.0, math.nan)}, "`n_z` must be a range"),
+    ],
+)
+def test_an_envelope_must_be_one_a_law_can_fly_in(change, message):
+    ranges = {"V_a": (20.0, 30.0), "gamma": (0.0, 0.1), "phi": (0.0, 0.1), "n_z": (0.9, 1.1)}
+
+    with pytest.raises(InputError, match=message):
+        Envelope(**(ranges | change))
+
+
+def test_a_factor_gravity_and_the_name_of_a_polytope_must_make_sense():
+    with pytest.raises(InputError, match="`factor` must not be negative"):
+        WIDE.scaled(TRIM, -1.0)
+    with pytest.raises(InputError, match="`g` must be positive"):
+        jacobian_hull(WIDE, g=0.0)
+    with pytest.raises(InputError, match='`hull` must be "entries" or "speed"'):
+        jacobian_hull(WIDE, g=G, hull="corners")
