@@ -14,6 +14,7 @@ LAYERS = (
     "simulate",
     "metrics",
     "tuning",
+    "certify",
     "scenario",
     "flight",
     "recording",

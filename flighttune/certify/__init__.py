@@ -1,0 +1,23 @@
+"""Certificates of gains: made with solvers, checked without, kept as JSON files.
+
+What a certificate says, and what it does not, is told in docs/certificate.md.
+"""
+
+from flighttune.certify.certificate import Certificate, Claim
+from flighttune.certify.file import certificate_from, load_certificate, save_certificate
+from flighttune.certify.make import Certification, certify
+from flighttune.certify.verify import verify
+from flighttune.theory.certificate import Check, Verification
+
+__all__ = [
+    "Certificate",
+    "Certification",
+    "Check",
+    "Claim",
+    "Verification",
+    "certificate_from",
+    "certify",
+    "load_certificate",
+    "save_certificate",
+    "verify",
+]

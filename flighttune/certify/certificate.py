@@ -1,0 +1,104 @@
+"""A claim about gains, with everything needed to check it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.control.envelope import Envelope, JacobianHull
+from flighttune.control.gains import PIGains
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InputError, ShapeError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """What is claimed of ``s' = A_K s + E v`` with s = (x', e), v the disturbance's derivative.
+
+    Attributes
+    ----------
+    rate : float, 1/s
+        With v = 0, some quadratic form of s decays at this rate or faster; the norm at half of it.
+    radius : float, unit of s, or None
+        With ``||v|| <= L_d`` the norm of s is ultimately at most this.
+    L_d : float, unit of x' per second, or None
+        Goes with `radius`.
+    envelope : Envelope or None
+        Where the Jacobian of the chi/gamma law may be, at every instant; None: the model alone.
+    g : float, m/s^2, or None
+        Acceleration of gravity; goes with `envelope`.
+    """
+
+    rate: float
+    radius: float | None = None
+    L_d: float | None = None
+    envelope: Envelope | None = None
+    g: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "radius", "L_d", "g"):
+            value: float | None = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"`{name}` must be positive, got {value}.")
+        for one, other in (("radius", "L_d"), ("envelope", "g")):
+            if (getattr(self, one) is None) != (getattr(self, other) is None):
+                raise InputError(f"`{one}` and `{other}` must be given together.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Certificate:
+    """A claim, what it is about, and the matrices that prove it.
+
+    Attributes
+    ----------
+    claim : Claim
+    model : LinearModel
+        The linear model at the trim, n states and p errors.
+    gains : PIGains
+    Q : ndarray, shape (n + p, n + p), s
+        Proves the rate.
+    W : ndarray, shape (n + p, n + p), square of the unit of s, or None
+        Proves the radius, with `multiplier`.
+    multiplier : float, 1/s, or None
+    hull : JacobianHull or None
+        Contains the Jacobians of the envelope.
+    made_with : mapping of str to str
+        Versions of flighttune and of the solvers.
+    scenario_sha256 : str or None
+        Hash of the scenario file the gains belong to.
+    """
+
+    claim: Claim
+    model: LinearModel
+    gains: PIGains
+    Q: FloatArray
+    W: FloatArray | None = None
+    multiplier: float | None = None
+    hull: JacobianHull | None = None
+    made_with: Mapping[str, str] = field(default_factory=dict)
+    scenario_sha256: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.gains.inputs, self.gains.errors) != (self.model.inputs, self.model.errors):
+            raise InputError(
+                f"`gains` must act from {self.model.errors} on {self.model.inputs}, "
+                f"got {self.gains.errors} on {self.gains.inputs}."
+            )
+        n, _, p = self.model.shape
+        for name in ("Q", "W"):
+            if getattr(self, name) is not None:
+                matrix = read_only_matrix(name, getattr(self, name))
+                if matrix.shape != (n + p, n + p):
+                    raise ShapeError(
+                        f"`{name}` must have shape {(n + p, n + p)}, got {matrix.shape}."
+                    )
+                object.__setattr__(self, name, matrix)
+        given = [self.claim.radius is None, self.W is None, self.multiplier is None]
+        if len(set(given)) > 1:
+            raise InputError("`radius`, `W` and `multiplier` must be given together.")
+        if self.multiplier is not None and not math.isfinite(self.multiplier):
+            raise InputError(f"`multiplier` must be finite, got {self.multiplier}.")
+        if (self.claim.envelope is None) != (self.hull is None):
+            raise InputError("`envelope` and `hull` must be given together.")
+        object.__setattr__(self, "made_with", MappingProxyType(dict(self.made_with)))

@@ -1,0 +1,156 @@
+"""Making certificates: solvers propose, the exact checks decide."""
+
+import math
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Literal
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.certify.certificate import Certificate, Claim
+from flighttune.certify.coverage import vertex_matrices
+from flighttune.certify.verify import verify
+from flighttune.control.closed_loop import closed_loop, disturbance_entry
+from flighttune.control.envelope import Envelope, Hull, jacobian_hull, vertex_loops
+from flighttune.control.gains import PIGains
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InputError
+from flighttune.theory.attractor import invariant_ellipsoid
+from flighttune.theory.certificate import FACTORS, Verification, provable_rate
+from flighttune.theory.common import common_ellipsoid, common_Q
+from flighttune.theory.indicators import indicators
+from flighttune.theory.lmi import solver_versions
+
+Ellipsoid = tuple[FloatArray, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Certification:
+    """A certificate that has been verified, or why there is none.
+
+    Attributes
+    ----------
+    status : "certified" or "refused"
+    reason : str
+        Why it was refused; empty otherwise.
+    certificate : Certificate or None
+    verification : Verification or None
+        The checks of the certificate.
+    """
+
+    status: Literal["certified", "refused"]
+    reason: str
+    certificate: Certificate | None
+    verification: Verification | None
+
+
+def certify(
+    model: LinearModel,
+    gains: PIGains,
+    *,
+    envelope: Envelope | None = None,
+    g: float | None = None,
+    L_d: float | None = None,
+    hull: Hull = "speed",
+    scenario_sha256: str | None = None,
+) -> Certification:
+    """Certify the rate of gains, and the ultimate radius for a disturbance bound.
+
+    Parameters
+    ----------
+    model : LinearModel
+        At the trim. With an envelope: the chi/gamma law's, and inside it.
+    gains : PIGains
+    envelope : Envelope, optional
+        Claim the same for every flight of the chi/gamma law whose conditions stay in it.
+    g : float, m/s^2, optional
+        Acceleration of gravity; needed with an envelope.
+    L_d : float, unit of x' per second, optional
+        Bound on the norm of the disturbance's derivative; without one only the rate is claimed.
+    hull : "entries" or "speed"
+        The polytope drawn around the envelope's Jacobians; see `jacobian_hull`.
+    scenario_sha256 : str, optional
+        Kept in the certificate.
+
+    Returns
+    -------
+    Certification
+        Every inequality of a certificate has been proven; the claims are less than what was
+        computed by about 1e-8 of themselves to leave room for that.
+
+    Raises
+    ------
+    InputError
+        If the channels do not fit, a bound is not positive, or an envelope comes without `g`.
+    """
+    if (envelope is None) != (g is None):
+        raise InputError("`envelope` and `g` must be given together.")
+    polytope = None
+    if envelope is None or g is None:
+        loops = closed_loop(model, gains)[None]
+    else:
+        polytope = jacobian_hull(envelope, g=g, hull=hull)
+        loops = vertex_loops(envelope, gains, g=g, hull=hull)
+    vertices = vertex_matrices(model, gains, polytope)
+    Q, reason = _Q(loops)
+    proven = None if Q is None else provable_rate(vertices, Q)
+    if proven is None:
+        return _refused(reason or "no inflation of Q could be proven to satisfy its inequality.")
+    ellipsoid = None
+    if L_d is not None:
+        ellipsoid, reason = _ellipsoid(loops, disturbance_entry(model), L_d)
+        if ellipsoid is None:
+            return _refused(reason)
+    certificate = Certificate(
+        claim=Claim(
+            rate=proven[1],
+            radius=None if ellipsoid is None else _radius(ellipsoid[0]),
+            L_d=L_d,
+            envelope=envelope,
+            g=g,
+        ),
+        model=model,
+        gains=gains,
+        Q=proven[0],
+        W=None if ellipsoid is None else ellipsoid[0],
+        multiplier=None if ellipsoid is None else ellipsoid[1],
+        hull=polytope,
+        made_with={"flighttune": version("flighttune"), **_solvers(envelope is not None)},
+        scenario_sha256=scenario_sha256,
+    )
+    verification = verify(certificate)
+    if not verification.valid:
+        return _refused(verification.reason)
+    return Certification(
+        status="certified", reason="", certificate=certificate, verification=verification
+    )
+
+
+def _Q(loops: FloatArray) -> tuple[FloatArray | None, str]:
+    if len(loops) == 1:
+        found = indicators(loops[0])
+        return found.Q, found.reason
+    common = common_Q(loops)
+    return common.Q, common.reason
+
+
+def _ellipsoid(loops: FloatArray, E: FloatArray, L_d: float) -> tuple[Ellipsoid | None, str]:
+    if len(loops) > 1:
+        common = common_ellipsoid(loops, E, L_d=L_d)
+        return None if common.W is None else (common.W, common.multiplier), common.reason
+    single = invariant_ellipsoid(loops[0], E, L_d=L_d, room=1e-6)
+    return (single.W, single.multiplier), ""
+
+
+def _radius(W: FloatArray) -> float:
+    return math.sqrt(float(np.linalg.eigvalsh(W)[-1])) * FACTORS[0]
+
+
+def _solvers(asked: bool) -> dict[str, str]:
+    lyapunov = {"Lyapunov equation": f"numpy {np.__version__}"}
+    return {"solver": "Clarabel", **solver_versions()} if asked else lyapunov
+
+
+def _refused(reason: str) -> Certification:
+    return Certification(status="refused", reason=reason, certificate=None, verification=None)

@@ -1,0 +1,286 @@
+"""Certificates: valid ones are proofs, changed ones refused with the inequality that fails."""
+
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.certify import (
+    certificate_from,
+    certify,
+    load_certificate,
+    save_certificate,
+    verify,
+)
+from flighttune.certify.file import certificate_tables
+from flighttune.control.envelope import Envelope
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.errors import InputError
+from flighttune.theory import common, evp, lmi
+from flighttune.theory.indicators import indicators
+
+G = 9.81
+MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=G)
+TUNED = PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
+L_D = 0.015
+ENVELOPE = Envelope(
+    V_a=(22.0, 28.0),
+    gamma=(np.deg2rad(-15.0), np.deg2rad(45.0)),
+    phi=(np.deg2rad(-20.0), np.deg2rad(20.0)),
+    n_z=(0.8, 1.3),
+)
+CLAIMED_LESS = 1e-6
+
+
+@pytest.fixture(scope="module")
+def at_trim():
+    return certify(MODEL, PAPER_GAINS, L_d=L_D).certificate
+
+
+@pytest.fixture(scope="module")
+def over_envelope():
+    return certify(
+        MODEL, TUNED, envelope=ENVELOPE, g=G, L_d=L_D, scenario_sha256="0" * 64
+    ).certificate
+
+
+def changed(certificate, path, change):
+    """The certificate with one number of its file put through `change`."""
+    tables = json.loads(json.dumps(certificate_tables(certificate)))
+    at = tables
+    for key in path[:-1]:
+        at = at[key]
+    at[path[-1]] = change(at[path[-1]])
+    return certificate_from(tables)
+
+
+def test_the_papers_gains_are_certified_for_their_rate_and_the_ellipsoids_radius(at_trim):
+    assert at_trim.claim.rate == pytest.approx(0.4599306, rel=CLAIMED_LESS)
+    assert at_trim.claim.radius == pytest.approx(0.0333, abs=5e-5)
+    assert verify(at_trim).valid
+
+
+def test_no_more_is_claimed_than_the_closed_form_has(at_trim):
+    A_K = indicators(
+        np.block([[MODEL.A + MODEL.B @ PAPER_GAINS.K_P, MODEL.B @ PAPER_GAINS.K_I],
+                  [np.eye(2), np.zeros((2, 2))]])
+    )  # fmt: skip
+
+    assert at_trim.claim.rate < A_K.R_K
+
+
+def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
+    verification = verify(over_envelope)
+    names = [check.name for check in verification.checks]
+
+    assert verification.valid
+    assert verification.reason == ""
+    assert all(check.exact and check.margin >= 0.0 for check in verification.checks)
+    assert sum("A' Q + Q A + I <= 0" in name for name in names) == 32
+    assert sum("A W + W A'" in name for name in names) == 32
+    assert sum("of the envelope" in name for name in names) == 5
+
+
+def test_a_certificate_of_the_box_of_entries_has_16_vertices():
+    certified = certify(MODEL, TUNED, envelope=ENVELOPE, g=G, hull="entries")
+
+    assert certified.status == "certified"
+    assert sum("A' Q + Q A" in check.name for check in certified.verification.checks) == 16
+
+
+def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path):
+    path = tmp_path / "gains.json"
+
+    save_certificate(over_envelope, path)
+    again = load_certificate(path)
+
+    assert certificate_tables(again) == certificate_tables(over_envelope)
+    assert np.array_equal(again.Q, over_envelope.Q)
+    assert verify(path).valid
+    assert again.scenario_sha256 == "0" * 64
+    assert {"flighttune", "solver", "clarabel", "cvxpy"} <= set(again.made_with)
+    assert [file.name for file in tmp_path.iterdir()] == ["gains.json"]
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_no_other(at_trim, tmp_path, monkeypatch):
+    path = tmp_path / "gains.json"
+    path.write_text("old")
+
+    def full_disk(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full_disk)
+    with pytest.raises(InputError, match="the certificate must be writable: No space left"):
+        save_certificate(at_trim, path)
+
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["gains.json"]
+
+
+def test_verification_asks_no_solver(over_envelope, monkeypatch):
+    def solver(*_, **__):
+        raise AssertionError
+
+    for module in (lmi, evp, common):
+        monkeypatch.setattr(module, "minimise", solver)
+
+    assert verify(over_envelope).valid
+
+
+CHANGES = [
+    (("claim", "rate_per_s"), lambda rate: 1.0001 * rate, "rate Q <= I"),
+    (("claim", "radius"), lambda radius: 0.9999 * radius, "W <= radius^2 I"),
+    (("claim", "disturbance_rate_bound"), lambda L_d: 1.01 * L_d, "A W + W A' + a W"),
+    (("claim", "envelope", "V_a_mps"), lambda V_a: [21.9, V_a[1]], "g/V of the envelope"),
+    (("claim", "envelope", "gamma_rad"), lambda gamma: [gamma[0], 0.8], "a of the envelope"),
+    (("claim", "envelope", "phi_rad"), lambda phi: [phi[0], 0.4], "of the envelope"),
+    (("claim", "envelope", "n_z"), lambda n_z: [n_z[0], 1.31], "b2 of the envelope"),
+    (("claim", "envelope", "g_mps2"), lambda g: 9.82, "g/V of the envelope"),
+    (("evidence", "Q", 0), lambda row: [1.02 * row[0], *row[1:]], ""),
+    (("evidence", "Q", 3), lambda row: [*row[:3], 0.99 * row[3]], "A' Q + Q A + I <= 0 at vertex"),
+    (("evidence", "W", 1), lambda row: [row[0], 1.02 * row[1], *row[2:]], ""),
+    (("evidence", "multiplier_per_s"), lambda a: 1.1 * a, "A W + W A' + a W"),
+    (("gains", "K_I", 0), lambda row: [1.1 * row[0], row[1]], "at vertex"),
+    (("gains", "K_P", 1), lambda row: [row[0], 0.9 * row[1]], "at vertex"),
+    (("evidence", "polytope", "upper"), lambda upper: [*upper[:3], 1.01], "at vertex"),
+    (("evidence", "polytope", "upper"), lambda upper: [*upper[:3], 0.99], "b3 of the envelope"),
+    (("model", "A"), lambda A: [[0.1, 0.0], A[1]], "trim model inside the polytope"),
+    (("model", "B"), lambda B: [[2.0 * B[0][0], 0.0], B[1]], "trim model inside the polytope"),
+]
+
+
+@pytest.mark.parametrize(("path", "change", "inequality"), CHANGES)
+def test_a_change_that_breaks_the_claim_is_refused_and_the_inequality_named(
+    over_envelope, path, change, inequality
+):
+    verification = verify(changed(over_envelope, path, change))
+
+    assert not verification.valid
+    failed = [check for check in verification.checks if not check.exact]
+    assert any(inequality in check.name for check in failed)
+    assert "margin" in verification.reason
+
+
+def test_a_single_late_digit_of_Q_is_enough(at_trim):
+    """The claim leaves 1e-9 of room: the ninth digit breaks it, the fifteenth does not."""
+    late, later = (
+        changed(at_trim, ("evidence", "Q", 0, 0), lambda q, digit=digit: q * (1.0 - 10.0**-digit))
+        for digit in (8, 15)
+    )
+
+    assert not verify(late).valid
+    assert verify(later).valid
+
+
+def test_a_model_that_is_not_the_laws_cannot_hide_behind_an_envelope(over_envelope):
+    other = LinearModel(
+        A=MODEL.A, B=MODEL.B, C=2.0 * np.eye(2),
+        states=MODEL.states, inputs=MODEL.inputs, errors=MODEL.errors,
+    )  # fmt: skip
+
+    verification = verify(replace(over_envelope, model=other))
+
+    assert "trim model inside the polytope" in verification.reason
+
+
+def test_a_trim_outside_the_envelope_is_refused():
+    low = Envelope(V_a=(15.0, 20.0), gamma=(0.0, 0.5), phi=(0.0, 0.1), n_z=(0.9, 1.1))
+
+    refused = certify(MODEL, TUNED, envelope=low, g=G)
+
+    assert refused.status == "refused"
+    assert refused.certificate is None
+    assert "trim model inside the polytope" in refused.reason
+
+
+def test_unstable_gains_are_refused_with_the_eigenvalue():
+    refused = certify(MODEL, PIGains(K_P=-np.eye(2), K_I=np.eye(2)))
+
+    assert refused.status == "refused"
+    assert "is not in the open left half plane" in refused.reason
+
+
+def test_an_envelope_too_wide_is_refused_with_a_reason():
+    wide = Envelope(V_a=(15.0, 40.0), gamma=(-0.8, 0.8), phi=(-1.0, 1.0), n_z=(-1.0, 3.0))
+
+    refused = certify(MODEL, PAPER_GAINS, envelope=wide, g=G)
+
+    assert refused.status == "refused"
+    assert "no common Q was found" in refused.reason
+
+
+def test_a_model_with_lag_states_is_certified_at_its_trim():
+    lag = 0.2
+    model = LinearModel(
+        A=np.block([[MODEL.A, MODEL.B], [np.zeros((2, 2)), -np.eye(2) / lag]]),
+        B=np.vstack([np.zeros((2, 2)), np.eye(2) / lag]),
+        C=np.hstack([np.eye(2), np.zeros((2, 2))]),
+        states=("chi", "gamma", "phi", "n_z"),
+        inputs=MODEL.inputs,
+        errors=MODEL.errors,
+    )
+
+    certified = certify(
+        model, PIGains(K_P=np.diag([3.17, 2.90]), K_I=np.diag([1.13, 0.92])), L_d=L_D
+    )
+
+    assert certified.status == "certified"
+    assert certified.certificate.Q.shape == (6, 6)
+
+
+def test_envelope_and_gravity_go_together():
+    with pytest.raises(InputError, match="`envelope` and `g` must be given together"):
+        certify(MODEL, TUNED, envelope=ENVELOPE)
+
+
+def test_a_claim_must_be_positive(at_trim):
+    with pytest.raises(InputError, match=r"`rate` must be positive, got -1\.0"):
+        replace(at_trim.claim, rate=-1.0)
+    with pytest.raises(InputError, match="`radius` and `L_d` must be given together"):
+        replace(at_trim.claim, L_d=None)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "the file must be a JSON certificate"),
+        ("[]", "`format` must be 'flighttune certificate 1'"),
+        ('{"format": "flighttune certificate 2"}', "`format` must be"),
+        ('{"format": "flighttune certificate 1", "claim": {}}', "`model` must be an object"),
+        ('{"format": "flighttune certificate 1", "guess": 1}', "`guess` must not be there"),
+        ('{"format": NaN}', "NaN is not a number"),
+    ],
+)
+def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, text, message):
+    path = tmp_path / "broken.json"
+    path.write_text(text)
+
+    with pytest.raises(InputError, match=r"broken\.json: .*" + message):
+        verify(path)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("evidence", "Q"), [[1.0]], r"`Q` must have shape \(4, 4\)"),
+        (("evidence", "Q"), "many", "must be numbers"),
+        (("claim", "rate_per_s"), None, "must be numbers"),
+        (("claim", "envelope"), 3, r"`claim\.envelope` must be an object"),
+        (("evidence", "polytope"), None, "`envelope` and `hull` must be given together"),
+        (("evidence", "W"), None, "`radius`, `W` and `multiplier` must be given together"),
+        (("made_with"), 3, "must be numbers, lists and names"),
+    ],
+)
+def test_values_of_the_wrong_kind_are_refused_in_one_line(over_envelope, path, value, message):
+    path = (path,) if isinstance(path, str) else path
+
+    with pytest.raises(InputError, match=message):
+        changed(over_envelope, path, lambda _: value)
+
+
+def test_a_missing_file_is_an_input_error(tmp_path):
+    with pytest.raises(InputError, match=r"none\.json: the file must be readable"):
+        verify(tmp_path / "none.json")
