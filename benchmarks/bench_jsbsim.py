@@ -1,0 +1,97 @@
+"""What closing the loop costs: the paper's manoeuvre on JSBSim against bare integration steps.
+
+Run it with ``python benchmarks/bench_jsbsim.py``; ``--json`` prints one object. Exits with 1 where
+the ratio is above `HIGHEST_RATIO`.
+"""
+
+import argparse
+import json
+import statistics
+import sys
+import time
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.aircraft import load_aircraft
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.plants.jsbsim.trim import trim
+from flighttune.scenario import load_scenario
+from flighttune.shipped import scenario_file
+from flighttune.simulate.loop import simulate
+
+FDM_RATE_HZ = 200.0
+SECONDS = 60.0
+REPEATS = 7
+HIGHEST_RATIO = 1.5
+
+
+class TimedPlant(JSBSimPlant):
+    """Notes when its flight begins: building and trimming are not part of the loop."""
+
+    def start(self, condition: FlightCondition) -> None:
+        super().start(condition)
+        self.began = time.perf_counter()
+
+
+def bare(condition: FlightCondition) -> float:
+    """Return the time of one integration step without anything around it, s."""
+    fdm = Fdm(load_aircraft("aerosonde"), FDM_RATE_HZ)
+    trim(fdm, condition)
+    run, steps = fdm.run, round(SECONDS * FDM_RATE_HZ)
+    began = time.perf_counter()
+    for _ in range(steps):
+        run()
+    return (time.perf_counter() - began) / steps
+
+
+def closed_loop() -> tuple[float, int]:
+    """Return the time of one integration step in the closed loop, s, and the signals recorded."""
+    scenario = load_scenario(scenario_file("paper"))
+    controller = MimoPI(
+        PAPER_GAINS,
+        scenario.limits.limits(),
+        dt=1.0 / scenario.controller.rate_hz,
+        anti_windup=scenario.controller.anti_windup,
+    )
+    plant = TimedPlant(fdm_rate_hz=FDM_RATE_HZ)
+    flown = simulate(
+        plant, controller, scenario.followed(), condition=scenario.condition,
+        duration=SECONDS, feed_forward=scenario.controller.feed_forward,
+    )  # fmt: skip
+    took = time.perf_counter() - plant.began
+    if flown.stop is not None:
+        raise SystemExit(f"the flight ended early: {flown.stop.reason}")
+    return took / (SECONDS * FDM_RATE_HZ), flown.signals.shape[1]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print one object")
+    as_json = parser.parse_args().json
+
+    condition = load_scenario(scenario_file("paper")).condition
+    pairs = [(bare(condition), closed_loop()) for _ in range(REPEATS)]
+    bare_s = statistics.median(pair[0] for pair in pairs)
+    loop_s = statistics.median(pair[1][0] for pair in pairs)
+    result = {
+        "bare_us_a_step": bare_s * 1e6,
+        "closed_loop_us_a_step": loop_s * 1e6,
+        "ratio": statistics.median(loop / step for step, (loop, _) in pairs),
+        "highest_ratio": HIGHEST_RATIO,
+        "signals": pairs[0][1][1],
+    }
+    if as_json:
+        print(json.dumps(result))
+    else:
+        print(
+            f"bare run() {result['bare_us_a_step']:.2f} us a step, closed loop with "
+            f"{result['signals']} signals at 50 Hz {result['closed_loop_us_a_step']:.2f} us: "
+            f"ratio {result['ratio']:.2f} (at most {HIGHEST_RATIO})"
+        )
+    return 0 if result["ratio"] <= HIGHEST_RATIO else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
