@@ -7,8 +7,8 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "flighttune"
 LAYERS = (
-    "errors units palette shipped",
-    "arrays",
+    "errors units palette",
+    "arrays shipped",
     "theory control",
     "plants",
     "simulate",

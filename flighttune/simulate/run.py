@@ -55,7 +55,8 @@ SIGNAL_UNITS: dict[str, str] = {
 ``*_err`` is reference minus actual, the course error wrapped to (-pi, pi]. ``*_cmd`` is the command
 after all limits, ``*_unlimited`` before them, ``*_integral`` the part of it that comes from the
 integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held by a rate limit).
-Positions are local NED from the start, surfaces positive trailing edge down (rudder: left).
+Positions are local NED from the start. Surfaces are positive trailing edge down, the rudder
+trailing edge left; the aileron is the left one, so that positive rolls right.
 """
 
 
