@@ -15,11 +15,11 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.closed_loop import closed_loops
 from flighttune.control.linear_model import LinearModel
-from flighttune.theory.common import CommonQ, common_Q
-from flighttune.theory.evp import symmetric_basis
+from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import indicators
 from flighttune.theory.lmi import Cone, Rows, minimise
-from flighttune.theory.sensitivity import spectra
+from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.quadratic import symmetric_basis
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.search_space import search_space
 
@@ -31,7 +31,7 @@ ENOUGH = 1e-5
 """A relative gain of rate below this, twice, ends the climb."""
 
 BOUNDS = 3
-"""Unknowns that bound the spectra: log lambda_max, log lambda_min, log sigma_min."""
+"""Unknowns: relative changes of lambda_max(Q0), lambda_min(Q0) and sigma_min(A_K)^2."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,14 +41,18 @@ class Point:
     Attributes
     ----------
     k : ndarray, shape (f,)
-    common : CommonQ
-        Over the vertices, with a positive rate.
+    Q : ndarray, shape (n, n), s
+        Common to the vertices.
+    R, R_bound : float, 1/s
+        Rate of Q, and a bound on the rate of any other.
     R_K, I_K : float, 1/s and s^2
         At the trim.
     """
 
     k: FloatArray
-    common: CommonQ
+    Q: FloatArray
+    R: float
+    R_bound: float
     R_K: float
     I_K: float
 
@@ -66,7 +70,14 @@ def point(problem: TuningProblem, models: Sequence[LinearModel], k: FloatArray) 
     common = common_Q(np.array([closed_loops(model, K) for model in models]))
     if common.Q is None:
         return None
-    return Point(k=k, common=common, R_K=at_trim.R_K, I_K=at_trim.I_K)
+    return Point(
+        k=k,
+        Q=common.Q,
+        R=common.R,
+        R_bound=common.R_bound,
+        R_K=at_trim.R_K,
+        I_K=at_trim.I_K,
+    )
 
 
 def climb(problem: TuningProblem, models: Sequence[LinearModel], start: Point) -> Point:
@@ -90,8 +101,8 @@ def climb(problem: TuningProblem, models: Sequence[LinearModel], start: Point) -
     for _ in range(ITERATIONS):
         k = program.step(best, step, excess)
         better = None if k is None else point(problem, models, k)
-        if better is not None and better.common.R > best.common.R:
-            idle = idle + 1 if better.common.R < (1.0 + ENOUGH) * best.common.R else 0
+        if better is not None and better.R > best.R:
+            idle = idle + 1 if better.R < (1.0 + ENOUGH) * best.R else 0
             best, step, excess = better, min(2.0 * step, 1.0), excess / 2.0
         else:
             broken = 0.0 if k is None or better is not None else program.excess(k)
@@ -102,7 +113,7 @@ def climb(problem: TuningProblem, models: Sequence[LinearModel], start: Point) -
 
 
 class _Linearised:
-    """The program of one step: unknowns (dk, Q, R, and the three bounds of the spectra)."""
+    """The program of one step: unknowns dk, Q, R and the relative changes of I_K's factors."""
 
     def __init__(self, problem: TuningProblem, models: Sequence[LinearModel]) -> None:
         self._problem, self._models = problem, models
@@ -124,71 +135,82 @@ class _Linearised:
         f, d = len(at.k), len(self._basis)
         objective = np.zeros(f + d + 1 + BOUNDS)
         objective[f + d] = -1.0
-        solution = minimise(objective, self._cones(at), self._rows(at, size, excess))
+        rows = self._trust(at, size)
+        cones = self._decay(at)
+        if self._limited:
+            radius_cones, radius_row = self._radius(at, excess)
+            cones += radius_cones
+            rows = Rows(
+                constant=np.append(rows.constant, radius_row.constant),
+                coefficients=np.vstack([rows.coefficients, radius_row.coefficients]),
+            )
+        solution = minimise(objective, cones, rows)
         if solution.x is None:
             return None
         space = self._space
         return np.clip(at.k + solution.x[:f], space.k_min, space.k_max)
 
     def excess(self, k: FloatArray) -> float:
-        """How far log I_K is above its limit at free gains k."""
+        """How far log I_K is above its limit at free gains k; 0 if it is not."""
+        if not self._limited:
+            return 0.0
         I_K = indicators(closed_loops(self._problem.model, self._space.K(k))).I_K
-        return math.log(I_K / self._problem.I_star) if math.isfinite(I_K) else 0.0
+        return max(0.0, math.log(I_K / self._problem.I_star)) if math.isfinite(I_K) else 0.0
 
-    def _cones(self, at: Point) -> list[Cone]:
-        Q0 = at.common.Q * at.common.R
+    def _decay(self, at: Point) -> list[Cone]:
+        """``A_v' Q + Q A_v + R I <= 0`` at every vertex, linearised, and ``Q <= I``."""
+        Q0 = at.Q * at.R
         n, extra = len(Q0), np.zeros((BOUNDS, *Q0.shape))
+        zero, eye = np.zeros((n, n)), np.eye(n)
         cones = []
         for model, slopes in zip(self._models, self._slopes, strict=True):
             A = closed_loops(model, self._space.K(at.k))
             in_k = slopes.mT @ Q0 + Q0 @ slopes
             in_Q = A.T @ self._basis + self._basis @ A
-            coefficients = [-in_k, -in_Q, -np.eye(n)[None], extra]
-            cones.append(Cone(constant=np.zeros((n, n)), coefficients=np.concatenate(coefficients)))
-        still = np.zeros((len(at.k), n, n))
-        capped = np.concatenate([still, -self._basis, np.zeros((1, n, n)), extra])
-        return [*cones, Cone(constant=np.eye(n), coefficients=capped)]
+            parts = [-in_k, -in_Q, -eye[None], extra]
+            cones.append(Cone(constant=zero, coefficients=np.concatenate(parts)))
+        parts = [np.zeros((len(at.k), n, n)), -self._basis, zero[None], extra]
+        return [*cones, Cone(constant=eye, coefficients=np.concatenate(parts))]
 
-    def _rows(self, at: Point, size: float, excess: float) -> Rows:
-        space, f = self._space, len(at.k)
+    def _trust(self, at: Point, size: float) -> Rows:
+        """The trust region, the bounds on gains and the input limits."""
+        space, eye = self._space, np.eye(len(at.k))
         trust = size * np.maximum(np.abs(at.k), 1.0)
-        eye = np.eye(f)
-        constants = [
+        constant = [
             np.minimum(trust, space.k_max - at.k),
             np.minimum(trust, at.k - space.k_min),
             space.slack(at.k),
         ]
-        parts = [-eye, eye, -space.G]
-        width = f + len(self._basis) + 1 + BOUNDS
-        rows = [np.hstack([part, np.zeros((len(part), width - f))]) for part in parts]
-        if self._limited:
-            constant, coefficients = self._radius_rows(at, excess, width)
-            constants.append(constant)
-            rows.append(coefficients)
-        return Rows(constant=np.concatenate(constants), coefficients=np.vstack(rows))
+        in_k = np.vstack([-eye, eye, -space.G])
+        rest = np.zeros((len(in_k), len(self._basis) + 1 + BOUNDS))
+        return Rows(constant=np.concatenate(constant), coefficients=np.hstack([in_k, rest]))
 
-    def _radius_rows(self, at: Point, excess: float, width: int) -> tuple[FloatArray, FloatArray]:
-        """``log I_K <= log I_star - excess``, every eigenvalue and singular value linearised."""
-        found = spectra(closed_loops(self._problem.model, self._space.K(at.k)))
-        if found is None:
-            return np.empty(0), np.empty((0, width))
-        logs, slopes = [], []
-        for values, gradients in (
-            (found.eigenvalues, found.eigenvalue_gradients),
-            (found.singular_values, found.singular_value_gradients),
-        ):
-            logs.append(np.log(values))
-            slopes.append(
-                np.einsum("kij,fij->kf", gradients / values[:, None, None], self._trim_slopes)
+    def _radius(self, at: Point, excess: float) -> tuple[list[Cone], Rows]:
+        """``log I_K <= log I_star - excess`` at the trim, in bounds on Q0 and on A'A.
+
+        The matrices are linearised, not their eigenvalues, so that kinks stay kinks.
+        """
+        A = closed_loops(self._problem.model, self._space.K(at.k))
+        Q0 = lyapunov_solution(A)
+        load = self._trim_slopes.mT @ Q0 + Q0 @ self._trim_slopes
+        Q_slopes = lyapunov_solution(A, load)
+        gram, gram_slopes = A.T @ A, A.T @ self._trim_slopes
+        gram_slopes = gram_slopes + gram_slopes.mT
+        spectrum, least = np.linalg.eigvalsh(Q0), np.linalg.eigvalsh(gram)[0]
+        eye, f, d = np.eye(len(A)), len(at.k), len(self._basis)
+        cones = []
+        for number, (sign, value, constant, slopes) in enumerate(
+            (
+                (-1.0, spectrum[-1], Q0, Q_slopes),
+                (1.0, spectrum[0], Q0, Q_slopes),
+                (1.0, least, gram, gram_slopes),
             )
-        n, f = len(logs[0]), len(at.k)
-        rows = np.zeros((3 * n + 1, width))
-        for part, (slope, sign) in enumerate(
-            ((slopes[0], -1.0), (slopes[0], 1.0), (slopes[1], 1.0))
         ):
-            here = slice(part * n, (part + 1) * n)
-            rows[here, :f] = sign * slope
-            rows[here, width - BOUNDS + part] = -sign
-        rows[-1, -BOUNDS:] = -2.0, 1.0, 1.0
-        last = math.log(self._problem.I_star) - excess
-        return np.concatenate([-logs[0], logs[0], logs[1], [last]]), rows
+            coefficients = np.zeros((f + d + 1 + BOUNDS, *A.shape))
+            coefficients[:f] = sign * slopes / value
+            coefficients[f + d + 1 + number] = -sign * eye
+            cones.append(Cone(constant=sign * (constant / value - eye), coefficients=coefficients))
+        row = np.zeros((1, f + d + 1 + BOUNDS))
+        row[0, -BOUNDS:] = -2.0, 1.0, 0.5
+        room = math.log(self._problem.I_star / at.I_K) - excess
+        return cones, Rows(constant=np.array([room]), coefficients=row)

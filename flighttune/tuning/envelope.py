@@ -216,7 +216,7 @@ def tune_over_envelope(
     searches = [_grow(problem, k, envelope, trim, g, hull) for k in firsts]
     factor, best = max(
         (found for found in searches if found is not None),
-        key=lambda found: (found[0], found[1].common.R),
+        key=lambda found: (found[0], found[1].R),
         default=(0.0, None),
     )
     if best is None:
@@ -228,8 +228,8 @@ def tune_over_envelope(
         if found
         else f"No common Q was found beyond {factor:.3g} of the envelope about the trim.",
         gains=problem.gains(space.K(best.k)),
-        R=best.common.R if found else 0.0,
-        R_bound=best.common.R_bound if found else math.inf,
+        R=best.R if found else 0.0,
+        R_bound=best.R_bound if found else math.inf,
         R_K=best.R_K,
         I_K=best.I_K,
         factor=factor,

@@ -1,0 +1,231 @@
+"""Rates over an envelope: rigorous against corners, K* against tuned gains, and tuned for it."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from flighttune.control.closed_loop import closed_loop, closed_loops
+from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import kinematic_model
+from flighttune.errors import InputError
+from flighttune.theory.common import common_Q
+from flighttune.theory.indicators import indicators
+from flighttune.tuning.climb import climb, point
+from flighttune.tuning.envelope import envelope_rate, largest_envelope, tune_over_envelope
+from flighttune.tuning.gradient import tune_by_gradient
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.search_space import search_space
+
+G = 9.81
+TRIM = Envelope.at(V_a=25.0, gamma=np.pi / 12)
+TUNED = PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
+LAG_AWARE = PIGains(K_P=np.diag([3.17, 2.90]), K_I=np.diag([1.13, 0.92]))
+SETS = (PAPER_GAINS, TUNED, LAG_AWARE)
+SOLVER = 1e-6
+LOCAL = 1e-4
+
+
+def envelope(V_a, gamma_deg, phi_deg, n_z):
+    return Envelope(
+        V_a=V_a, gamma=tuple(np.deg2rad(gamma_deg)), phi=tuple(np.deg2rad(phi_deg)), n_z=n_z
+    )
+
+
+FIXED_SPEED = envelope((25.0, 25.0), (-15.0, 45.0), (0.0, 0.0), (1.0, 1.0))
+LEVEL = envelope((22.0, 28.0), (-15.0, 45.0), (0.0, 0.0), (1.0, 1.0))
+GENTLE = envelope((22.0, 28.0), (-15.0, 45.0), (-20.0, 20.0), (0.8, 1.3))
+MODERATE = envelope((20.0, 30.0), (-20.0, 45.0), (-30.0, 30.0), (0.7, 1.5))
+STEEP = envelope((20.0, 30.0), (-20.0, 45.0), (-45.0, 45.0), (0.5, 2.1))
+
+TABLE = [  # rates of K*, the optimum for I* = 5 and lag-aware gains; None: no common Q
+    # envelope,  corners of the conditions,  box of entries,  speed apart
+    (FIXED_SPEED, (0.367, 0.461, 0.256), (0.367, 0.461, 0.256), (0.367, 0.461, 0.256)),
+    (LEVEL, (0.274, 0.377, 0.228), (0.243, 0.352, 0.214), (0.274, 0.377, 0.228)),
+    (GENTLE, (0.095, 0.209, 0.175), (0.0156, 0.112, 0.136), (0.0658, 0.172, 0.166)),
+    (MODERATE, (None, 0.055, 0.111), (None, 0.0072, 0.0346), (None, 0.0276, 0.0887)),
+    (STEEP, (None, 0.0085, 0.0335), (None, None, 0.0039), (None, 0.0007, 0.0148)),
+]
+SHOWN = 0.006  # half a unit of three digits, relative
+
+
+def corner_rate(gains, envelope):
+    """Without the polytopes: the law linearised at the 16 corners of the conditions."""
+    corners = itertools.product(envelope.V_a, envelope.gamma, envelope.phi, envelope.n_z)
+    models = [
+        kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G)
+        for V_a, gamma, phi, n_z in corners
+    ]
+    return common_Q(np.array([closed_loop(model, gains) for model in models])).R
+
+
+@pytest.mark.parametrize(("over", "corners", "box", "speed"), TABLE)
+def test_rates_fall_from_corners_to_the_polytope_with_speed_apart_to_the_box(
+    over, corners, box, speed
+):
+    for gains, at_corners, in_box, apart in zip(SETS, corners, box, speed, strict=True):
+        rates = (
+            corner_rate(gains, over),
+            envelope_rate(gains, over, g=G, hull="speed").R,
+            envelope_rate(gains, over, g=G, hull="entries").R,
+        )
+        expected = [0.0 if rate is None else rate for rate in (at_corners, apart, in_box)]
+        assert rates == pytest.approx(expected, rel=SHOWN, abs=5e-5)
+        assert rates[0] * (1.0 + SOLVER) >= rates[1]
+        assert rates[1] * (1.0 + SOLVER) >= rates[2]
+
+
+def test_one_common_Q_holds_at_a_thousand_conditions_drawn_from_the_envelope():
+    Q = envelope_rate(TUNED, GENTLE, g=G).Q
+    rng = np.random.default_rng(0)
+    low, high = np.array([GENTLE.V_a, GENTLE.gamma, GENTLE.phi, GENTLE.n_z]).T
+
+    for V_a, gamma, phi, n_z in rng.uniform(low, high, size=(1000, 4)):
+        A = closed_loop(kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G), TUNED)
+        assert np.linalg.eigvalsh(A.T @ Q + Q @ A + np.eye(4))[-1] < SOLVER
+
+
+def test_the_rate_over_an_envelope_is_at_most_that_at_any_condition_of_it():
+    trim = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=G)
+    rate = envelope_rate(TUNED, GENTLE, g=G).R
+
+    assert rate < indicators(closed_loop(trim, TUNED)).R_K
+
+
+def test_the_papers_gains_certify_a_narrower_envelope_than_the_tuned_ones():
+    factors = [largest_envelope(gains, MODERATE, TRIM, g=G).factor for gains in SETS]
+
+    assert factors == pytest.approx([0.822, 1.410, 1.994], abs=2e-3)
+
+
+def test_the_largest_envelope_is_certified_and_a_slightly_larger_one_is_not():
+    largest = largest_envelope(PAPER_GAINS, MODERATE, TRIM, g=G)
+
+    assert largest.R > 0.0
+    assert envelope_rate(PAPER_GAINS, largest.envelope, g=G).R == largest.R
+    beyond = MODERATE.scaled(TRIM, 1.01 * largest.factor)
+    assert envelope_rate(PAPER_GAINS, beyond, g=G).status == "none"
+
+
+def test_gains_that_are_unstable_at_the_trim_reach_nowhere():
+    unstable = PIGains(K_P=-np.eye(2), K_I=np.eye(2))
+
+    assert largest_envelope(unstable, MODERATE, TRIM, g=G).factor == 0.0
+
+
+@pytest.fixture(scope="module")
+def tuned(model):
+    return tune_over_envelope(TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G)
+
+
+def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the_radius(
+    model, tuned
+):
+    assert tuned.status == "found"
+    assert tuned.I_K <= 10.0
+    assert indicators(closed_loop(model, tuned.gains)).I_K == pytest.approx(tuned.I_K)
+    assert envelope_rate(tuned.gains, MODERATE, g=G).R == pytest.approx(tuned.R)
+    nominal = tune_by_gradient(TuningProblem(model=model, I_star=10.0))
+    assert tuned.R > 1.005 * envelope_rate(nominal.gains, MODERATE, g=G).R
+    assert tuned.R_K < nominal.R_K
+
+
+def test_no_gains_nearby_are_better(model, tuned):
+    problem = TuningProblem(model=model, I_star=10.0)
+    models = jacobian_hull(MODERATE, g=G).models()
+    k = tuned.gains.K[search_space(problem).free]
+    rng = np.random.default_rng(0)
+    sizes = 10.0 ** rng.uniform(-4.0, -0.7, size=(150, 1))
+
+    nearby = [point(problem, models, k + step) for step in sizes * rng.normal(size=(150, 8))]
+
+    feasible = [one.R for one in nearby if one is not None]
+    assert len(feasible) > 10
+    assert max(feasible) < (1.0 + LOCAL) * tuned.R
+
+
+def test_climbs_from_different_gains_end_at_one_rate(model):
+    problem = TuningProblem(model=model, I_star=10.0)
+    models = jacobian_hull(GENTLE, g=G).models()
+    free = search_space(problem).free
+    tops = []
+    for I_star in (6.0, 9.9):
+        nominal = tune_by_gradient(TuningProblem(model=model, I_star=I_star))
+        tops.append(climb(problem, models, point(problem, models, nominal.gains.K[free])).R)
+
+    assert tops == pytest.approx([0.7066, 0.7066], rel=LOCAL)
+
+
+def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
+    limits = Limits(
+        lower=8.0 * np.array([-np.pi / 4, -2.1]),
+        upper=8.0 * np.array([np.pi / 4, 2.1]),
+        rate_lower=8.0 * np.array([-np.pi / 6, -1.0]),
+        rate_upper=8.0 * np.array([np.pi / 6, 1.0]),
+    )
+    x_0 = np.array([-np.pi / 3, -np.pi / 6])
+    problem = TuningProblem(model=model, I_star=10.0, limits=limits, x_0=x_0)
+
+    found = tune_over_envelope(problem, MODERATE, TRIM, g=G, starts=0)
+
+    u = found.gains.K @ np.concatenate([x_0, 0.1 * x_0])
+    u_dot = found.gains.K @ np.concatenate([np.zeros(2), x_0])
+    assert found.status == "found"
+    assert ((limits.lower <= u) & (u <= limits.upper)).all()
+    assert ((limits.rate_lower <= u_dot) & (u_dot <= limits.rate_upper)).all()
+    assert found.R > 0.3
+
+
+def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
+    wide = envelope((15.0, 40.0), (-30.0, 60.0), (-60.0, 60.0), (-1.0, 3.0))
+
+    found = tune_over_envelope(TuningProblem(model=model, I_star=5.0), wide, TRIM, g=G, starts=0)
+
+    assert found.status == "infeasible"
+    assert found.reason.startswith("No common Q was found beyond 0.6")
+    assert found.R == 0.0
+    assert found.gains is not None
+
+
+def test_a_problem_without_feasible_gains_is_infeasible_here_too(model):
+    found = tune_over_envelope(TuningProblem(model=model, I_star=4.0), GENTLE, TRIM, g=G)
+
+    assert found.status == "infeasible"
+    assert "`I_star` must be at least 4.85" in found.reason
+    assert found.gains is None
+
+
+def test_a_point_that_breaks_a_constraint_is_none(model):
+    problem = TuningProblem(model=model, I_star=5.0)
+    models = jacobian_hull(TRIM, g=G).models()
+    free = search_space(problem).free
+
+    assert point(problem, models, LAG_AWARE.K[free]) is None
+    assert point(problem, models, TUNED.K[free] + 2e3) is None
+
+
+def test_the_trim_must_lie_in_the_envelope(model):
+    outside = Envelope.at(V_a=40.0, gamma=0.0)
+
+    with pytest.raises(InputError, match="`envelope` must contain the trim"):
+        largest_envelope(TUNED, GENTLE, outside, g=G)
+    with pytest.raises(InputError, match="`envelope` must contain the trim"):
+        tune_over_envelope(TuningProblem(model=model), GENTLE, outside, g=G)
+
+
+def test_a_state_scaling_has_no_rate_over_an_envelope(model):
+    problem = TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
+
+    with pytest.raises(InputError, match="`scaling` must be all ones"):
+        tune_over_envelope(problem, GENTLE, TRIM, g=G)
+
+
+def test_the_loops_of_an_envelope_are_those_of_its_models():
+    models = jacobian_hull(GENTLE, g=G).models()
+
+    assert np.array_equal(
+        vertex_loops(GENTLE, TUNED, g=G),
+        np.array([closed_loops(model, TUNED.K) for model in models]),
+    )
