@@ -7,7 +7,7 @@ from flighttune.errors import PlantError
 from flighttune.plants.base import Stop
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.log import one_line
-from flighttune.units import DEG, FT
+from flighttune.units import DEG, FT, G_0
 
 
 class Guard:
@@ -29,26 +29,30 @@ class Guard:
         self._alpha = fdm.reader("aero/alpha-rad")
         self._theta = fdm.reader("attitude/theta-rad")
         self._V_a_fps = fdm.reader("velocities/vt-fps")
-        self._N_x, self._N_z = fdm.reader("accelerations/Nx"), fdm.reader("accelerations/Nz")
+        self._F_x, self._F_z = (
+            fdm.reader("forces/fbx-total-lbs"),
+            fdm.reader("forces/fbz-total-lbs"),
+        )
+        self._weight_lbf = fdm.reader("inertia/mass-slugs")() * G_0 / FT
         self._h_ft = fdm.reader("position/h-sl-ft")
         self._time = fdm.reader("simulation/sim-time-sec")
         self.inside = self._check()
 
     def _check(self) -> Callable[[], bool]:
         alpha, theta, V_a_fps, h_ft = self._alpha, self._theta, self._V_a_fps, self._h_ft
-        N_x, N_z = self._N_x, self._N_z
+        F_x, F_z = self._F_x, self._F_z
         envelope = self._fdm.config.envelope
         alpha_low, alpha_high = envelope.alpha
         theta_low, theta_high = envelope.theta
         V_low, V_high = (speed / FT for speed in envelope.V_a)
-        n_low, n_high = envelope.n_z
+        lift_low, lift_high = (n_z * self._weight_lbf for n_z in envelope.n_z)
 
         def inside() -> bool:
             a = alpha()
             return (
                 alpha_low < a < alpha_high
                 and V_low < V_a_fps() < V_high
-                and n_low < N_z() * cos(a) + N_x() * sin(a) < n_high
+                and lift_low < F_x() * sin(a) - F_z() * cos(a) < lift_high
                 and theta_low < theta() < theta_high
                 and h_ft() > 0.0
             )
@@ -81,7 +85,7 @@ class Guard:
         state = {
             "alpha": alpha,
             "V_a": self._V_a_fps() * FT,
-            "n_z": self._N_z() * cos(alpha) + self._N_x() * sin(alpha),
+            "n_z": (self._F_x() * sin(alpha) - self._F_z() * cos(alpha)) / self._weight_lbf,
             "theta": self._theta(),
             "h": h,
         }

@@ -4,7 +4,9 @@ from collections.abc import Callable
 from math import cos, remainder, sin, tau
 
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.units import FT, LBF
+from flighttune.units import FT, G_0, LBF
+
+_G_0_FPS2 = G_0 / FT
 
 
 def observer(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, ...]]:
@@ -29,7 +31,9 @@ def observer(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, 
         read("flight-path/gamma-rad"), read("attitude/phi-rad"), read("attitude/theta-rad"),
     )  # fmt: skip
     alpha, beta = read("aero/alpha-rad"), read("aero/beta-rad")
-    N_x, N_y, N_z = (read(f"accelerations/N{axis}") for axis in "xyz")
+    # Not accelerations/N*: JSBSim computes those from the forces of the step before.
+    F_x, F_y, F_z = (read(f"forces/fb{axis}-total-lbs") for axis in "xyz")
+    mass_slug = read("inertia/mass-slugs")
     V_a_fps, V_g_fps = read("velocities/vt-fps"), read("velocities/vg-fps")
     p, q, r = (read(f"velocities/{rate}-rad_sec") for rate in "pqr")
     north_ft, east_ft = read("position/from-start-neu-n-ft"), read("position/from-start-neu-e-ft")
@@ -45,10 +49,11 @@ def observer(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, 
         last_chi += remainder(chi() - last_chi, tau)
         last_psi += remainder(psi() - last_psi, tau)
         alpha_now, h = alpha(), h_ft() * FT
+        weight = mass_slug() * _G_0_FPS2
         return (
-            last_chi, gamma(), phi(), N_z() * cos(alpha_now) + N_x() * sin(alpha_now),
+            last_chi, gamma(), phi(), (F_x() * sin(alpha_now) - F_z() * cos(alpha_now)) / weight,
             V_a_fps() * FT, north_ft() * FT, east_ft() * FT, h_0 - h,
-            alpha_now, beta(), theta(), last_psi, p(), q(), r(), h, V_g_fps() * FT, N_y(),
+            alpha_now, beta(), theta(), last_psi, p(), q(), r(), h, V_g_fps() * FT, F_y() / weight,
             aileron(), elevator(), rudder(), throttle(), thrust_lbf() * LBF,
         )  # fmt: skip
 

@@ -109,6 +109,7 @@ class _TrimProblem:
             fdm.writer(channels.throttle_trim),
         ]
         ft_over_g = FT / G_0
+        weight_lbf = fdm.reader("inertia/mass-slugs")() / ft_over_g
         self._balance = [
             (fdm.reader("accelerations/udot-ft_sec2"), ft_over_g),
             (fdm.reader("accelerations/vdot-ft_sec2"), ft_over_g),
@@ -116,7 +117,7 @@ class _TrimProblem:
             (fdm.reader("accelerations/pdot-rad_sec2"), 1.0),
             (fdm.reader("accelerations/qdot-rad_sec2"), 1.0),
             (fdm.reader("accelerations/rdot-rad_sec2"), 1.0),
-            (fdm.reader("accelerations/Ny"), 1.0),
+            (fdm.reader("forces/fby-total-lbs"), 1.0 / weight_lbf),
         ]
         fdm.writer(channels.engaged)(0.0)
         self._set["h-sl-ft"](condition.h / FT)

@@ -15,7 +15,7 @@ from flighttune.units import G_0
 DEG = math.pi / 180.0
 TWO_STEPS = 0.01
 ANGLE_FROM_POSITIONS = 2e-4
-LOAD_FROM_POSITIONS = 5e-3
+LOAD_FROM_POSITIONS = 5e-4
 
 
 def manoeuvre(now):

@@ -154,3 +154,19 @@ def test_inner_loop_limits_commands_in_size_and_rate(fly, holding_gamma):
 
     assert np.max(flight["phi"]) == pytest.approx(45.0 * DEG, abs=2.0 * DEG)
     assert np.max(flight["p"]) < 36.0 * DEG
+
+
+def test_pitch_integrator_does_not_wind_up_at_the_elevator_stop(fly, changed_aircraft):
+    folder = changed_aircraft(
+        "aerosonde.xml",
+        r'(?s)(elevator-actuator">.*?<clipto>) <min> \S+ </min> <max> \S+ </max>',
+        r"\1 <min> -0.04 </min> <max> 0.04 </max>",
+    )
+
+    flight = fly(
+        lambda now: (0.0, 1.8 if now["theta"] < 25.0 * DEG else 1.0), aircraft=folder, duration=5.0
+    )
+
+    at_stop = np.flatnonzero(flight["elevator"] <= -0.04)
+    assert len(at_stop) > 50
+    assert flight["n_z"][at_stop[-1] + 50] == pytest.approx(1.0, abs=0.05)
