@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -105,12 +105,23 @@ class MimoPI:
                 f"`anti_windup` must be none, conditional or back_calculation, got {anti_windup!r}."
             )
         self.gains, self.limits, self.dt, self.anti_windup = gains, limits, dt, anti_windup
-        self._columns = tuple(range(len(gains.errors)))
-        self._rows = tuple(
+        self._law = (
+            self._rows(),
+            tuple(range(len(gains.errors))),
+            tuple(name in wrapped for name in gains.errors),
+            anti_windup == "conditional",
+            self._tracking_gain(tracking_time),
+            0.0 if schedule_speed is None else 1.0 / schedule_speed,
+        )
+        self.start(np.zeros(m).tolist())
+
+    def _rows(self) -> tuple[tuple[Any, ...], ...]:
+        limits, dt = self.limits, self.dt
+        return tuple(
             zip(
-                range(m),
-                gains.K_P.tolist(),
-                (gains.K_I * (0.5 * dt)).tolist(),
+                range(len(self.gains.inputs)),
+                self.gains.K_P.tolist(),
+                (self.gains.K_I * (0.5 * dt)).tolist(),
                 limits.lower.tolist(),
                 limits.upper.tolist(),
                 (limits.rate_lower * dt).tolist(),
@@ -118,11 +129,6 @@ class MimoPI:
                 strict=True,
             )
         )
-        self._wrapped = [name in wrapped for name in gains.errors]
-        self._conditional = anti_windup == "conditional"
-        self._lead_back = self._tracking_gain(tracking_time)
-        self._per_speed = 0.0 if schedule_speed is None else 1.0 / schedule_speed
-        self.start(np.zeros(m).tolist())
 
     def _tracking_gain(self, tracking_time: float | None) -> float:
         if self.anti_windup != "back_calculation":
@@ -144,8 +150,8 @@ class MimoPI:
         self.integral = [0.0] * m
         self.limited = [FREE] * m
         self.error = [0.0] * p
-        self._summed = [0.0] * p
-        self._first = True
+        memory = (self.error, [0.0] * p, self.u, self.unlimited, self.integral, self.limited)
+        self._memory = (*memory, [False])
 
     @property
     def state(self) -> MimoPIState:
@@ -177,48 +183,81 @@ class MimoPI:
         list of float, length m
             Command after all limits; the controller's own list, overwritten by the next step.
         """
-        gain = V_a * self._per_speed if self._per_speed else 1.0
-        summed, columns = self._error_sums(ref, y), self._columns
-        error, u = self.error, self.u
-        for i, k_p, k_i, lower, upper, step_down, step_up in self._rows:
-            proportional = increment = 0.0
-            for j in columns:
-                proportional += k_p[j] * error[j]
-                increment += k_i[j] * summed[j]
-            increment *= gain
-            held = u_ff[i] + gain * proportional + self.integral[i]
-            wanted = held + increment
-            low, high = u[i] + step_down, u[i] + step_up
-            rate_low, rate_high = low > lower, high < upper
-            if not rate_low:
-                low = lower if lower < high else high
-            if not rate_high:
-                high = upper if upper > low else low
-            allowed = low if wanted < low else high if wanted > high else wanted
-            excess = wanted - allowed
-            if excess:
-                if self._conditional and increment * excess > 0.0:
-                    spare = allowed - held
-                    increment = spare if increment * spare > 0.0 else 0.0
-                    wanted = held + increment
-                increment -= self._lead_back * excess
-                by_rate = rate_high if excess > 0.0 else rate_low
-                self.limited[i] = RATE_LIMITED if by_rate else MAGNITUDE_LIMITED
-            else:
-                self.limited[i] = FREE
-            self.integral[i] += increment
-            self.unlimited[i] = wanted
-            u[i] = allowed
-        return u
+        return pi_step(self._law, self._memory, ref, y, u_ff, V_a)
 
-    def _error_sums(self, ref: Sequence[float], y: Sequence[float]) -> list[float]:
-        """Take in the new error; return its sum with the one before, or zero at the start."""
-        error, summed = self.error, self._summed
-        for j in self._columns:
-            e = ref[j] - y[j]
-            if self._wrapped[j]:
-                e = wrap_angle(e)
-            summed[j] = 0.0 if self._first else error[j] + e
-            error[j] = e
-        self._first = False
-        return summed
+
+def pi_step(
+    law: tuple[Any, ...],
+    memory: tuple[Any, ...],
+    ref: Sequence[float],
+    y: Sequence[float],
+    u_ff: Sequence[float],
+    V_a: float,
+) -> Any:
+    """One sample of the controller: `MimoPI.step` on plain containers.
+
+    Written so that it also compiles: the batched runs fly this very function.
+
+    Parameters
+    ----------
+    law : tuple
+        Rows ``(i, K_P[i], K_I[i] dt / 2, lower, upper, rate_lower dt, rate_upper dt)``, one a
+        command; indices of the errors; which of them to wrap; whether anti-windup is conditional;
+        ``dt`` over the tracking time (0: no back-calculation); 1 over the speed of the schedule (0:
+        no schedule).
+    memory : tuple
+        Error, its sum with the one before, command, command before the limits, integral part, kind
+        of limit, and one flag (a sample was taken): containers that are written to.
+    ref, y, u_ff : sequence of float, lengths p, p and m
+        As in `MimoPI.step`.
+    V_a : float, m/s
+        As in `MimoPI.step`.
+
+    Returns
+    -------
+    container of float, length m
+        Command after all limits: the one of `memory`.
+    """
+    rows, columns, wrapped, conditional, lead_back, per_speed = law
+    error, summed, u, unlimited, integral, limited, started = memory
+    for j in columns:
+        e = ref[j] - y[j]
+        if wrapped[j]:
+            e = wrap_angle(e)
+        summed[j] = error[j] + e
+        error[j] = e
+    if not started[0]:
+        started[0] = True
+        for j in columns:
+            summed[j] = 0.0
+    gain = V_a * per_speed if per_speed else 1.0
+    for i, k_p, k_i, lower, upper, step_down, step_up in rows:
+        proportional = increment = 0.0
+        for j in columns:
+            proportional += k_p[j] * error[j]
+            increment += k_i[j] * summed[j]
+        increment *= gain
+        held = u_ff[i] + gain * proportional + integral[i]
+        wanted = held + increment
+        low, high = u[i] + step_down, u[i] + step_up
+        rate_low, rate_high = low > lower, high < upper
+        if not rate_low:
+            low = lower if lower < high else high
+        if not rate_high:
+            high = upper if upper > low else low
+        allowed = low if wanted < low else high if wanted > high else wanted
+        excess = wanted - allowed
+        if excess:
+            if conditional and increment * excess > 0.0:
+                spare = allowed - held
+                increment = spare if increment * spare > 0.0 else 0.0
+                wanted = held + increment
+            increment -= lead_back * excess
+            by_rate = rate_high if excess > 0.0 else rate_low
+            limited[i] = RATE_LIMITED if by_rate else MAGNITUDE_LIMITED
+        else:
+            limited[i] = FREE
+        integral[i] += increment
+        unlimited[i] = wanted
+        u[i] = allowed
+    return u
