@@ -82,12 +82,21 @@ class Fdm:
     def evaluate(self) -> None:
         """Put the aircraft into the state of the ``ic/`` properties and evaluate its forces there.
 
-        Lags and rate limits of the aircraft's systems settle at once and no time passes.
+        Lags and rate limits of the aircraft's systems settle at once and no time passes. What JSBSim
+        computes early in a step (``accelerations/N*``, what systems see) is that of the evaluation
+        before.
+
+        Raises
+        ------
+        PlantError
+            If JSBSim cannot: for example for want of a property that the aircraft refers to.
         """
         with self._translated("cannot be evaluated"), quiet():
             self._exec.set_trim_status(True)
-            self._exec.run_ic()
+            done = self._exec.run_ic()
             self._exec.set_trim_status(False)
+            if not done:
+                raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
 
     def abandon(self) -> None:
         """Keep the broken aircraft for good.

@@ -62,7 +62,8 @@ def one_line(text: str) -> str:
 
 
 # JSBSim holds one logger a thread and lets go of it at the thread's end without Python's lock: a
-# logger that dies there takes the process along. This one outlives every thread.
+# logger that dies there takes the process along. This one outlives every thread, with references to
+# spare for those that two threads drop at the same moment.
 _LOGGER = QuietLogger()
 _IMMORTAL = [_LOGGER] * 10_000
 
