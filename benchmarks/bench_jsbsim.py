@@ -1,8 +1,8 @@
 """What closing the loop costs: the paper's manoeuvre on JSBSim against bare integration steps.
 
 Run it with ``python benchmarks/bench_jsbsim.py``; ``--json`` prints one object. Exits with 1 where
-the ratio is above `HIGHEST_RATIO`. Processor time, best of several, so that other work on the machine
-does not count.
+the ratio is above `HIGHEST_RATIO`. It is processor time, best of several, so that other work on the
+machine does not count.
 """
 
 import argparse

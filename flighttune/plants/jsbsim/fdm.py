@@ -82,9 +82,9 @@ class Fdm:
     def evaluate(self) -> None:
         """Put the aircraft into the state of the ``ic/`` properties and evaluate its forces there.
 
-        Lags and rate limits of the aircraft's systems settle at once and no time passes. What JSBSim
-        computes early in a step (``accelerations/N*``, what systems see) is that of the evaluation
-        before.
+        Lags and rate limits of the aircraft's systems settle at once and no time passes. What
+        JSBSim computes early in a step (``accelerations/N*``, what systems see) is that of the
+        evaluation before.
 
         Raises
         ------
