@@ -10,7 +10,8 @@ from flighttune.recording.geometry import Eye, chase_eye, enlargement, flown, ov
 from flighttune.recording.lanes import CHANNELS
 from flighttune.recording.mesh import SPAN
 from flighttune.recording.names import AIRCRAFT, GROUND, PAGE, PHASES, PLOTS, RUNS, TIMELINE, WORLD
-from flighttune.recording.plots import COMMANDS_TAB, Plot
+from flighttune.recording.plots import COMMANDS_TAB, Plot, value_range
+from flighttune.simulate.run import Run
 
 PAGE_TAB = "Scenario and metrics"
 
@@ -39,7 +40,7 @@ def blueprint(
     tabs: list[rrb.Container | rrb.View] = []
     if members:
         tabs.append(_overview(members, plots))
-        tabs += [_tab(name, shown, len(members)) for name, shown in plots.items()]
+        tabs += [_tab(name, shown, members) for name, shown in plots.items()]
         page = _with_runs(page, len(members), name=PAGE_TAB)
     tabs.append(page)
     return rrb.Blueprint(
@@ -66,9 +67,10 @@ def _overview(members: Sequence[Member], plots: Mapping[str, Sequence[Plot]]) ->
         origin=f"{AIRCRAFT}/{leader.key}",
     )
     beside = [plot for tab in plots.values() for plot in tab if plot.signal in FIRST_TAB_PLOTS]
+    runs = [member.run for member in members]
     return rrb.Horizontal(
         _with_runs(whole, len(members)),
-        rrb.Vertical(chase, *map(_plot, beside)),
+        rrb.Vertical(chase, *(_plot(plot, runs) for plot in beside)),
         column_shares=[3, 2],
         name="Overview",
     )
@@ -89,16 +91,18 @@ def _scene(name: str, eye: Eye, *contents: str, origin: str = WORLD) -> rrb.Spat
     )
 
 
-def _tab(name: str, plots: Sequence[Plot], lanes: int) -> rrb.Container:
+def _tab(name: str, plots: Sequence[Plot], members: Sequence[Member]) -> rrb.Container:
+    lanes, runs = len(members), [member.run for member in members]
+    views = [_plot(plot, runs) for plot in plots]
     if name == COMMANDS_TAB:
         inner = _shares(lanes)[0]
         columns = [
-            rrb.Vertical(_plot(plot), _phases(plot.signal), row_shares=_shares(lanes, inner))
-            for plot in plots
+            rrb.Vertical(view, _phases(plot.signal), row_shares=_shares(lanes, inner))
+            for view, plot in zip(views, plots, strict=True)
         ]
         return _with_runs(rrb.Horizontal(*columns), lanes, name=name)
     count = 4 if len(plots) > 6 else 2
-    return _with_runs(rrb.Grid(*map(_plot, plots), grid_columns=count), lanes, name=name)
+    return _with_runs(rrb.Grid(*views, grid_columns=count), lanes, name=name)
 
 
 def _with_runs(
@@ -115,11 +119,13 @@ def _shares(lanes: int, height: float = HEIGHT) -> tuple[float, float]:
     return height - below, below
 
 
-def _plot(plot: Plot) -> rrb.TimeSeriesView:
+def _plot(plot: Plot, runs: Sequence[Run]) -> rrb.TimeSeriesView:
+    span = value_range(plot, runs)
     return rrb.TimeSeriesView(
         origin=f"{PLOTS}/{plot.signal}",
         name=plot.heading,
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(visible=False),
     )
 

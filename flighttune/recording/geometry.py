@@ -99,7 +99,7 @@ def enlargement(points: FloatArray) -> float:
 
 
 def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
-    """Lines of a grid on the lowest level flown, a little wider than the flight.
+    """Lines of a level grid half a spacing below the flight, a little wider than it.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
     spacing = _round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
     low = (np.floor(points[:, :2].min(axis=0) / spacing) - 1.0) * spacing
     high = (np.ceil(points[:, :2].max(axis=0) / spacing) + 1.0) * spacing
-    down = float(points[:, 2].max())
+    down = float(points[:, 2].max()) + spacing / 2.0
     lines = [
         np.array([[north, low[1], down], [north, high[1], down]])
         for north in np.arange(low[0], high[0] + spacing / 2.0, spacing)

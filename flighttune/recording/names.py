@@ -22,6 +22,10 @@ BODY = "body"
 
 GROUND = f"{WORLD}/ground"
 PLOTS = "plots"
+REFERENCE = "_reference"
+LIMITS = "_limits"
+"""Lines that belong to no run; the viewer draws in the order of names, these below the runs."""
+
 PHASES = "phases"
 RUNS = "runs"
 """Lanes that name the runs in their colours."""

@@ -195,7 +195,7 @@ def _reading(runs: Sequence[Run]) -> list[str]:
         factor, spacing = enlargement(points), ground_grid(points)[1]
         notes.append(
             f"Aircraft are drawn {factor:g} times their size: a span of {SPAN} m is shown as "
-            f"{factor * SPAN:g} m. Lines on the ground are {spacing:g} m apart, at the lowest "
-            "level flown; the paths have their shadows on it."
+            f"{factor * SPAN:g} m. Lines on the ground are {spacing:g} m apart, half as much "
+            "below the lowest level flown; the paths have their shadows on it."
         )
     return notes

@@ -57,6 +57,14 @@ class Plot:
 CALM = "Disturbance"
 """Tab that is left out in calm air."""
 
+ROOM = 0.04
+"""Part of the range that an axis is longer at each end."""
+
+MOST_LABELS = 7.0
+"""Labels for which a small plot has room; with more the viewer goes to the next power of ten."""
+
+SMALLEST_SPAN = 1e-6
+
 COMMANDS_TAB = "Commands and limits"
 
 TABS: dict[str, tuple[Plot, ...]] = {
@@ -124,6 +132,40 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     if name in ("chi", "chi_ref"):
         values = np.unwrap(values)
     return values * DISPLAY.get(SIGNAL_UNITS[name], ("", 1.0))[1]
+
+
+def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
+    """Range of the vertical axis: all that is drawn, and two round numbers for its labels.
+
+    The viewer labels multiples of a power of ten. Between -9 and 9 that is a lonely 0.
+
+    Returns
+    -------
+    (float, float) or None
+        In the unit shown; None where nothing varies and the viewer finds a range better.
+    """
+    having = [run for run in runs if plot.signal in run.signals]
+    drawn = [*plot.signals, *([plot.common] if plot.common else [])]
+    values = [
+        displayed(run.signals, name) for run in having for name in drawn if name in run.signals
+    ]
+    for run in having:
+        bounds = limits_of(run.provenance.scenario, plot.limit) if plot.limit else None
+        values += [np.array(bounds)] if bounds else []
+    everything = np.concatenate(values) if values else np.zeros(0)
+    everything = everything[np.isfinite(everything)]
+    low, high = (everything.min(), everything.max()) if len(everything) else (0.0, 0.0)
+    if not high - low > SMALLEST_SPAN * max(1.0, abs(low), abs(high)):
+        return None
+    step = 10.0 ** math.ceil(math.log10((high - low) / MOST_LABELS))
+    while math.floor(high / step) - math.ceil(low / step) < 1:
+        above, below = math.floor(high / step + 1.0) * step, math.ceil(low / step - 1.0) * step
+        if above - high <= low - below:
+            high = above
+        else:
+            low = below
+    room = ROOM * (high - low)
+    return float(low - room), float(high + room)
 
 
 def limits_of(scenario: Mapping[str, Any], name: str) -> tuple[float, float] | None:

@@ -16,7 +16,7 @@ from flighttune.recording.blueprint import blueprint
 from flighttune.recording.cast import Member, cast
 from flighttune.recording.check import check_recording
 from flighttune.recording.lanes import log_lanes
-from flighttune.recording.names import PAGE, PLOTS, application, times
+from flighttune.recording.names import LIMITS, PAGE, PLOTS, REFERENCE, application, times
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
 from flighttune.recording.scene import log_scene
 from flighttune.recording.whole_file import whole_file
@@ -103,12 +103,12 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member])
     if plot.common is not None and plot.common in longest.signals:
         style = rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
         values = displayed(longest.signals, plot.common)
-        _log_lines(stream, f"{folder}/reference", style, index, values)
+        _log_lines(stream, f"{folder}/{REFERENCE}", style, index, values)
     bounds = limits_of(longest.provenance.scenario, plot.limit) if plot.limit else None
     if bounds is not None:
         names = ["lower limit", "upper limit"]
         style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
-        _log_lines(stream, f"{folder}/limits", style, index[[0, -1]], np.array([bounds, bounds]))
+        _log_lines(stream, f"{folder}/{LIMITS}", style, index[[0, -1]], np.array([bounds, bounds]))
 
 
 def _log_lines(

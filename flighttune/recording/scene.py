@@ -35,20 +35,20 @@ def log_scene(stream: rr.RecordingStream, members: Sequence[Member]) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
     points = flown(members)
     factor = enlargement(points)
-    floor = float(points[:, 2].max())
+    lines, spacing = ground_grid(points)
+    floor = float(lines[0][0, 2])
     mesh = aircraft_mesh()
     stream.log(WORLD, rr.ViewCoordinates.FRD, static=True)
-    _log_ground(stream, points)
+    _log_ground(stream, lines, spacing)
     for member in members:
         _log_path(stream, member, floor)
         _log_aircraft(stream, member, mesh, factor)
 
 
-def _log_ground(stream: rr.RecordingStream, points: FloatArray) -> None:
-    lines, spacing = ground_grid(points)
+def _log_ground(stream: rr.RecordingStream, lines: list[FloatArray], spacing: float) -> None:
     thin = rr.components.Radius.ui_points(0.5)
     stream.log(GROUND, rr.LineStrips3D(lines, radii=thin, colors=[GROUND_COLOUR]), static=True)
-    corner = np.array([lines[0][0, 0], lines[0][0, 1], lines[0][0, 2]])
+    corner = lines[0][0]
     arrows = rr.Arrows3D(
         origins=[corner, corner],
         vectors=np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]) * spacing,

@@ -21,6 +21,9 @@ SIZE = (1600, 1000)
 TITLE_BAR = 36
 COLOURS = 256
 SETTLE_TIMEOUT = 20.0
+ALIKE_AT_START = 6
+"""Pictures in a row without change after which the messages of the start are gone."""
+
 POLL = 0.1
 LOADING_GRACE = 10.0
 
@@ -80,6 +83,7 @@ class HeadlessViewer:
             self._layout = self._client.get_blueprint().blueprint
         self._layout["/top_panel"] = {"PanelBlueprint": {"state": "Hidden"}}
         self._apply()
+        self._settle(alike=ALIKE_AT_START)
 
     @contextmanager
     def _asked(self) -> Iterator[None]:
@@ -148,11 +152,13 @@ class HeadlessViewer:
                 self._client.set_time(TIMELINE, duration=float(at), play_state="paused")
         self._settle()
 
-    def _settle(self) -> None:
-        before, end = b"", time.monotonic() + SETTLE_TIMEOUT
+    def _settle(self, *, alike: int = 2) -> None:
+        """Wait until `alike` pictures in a row are the same."""
+        before, count, end = b"", 0, time.monotonic() + SETTLE_TIMEOUT
         while time.monotonic() < end:
             now = self.picture()
-            if now == before and not self._state().loading:
+            count = count + 1 if now == before and not self._state().loading else 1
+            if count == alike:
                 return
             before = now
         raise RecordingError(

@@ -106,14 +106,14 @@ def test_aircraft_are_enlarged_by_a_round_factor_with_the_flight(length, factor)
     assert enlargement(np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]])) == factor
 
 
-def test_the_ground_reaches_beyond_the_flight_at_its_lowest_level():
+def test_the_ground_reaches_beyond_the_flight_and_lies_below_it():
     points = FLIGHTS["descent west"]
 
     lines, spacing = ground_grid(points)
     corners = np.vstack(lines)
 
     assert spacing == 100.0
-    assert set(corners[:, 2]) == {120.0}
+    assert set(corners[:, 2]) == {120.0 + spacing / 2.0}
     assert np.all(corners[:, :2].min(axis=0) < points[:, :2].min(axis=0))
     assert np.all(corners[:, :2].max(axis=0) > points[:, :2].max(axis=0))
     assert np.all(corners[:, :2] % spacing == 0.0)

@@ -100,10 +100,10 @@ def test_headings_carry_the_unit_shown():
 
 
 def test_reference_and_limits_are_drawn_once(contents):
-    assert np.allclose(contents.values("/plots/chi/reference"), 60.0, rtol=0.0, atol=1e-12)
-    assert contents.values("/plots/phi/limits").tolist() == [[-45.0, 45.0]] * 2
-    assert contents.values("/plots/n_z/limits").tolist() == [[0.0, 2.0]] * 2
-    assert contents.nanoseconds("/plots/phi/limits").tolist() == [0, 20_000_000_000]
+    assert np.allclose(contents.values("/plots/chi/_reference"), 60.0, rtol=0.0, atol=1e-12)
+    assert contents.values("/plots/phi/_limits").tolist() == [[-45.0, 45.0]] * 2
+    assert contents.values("/plots/n_z/_limits").tolist() == [[0.0, 2.0]] * 2
+    assert contents.nanoseconds("/plots/phi/_limits").tolist() == [0, 20_000_000_000]
 
 
 def test_a_course_through_south_has_no_jump(four_runs, tmp_path):

@@ -1,0 +1,72 @@
+"""Axes of plots reach over all that is drawn, and far enough for two labels."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.recording.plots import MOST_LABELS, TABS, limits_of, shown_plots, value_range
+
+PLOTS = {plot.signal: plot for plots in TABS.values() for plot in plots}
+
+
+def with_signal(run, **values):
+    size = len(next(iter(values.values())))
+    index = pd.Index(np.arange(size) * 0.02, name="t")
+    return replace(run, signals=pd.DataFrame(values, index=index, dtype=float))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [[-9.0, 9.0], [-2.0, 9.0], [0.11, 0.19], [1001.0, 1009.0], [-0.004, 0.0003], [3.0, 3.2]],
+)
+def test_an_axis_has_two_labels_and_all_values(four_runs, values):
+    low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)])
+    span = max(values) - min(values)
+    step = next(10.0**k for k in range(-9, 9) if 10.0**k * MOST_LABELS >= span)
+
+    assert low < min(values)
+    assert high > max(values)
+    assert math.floor(high / step) - math.ceil(low / step) >= 1
+
+
+def test_an_axis_is_not_longer_than_it_must_be(four_runs):
+    low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=[-2.0, 9.0])])
+
+    assert low == pytest.approx(-2.0 - 0.04 * 12.0)
+    assert high == pytest.approx(10.0 + 0.04 * 12.0)
+
+
+def test_an_axis_reaches_over_limits_and_reference(four_runs):
+    small = with_signal(four_runs[0], phi=[0.0, 0.1], phi_cmd=[0.0, 0.1])
+    low, high = value_range(PLOTS["phi"], [small])
+
+    assert low < -45.0
+    assert high > 45.0
+    course = with_signal(four_runs[0], chi=[0.0, 0.1], chi_ref=[1.0, 1.0])
+    assert value_range(PLOTS["chi"], [course])[1] > np.rad2deg(1.0)
+
+
+@pytest.mark.parametrize("values", [[25.0, 25.0], [np.nan, np.nan], [0.0, 0.0]])
+def test_what_does_not_vary_is_left_to_the_viewer(four_runs, values):
+    assert value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)]) is None
+
+
+def test_a_value_that_is_no_number_does_not_spoil_the_axis(four_runs):
+    low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=[0.0, np.inf, 10.0])])
+
+    assert math.isfinite(low)
+    assert math.isfinite(high)
+
+
+def test_a_scenario_without_limits_has_none():
+    assert limits_of({}, "phi") is None
+    assert limits_of({"limits": {"phi_rate_dps": 60.0, "phi_deg": None}}, "phi") is None
+    assert limits_of({"limits": {"phi_deg": [-45, 45]}}, "phi") == (-45.0, 45.0)
+
+
+def test_calm_air_has_no_tab_of_its_own(four_runs, in_sinusoid):
+    assert "Disturbance" not in shown_plots(four_runs)
+    assert "Disturbance" in shown_plots([*four_runs, in_sinusoid])
