@@ -1,0 +1,276 @@
+"""The exact point mass against turns, helices and triangles that paper answers."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flighttune.errors import InputError, ShapeError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.channel_lag import ChannelLag, LaggedChannel
+from flighttune.plants.kinematic import KinematicPlant
+from flighttune.plants.point_mass import PointMassPlant, point_mass_rates
+from flighttune.plants.wind import WindRecord, course_of, velocity_along
+from flighttune.simulate.disturbance import Sinusoid
+
+G = 9.81
+INTEGRATION = 1e-9
+METRE = 1e-6
+ROUNDING = 1e-12
+SECOND_ORDER = ChannelLag(bandwidth=12.0, damping=0.6, order=2, delay=0.033)
+OVERDAMPED = ChannelLag(bandwidth=8.0, damping=1.7, order=2, delay=0.02)
+FIRST_ORDER = ChannelLag(bandwidth=6.0, delay=0.047)
+
+
+def seen(plant):
+    return dict(zip(plant.signals, plant.observe(), strict=True))
+
+
+def fly(plant, condition, commands, dt):
+    plant.start(condition)
+    for phi_cmd, n_z_cmd in commands:
+        assert plant.advance(phi_cmd, n_z_cmd, dt) is None
+    return seen(plant)
+
+
+def weaving(count, dt):
+    """Commands that change at every sample."""
+    return [
+        (0.6 * math.sin(0.7 * k * dt), 1.0 + 0.3 * math.cos(0.9 * k * dt)) for k in range(count)
+    ]
+
+
+@pytest.mark.parametrize("phi", np.deg2rad([-60.0, 20.0, 45.0]))
+def test_a_coordinated_turn_has_the_radius_of_the_textbook(phi):
+    V_a, n_z = 25.0, 1.0 / math.cos(phi)
+    radius = V_a**2 / (G * math.tan(abs(phi)))
+    half_turn = math.pi * radius / V_a
+
+    end = fly(PointMassPlant(), FlightCondition(V_a=V_a), [(phi, n_z)] * 100, half_turn / 100)
+
+    assert abs(end["chi"]) == pytest.approx(math.pi, abs=INTEGRATION)
+    assert abs(end["east"]) == pytest.approx(2.0 * radius, abs=METRE)
+    assert (end["north"], end["down"]) == pytest.approx((0.0, 0.0), abs=METRE)
+
+
+def test_a_climbing_coordinated_turn_is_a_helix():
+    V_a, gamma, phi = 25.0, math.radians(20.0), math.radians(35.0)
+    n_z = math.cos(gamma) / math.cos(phi)
+    chi_dot = G * math.tan(phi) / V_a
+    radius, turn = V_a * math.cos(gamma) / chi_dot, math.tau / chi_dot
+
+    start = FlightCondition(V_a=V_a, gamma=gamma, phi=phi)
+    quarter = fly(PointMassPlant(), start, [(phi, n_z)] * 100, turn / 400)
+
+    assert (quarter["north"], quarter["east"]) == pytest.approx((radius, radius), abs=METRE)
+    assert quarter["down"] == pytest.approx(-V_a * math.sin(gamma) * turn / 4.0, abs=METRE)
+    assert quarter["gamma"] == pytest.approx(gamma, abs=INTEGRATION)
+
+
+def test_without_lift_there_is_no_turn_and_the_point_falls_as_a_stone_would():
+    chi_dot, gamma_dot = point_mass_rates(25.0, gamma=0.0, phi=1.0, n_z=0.0, g=G)
+
+    assert chi_dot == 0.0
+    assert gamma_dot == pytest.approx(-G / 25.0, rel=ROUNDING)
+
+
+def test_the_papers_law_in_still_air_is_the_kinematic_plant():
+    sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.1, gamma_omega=0.9)
+    start, commands = FlightCondition(V_a=25.0, chi=1.0, gamma=0.3), weaving(500, 0.02)
+
+    ours = fly(PointMassPlant(law="paper", disturbance=sinusoid), start, commands, 0.02)
+    other = fly(KinematicPlant(sinusoid), start, commands, 0.02)
+
+    assert PointMassPlant(law="paper").kind == "kinematic"
+    assert ours == pytest.approx(other, abs=INTEGRATION)
+
+
+def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
+    V_a, wind, heading = 25.0, 8.0, math.radians(30.0)
+    plant = PointMassPlant(wind=WindRecord.steady(east=wind))
+
+    end = fly(plant, FlightCondition(V_a=V_a, chi=heading), [(0.0, 1.0)] * 10, 0.1)
+
+    crossing = math.asin(wind * math.cos(heading) / end["V_g"])
+    V_g = math.sqrt(V_a**2 + wind**2 + 2.0 * V_a * wind * math.sin(heading))
+    assert end["V_g"] == pytest.approx(V_g, rel=ROUNDING)
+    assert end["chi"] == pytest.approx(heading + crossing, abs=ROUNDING)
+    assert math.atan2(end["east"], end["north"]) == pytest.approx(end["chi"], abs=INTEGRATION)
+
+
+def test_a_turn_in_steady_wind_is_a_circle_that_drifts():
+    V_a, phi, drift = 25.0, math.radians(30.0), (3.0, -4.0)
+    turn = math.tau * V_a / (G * math.tan(phi))
+    plant = PointMassPlant(wind=WindRecord.steady(north=drift[0], east=drift[1]))
+
+    start = FlightCondition(V_a=V_a, phi=phi)
+    end = fly(plant, start, [(phi, 1.0 / math.cos(phi))] * 50, turn / 50)
+
+    assert (end["north"], end["east"]) == pytest.approx(
+        (drift[0] * turn, drift[1] * turn), abs=METRE
+    )
+
+
+def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
+    V_a, w = 25.0, 5.0
+    gust = WindRecord(
+        t=np.array([1.0, 1.5]), north=np.zeros(2), east=np.array([0.0, w]), down=np.zeros(2)
+    )
+
+    end = fly(PointMassPlant(wind=gust), FlightCondition(V_a=V_a), [(0.0, 1.0)] * 20, 0.1)
+
+    pushed_by_thrust = w - V_a * math.tanh(w / V_a)
+    assert end["V_g"] * math.sin(end["chi"]) == pytest.approx(pushed_by_thrust, abs=METRE)
+
+
+@pytest.mark.parametrize(
+    "lags",
+    [None, (FIRST_ORDER, SECOND_ORDER), (SECOND_ORDER, OVERDAMPED)],
+    ids=["no lag", "first and second order", "second order"],
+)
+def test_twenty_seconds_agree_with_another_integrator(lags):
+    dt, count = 0.02, 1000
+    t = np.linspace(0.0, 20.0, 41)
+    rng = np.random.default_rng(5)
+    north, east, down = rng.normal(scale=2.0, size=(3, len(t)))
+    wind = WindRecord(t=t, north=north, east=east, down=down)
+    commands = weaving(count, dt)
+    start = FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
+
+    plant = PointMassPlant(lags, wind=wind)
+    end = fly(plant, start, commands, dt)
+
+    state = by_dop853(lags, wind, commands, dt)
+    velocity = np.array(velocity_along(25.0, *state[:2])) + wind.piece(20.0).at(20.0)
+    chi, gamma = course_of(tuple(velocity))
+    assert math.remainder(end["chi"] - chi, math.tau) == pytest.approx(0.0, abs=INTEGRATION)
+    assert end["gamma"] == pytest.approx(gamma, abs=INTEGRATION)
+    assert (end["north"], end["east"], end["down"]) == pytest.approx(state[2:5], abs=METRE)
+
+
+def by_dop853(lags, wind, commands, dt):
+    """The same flight with the velocity through the air as a vector and the lags as states."""
+    delays = [lag.delay for lag in lags] if lags else [0.0, 0.0]
+    starts = [[-math.inf, *(k * dt + delay for k in range(len(commands)))] for delay in delays]
+    values = [[(0.1, 1.0)[i], *(command[i] for command in commands)] for i in range(2)]
+    breaks = {k * dt for k in range(len(commands) + 1)} | set(wind.t.tolist())
+    breaks |= {s for start in starts for s in start[1:] if s < len(commands) * dt}
+    breaks = sorted(breaks)
+    x = np.array([0.4, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0])
+    for begin, end in pairwise(breaks):
+        if end - begin < 1e-12:
+            continue
+        middle = 0.5 * (begin + end)
+        commanded = [v[np.searchsorted(s, middle) - 1] for s, v in zip(starts, values, strict=True)]
+        if lags is None:
+            x[5], x[7] = commanded
+        w_dot = np.array(wind.piece(middle).rate)
+        solved = solve_ivp(
+            lambda t, x, u=commanded, w_dot=w_dot: point_with_lag(t, x, u, w_dot, wind, lags),
+            (begin, end), x, method="DOP853", rtol=1e-12, atol=1e-13,
+        )  # fmt: skip
+        x = solved.y[:, -1]
+    return x
+
+
+def point_with_lag(t, x, u, w_dot, wind, lags):
+    chi, gamma, _, _, _, phi, phi_dot, n_z, n_z_dot = x
+    along = np.array(velocity_along(1.0, chi, gamma))
+    right = np.array([-math.sin(chi), math.cos(chi), 0.0])
+    up = np.cross(along, right) * -1.0
+    lift = G * n_z * (math.cos(phi) * up + math.sin(phi) * right)
+    acceleration = lift + np.array([0.0, 0.0, G]) - w_dot
+    chi_dot = acceleration @ right / (25.0 * math.cos(gamma))
+    gamma_dot = acceleration @ up / 25.0
+    position = 25.0 * along + wind.piece(t).at(t)
+    channels = []
+    for lag, value, rate, command in zip(
+        lags or (None, None), (phi, n_z), (phi_dot, n_z_dot), u, strict=True
+    ):
+        if lag is None:
+            channels += [0.0, 0.0]
+        elif lag.order == 1:
+            channels += [lag.bandwidth * (command - value), 0.0]
+        else:
+            w = lag.bandwidth
+            channels += [rate, w * w * (command - value) - 2.0 * lag.damping * w * rate]
+    return [chi_dot, gamma_dot, *position, *channels]
+
+
+def test_a_first_order_step_is_an_exponential_after_its_delay():
+    channel = LaggedChannel(FIRST_ORDER, 0.0)
+    channel.order(0.0, 2.0)
+    channel.move_to(FIRST_ORDER.delay)
+
+    assert channel.at(0.5) == pytest.approx(2.0 * (1.0 - math.exp(-6.0 * 0.453)), rel=ROUNDING)
+
+
+def test_a_second_order_step_overshoots_by_the_textbook():
+    channel = LaggedChannel(SECOND_ORDER, 1.0)
+    channel.order(0.0, 2.0)
+    channel.move_to(SECOND_ORDER.delay)
+    root = math.sqrt(1.0 - 0.6**2)
+
+    peak = channel.at(SECOND_ORDER.delay + math.pi / (12.0 * root))
+
+    assert peak - 2.0 == pytest.approx(math.exp(-0.6 * math.pi / root), rel=ROUNDING)
+
+
+def test_critical_damping_is_the_limit_of_its_neighbours():
+    at = [
+        ChannelLag(bandwidth=5.0, order=2, damping=damping).free_response(1.0, 0.3, 0.4)
+        for damping in (1.0 - 1e-7, 1.0, 1.0 + 1e-7)
+    ]
+
+    assert at[1] == pytest.approx(np.mean([at[0], at[2]], axis=0), abs=1e-9)
+
+
+def test_straight_up_ends_the_flight_with_a_reason():
+    plant = PointMassPlant()
+    plant.start(FlightCondition(V_a=25.0, gamma=1.5))
+
+    stop = [plant.advance(0.0, 4.0, 0.02) for _ in range(4)][-1]
+
+    assert stop.status == "left_envelope"
+    assert "straight up or down" in stop.reason
+
+
+def test_what_cannot_be_flown_says_so():
+    plant = PointMassPlant(law="paper")
+    plant.start(FlightCondition(V_a=25.0))
+
+    assert plant.advance(math.pi / 2, 1.0, 0.02).status == "diverged"
+    assert PointMassPlant().kind == "point_mass"
+    assert PointMassPlant((FIRST_ORDER, FIRST_ORDER)).kind == "point_mass_lag"
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: PointMassPlant(g=0.0), InputError, "`g` must be positive"),
+        (lambda: PointMassPlant(law="other"), InputError, "`law` must be exact or paper"),
+        (lambda: ChannelLag(bandwidth=0.0), InputError, "`bandwidth` must be positive"),
+        (lambda: ChannelLag(bandwidth=1.0, delay=-1.0), InputError, "`delay` must not be negative"),
+        (lambda: ChannelLag(bandwidth=1.0, order=3), InputError, "`order` must be 1 or 2"),
+        (
+            lambda: WindRecord(t=[0.0, 0.0], north=[0.0] * 2, east=[0.0] * 2, down=[0.0] * 2),
+            InputError,
+            "`t` of a wind record must rise",
+        ),
+        (
+            lambda: WindRecord(t=[0.0, 1.0], north=[0.0], east=[0.0] * 2, down=[0.0] * 2),
+            ShapeError,
+            "`north` must have as many values as `t`",
+        ),
+        (
+            lambda: point_mass_rates(0.0, gamma=0.0, phi=0.0, n_z=1.0),
+            InputError,
+            "`V_a` must be positive",
+        ),
+    ],
+)  # fmt: skip
+def test_impossible_values_are_refused(make, error, message):
+    with pytest.raises(error, match=message):
+        make()
