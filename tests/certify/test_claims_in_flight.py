@@ -37,7 +37,7 @@ def errors_rate(V_a, e, u, d):
 
 
 def flight(V_a, e_0, d, duration):
-    """s = (e', e) over time, and the commands (phi, n_z), from a start trimmed but for the error."""
+    """s = (e', e) over time, and the commands, from a start trimmed but for the error."""
     xi_0 = np.linalg.solve(GAINS.K_I, [0.0, np.cos(GAMMA)])
 
     def rates(t, y):
