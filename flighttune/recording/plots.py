@@ -63,6 +63,9 @@ ROOM = 0.04
 MOST_LABELS = 7.0
 """Labels for which a small plot has room; with more the viewer goes to the next power of ten."""
 
+LONGEST = 1.4
+"""Length of an axis over what is drawn, beyond which a second label is not worth it."""
+
 SMALLEST_SPAN = 1e-6
 
 COMMANDS_TAB = "Commands and limits"
@@ -135,7 +138,7 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
 
 
 def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
-    """Range of the vertical axis: all that is drawn, and two round numbers for its labels.
+    """Range of the vertical axis: all that is drawn, and where it costs little, two labels.
 
     The viewer labels multiples of a power of ten. Between -9 and 9 that is a lonely 0.
 
@@ -157,6 +160,14 @@ def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
     low, high = (everything.min(), everything.max()) if len(everything) else (0.0, 0.0)
     if not high - low > SMALLEST_SPAN * max(1.0, abs(low), abs(high)):
         return None
+    lower, upper = _with_two_labels(float(low), float(high))
+    if upper - lower <= LONGEST * (high - low):
+        low, high = lower, upper
+    room = ROOM * (high - low)
+    return float(low - room), float(high + room)
+
+
+def _with_two_labels(low: float, high: float) -> tuple[float, float]:
     step = 10.0 ** math.ceil(math.log10((high - low) / MOST_LABELS))
     while math.floor(high / step) - math.ceil(low / step) < 1:
         above, below = math.floor(high / step + 1.0) * step, math.ceil(low / step - 1.0) * step
@@ -164,8 +175,7 @@ def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
             high = above
         else:
             low = below
-    room = ROOM * (high - low)
-    return float(low - room), float(high + room)
+    return low, high
 
 
 def limits_of(scenario: Mapping[str, Any], name: str) -> tuple[float, float] | None:

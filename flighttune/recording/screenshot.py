@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 SIZE = (1600, 1000)
 TITLE_BAR = 36
 COLOURS = 256
+NO_GRAPHICS = ("render context", "adapter")
+NEEDS_DRIVER = "find a graphics card or a software driver (Debian: mesa-vulkan-drivers)"
 SETTLE_TIMEOUT = 20.0
 ALIKE_AT_START = 6
 """Pictures in a row without change after which the messages of the start are gone."""
@@ -92,8 +94,9 @@ class HeadlessViewer:
             yield
         except (ConnectionError, RuntimeError) as error:
             said = self._process.last_words() if self._process.ended else str(error)
+            wanted = NEEDS_DRIVER if any(word in said for word in NO_GRAPHICS) else "show it"
             raise RecordingError(
-                f"{self._recording}: the viewer must show it, got: {said}."
+                f"{self._recording}: the viewer must {wanted}, got: {said}."
             ) from error
 
     def _state(self) -> "ViewerState":

@@ -39,6 +39,12 @@ def test_an_axis_is_not_longer_than_it_must_be(four_runs):
     assert high == pytest.approx(10.0 + 0.04 * 12.0)
 
 
+def test_a_second_label_that_costs_too_much_is_left_out(four_runs):
+    low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=[-60.0, 16.0])])
+
+    assert (low, high) == pytest.approx((-60.0 - 0.04 * 76.0, 16.0 + 0.04 * 76.0))
+
+
 def test_an_axis_reaches_over_limits_and_reference(four_runs):
     small = with_signal(four_runs[0], phi=[0.0, 0.1], phi_cmd=[0.0, 0.1])
     low, high = value_range(PLOTS["phi"], [small])
