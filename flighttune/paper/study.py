@@ -1,0 +1,162 @@
+"""Everything the items, claims and errata are made from, computed once and when needed."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from flighttune.control.closed_loop import closed_loop
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.paper import parameters as printed
+from flighttune.paper.duffing_cases import DuffingCases
+from flighttune.paper.families import PaperFlight, fly, gain_family, readings
+from flighttune.paper.measures import CHANNELS
+from flighttune.theory.attractor import PaperBall, paper_balls
+from flighttune.theory.indicators import Indicators, indicators
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.result import TuningResult
+from flighttune.tuning.tune import tune
+
+ORDER = ("K1", "K2", "K3", printed.STAR, "K4", "K5", "K6")
+"""The gain sets in the order of the paper's epsilon."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """The paper's experiments with one set of gains in the place of K*.
+
+    Attributes
+    ----------
+    star : PIGains
+        The gains judged, by default the printed K*.
+    """
+
+    star: PIGains = PAPER_GAINS
+
+    @cached_property
+    def model(self) -> LinearModel:
+        """The error dynamics at the printed equilibrium."""
+        return kinematic_model(V_a=printed.V_A, gamma=printed.GAMMA_C, g=printed.G)
+
+    @cached_property
+    def gains(self) -> dict[str, PIGains]:
+        """K1 to K6 and K*, in the order `ORDER`."""
+        family = gain_family(self.star)
+        return {name: family[name] for name in ORDER}
+
+    @cached_property
+    def indicators(self) -> dict[str, Indicators]:
+        """Indicators of each gain set."""
+        return {
+            name: indicators(closed_loop(self.model, gains)) for name, gains in self.gains.items()
+        }
+
+    @cached_property
+    def flights(self) -> dict[str, PaperFlight]:
+        """The manoeuvre with each gain set and the disturbance of Table 1."""
+        calm = printed.disturbance(printed.PRINTED_DISTURBANCE)
+        return {name: fly(gains, calm) for name, gains in self.gains.items()}
+
+    @cached_property
+    def undisturbed(self) -> PaperFlight:
+        """The manoeuvre with K* in calm air."""
+        return fly(self.star, None)
+
+    @cached_property
+    def disturbed(self) -> dict[str, PaperFlight]:
+        """The manoeuvre with K* under d1 to d9, beyond the printed 20 s."""
+        return {
+            name: fly(self.star, printed.disturbance(name), duration=printed.AFTERWARDS)
+            for name in printed.TABLE_3
+        }
+
+    @cached_property
+    def readings(self) -> dict[str, PaperFlight]:
+        """The manoeuvre with K* under each reading of the limits."""
+        return readings(self.star)
+
+    @cached_property
+    def problem(self) -> TuningProblem:
+        """The optimisation model of section 4.4 with all printed constraints."""
+        return TuningProblem(
+            model=self.model,
+            I_star=printed.I_STAR,
+            limits=printed.printed_limits(),
+            x_0=printed.E_0,
+            dt=printed.OPTIMISATION_DT,
+        )
+
+    @cached_property
+    def constrained(self) -> TuningResult:
+        """What the optimisation model gives with all printed constraints."""
+        return tune(self.problem)
+
+    @cached_property
+    def optimum(self) -> TuningResult:
+        """What it gives without the input constraints."""
+        return tune(TuningProblem(model=self.model, I_star=printed.I_STAR))
+
+    @cached_property
+    def balls(self) -> tuple[PaperBall, PaperBall, PaperBall]:
+        """The ultimate ball of Theorem 2 for K* under each reading of L_f."""
+        return paper_balls(
+            closed_loop(self.model, self.star),
+            self.model.A,
+            I_K=self.indicators[printed.STAR].I_K,
+            L_d=printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound,
+        )
+
+    @cached_property
+    def duffing(self) -> DuffingCases:
+        """The experiments on the Duffing oscillator."""
+        return DuffingCases()
+
+    @cached_property
+    def by_gains(self) -> pd.DataFrame:
+        """Measures of `flights`: index (gain set, channel)."""
+        return pd.concat({name: flight.measures for name, flight in self.flights.items()})
+
+    @cached_property
+    def by_disturbance(self) -> pd.DataFrame:
+        """Measures of `disturbed` over the printed 20 s: index (disturbance, channel)."""
+        return pd.concat({name: flight.measures for name, flight in self.disturbed.items()})
+
+    def of_gains(self, channel: str, measure: str) -> pd.Series:
+        """One measure of one channel over the gain sets, by R_K from high to low."""
+        R_K = pd.Series({name: found.R_K for name, found in self.indicators.items()})
+        order = R_K.sort_values(ascending=False, kind="stable").index
+        return self.by_gains.xs(channel, level=1)[measure].loc[order]
+
+    def of_disturbances(self, channel: str, measure: str) -> pd.DataFrame:
+        """One measure of one channel: index L_d, columns omega_d."""
+        values = self.by_disturbance.xs(channel, level=1)[measure]
+        keys = pd.DataFrame.from_dict(printed.TABLE_3, orient="index", columns=["L_d", "omega_d"])
+        return keys.assign(value=values).pivot(index="L_d", columns="omega_d", values="value")
+
+    @cached_property
+    def indicator_table(self) -> pd.DataFrame:
+        """R_K, I_K and the spectral abscissa of each gain set."""
+        return pd.DataFrame(
+            {
+                name: {
+                    "R_K": found.R_K,
+                    "I_K": found.I_K,
+                    "spectral_abscissa": found.spectral_abscissa,
+                }
+                for name, found in self.indicators.items()
+            }
+        ).T
+
+
+def rank_correlation(x: pd.Series, y: pd.Series) -> float:
+    """Spearman's rank correlation of two series with one index; 0 where one is constant."""
+    ranks = x.rank(), y.loc[x.index].rank()
+    spread = [float(np.std(rank)) for rank in ranks]
+    if min(spread) == 0.0:
+        return 0.0
+    return float(np.corrcoef(*(rank.to_numpy() for rank in ranks))[0, 1])
+
+
+__all__ = ["CHANNELS", "ORDER", "Study", "rank_correlation"]
