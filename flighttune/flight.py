@@ -18,7 +18,9 @@ from flighttune.errors import InputError, TrimError
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.plants.base import Plant
 from flighttune.plants.kinematic import KinematicPlant
-from flighttune.scenario.schema import TUNED, GainsTable, PlantTable, Scenario
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.scenario.plant_table import PlantTable
+from flighttune.scenario.schema import TUNED, GainsTable, Scenario
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import Provenance, Run, RunStatus
 from flighttune.theory.indicators import Indicators, indicators
@@ -166,7 +168,9 @@ def plant_of(table: PlantTable, scenario: Scenario) -> Plant:
     """
     if table.aircraft is None:
         disturbance = scenario.disturbance and scenario.disturbance.sinusoid()
-        return KinematicPlant(disturbance, g=scenario.flight.g_mps2)
+        if table.kind == "kinematic":
+            return KinematicPlant(disturbance, g=scenario.flight.g_mps2)
+        return PointMassPlant(table.lags(), disturbance=disturbance, g=scenario.flight.g_mps2)
     from flighttune.plants.jsbsim.plant import JSBSimPlant
 
     rate = scenario.controller.rate_hz
@@ -245,9 +249,10 @@ def _time_history(
 ) -> tuple[pd.DataFrame, RunStatus, str]:
     settings, duration = scenario.controller, scenario.flight.duration_s
     label = f"{table.label} / {gains_name}"
+    plant = plant_of(table, scenario)
     controller = MimoPI(
         gains,
-        scenario.limits.limits(),
+        scenario.limits.limits().within(plant.limits),
         dt=1.0 / settings.rate_hz,
         anti_windup=settings.anti_windup,
         tracking_time=settings.tracking_time_s,
@@ -255,7 +260,7 @@ def _time_history(
     )
     try:
         history = simulate(
-            plant_of(table, scenario),
+            plant,
             controller,
             scenario.followed(),
             condition=scenario.condition,

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,7 @@ from flighttune.cli.show import (
     progress_bar,
     say,
 )
+from flighttune.errors import RecordingError
 
 if TYPE_CHECKING:
     from flighttune.flight import FlownScenario
@@ -82,7 +84,20 @@ def view(path: Annotated[Path, typer.Argument(help="A recording, or the folder o
 def _open(path: Path) -> None:
     from flighttune.recording.view import view as open_viewer
 
-    say(open_viewer(path))
+    with open_viewer(_recording_in(path)) as viewer:
+        if viewer.url:
+            say(f"no screen here; open {viewer.url} in a browser on this machine, Ctrl-C ends it")
+        with suppress(KeyboardInterrupt):
+            viewer.wait()
+
+
+def _recording_in(path: Path) -> Path:
+    if not path.is_dir():
+        return path
+    recordings = sorted(path.glob("*.rrd"))
+    if len(recordings) != 1:
+        raise RecordingError(f"{path}: the folder must hold one recording, got {len(recordings)}.")
+    return recordings[0]
 
 
 def _flown_json(

@@ -49,6 +49,21 @@ class Limits:
         unbounded = np.full(m, np.inf)
         return cls(lower=-unbounded, upper=unbounded, rate_lower=-unbounded, rate_upper=unbounded)
 
+    def within(self, other: "Limits") -> "Limits":
+        """The limits that hold where both these and `other` do.
+
+        Raises
+        ------
+        InputError
+            If no command meets both.
+        """
+        return Limits(
+            lower=np.maximum(self.lower, other.lower),
+            upper=np.minimum(self.upper, other.upper),
+            rate_lower=np.maximum(self.rate_lower, other.rate_lower),
+            rate_upper=np.minimum(self.rate_upper, other.rate_upper),
+        )
+
 
 def _read_only_bounds(name: str, value: npt.ArrayLike) -> FloatArray:
     bounds = np.array(value, dtype=float)

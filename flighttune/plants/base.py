@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
+from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 
 StopStatus: TypeAlias = Literal["diverged", "ground_contact", "left_envelope"]
@@ -72,10 +73,16 @@ class Plant(Protocol):
         Name of the family member, as scenarios write it.
     signals : tuple of str
         Names of what ``observe`` returns; begins with `COMMON_SIGNALS`.
+    limits : Limits
+        What the plant itself limits its commands (phi, n_z) to. Anti-windup works only in a
+        controller that knows them.
     """
 
     kind: str
     signals: tuple[str, ...]
+
+    @property
+    def limits(self) -> Limits: ...
 
     def start(self, condition: FlightCondition) -> None:
         """Put the aircraft into `condition` at t = 0.

@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from flighttune.arrays import FloatArray, Floats
+from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
 
@@ -77,6 +78,8 @@ class KinematicPlant:
         ``"kinematic"``.
     signals : tuple of str
         `COMMON_SIGNALS`, ``d_chi`` and ``d_gamma``.
+    limits : Limits
+        None: every command is flown.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class KinematicPlant:
 
     kind = "kinematic"
     signals: tuple[str, ...] = (*COMMON_SIGNALS, "d_chi", "d_gamma")
+    limits = Limits.none(2)
 
     def __init__(self, disturbance: Disturbance | None = None, *, g: float = G_PAPER) -> None:
         if not (math.isfinite(g) and g > 0.0):

@@ -28,3 +28,16 @@ def test_limits_that_cannot_be_are_refused(change, error, message):
 def test_limits_cannot_be_changed():
     with pytest.raises(ValueError, match="read-only"):
         Limits.none(2).lower[0] = 3.0
+
+
+def test_limits_that_hold_together_are_the_narrower_of_each():
+    wide = Limits(lower=-2 * ONE, upper=[1.0, 5.0], rate_lower=-ONE, rate_upper=[9.0, 0.1])
+    narrow = Limits(lower=-ONE, upper=2 * ONE, rate_lower=-2 * ONE, rate_upper=ONE)
+
+    both = wide.within(narrow)
+
+    assert both.lower.tolist() == [-1.0, -1.0]
+    assert both.upper.tolist() == [1.0, 2.0]
+    assert both.rate_lower.tolist() == [-1.0, -1.0]
+    assert both.rate_upper.tolist() == [1.0, 0.1]
+    assert wide.within(Limits.none(2)).upper.tolist() == wide.upper.tolist()

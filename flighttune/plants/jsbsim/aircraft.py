@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Self
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -15,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from flighttune.control.limits import Limits
 from flighttune.errors import InputError, ScenarioError
 from flighttune.shipped import aircraft_folder
 
@@ -85,6 +87,17 @@ class CommandLimits(_Table):
     phi_rate: Annotated[Positive, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
     n_z: Interval
     n_z_rate: Positive = Field(alias="n_z_rate_per_s")
+
+    def limits(self) -> Limits:
+        """The limits of (phi, n_z) as the controller takes them."""
+        (phi_min, phi_max), (n_z_min, n_z_max) = self.phi, self.n_z
+        rate = np.array([self.phi_rate, self.n_z_rate])
+        return Limits(
+            lower=np.array([phi_min, n_z_min]),
+            upper=np.array([phi_max, n_z_max]),
+            rate_lower=-rate,
+            rate_upper=rate,
+        )
 
 
 class Actuators(_Table):

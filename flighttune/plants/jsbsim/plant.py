@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
+from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
 from flighttune.plants.jsbsim.aircraft import AircraftConfig, load_aircraft
@@ -47,6 +48,8 @@ class JSBSimPlant:
     ----------
     config : AircraftConfig
         The aircraft: envelope, limits, gains.
+    limits : Limits
+        What the inner loop limits its commands to.
 
     Raises
     ------
@@ -71,6 +74,7 @@ class JSBSimPlant:
         if not 0 <= seed <= _LARGEST_SEED:
             raise InputError(f"`seed` must lie in 0 to {_LARGEST_SEED}, got {seed}.")
         self.config: AircraftConfig = load_aircraft(aircraft)
+        self.limits: Limits = self.config.limits.limits()
         self._rate = fdm_rate_hz
         self._seed = seed
         self._chunks: dict[float, tuple[range, ...]] = {}
