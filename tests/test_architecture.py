@@ -14,7 +14,7 @@ LAYERS = (
     "simulate",
     "metrics",
     "tuning",
-    "certify",
+    "certificates",
     "scenario",
     "flight",
     "recording",

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.certify import (
+from flighttune.certificates import (
     certificate_from,
     certify,
     load_certificate,
     save_certificate,
     verify,
 )
-from flighttune.certify.file import certificate_tables
+from flighttune.certificates.file import certificate_tables
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel, kinematic_model

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from flighttune.certify.certificate import Certificate, Claim
+from flighttune.certificates.certificate import Certificate, Claim
 from flighttune.control.envelope import Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel

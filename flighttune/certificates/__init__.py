@@ -3,10 +3,10 @@
 What a certificate says, and what it does not, is told in docs/certificate.md.
 """
 
-from flighttune.certify.certificate import Certificate, Claim
-from flighttune.certify.file import certificate_from, load_certificate, save_certificate
-from flighttune.certify.make import Certification, certify
-from flighttune.certify.verify import verify
+from flighttune.certificates.certificate import Certificate, Claim
+from flighttune.certificates.file import certificate_from, load_certificate, save_certificate
+from flighttune.certificates.make import Certification, certify
+from flighttune.certificates.verify import verify
 from flighttune.theory.certificate import Check, Verification
 
 __all__ = [

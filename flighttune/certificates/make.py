@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.certify.certificate import Certificate, Claim
-from flighttune.certify.coverage import vertex_matrices
-from flighttune.certify.verify import verify
+from flighttune.certificates.certificate import Certificate, Claim
+from flighttune.certificates.coverage import vertex_matrices
+from flighttune.certificates.verify import verify
 from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.envelope import Envelope, Hull, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains

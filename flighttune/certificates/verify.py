@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from flighttune.certify.certificate import Certificate
-from flighttune.certify.coverage import coverage_checks, vertex_matrices
-from flighttune.certify.file import load_certificate
+from flighttune.certificates.certificate import Certificate
+from flighttune.certificates.coverage import coverage_checks, vertex_matrices
+from flighttune.certificates.file import load_certificate
 from flighttune.control.closed_loop import disturbance_entry
 from flighttune.theory.certificate import Check, Verification, radius_checks, rate_checks
 
