@@ -6,6 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from flighttune.arrays import FloatArray, Floats
+from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
 from flighttune.plants.channel_lag import ChannelLag, LaggedChannel
@@ -91,6 +92,8 @@ class PointMassPlant:
         ``"point_mass"``, ``"point_mass_lag"`` or ``"kinematic"``.
     signals : tuple of str
         `COMMON_SIGNALS`, ``d_chi`` and ``d_gamma``; in wind also `WIND_SIGNALS`.
+    limits : Limits
+        None: the point takes every command.
 
     Raises
     ------
@@ -103,6 +106,8 @@ class PointMassPlant:
     between the instants at which a command takes effect or the wind record has a sample, in steps
     that leave an error below 1e-9 rad over 20 s.
     """
+
+    limits = Limits.none(2)
 
     def __init__(
         self,

@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from flighttune.control.gains import PIGains, paper_family
 from flighttune.control.limits import Limits
@@ -11,24 +11,21 @@ from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import AntiWindup
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.kinematic import G_PAPER
+from flighttune.scenario.plant_table import PlantTable
+from flighttune.scenario.table import (
+    Finite,
+    Inclination,
+    Matrix,
+    NotNegative,
+    Positive,
+    Table,
+)
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.reference import Doublet, Ramp, Reference, Segment, Step
 from flighttune.units import DEG
 
-Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
-Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Inclination: TypeAlias = Annotated[float, Field(gt=-90.0, lt=90.0, allow_inf_nan=False)]
-Matrix: TypeAlias = list[list[Finite]]
-
 TUNED = "tuned"
 INPUTS = 2
-
-
-class Table(BaseModel):
-    """A table of the file: unknown keys are refused, and it does not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class FlightTable(Table):
@@ -172,24 +169,6 @@ class DisturbanceTable(Table):
         )
 
 
-class PlantTable(Table):
-    """``[[plant]]``: what flies."""
-
-    kind: Literal["kinematic", "jsbsim"]
-    aircraft: Annotated[str, Field(min_length=1)] | None = None
-
-    @model_validator(mode="after")
-    def _aircraft_of_jsbsim(self) -> "PlantTable":
-        if (self.kind == "jsbsim") != (self.aircraft is not None):
-            raise ValueError("`aircraft` must be given with kind jsbsim, and only there")
-        return self
-
-    @property
-    def label(self) -> str:
-        """Name of the plant in tables, plots and files."""
-        return self.kind if self.aircraft is None else f"{self.kind}:{self.aircraft}"
-
-
 class GainsTable(Table):
     """Gains given as numbers: rows phi, n_z; columns chi, gamma."""
 
@@ -216,7 +195,7 @@ class Scenario(Table):
     verifies: str = ""
     source: str = ""
     seed: Annotated[int, Field(ge=0)] = 0
-    gains: Annotated[list[str | GainsTable], Field(min_length=1)] = ["paper", TUNED]
+    gains: list[str | GainsTable] = Field(default_factory=lambda: ["paper", TUNED], min_length=1)
     flight: FlightTable
     reference: ReferenceTable
     limits: LimitsTable = LimitsTable()

@@ -106,7 +106,17 @@ WRONG = [
     (None, {"gains": []}, r"`gains` must have at least 1 item"),
     (None, {"gains": [{"name": "x", "K_P": [[1.0]], "K_I": [[1.0]]}]}, r"must have 2 rows"),
     (None, {"plant": [{"kind": "jsbsim"}]}, r"`aircraft` must be given with kind jsbsim"),
-    (None, {"plant": [{"kind": "x-plane"}]}, r"\[plant\] `kind` must be 'kinematic' or 'jsbsim'"),
+    (None, {"plant": [{"kind": "x-plane"}]}, r"\[plant\] `kind` must be 'kinematic', .*'jsbsim'"),
+    (
+        None,
+        {"plant": [{"kind": "kinematic", "roll_lag_rad_s": 4.0}]},
+        "`roll_lag_rad_s` must be given with kind point_mass_lag only",
+    ),
+    (
+        None,
+        {"plant": [{"kind": "point_mass_lag", "roll_lag_rad_s": 4.0}]},
+        "`n_z_lag_rad_s` must be given with kind point_mass_lag",
+    ),
     (None, {"plants": []}, r"`plants` is not a known key; did you mean `plant`\?"),
     (None, {"flight": 3}, r"`flight` must be a table, got 3"),
     (None, {"disturbance": {"chi_amplitude": 0.1}}, r"`disturbance` must be absent where a plant"),
