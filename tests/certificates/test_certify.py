@@ -2,10 +2,14 @@
 
 import json
 import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from flighttune.certificates import (
     certificate_from,
@@ -130,6 +134,21 @@ def test_verification_asks_no_solver(over_envelope, monkeypatch):
     assert verify(over_envelope).valid
 
 
+def test_verifying_a_file_does_not_even_import_a_solver(over_envelope, tmp_path):
+    path = tmp_path / "gains.json"
+    save_certificate(over_envelope, path)
+    code = (
+        "import sys; from flighttune.certificates import verify; "
+        "assert verify(sys.argv[1]).valid; print('cvxpy' in sys.modules, 'clarabel' in sys.modules)"
+    )
+
+    done = subprocess.run(
+        [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
+    )
+
+    assert done.stdout.split() == ["False", "False"]
+
+
 CHANGES = [
     (("claim", "rate_per_s"), lambda rate: 1.0001 * rate, "rate Q <= I"),
     (("claim", "radius"), lambda radius: 0.9999 * radius, "W <= radius^2 I"),
@@ -173,6 +192,31 @@ def test_a_single_late_digit_of_Q_is_enough(at_trim):
 
     assert not verify(late).valid
     assert verify(later).valid
+
+
+@settings(max_examples=200, deadline=None, derandomize=True, database=None,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
+@given(
+    key=st.sampled_from(["Q", "W"]),
+    row=st.integers(0, 3),
+    column=st.integers(0, 3),
+    power=st.floats(-14.0, 0.0),
+    sign=st.sampled_from([-1.0, 1.0]),
+)
+def test_whatever_is_changed_the_exact_verdict_is_that_of_the_eigenvalues(
+    at_trim, key, row, column, power, sign
+):
+    """Symmetrically, so that only the inequalities decide; undecided within rounding."""
+    matrix = np.array(getattr(at_trim, key))
+    change = sign * 10.0**power * np.abs(matrix).max()
+    matrix[row, column] += change
+    matrix[column, row] = matrix[row, column]
+
+    verification = verify(replace(at_trim, **{key: matrix}))
+    least = min(check.margin for check in verification.checks)
+
+    if abs(least) > 1e-13:
+        assert verification.valid == (least > 0.0)
 
 
 def test_a_model_that_is_not_the_laws_cannot_hide_behind_an_envelope(over_envelope):
