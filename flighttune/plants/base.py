@@ -82,7 +82,9 @@ class Plant(Protocol):
     signals: tuple[str, ...]
 
     @property
-    def limits(self) -> Limits: ...
+    def limits(self) -> Limits:
+        """What the plant itself limits its commands to."""
+        ...
 
     def start(self, condition: FlightCondition) -> None:
         """Put the aircraft into `condition` at t = 0.
