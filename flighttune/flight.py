@@ -1,11 +1,8 @@
 """A whole scenario: every gain set on every plant, with indicators and metrics beside the runs."""
 
 import math
-import platform
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from types import MappingProxyType
 
 import numpy as np
@@ -13,16 +10,15 @@ import pandas as pd
 
 from flighttune.control.closed_loop import closed_loop
 from flighttune.control.gains import PIGains, paper_family
-from flighttune.control.mimo_pi import MimoPI
-from flighttune.errors import InputError, TrimError
+from flighttune.errors import InputError
 from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.one_flight import Progress, fly_once
 from flighttune.plants.base import Plant
 from flighttune.plants.kinematic import KinematicPlant
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.schema import TUNED, GainsTable, Scenario
-from flighttune.simulate.loop import LOOP_SIGNALS, simulate
-from flighttune.simulate.run import Provenance, Run, RunStatus
+from flighttune.simulate.run import Run
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
@@ -31,11 +27,6 @@ from flighttune.units import wrap_angle
 
 LOWEST_FDM_RATE_HZ = 200.0
 """The flight dynamics run at the lowest multiple of the controller's rate from here on."""
-
-VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
-
-Progress = Callable[[str, float], None]
-"""Called with the label of a run and the part of it flown, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -133,7 +124,14 @@ def fly(scenario: Scenario, *, progress: Progress | None = None) -> FlownScenari
     gain_sets = {name: gain_set(scenario, name, tuning) for name in names}
     model = scenario.linear_model()
     runs = tuple(
-        _flown(scenario, plant, name, gains, progress)
+        fly_once(
+            scenario,
+            plant_of(plant, scenario),
+            gains,
+            plant_label=plant.label,
+            gains_name=name,
+            progress=progress,
+        )
         for plant in scenario.plant
         for name, gains in gain_sets.items()
     )
@@ -209,78 +207,3 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     if name not in known:
         raise InputError(f"`gains` must be one of {', '.join([TUNED, *known])}, got {name!r}.")
     return known[name]
-
-
-def _flown(
-    scenario: Scenario,
-    plant: PlantTable,
-    gains_name: str,
-    gains: PIGains | None,
-    progress: Progress | None,
-) -> Run:
-    started = time.perf_counter()
-    signals, status, reason = (
-        _not_flown("no_gains", "tuning found no gains that meet the constraints")
-        if gains is None
-        else _time_history(scenario, plant, gains_name, gains, progress)
-    )
-    return Run(
-        signals=signals,
-        status=status,
-        reason=reason,
-        provenance=Provenance(
-            scenario=scenario.as_dict(),
-            plant=plant.label,
-            gains_name=gains_name,
-            gains=gains,
-            seed=scenario.seed,
-            versions=_versions(),
-            wall_s=time.perf_counter() - started,
-        ),
-    )
-
-
-def _time_history(
-    scenario: Scenario,
-    table: PlantTable,
-    gains_name: str,
-    gains: PIGains,
-    progress: Progress | None,
-) -> tuple[pd.DataFrame, RunStatus, str]:
-    settings, duration = scenario.controller, scenario.flight.duration_s
-    label = f"{table.label} / {gains_name}"
-    plant = plant_of(table, scenario)
-    controller = MimoPI(
-        gains,
-        scenario.limits.limits().within(plant.limits),
-        dt=1.0 / settings.rate_hz,
-        anti_windup=settings.anti_windup,
-        tracking_time=settings.tracking_time_s,
-        schedule_speed=scenario.flight.V_a_mps if settings.schedule else None,
-    )
-    try:
-        history = simulate(
-            plant,
-            controller,
-            scenario.followed(),
-            condition=scenario.condition,
-            duration=duration,
-            feed_forward=settings.feed_forward,
-            progress=None if progress is None else lambda t: progress(label, t / duration),
-        )
-    except TrimError as error:
-        return _not_flown("no_trim", str(error))
-    if progress is not None:
-        progress(label, 1.0)
-    if history.stop is not None:
-        return history.signals, history.stop.status, history.stop.reason
-    return history.signals, "completed", ""
-
-
-def _not_flown(status: RunStatus, reason: str) -> tuple[pd.DataFrame, RunStatus, str]:
-    empty = pd.DataFrame(columns=pd.Index(LOOP_SIGNALS), index=pd.Index([], name="t"), dtype=float)
-    return empty, status, reason
-
-
-def _versions() -> dict[str, str]:
-    return {"python": platform.python_version(), **{name: version(name) for name in VERSIONED}}
