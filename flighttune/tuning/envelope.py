@@ -213,7 +213,7 @@ def tune_over_envelope(
     if nominal.status != "optimal" or nominal.gains is None:
         return _none(nominal.status, nominal.reason, time.perf_counter() - began)
     firsts = [nominal.gains.K[space.free], *stabilising_starts(problem, space, starts)]
-    searches = [_grow(problem, k, envelope, trim, g, hull) for k in firsts]
+    searches = [_grow(problem, k, envelope, trim, g=g, hull=hull) for k in firsts]
     factor, best = max(
         (found for found in searches if found is not None),
         key=lambda found: (found[0], found[1].R),
@@ -242,6 +242,7 @@ def _grow(
     k: FloatArray,
     envelope: Envelope,
     trim: Envelope,
+    *,
     g: float,
     hull: Hull,
 ) -> tuple[float, Point] | None:

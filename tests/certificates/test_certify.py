@@ -25,6 +25,7 @@ from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
 from flighttune.theory import common, evp, lmi
 from flighttune.theory.indicators import indicators
+from flighttune.tuning.envelope import largest_envelope
 
 G = 9.81
 MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=G)
@@ -245,6 +246,17 @@ def test_unstable_gains_are_refused_with_the_eigenvalue():
 
     assert refused.status == "refused"
     assert "is not in the open left half plane" in refused.reason
+
+
+@pytest.mark.parametrize("gains", [PAPER_GAINS, TUNED])
+def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot(gains):
+    trim = Envelope.at(V_a=25.0, gamma=np.pi / 12)
+    factor = largest_envelope(gains, ENVELOPE, trim, g=G).factor
+
+    largest, beyond = (ENVELOPE.scaled(trim, part * factor) for part in (1.0, 1.01))
+
+    assert certify(MODEL, gains, envelope=largest, g=G).status == "certified"
+    assert certify(MODEL, gains, envelope=beyond, g=G).status == "refused"
 
 
 def test_an_envelope_too_wide_is_refused_with_a_reason():
