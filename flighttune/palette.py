@@ -14,6 +14,16 @@ HUES = (
 """A strong and a light shade of each hue, chosen so that any two of twelve differ by 17 or more
 (CIE 1976) as seen with normal sight, protanopia, deuteranopia and tritanopia."""
 
+MORE = (
+    ("#B81FAD", "purple"),
+    ("#85D600", "leaf"),
+    ("#7A1FFF", "violet"),
+    ("#D6FF3D", "lime"),
+    ("#B8FFFF", "ice"),
+    ("#EB66C2", "pink"),
+)
+"""For more than twelve runs: as far from the twelve and from each other as those are."""
+
 NEUTRAL = "#8C8C8C"
 """References: readable on a dark and on a white ground."""
 
@@ -80,6 +90,27 @@ def looks(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Look]:
             hue, shade = order % len(HUES), order // len(HUES) % 2
         colour, word = HUES[hue][shade]
         found[plant, name] = Look(colour, word, 1.5 if shade else 2.2, bool(shade))
+    return found
+
+
+def many_looks(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Look]:
+    """Looks of up to eighteen pairs: those of `looks` for the first twelve, then `MORE`.
+
+    Parameters
+    ----------
+    pairs : iterable of (str, str)
+        As for `looks`; more than eighteen begin again.
+    """
+    pairs = list(dict.fromkeys(pairs))
+    twelve = 2 * len(HUES)
+    found = looks(pairs[:twelve])
+    for order, pair in enumerate(pairs[twelve:], start=twelve):
+        place = order % (twelve + len(MORE))
+        if place < twelve:
+            found[pair] = found[pairs[place]]
+        else:
+            colour, word = MORE[place - twelve]
+            found[pair] = Look(colour, word, 1.5, False)
     return found
 
 

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from flighttune.palette import HUES, looks, rgb
+from flighttune.palette import HUES, LIMIT, MORE, NEUTRAL, looks, many_looks, rgb
 
 SMALLEST_DIFFERENCE = 17.0
 """CIE 1976 colour difference; 2.3 is just noticeable."""
@@ -44,6 +44,7 @@ XYZ_OF_RGB = np.array(
     ]
 )
 COLOURS = [colour for hue in HUES for colour, _ in hue]
+EIGHTEEN = [*COLOURS, *(colour for colour, _ in MORE)]
 
 
 def linear(colour):
@@ -67,7 +68,19 @@ def test_any_two_of_the_twelve_colours_can_be_told_apart(sight):
     assert min(differences) >= SMALLEST_DIFFERENCE
 
 
-@pytest.mark.parametrize("colour", COLOURS)
+@pytest.mark.parametrize("sight", SIGHT)
+def test_six_more_colours_can_be_told_apart_too_and_from_references_and_limits(sight):
+    seen = [lab(np.array(SIGHT[sight]) @ linear(colour)) for colour in EIGHTEEN]
+    marks = [lab(np.array(SIGHT[sight]) @ linear(colour)) for colour in (NEUTRAL, LIMIT)]
+
+    differences = [np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)]
+    from_marks = [np.linalg.norm(a - b) for a in seen[12:] for b in marks]
+
+    assert min(differences) >= SMALLEST_DIFFERENCE
+    assert min(from_marks) >= SMALLEST_DIFFERENCE
+
+
+@pytest.mark.parametrize("colour", EIGHTEEN)
 def test_every_colour_stands_out_from_the_ground_of_the_viewer(colour):
     weights = XYZ_OF_RGB[1]
     light, dark = weights @ linear(colour) + 0.05, weights @ linear(VIEWER_GROUND) + 0.05
@@ -101,3 +114,13 @@ def test_more_than_twelve_runs_begin_again():
     found = looks(pairs)
 
     assert found[pairs[12]] == found[pairs[0]]
+
+
+def test_eighteen_runs_have_a_colour_each_and_the_first_twelve_keep_theirs():
+    pairs = [("plant", f"gains{k}") for k in range(19)]
+
+    found = many_looks(pairs)
+
+    assert len({found[pair].colour for pair in pairs[:18]}) == 18
+    assert found[pairs[18]] == found[pairs[0]]
+    assert {pair: found[pair] for pair in pairs[:12]} == looks(pairs[:12])

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flighttune.palette import Look, looks
+from flighttune.palette import HUES, Look, looks, many_looks
 from flighttune.recording.names import plain_name
 from flighttune.simulate.run import Run
 
@@ -30,7 +30,7 @@ class Member:
 def look_of(runs: Sequence[Run]) -> list[Look]:
     """Look of every run, also of those that never flew, in order."""
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
-    found = looks(pairs)
+    found = looks(pairs) if len(set(pairs)) <= 2 * len(HUES) else many_looks(pairs)
     return [found[pair] for pair in pairs]
 
 

@@ -35,7 +35,7 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
     Parameters
     ----------
     runs : sequence of Run
-        Runs of one scenario, in its order; `flighttune.palette` gives up to twelve their colours.
+        Runs of one scenario, in its order; `flighttune.palette` gives up to eighteen their colours.
     path : str or Path
         File to write or replace; parent folders are made.
     page : str
