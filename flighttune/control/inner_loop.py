@@ -1,0 +1,186 @@
+"""The inner loop as the outer one sees it: a lag of order one to three and a delay a channel."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import block_diag
+from scipy.optimize import root_scalar
+
+from flighttune.arrays import FloatArray
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InputError, ShapeError
+
+HALF_POWER = math.sqrt(0.5)
+
+Order: TypeAlias = Literal[1, 2, 3]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InnerLag:
+    r"""From command to what is flown, gain one at rest.
+
+    ``exp(-s delay)`` times ``w / (s + w)`` (order 1), ``w^2 / (s^2 + 2 z w s + w^2)`` (order 2), or
+    the latter and ``1 / (1 + s lag)`` (order 3).
+
+    Attributes
+    ----------
+    order : 1, 2 or 3
+    natural_frequency : float, rad/s
+        w above, positive: the inverse time constant of order 1.
+    damping : float, 1
+        z above, positive; without meaning for order 1.
+    lag : float, s
+        Time constant of the real pole of order 3, positive; without meaning below.
+    delay : float, s
+        Not negative.
+    """
+
+    order: Order
+    natural_frequency: float
+    damping: float = 1.0
+    lag: float = 1.0
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.order not in (1, 2, 3):
+            raise InputError(f"`order` must be 1, 2 or 3, got {self.order}.")
+        for name in ("natural_frequency", "damping", "lag"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"`{name}` must be positive, got {value}.")
+        if not (math.isfinite(self.delay) and self.delay >= 0.0):
+            raise InputError(f"`delay` must not be negative, got {self.delay} s.")
+
+    def response(self, omega: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+        """Frequency response at `omega` (rad/s), of the shape of `omega`."""
+        s = 1j * np.asarray(omega, dtype=float)
+        w = self.natural_frequency
+        if self.order == 1:
+            lagged = w / (s + w)
+        else:
+            lagged = w * w / (s * s + 2.0 * self.damping * w * s + w * w)
+        if self.order == 3:
+            lagged = lagged / (1.0 + s * self.lag)
+        return np.exp(-s * self.delay) * lagged
+
+    def delayed(self, seconds: float) -> "InnerLag":
+        """The same lag with `seconds` more of delay."""
+        return replace(self, delay=self.delay + seconds)
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency (rad/s) from which on the magnitude stays below 1/sqrt(2)."""
+        fastest = max(self.natural_frequency, 1.0 / self.lag if self.order == 3 else 0.0)
+        omega = np.geomspace(1e-3 * self.natural_frequency, 1e3 * fastest, 1001)
+        last = int(np.flatnonzero(np.abs(self.response(omega)) >= HALF_POWER)[-1])
+
+        def excess(log_omega: float) -> float:
+            return float(np.abs(self.response(math.exp(log_omega)))) - HALF_POWER
+
+        low, high = np.log(omega[last : last + 2]).tolist()
+        return math.exp(float(root_scalar(excess, bracket=(low, high)).root))
+
+    @property
+    def undelayed(self) -> tuple[FloatArray, FloatArray]:
+        """A and B, shapes (order, order) and (order,), of the lag alone.
+
+        Every state has the unit of the channel; the first one is what is flown.
+        """
+        w = self.natural_frequency
+        if self.order == 1:
+            return np.array([[-w]]), np.array([w])
+        A = np.array([[0.0, w], [-w, -2.0 * self.damping * w]])
+        B = np.array([0.0, w])
+        if self.order == 2:
+            return A, B
+        rate = 1.0 / self.lag
+        return np.block([[A, B[:, None]], [np.zeros((1, 2)), -rate]]), np.array([0.0, 0.0, rate])
+
+    @property
+    def state_space(self) -> tuple[FloatArray, FloatArray]:
+        """A and B with the delay, where there is one, as a first-order Pade section behind."""
+        A, B = self.undelayed
+        if not self.delay:
+            return A, B
+        rate, n = 2.0 / self.delay, self.order
+        return (
+            np.block([[A, 2.0 * B[:, None]], [np.zeros((1, n)), -rate]]),
+            np.append(-B, rate),
+        )
+
+
+def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel:
+    """The model behind the inner loop of each input.
+
+    Parameters
+    ----------
+    model : LinearModel
+        n states, m inputs, p errors.
+    lags : sequence of InnerLag, length m
+
+    Returns
+    -------
+    LinearModel
+        States: those of `model`, then of each lag in turn. Its inputs are the commands, and the
+        loop closes on the errors alone: output feedback.
+
+    Raises
+    ------
+    ShapeError
+        If there is not one lag an input.
+    """
+    n, m, p = model.shape
+    if len(lags) != m:
+        raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
+    parts = [lag.state_space for lag in lags]
+    sizes = [len(A) for A, _ in parts]
+    inside = np.asarray(block_diag(*(A for A, _ in parts)), dtype=float)
+    commands = np.asarray(block_diag(*(B[:, None] for _, B in parts)), dtype=float)
+    flown = np.zeros((n, sum(sizes)))
+    flown[:, np.cumsum([0, *sizes[:-1]])] = model.B
+    names = [
+        (name, *(f"{name}_lag_{i}" for i in range(1, lag.order)), f"{name}_delay")[:size]
+        for name, lag, size in zip(model.inputs, lags, sizes, strict=True)
+    ]
+    return LinearModel(
+        A=np.block([[model.A, flown], [np.zeros((sum(sizes), n)), inside]]),
+        B=np.vstack([np.zeros((n, m)), commands]),
+        C=np.hstack([model.C, np.zeros((p, sum(sizes)))]),
+        states=(*model.states, *(name for group in names for name in group)),
+        inputs=model.inputs,
+        errors=model.errors,
+    )
+
+
+def inner_loop_scaling(model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
+    """Units of s = (x', e) of `with_inner_loop` in which a lag counts by what it does to x'.
+
+    A state of the lag of input i is measured in units of ``1 / norm(B[:, i])``, B of `model`: of
+    the chi/gamma law the rate of roll then enters as the angular acceleration it causes. States and
+    errors of `model` keep their units.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Without the inner loop: n states, m inputs, p errors.
+    lags : sequence of InnerLag, length m
+
+    Returns
+    -------
+    ndarray, shape (n + lag states + p,)
+
+    Raises
+    ------
+    InputError
+        If an input of `model` acts on nothing.
+    """
+    n, _, p = model.shape
+    effect = np.linalg.norm(model.B, axis=0)
+    if not (effect > 0.0).all():
+        raise InputError(f"`model` must have inputs that act on it, got B = {model.B.tolist()}.")
+    sizes = [len(lag.state_space[0]) for lag in lags]
+    return np.concatenate([np.ones(n), np.repeat(1.0 / effect, sizes), np.ones(p)])
