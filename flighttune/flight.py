@@ -20,7 +20,7 @@ from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.schema import TUNED, GainsTable, Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.problem import TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
 from flighttune.tuning.tune import tune
 from flighttune.units import wrap_angle
@@ -79,12 +79,18 @@ def tuning_problem(scenario: Scenario) -> TuningProblem:
     feed-forward is not counted.
     """
     chi_ref, gamma_ref = (float(ref[0]) for ref in scenario.followed().sampled(np.zeros(1)))
-    condition = scenario.condition
+    condition, settings, model = scenario.condition, scenario.tuning, scenario.linear_model()
+    _, m, p = model.shape
+    bound = None if settings.gain_max is None else np.full((m, 2 * p), settings.gain_max)
     return TuningProblem(
-        model=scenario.linear_model(),
-        I_star=scenario.tuning.I_star,
-        limits=scenario.limits.limits() if scenario.tuning.input_limits else None,
+        model=model,
+        I_star=settings.I_star,
+        limits=scenario.limits.limits() if settings.input_limits else None,
         x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
+        scaling=None if settings.state_scaling is None else np.array(settings.state_scaling),
+        K_min=None if bound is None else -bound,
+        K_max=bound,
+        K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
         seed=scenario.seed,
     )
 

@@ -1,27 +1,34 @@
 """The tables and keys of a scenario file, with their units at the end of each name."""
 
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PIGains, paper_family
+from flighttune.control.lag import with_input_delay, with_input_lag
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import AntiWindup
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.kinematic import G_PAPER
 from flighttune.scenario.plant_table import PlantTable
+from flighttune.scenario.reference_table import ReferenceTable
 from flighttune.scenario.table import (
     Finite,
     Inclination,
+    Inclinations,
     Matrix,
     NotNegative,
     Positive,
+    Range,
+    Speeds,
     Table,
 )
 from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.reference import Doublet, Ramp, Reference, Segment, Step
+from flighttune.simulate.reference import Reference
+from flighttune.tuning.tune import Method
 from flighttune.units import DEG
 
 TUNED = "tuned"
@@ -41,59 +48,6 @@ class FlightTable(Table):
     g_mps2: Positive = G_PAPER
 
 
-class StepTable(Table):
-    """A jump of a reference."""
-
-    shape: Literal["step"]
-    start_s: NotNegative = 0.0
-    change_deg: Finite
-
-    def segment(self) -> Segment:
-        """The segment in s and rad."""
-        return Step(start=self.start_s, change=self.change_deg * DEG)
-
-
-class RampTable(Table):
-    """A steady change of a reference, kept afterwards."""
-
-    shape: Literal["ramp"]
-    start_s: NotNegative = 0.0
-    duration_s: Positive
-    rate_dps: Finite
-
-    def segment(self) -> Segment:
-        """The segment in s and rad."""
-        return Ramp(start=self.start_s, duration=self.duration_s, rate=self.rate_dps * DEG)
-
-
-class DoubletTable(Table):
-    """A pulse up and its opposite, each `width_s` long."""
-
-    shape: Literal["doublet"]
-    start_s: NotNegative = 0.0
-    width_s: Positive
-    amplitude_deg: Finite
-
-    def segment(self) -> Segment:
-        """The segment in s and rad."""
-        return Doublet(start=self.start_s, width=self.width_s, amplitude=self.amplitude_deg * DEG)
-
-
-SegmentTable: TypeAlias = Annotated[
-    StepTable | RampTable | DoubletTable, Field(discriminator="shape")
-]
-
-
-class ReferenceTable(Table):
-    """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``."""
-
-    chi_deg: Finite | list[SegmentTable]
-    gamma_deg: Inclination | list[SegmentTable]
-
-
-Range: TypeAlias = Annotated[list[Finite], Field(min_length=2, max_length=2)]
-
-
 class LimitsTable(Table):
     """``[limits]`` of the commands; what is absent is not limited.
 
@@ -104,13 +58,6 @@ class LimitsTable(Table):
     phi_rate_dps: Positive | Range | None = None
     n_z: Range | None = None
     n_z_rate_per_s: Positive | Range | None = None
-
-    @field_validator("phi_deg", "phi_rate_dps", "n_z", "n_z_rate_per_s")
-    @classmethod
-    def _rises(cls, value: float | list[float] | None) -> float | list[float] | None:
-        if isinstance(value, list) and not value[0] < value[1]:
-            raise ValueError("must be a range [low, high] with low below high")
-        return value
 
     @field_validator("phi_rate_dps", "n_z_rate_per_s")
     @classmethod
@@ -142,13 +89,41 @@ class ControllerTable(Table):
 
 
 class TuningTable(Table):
-    """``[tuning]``: what the gains named ``tuned`` maximise R_K under."""
+    """``[tuning]``: what the gains named ``tuned`` maximise R_K under, and on which model.
+
+    ``lag_rad_s`` puts a first-order lag of (phi, n_z) between command and aircraft, and
+    ``sample_delay`` the half sample by which a sampled command is late on average. R_K and I_K are
+    those of the state divided by ``state_scaling`` (s = (x', e); ones by default).
+    """
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0
     model: Literal["kinematic"] = "kinematic"
+    lag_rad_s: Annotated[list[Positive], Field(min_length=INPUTS, max_length=INPUTS)] | None = None
+    sample_delay: bool = False
     input_limits: bool = False
-    method: Literal["gradient"] = "gradient"
+    structure: Literal["full", "decoupled"] = "full"
+    gain_max: Positive | None = None
+    state_scaling: list[Positive] | None = None
+    method: Method = "gradient"
     starts: Annotated[int, Field(ge=1, le=1000)] = 12
+
+
+class EnvelopeTable(Table):
+    """``[envelope]``: ranges of flight over which ``certify --envelope`` looks for one proof."""
+
+    V_a_mps: Speeds
+    gamma_deg: Inclinations
+    phi_deg: Inclinations
+    n_z: Range
+
+    def envelope(self) -> Envelope:
+        """The ranges in m/s, rad and 1."""
+        return Envelope(
+            V_a=(self.V_a_mps[0], self.V_a_mps[1]),
+            gamma=(self.gamma_deg[0] * DEG, self.gamma_deg[1] * DEG),
+            phi=(self.phi_deg[0] * DEG, self.phi_deg[1] * DEG),
+            n_z=(self.n_z[0], self.n_z[1]),
+        )
 
 
 class DisturbanceTable(Table):
@@ -202,6 +177,7 @@ class Scenario(Table):
     controller: ControllerTable = ControllerTable()
     tuning: TuningTable = TuningTable()
     disturbance: DisturbanceTable | None = None
+    envelope: EnvelopeTable | None = None
     plant: Annotated[list[PlantTable], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -243,17 +219,19 @@ class Scenario(Table):
 
     def followed(self) -> Reference:
         """What the outer loop is asked to follow."""
-        chi, chi_segments = _channel(self.reference.chi_deg, self.flight.chi_deg)
-        gamma, gamma_segments = _channel(self.reference.gamma_deg, self.flight.gamma_deg)
-        return Reference(
-            chi=chi, gamma=gamma, chi_segments=chi_segments, gamma_segments=gamma_segments
-        )
+        f = self.flight
+        return self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
 
     def linear_model(self) -> LinearModel:
-        """The kinematic law about wings-level flight on the first reference."""
+        """The kinematic law about wings-level flight on the first reference, and its lags."""
         _, gamma = self.followed().sampled(np.zeros(1))
         f = self.flight
-        return kinematic_model(V_a=f.V_a_mps, gamma=float(gamma[0]), g=f.g_mps2)
+        model = kinematic_model(V_a=f.V_a_mps, gamma=float(gamma[0]), g=f.g_mps2)
+        if self.tuning.lag_rad_s is not None:
+            model = with_input_lag(model, self.tuning.lag_rad_s)
+        if self.tuning.sample_delay:
+            model = with_input_delay(model, 0.5 / self.controller.rate_hz)
+        return model
 
     def as_dict(self) -> dict[str, Any]:
         """The scenario as plain values, defaults filled in, as it would stand in a file."""
@@ -265,11 +243,3 @@ def _bounds(value: float | list[float] | None, unit: float) -> tuple[float, floa
         return -np.inf, np.inf
     low, high = value if isinstance(value, list) else (-value, value)
     return low * unit, high * unit
-
-
-def _channel(
-    value: float | list[StepTable | RampTable | DoubletTable], start_deg: float
-) -> tuple[float, tuple[Segment, ...]]:
-    if isinstance(value, list):
-        return start_deg * DEG, tuple(table.segment() for table in value)
-    return value * DEG, ()
