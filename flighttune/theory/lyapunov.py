@@ -1,6 +1,7 @@
 """The Lyapunov equation of one closed loop, or of a million at once."""
 
 from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +9,8 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from flighttune.arrays import FloatArray, square_matrices
 from flighttune.errors import InputError, ShapeError
+
+Indices: TypeAlias = npt.NDArray[np.intp]
 
 KRONECKER_STATES = 10
 """Up to here one linear system in the n (n + 1)/2 entries beats a Schur form per matrix."""
@@ -81,28 +84,34 @@ def solution_of_checked(A: FloatArray, S: FloatArray) -> FloatArray:
 
 
 def _kronecker(A: FloatArray, S: FloatArray) -> FloatArray:
-    rows, columns, operator = _upper_triangle(A.shape[-1])
-    system = (A.reshape(len(A), -1) @ operator).reshape(-1, len(rows), len(rows))
-    entries = np.linalg.solve(system, -S[:, rows, columns, None])[..., 0]
+    rows, columns, sources = _upper_triangle(A.shape[-1])
+    entries = np.concatenate([A.reshape(len(A), -1), np.zeros((len(A), 1))], axis=1)
+    system = entries.take(sources[0], axis=1) + entries.take(sources[1], axis=1)
+    solved = np.linalg.solve(system, -S[:, rows, columns, None])[..., 0]
     Q = np.empty(A.shape)
-    Q[:, rows, columns] = entries
-    Q[:, columns, rows] = entries
+    Q[:, rows, columns] = solved
+    Q[:, columns, rows] = solved
     return Q
 
 
 @cache
-def _upper_triangle(n: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray]:
-    """Rows and columns of the entries of Q solved for, and vec(A) to the system's matrix."""
+def _upper_triangle(n: int) -> tuple[Indices, Indices, Indices]:
+    """Rows and columns of the entries of Q solved for, and where the system's entries come from.
+
+    Each entry of the system is the sum of at most two entries of A: sources has shape
+    (2, n (n + 1)/2, n (n + 1)/2), into the entries of A row by row and a zero after them.
+    """
     rows, columns = np.triu_indices(n)
-    size = len(rows)
+    size, zero = len(rows), n * n
     position = np.empty((n, n), dtype=int)
     position[rows, columns] = position[columns, rows] = np.arange(size)
-    operator = np.zeros((n, n, size, size))
+    terms: list[list[list[int]]] = [[[] for _ in range(size)] for _ in range(size)]
     for equation, (i, j) in enumerate(zip(rows, columns, strict=True)):
         for k in range(n):
-            operator[k, i, equation, position[k, j]] += 1.0
-            operator[k, j, equation, position[i, k]] += 1.0
-    return rows, columns, operator.reshape(n * n, size * size)
+            terms[equation][position[k, j]].append(k * n + i)
+            terms[equation][position[i, k]].append(k * n + j)
+    padded = [[(*term, zero, zero)[:2] for term in row] for row in terms]
+    return rows, columns, np.moveaxis(np.array(padded), -1, 0)
 
 
 def _bartels_stewart(A: FloatArray, S: FloatArray) -> FloatArray:

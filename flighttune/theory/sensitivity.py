@@ -4,7 +4,7 @@ With ``A' Q + Q A + I = 0`` and a unit eigenvector v of Q, ``d(lambda) = <2 Q X,
 ``A X + X A' + v v' = 0``: one more Lyapunov equation an eigenvalue. Two of them give R_K and I_K.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -65,7 +65,19 @@ def spectra(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> Spec
     if A_K.ndim != 2:
         raise ShapeError(f"`A_K` must have 2 axes, got shape {A_K.shape}.")
     scale = state_scaling(scaling, len(A_K))
-    A = scaled(A_K, scale)
+    found = spectra_of_checked(scaled(A_K, scale))
+    if found is None:
+        return None
+    chain = scale / scale[:, None]
+    return replace(
+        found,
+        eigenvalue_gradients=found.eigenvalue_gradients * chain,
+        singular_value_gradients=found.singular_value_gradients * chain,
+    )
+
+
+def spectra_of_checked(A: FloatArray) -> Spectra | None:
+    """`spectra` of a finite matrix of shape (n, n), already scaled, not checked."""
     try:
         Q = solution_of_checked(A, np.eye(len(A)))
         eigenvalues, vectors = np.linalg.eigh(Q)
@@ -76,12 +88,11 @@ def spectra(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> Spec
     except np.linalg.LinAlgError:
         return None
     left, singular_values, right = np.linalg.svd(A)
-    chain = scale / scale[:, None]
     return Spectra(
         eigenvalues=eigenvalues,
-        eigenvalue_gradients=2.0 * (Q @ X) * chain,
+        eigenvalue_gradients=2.0 * (Q @ X),
         singular_values=singular_values,
-        singular_value_gradients=left.T[:, :, None] * right[:, None, :] * chain,
+        singular_value_gradients=left.T[:, :, None] * right[:, None, :],
     )
 
 

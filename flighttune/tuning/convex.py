@@ -15,6 +15,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import LinearModel
 from flighttune.theory.lmi import Cone, minimise
+from flighttune.theory.quadratic import symmetric_basis
 from flighttune.tuning.gradient import tune_by_gradient
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
@@ -90,7 +91,7 @@ def state_feedback(
     A, B = np.zeros((order, order)), np.vstack([model.B, np.zeros((p, m))])
     A[:n, :n], A[n:, :n] = model.A, model.C
     A, B = A * (scale / scale[:, None]), B / scale[:, None]
-    W_basis = _symmetric_basis(order)
+    W_basis = symmetric_basis(order)
     Y_basis = np.eye(m * order).reshape(-1, m, order)
     zero_W, zero_Y = np.zeros((len(W_basis), m, order)), np.zeros((len(Y_basis), order, order))
     W = np.concatenate([np.zeros((1, order, order)), W_basis, zero_Y])
@@ -112,15 +113,6 @@ def state_feedback(
         return None
     K = np.linalg.solve(np.tensordot(found.x, W, 1), np.tensordot(found.x, Y, 1).T).T
     return K / scale
-
-
-def _symmetric_basis(n: int) -> FloatArray:
-    """Matrices that span the symmetric ones, shape (n (n + 1)/2, n, n)."""
-    rows, columns = np.triu_indices(n)
-    basis = np.zeros((len(rows), n, n))
-    index = np.arange(len(rows))
-    basis[index, rows, columns] = basis[index, columns, rows] = 1.0
-    return basis
 
 
 def _blocks(top: FloatArray, right: FloatArray, bottom: FloatArray) -> FloatArray:
