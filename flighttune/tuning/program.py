@@ -16,12 +16,19 @@ from scipy.optimize import OptimizeResult, minimize
 
 from flighttune.arrays import FloatArray
 from flighttune.control.closed_loop import closed_loops
-from flighttune.theory.sensitivity import spectra
+from flighttune.theory.indicators import scaled
+from flighttune.theory.sensitivity import spectra_of_checked
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.search_space import SearchSpace
 
-Objective = Literal["R_K", "I_K", "factor"]
+Objective = Literal["R_K", "I_K", "factor", "trace"]
 
+SLOPES = {
+    "R_K": (1.0, 0.0, 0.0, 0.0),
+    "I_K": (2.0, -1.0, -1.0, 0.0),
+    "factor": (0.0, 0.0, 0.0, 1.0),
+}
+"""Of the linear objectives in (top, bottom, sigma_floor, factor)."""
 ACCURACY = 1e-9
 ITERATIONS = 60
 RESTARTS = 2
@@ -42,11 +49,14 @@ class Program:
     problem : TuningProblem
     space : SearchSpace
         Of `problem`.
-    objective : "R_K" (maximised), "I_K" or "factor" (minimised)
+    objective : "R_K" (maximised), "I_K", "factor" or "trace" (minimised)
+        The last is the trace of Q.
     radius_limited : bool
         Whether ``I_K <= I_star`` is a constraint.
     relaxable : ndarray of bool, shape (r,)
         Which limit rows the variable factor multiplies.
+    least_R_K : float, 1/s
+        A smaller rate is not allowed.
     """
 
     problem: TuningProblem
@@ -54,6 +64,7 @@ class Program:
     objective: Objective
     radius_limited: bool
     relaxable: npt.NDArray[np.bool_]
+    least_R_K: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +82,7 @@ def program(
     objective: Objective,
     *,
     relaxable: npt.NDArray[np.bool_] | None = None,
+    least_R_K: float = 0.0,
 ) -> Program:
     """The program of `objective`; `I_star` is a constraint unless I_K itself is minimised."""
     if relaxable is None:
@@ -82,6 +94,7 @@ def program(
         objective=objective,
         radius_limited=limited,
         relaxable=relaxable,
+        least_R_K=least_R_K,
     )
 
 
@@ -91,23 +104,18 @@ def descend(program: Program, k: FloatArray, factor: float = 1.0) -> Optimum:
     size = len(k)
     logs = curve.logs(k)[0].reshape(3, -1)
     z = np.concatenate([k, [logs[0].max(), logs[1].min(), logs[2].min(), factor]])
-    slope = np.zeros(size + 4)
-    slope[size:] = {
-        "R_K": (1.0, 0.0, 0.0, 0.0),
-        "I_K": (2.0, -1.0, -1.0, 0.0),
-        "factor": (0.0, 0.0, 0.0, 1.0),
-    }[program.objective]
     varies = program.objective == "factor"
     lower = np.concatenate(
         [program.space.k_min, [-np.inf] * 3, [SMALLEST_FACTOR if varies else 1.0]]
     )
-    upper = np.concatenate([program.space.k_max, [np.inf] * 3, [np.inf if varies else 1.0]])
+    slowest = -np.log(program.least_R_K) if program.least_R_K else np.inf
+    upper = [*program.space.k_max, slowest, np.inf, np.inf, np.inf if varies else 1.0]
 
     def run(z: FloatArray) -> OptimizeResult:
         return minimize(
-            lambda z: float(slope @ z),
+            curve.goal,
             z,
-            jac=lambda _: slope,
+            jac=True,
             method="SLSQP",
             bounds=np.column_stack([lower, upper]),
             constraints={"type": "ineq", "fun": curve.values, "jac": curve.slopes},
@@ -130,13 +138,26 @@ class _Constraints:
 
     def __init__(self, program: Program) -> None:
         self._program = program
-        self._model = program.problem.model
         self._k: FloatArray = np.empty(0)
         self._logs: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
-        space = program.space
+        space, scaling = program.space, np.asarray(program.problem.scaling)
+        k = np.vstack([np.zeros(len(space.k_min)), np.eye(len(space.k_min))])
+        loops = scaled(closed_loops(program.problem.model, space.K(k)), scaling)
+        self._loop, self._in_k = loops[0], (loops[1:] - loops[0]).reshape(len(k) - 1, -1)
         bound = space.bound - INSIDE * np.abs(space.bound)
         self._fixed_room = np.where(program.relaxable, 0.0, bound) - space.offset
         self._relaxed_room = np.where(program.relaxable, bound, 0.0)
+
+    def goal(self, z: FloatArray) -> tuple[float, FloatArray]:
+        """What is minimised, and its slope."""
+        slope = np.zeros(len(z))
+        if self._program.objective == "trace":
+            logs, slopes = self.logs(z[:-4])
+            weights = np.exp(logs[: len(self._loop)])
+            slope[:-4] = weights @ slopes[: len(weights)] / weights.sum()
+            return float(np.log(weights.sum())), slope
+        slope[-4:] = SLOPES[self._program.objective]
+        return float(slope @ z), slope
 
     def values(self, z: FloatArray) -> FloatArray:
         k, (top, bottom, sigma_floor, factor) = z[:-4], z[-4:]
@@ -173,25 +194,16 @@ class _Constraints:
         return self._logs
 
     def _spectra(self, k: FloatArray) -> tuple[FloatArray, FloatArray]:
-        program = self._program
-        A_K = closed_loops(self._model, program.space.K(k))
-        found = spectra(A_K, scaling=program.problem.scaling)
+        n = len(self._loop)
+        found = spectra_of_checked(self._loop + (k @ self._in_k).reshape(n, n))
         if found is None:
-            logs = np.repeat([UNSTABLE_LOG, -UNSTABLE_LOG, -UNSTABLE_LOG], len(A_K))
+            logs = np.repeat([UNSTABLE_LOG, -UNSTABLE_LOG, -UNSTABLE_LOG], n)
             return logs, np.zeros((len(logs), len(k)))
-        eigen = found.eigenvalue_gradients / found.eigenvalues[:, None, None]
-        singular = found.singular_value_gradients / found.singular_values[:, None, None]
-        eigen, singular = self._in_gains(eigen), self._in_gains(singular)
-        log_eigen, log_singular = np.log(found.eigenvalues), np.log(found.singular_values)
+        values = np.concatenate([found.eigenvalues, found.singular_values])
+        slopes = np.concatenate([found.eigenvalue_gradients, found.singular_value_gradients])
+        logs = np.log(values)
+        log_slopes = slopes.reshape(2 * n, -1) @ self._in_k.T / values[:, None]
         return (
-            np.concatenate([log_eigen, log_eigen, log_singular]),
-            np.vstack([eigen, eigen, singular]),
+            np.concatenate([logs[:n], logs]),
+            np.concatenate([log_slopes[:n], log_slopes]),
         )
-
-    def _in_gains(self, gradient: FloatArray) -> FloatArray:
-        """Gradients in A_K, shape (..., n + p, n + p), to those in k, shape (..., f)."""
-        n, _, _ = self._model.shape
-        B, C = self._model.B, self._model.C
-        in_K_P = B.T @ gradient[..., :n, :n] @ C.T
-        in_K_I = B.T @ gradient[..., :n, n:]
-        return np.concatenate([in_K_P, in_K_I], axis=-1)[..., self._program.space.free]

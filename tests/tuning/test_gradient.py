@@ -16,8 +16,9 @@ from flighttune.tuning.search_space import search_space
 from flighttune.tuning.tune import tune
 
 FIFTH_DIGIT = 1e-5
-FOURTH_DIGIT = 1e-4
+THIRD_DIGIT = 1e-3
 HALF_LAST_DIGIT = 5e-5
+FLAT = 0.04  # the rate changes by 1e-4 over this much gain
 STEP = 1e-6
 TRUNCATION = 1e-5
 
@@ -32,7 +33,7 @@ def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
     assert found.active == ("I_K",)
     assert found.agreeing == found.starts
     assert found.gains.K == pytest.approx(
-        np.array([[2.2209, 0.0, 3.8753, 0.0], [0.0, 2.4797, 0.0, 3.8753]]), abs=FOURTH_DIGIT
+        np.array([[2.2209, 0.0, 3.8753, 0.0], [0.0, 2.4797, 0.0, 3.8753]]), abs=THIRD_DIGIT
     )
 
 
@@ -62,7 +63,7 @@ def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
     assert found.I_K == found.smallest_I_K
     assert "`I_star` must be at least 4.85027" in found.reason
     assert found.gains.K == pytest.approx(
-        np.array([[1.6524, 0.0, 3.4577, 0.0], [0.0, 1.9112, 0.0, 3.4577]]), abs=FOURTH_DIGIT
+        np.array([[1.6524, 0.0, 3.4577, 0.0], [0.0, 1.9112, 0.0, 3.4577]]), abs=THIRD_DIGIT
     )
 
 
@@ -107,9 +108,20 @@ def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model)
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(0.1153, abs=HALF_LAST_DIGIT)
-    assert found.gains.K[1, [1, 3]] == pytest.approx([2.90, 0.92], abs=5e-3)
-    assert worst_damping(closed_loop(lagged, found.gains)) > 0.8
+    assert found.gains.K[1, [1, 3]] == pytest.approx([2.90, 0.92], abs=FLAT)
+    assert worst_damping(closed_loop(lagged, found.gains)) > 0.85
     assert worst_damping(closed_loop(lagged, PAPER_GAINS)) == pytest.approx(0.12, abs=5e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model, seed):
+    lagged = with_input_lag(model, (4.0, 8.0))
+
+    coupled = tune(TuningProblem(model=lagged, seed=seed))
+    own = tune(TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
+
+    assert coupled.gains.K == pytest.approx(own.gains.K, abs=FLAT)
+    assert coupled.R_K == pytest.approx(own.R_K, rel=2e-4)
 
 
 def test_structure_and_bounds_are_kept_and_named(model):
@@ -132,8 +144,13 @@ def test_state_scaling_changes_what_is_optimal(model):
     assert found.R_K > indicators(closed_loop(model, found.gains)).R_K
 
 
-def test_a_plant_that_no_gains_stabilise_is_a_failure_with_a_reason(model):
-    found = tune(TuningProblem(model=model, K_fixed=np.ones((2, 4))))
+@pytest.mark.parametrize("without", ["freedom", "control"])
+def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, without):
+    problem = TuningProblem(model=model, K_fixed=np.ones((2, 4)))
+    if without == "control":
+        problem = TuningProblem(model=replace(model, B=np.zeros((2, 2))))
+
+    found = tune(problem)
 
     assert (found.status, found.gains, found.R_K) == ("failed", None, 0.0)
     assert found.reason
