@@ -1,0 +1,113 @@
+"""What tuning costs: gradient and convex start against differential evolution, over ten seeds.
+
+Run it with ``python benchmarks/bench_tuning.py``; ``--json`` prints one object.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.lag import with_input_lag
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import kinematic_model
+from flighttune.control.margins import loop_margins
+from flighttune.tuning.diagnosis import diagnosis
+from flighttune.tuning.frontier import frontier
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.tune import Method, tune
+
+SEEDS = range(10)
+METHODS: tuple[Method, ...] = ("gradient", "genetic", "convex")
+FEASIBLE_FACTOR = 7.0
+
+
+def problems() -> dict[str, TuningProblem]:
+    """The paper's problem without input limits, and with seven times the printed ones."""
+    model = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+    limits = Limits(
+        lower=np.array([-np.pi / 4.0, -2.1]),
+        upper=np.array([np.pi / 4.0, 2.1]),
+        rate_lower=np.array([-np.pi / 6.0, -1.0]),
+        rate_upper=np.array([np.pi / 6.0, 1.0]),
+    )
+    x_0 = np.array([-np.pi / 3.0, -np.pi / 6.0])
+    printed = TuningProblem(model=model, I_star=5.0, limits=limits, x_0=x_0)
+    return {
+        "I* = 5": TuningProblem(model=model, I_star=5.0),
+        "I* = 5, 7 x the printed limits": printed.relaxed(FEASIBLE_FACTOR, FEASIBLE_FACTOR),
+        "I* = 5, printed limits": printed,
+    }
+
+
+def over_seeds(problem: TuningProblem) -> dict[str, dict[str, float | str]]:
+    """Median time, and the worst and best R_K, over the seeds; the methods take turns."""
+    found = {method: [] for method in METHODS}
+    for seed in SEEDS:
+        for method in METHODS:
+            found[method].append(tune(replace(problem, seed=seed), method))
+    return {
+        method: {
+            "status": "/".join(sorted({one.status for one in results})),
+            "median_s": float(np.median([one.wall_s for one in results])),
+            "R_K_worst": min(one.R_K for one in results),
+            "R_K_best": max(one.R_K for one in results),
+        }
+        for method, results in found.items()
+    }
+
+
+def seconds(run: Callable[[], object], repeats: int = 3) -> float:
+    """Median time of a call."""
+    took = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        run()
+        took.append(time.perf_counter() - began)
+    return float(np.median(took))
+
+
+def measured() -> dict[str, dict]:
+    """Everything, in one process."""
+    cases = problems()
+    free, printed = cases["I* = 5"], cases["I* = 5, printed limits"]
+    lagged = with_input_lag(free.model, (4.0, 8.0))
+    for method in METHODS:
+        tune(replace(free, I_star=6.0), method)
+    methods = {name: over_seeds(case) for name, case in cases.items()}
+    others = {
+        "tune with lag, 6 states": seconds(lambda: tune(TuningProblem(model=lagged))),
+        "diagnosis, printed limits": seconds(lambda: diagnosis(printed)),
+        "frontier, 25 points": seconds(lambda: frontier(free)),
+        "margins": seconds(lambda: loop_margins(free.model, PAPER_GAINS)),
+    }
+    return {"methods": methods, "seconds": others}
+
+
+def main() -> None:
+    """Measure, and print a table or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true")
+    found = measured()
+    if parser.parse_args().json:
+        print(json.dumps(found))
+        return
+    print(f"{'median of ten seeds':34}{'s':>8}{'x gradient':>12}{'R_K worst':>12}{'best':>10}")
+    for problem, methods in found["methods"].items():
+        print(problem)
+        for method, row in methods.items():
+            ratio = row["median_s"] / methods["gradient"]["median_s"]
+            print(
+                f"  {method + ', ' + row['status']:32}{row['median_s']:8.3f}{ratio:12.1f}"
+                f"{row['R_K_worst']:12.6f}{row['R_K_best']:10.6f}"
+            )
+    for name, took in found["seconds"].items():
+        print(f"{name:34}{took:8.3f}")
+
+
+if __name__ == "__main__":
+    main()
