@@ -31,7 +31,7 @@ RATE_SHARE = 0.8
 PHASE_DRAWS = 100
 CHECK_UNIT = 0.9, 0.8
 CHECK_START = 1.0, 2.3
-CHECK_DURATION = 14.0
+CHECK_DURATION = 12.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

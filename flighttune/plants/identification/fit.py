@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import get_args
 
 import numpy as np
@@ -18,7 +19,11 @@ from flighttune.plants.identification.experiment import Response
 SAMPLES = round(PERIOD / DT)
 
 START_DELAYS = 0.0, 0.1
-"""Delays, s, from which the search begins."""
+START_SHAPES = (1.0, 0.7, 0.3), (2.0, 0.5, 1.0)
+"""From where the search begins: delays in s; frequency over the corner, damping, lag times it."""
+
+FINEST = 1e-3
+"""Distance between responses below which an order does not earn a further parameter."""
 
 LOWER = math.log(0.05), 0.0, math.log(0.1), math.log(1e-3)
 UPPER = math.log(200.0), 1.0, math.log(5.0), math.log(10.0)
@@ -168,21 +173,27 @@ def _fitted(response: FrequencyResponse, order: Order) -> Candidate:
         return np.concatenate([gap.real, gap.imag])
 
     corner = _corner(response)
+    starts = {
+        (math.log(corner * faster), delay, math.log(damping), math.log(part / corner))[:size]
+        for delay, (faster, damping, part) in product(START_DELAYS, START_SHAPES)
+    }
     runs = [
         least_squares(
             error,
-            np.clip([math.log(corner), delay, math.log(0.7), -math.log(3.0 * corner)][:size],
-                    lower + 1e-3, upper - 1e-3),
-            bounds=(lower, upper), xtol=1e-12, ftol=1e-12, gtol=1e-12,
+            np.clip(start, lower + 1e-3, upper - 1e-3),
+            bounds=(lower, upper),
+            xtol=1e-12,
+            ftol=1e-12,
+            gtol=1e-12,
         )
-        for delay in START_DELAYS
-    ]  # fmt: skip
+        for start in sorted(starts)
+    ]
     best = min(runs, key=lambda run: run.cost)
-    mean_square = max(2.0 * float(best.cost) / count, np.finfo(float).tiny)
+    mean_square = 2.0 * float(best.cost) / count
     return Candidate(
         lag=_lag(best.x, order),
         residual=math.sqrt(2.0 * mean_square),
-        bic=count * math.log(mean_square) + size * math.log(count),
+        bic=count * math.log(max(mean_square, FINEST**2)) + size * math.log(count),
     )
 
 

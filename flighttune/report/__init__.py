@@ -1,0 +1,1 @@
+"""Figures and pages to send to a colleague."""

@@ -1,0 +1,102 @@
+"""Lags of order one to three against their transfer functions."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.control.closed_loop import closed_loops
+from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
+from flighttune.control.lag import with_input_lag
+from flighttune.control.linear_model import kinematic_model
+from flighttune.errors import InputError, ShapeError
+
+MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+ROUNDING = 1e-12
+SLOW, FAST = (
+    InnerLag(order=2, natural_frequency=6.0, damping=0.7),
+    InnerLag(order=3, natural_frequency=12.0, damping=0.4, lag=0.1, delay=0.05),
+)
+
+
+def response(model, s):
+    return model.C @ np.linalg.solve(s * np.eye(len(model.A)) - model.A, model.B)
+
+
+@pytest.mark.parametrize("s", [0.3j, 2.0j, 1.0 + 5.0j])
+def test_each_input_is_multiplied_by_its_own_transfer_function(s):
+    lagged = response(with_inner_loop(MODEL, (SLOW, FAST)), s)
+
+    second = 36.0 / (s * s + 8.4 * s + 36.0)
+    pade = (1.0 - 0.025 * s) / (1.0 + 0.025 * s)
+    third = pade * 144.0 / (s * s + 9.6 * s + 144.0) / (1.0 + 0.1 * s)
+    assert lagged == pytest.approx(response(MODEL, s) * [second, third], rel=ROUNDING)
+
+
+def test_first_order_without_delay_is_the_plain_input_lag():
+    lags = InnerLag(order=1, natural_frequency=4.0), InnerLag(order=1, natural_frequency=8.0)
+
+    found, plain = with_inner_loop(MODEL, lags), with_input_lag(MODEL, [4.0, 8.0])
+
+    assert found.A == pytest.approx(plain.A)
+    assert found.B == pytest.approx(plain.B)
+    assert found.C == pytest.approx(plain.C)
+    assert found.states == plain.states
+
+
+def test_the_response_is_exact_in_the_delay():
+    omega = np.array([0.5, 3.0, 9.0])
+    s = 1j * omega
+
+    expected = np.exp(-0.05 * s) * 144.0 / (s * s + 9.6 * s + 144.0) / (1.0 + 0.1 * s)
+
+    assert FAST.response(omega) == pytest.approx(expected, rel=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("lag", "bandwidth"),
+    [
+        (InnerLag(order=1, natural_frequency=4.0, delay=0.3), 4.0),
+        (InnerLag(order=2, natural_frequency=5.0, damping=math.sqrt(0.5)), 5.0),
+        (InnerLag(order=2, natural_frequency=5.0, damping=1.0), 5.0 * math.sqrt(math.sqrt(2) - 1)),
+    ],
+)
+def test_bandwidth_is_where_half_the_power_is_lost(lag, bandwidth):
+    assert lag.bandwidth == pytest.approx(bandwidth, rel=1e-9)
+
+
+def test_a_lag_at_rest_has_gain_one_and_adding_delay_keeps_the_rest():
+    assert abs(FAST.response(1e-9)) == pytest.approx(1.0)
+    assert FAST.delayed(0.02) == InnerLag(
+        order=3, natural_frequency=12.0, damping=0.4, lag=0.1, delay=0.07
+    )
+
+
+def test_states_have_names_and_the_loop_closes_on_the_errors_alone():
+    model = with_inner_loop(MODEL, (SLOW, FAST))
+
+    assert model.states == (
+        "chi", "gamma", "phi", "phi_lag_1", "n_z", "n_z_lag_1", "n_z_lag_2", "n_z_delay",
+    )  # fmt: skip
+    assert np.abs(model.C[:, 2:]).max() == 0.0
+    assert closed_loops(model, np.zeros((2, 4))).shape == (10, 10)
+
+
+def test_a_lag_counts_by_the_turn_it_causes():
+    scaling = inner_loop_scaling(MODEL, (SLOW, FAST))
+
+    assert scaling == pytest.approx([1.0, 1.0, *[25.0 / 9.81] * 6, 1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: InnerLag(order=4, natural_frequency=1.0), InputError, "`order` must be 1, 2 or 3"),
+        (lambda: InnerLag(order=1, natural_frequency=0.0), InputError, "`natural_frequency` must"),
+        (lambda: SLOW.delayed(-1.0), InputError, "`delay` must not be negative, got -1"),
+        (lambda: with_inner_loop(MODEL, (SLOW,)), ShapeError, "`lags` must be 2, one an input"),
+    ],
+)
+def test_impossible_lags_are_refused(call, error, message):
+    with pytest.raises(error, match=message):
+        call()

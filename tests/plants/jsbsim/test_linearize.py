@@ -1,0 +1,94 @@
+"""The airframe's linearisation and modes against flight mechanics on paper."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.errors import PlantError, TrimError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.aircraft import load_aircraft
+from flighttune.plants.jsbsim.linearize import lateral_modes, linearize, longitudinal_modes
+
+LEVEL = FlightCondition(V_a=25.0)
+ROLL_APPROXIMATION = 0.1
+"""Relative difference of the roll mode from its one-degree-of-freedom approximation."""
+SHORT_PERIOD_APPROXIMATION = 0.05
+
+
+@pytest.fixture(scope="module")
+def level():
+    return linearize(load_aircraft("aerosonde"), LEVEL)
+
+
+def mode(model, name):
+    (found,) = (m for m in model.modes if m.name == name)
+    return found
+
+
+def test_has_the_five_modes_of_an_aircraft(level):
+    names = [m.name for m in level.modes]
+
+    assert names == ["short period", "phugoid", "dutch roll", "roll", "spiral"]
+
+
+def test_roll_mode_is_that_of_roll_damping(level):
+    q, S, b, V, J_x = 0.5 * 1.1117 * 25.0**2, 0.55, 2.8956, 25.0, 0.8244
+
+    expected = q * S * b / J_x * -0.51 * b / (2.0 * V)
+
+    assert mode(level, "roll").eigenvalue.real == pytest.approx(expected, rel=ROLL_APPROXIMATION)
+
+
+def test_short_period_is_that_of_its_two_by_two_approximation(level):
+    rows = [level.states.index(name) for name in ("Alpha", "Q")]
+
+    (expected, _) = np.linalg.eigvals(level.A[np.ix_(rows, rows)])
+
+    found = mode(level, "short period")
+    assert found.natural_frequency == pytest.approx(abs(expected), rel=SHORT_PERIOD_APPROXIMATION)
+    assert 0.3 < found.damping < 1.0
+
+
+def test_phugoid_is_slow_and_hardly_damped(level):
+    lanchester = math.sqrt(2.0) * 9.80665 / 25.0
+
+    found = mode(level, "phugoid")
+
+    assert found.natural_frequency == pytest.approx(lanchester, rel=0.25)
+    assert abs(found.damping) < 0.2
+
+
+def test_names_and_units_come_along(level):
+    units = dict(zip(level.states, level.state_units, strict=True))
+
+    assert units["Q"] == "rad/s"
+    assert units["Vt"] == "ft/s"
+    assert level.A.shape == (12, 12)
+    assert level.B.shape == (12, len(level.inputs))
+
+
+def test_modes_without_oscillation_keep_their_place():
+    A = np.diag([-5.0, -3.0, -0.1, 0.02])
+
+    assert [m.name for m in longitudinal_modes(A)] == ["short period"] * 2 + ["phugoid"] * 2
+    assert [m.name for m in lateral_modes(A)] == ["roll", "spiral", "lateral", "lateral"]
+
+
+def test_roll_and_spiral_that_swing_together_are_named_so():
+    pairs = np.array([[-1.0, 5.0, 0.0, 0.0], [-5.0, -1.0, 0.0, 0.0],
+                      [0.0, 0.0, -0.2, 0.6], [0.0, 0.0, -0.6, -0.2]])  # fmt: skip
+
+    assert [m.name for m in lateral_modes(pairs)] == ["dutch roll", "roll-spiral"]
+
+
+def test_an_aircraft_without_an_engine_is_refused_and_the_process_lives(changed_aircraft):
+    folder = changed_aircraft("aerosonde.xml", r"(?s)<propulsion>.*?</propulsion>", "")
+
+    with pytest.raises(PlantError):
+        linearize(load_aircraft(folder), LEVEL)
+
+
+def test_a_condition_without_steady_flight_is_refused():
+    with pytest.raises(TrimError, match="throttle closed"):
+        linearize(load_aircraft("aerosonde"), FlightCondition(V_a=25.0, gamma=-0.5))
