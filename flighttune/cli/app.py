@@ -7,6 +7,7 @@ import typer
 
 from flighttune.cli.flights import fly, list_shipped, view
 from flighttune.cli.gains import certify, tune
+from flighttune.cli.identify import identify
 from flighttune.cli.show import COULD_NOT_RUN, fail
 from flighttune.errors import FlightTuneError
 
@@ -22,6 +23,7 @@ app = typer.Typer(
 app.command()(fly)
 app.command()(tune)
 app.command()(certify)
+app.command()(identify)
 app.command("list")(list_shipped)
 app.command()(view)
 

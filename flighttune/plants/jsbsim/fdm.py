@@ -98,6 +98,19 @@ class Fdm:
             if not done:
                 raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
 
+    def linearization(self) -> jsbsim.FGLinearization:
+        """Return JSBSim's linearisation about the state the aircraft is in.
+
+        Raises
+        ------
+        PlantError
+            If the aircraft has no engine: JSBSim ends the process over that.
+        """
+        if not self._exec.get_propulsion().get_num_engines():
+            raise PlantError(f"{self._model}: must have an engine to be linearised, got none.")
+        with self._translated("cannot be linearised"), quiet():
+            return jsbsim.FGLinearization(self._exec)
+
     def abandon(self) -> None:
         """Keep the broken aircraft for good.
 
