@@ -6,11 +6,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from flighttune.arrays import FloatArray, Floats
+from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
-from flighttune.plants.channel_lag import ChannelLag, LaggedChannel
 from flighttune.plants.kinematic import G_PAPER, LONGEST_STEP, Disturbance
+from flighttune.plants.lagged_channel import LaggedChannel
 from flighttune.plants.wind import NED, WindPiece, WindRecord, course_of, velocity_along
 
 TurnLaw: TypeAlias = Literal["exact", "paper"]
@@ -19,7 +20,7 @@ WIND_SIGNALS = ("wind_north", "wind_east", "wind_down", "V_g")
 """What a point in a wind record shows besides the signals of still air."""
 
 FINEST = 0.06
-"""Longest integration step times the bandwidth of a lag."""
+"""Longest integration step times the natural frequency of a lag."""
 
 STEEPEST = math.radians(89.9)
 
@@ -74,7 +75,7 @@ class PointMassPlant:
 
     Parameters
     ----------
-    lags : tuple of ChannelLag, length 2, optional
+    lags : tuple of InnerLag, length 2, optional
         Of roll and of load factor.
     wind : WindRecord, optional
         Still air by default.
@@ -111,7 +112,7 @@ class PointMassPlant:
 
     def __init__(
         self,
-        lags: tuple[ChannelLag, ChannelLag] | None = None,
+        lags: tuple[InnerLag, InnerLag] | None = None,
         *,
         wind: WindRecord | None = None,
         disturbance: Disturbance | None = None,
@@ -131,7 +132,7 @@ class PointMassPlant:
         self._wind = WindRecord.steady() if wind is None else wind
         self._windy = wind is not None
         self._disturbance = disturbance or _calm
-        fastest = max((lag.bandwidth for lag in lags or ()), default=0.0)
+        fastest = max((lag.natural_frequency for lag in lags or ()), default=0.0)
         self._step = min(LONGEST_STEP, FINEST / fastest) if fastest else LONGEST_STEP
 
     def start(self, condition: FlightCondition) -> None:

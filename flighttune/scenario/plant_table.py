@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from flighttune.plants.channel_lag import ChannelLag
+from flighttune.control.inner_loop import InnerLag
 from flighttune.scenario.table import NotNegative, Positive, Table
 
 LAG_KEYS = ("roll", "n_z")
@@ -50,16 +50,16 @@ class PlantTable(Table):
         """Name of the plant in tables, plots and files."""
         return self.kind if self.aircraft is None else f"{self.kind}:{self.aircraft}"
 
-    def lags(self) -> tuple[ChannelLag, ChannelLag] | None:
+    def lags(self) -> tuple[InnerLag, InnerLag] | None:
         """Lag of roll and of load factor; None where there is none."""
         if self.kind != "point_mass_lag":
             return None
         return self._lag("roll"), self._lag("n_z")
 
-    def _lag(self, key: str) -> ChannelLag:
+    def _lag(self, key: str) -> InnerLag:
         damping = getattr(self, f"{key}_damping")
-        return ChannelLag(
-            bandwidth=getattr(self, f"{key}_lag_rad_s"),
+        return InnerLag(
+            natural_frequency=getattr(self, f"{key}_lag_rad_s"),
             delay=getattr(self, f"{key}_delay_s") or 0.0,
             order=1 if damping is None else 2,
             damping=1.0 if damping is None else damping,

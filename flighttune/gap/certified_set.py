@@ -1,0 +1,185 @@
+"""Does the set that the certificate promises for the mismatch measured hold in flight?"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.gap.mismatch import Mismatch
+from flighttune.simulate.run import Run
+from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
+from flighttune.theory.reachable import ReachableSet
+
+ROUNDING = 1e-6
+"""Part by which a set may be exceeded before it counts as broken."""
+
+REFERENCE_MOVED = 1e-9
+"""A change of slope of the reference beyond this (rad a sample) starts the claim anew."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Whether a flight stayed in its certified ultimate set.
+
+    Attributes
+    ----------
+    held : bool
+        It came into the set, and once in it was never outside again unless the reference moved.
+    t_entered : float or None, s
+        When it first was inside; None where it never was.
+    t_broken : float or None, s
+        When it first left; None where it did not.
+    t_from : float, s
+        The time from which the flight is looked at and the mismatch is bounded.
+    L_d : float, rad/s^2
+        Bound of the mismatch's derivative from `t_from` on.
+    radius : float
+        Of the invariant ellipsoid: largest norm of s = (e', e) in it, in rad/s and rad.
+    reach : float
+        Exact radius of the set that the linear loop can reach; never above `radius`.
+    tube : tuple of float, rad
+        Largest errors of course and of flight-path angle in the ellipsoid.
+    """
+
+    held: bool
+    t_entered: float | None
+    t_broken: float | None
+    t_from: float
+    L_d: float
+    radius: float
+    reach: float
+    tube: tuple[float, float]
+
+    @property
+    def sentence(self) -> str:
+        """``held`` or ``broken at t = ...``, or that the set was never entered."""
+        if self.held:
+            return "held"
+        if self.t_broken is None:
+            return "never entered"
+        return f"broken at t = {self.t_broken:.2f} s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoopFlown:
+    """A flight as the velocity form of its loop sees it, beside the certificate of that loop.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,), s
+        Middle of each sample interval.
+    level : ndarray, shape (n,), s^-4
+        ``s' W^-1 s`` for L_d = 1: the flight is inside the ellipsoid of L_d where it is at most
+        ``L_d^2``.
+    promised : ndarray, shape (n,)
+        What `level` may be at most, if the loop is the linear one, is not held by limits, and meets
+        the mismatch measured up to then.
+    moved : ndarray of bool, shape (n,)
+        Where the reference changes its slope: `promised` begins anew behind it.
+    strength : ndarray, shape (n - 1,), rad/s^2
+        Norm of the derivative of the mismatch.
+    unit : Ellipsoid
+        Invariant ellipsoid for L_d = 1.
+    reach : float
+        Exact radius of the reachable set for L_d = 1.
+    """
+
+    t: FloatArray
+    level: FloatArray
+    promised: FloatArray
+    moved: np.ndarray
+    strength: FloatArray
+    unit: Ellipsoid
+    reach: float
+
+    def verdict(self, t_from: float = 0.0) -> Verdict:
+        """Whether the set of the mismatch from `t_from` (s) on holds from there on."""
+        first = int(np.searchsorted(self.t, t_from))
+        L_d = float(self.strength[min(first, len(self.strength) - 1) :].max())
+        inside = self.level <= (L_d * (1.0 + ROUNDING)) ** 2
+        entered = broken = None
+        was_inside = False
+        for k in range(first, len(self.t)):
+            if self.moved[k]:
+                was_inside = False
+            elif inside[k]:
+                was_inside, entered = True, float(self.t[k]) if entered is None else entered
+            elif was_inside:
+                broken = float(self.t[k])
+                break
+        widths = np.sqrt(np.diag(self.unit.W))[2:] * L_d
+        return Verdict(
+            held=was_inside and broken is None,
+            t_entered=entered,
+            t_broken=broken,
+            t_from=t_from,
+            L_d=L_d,
+            radius=self.unit.radius * L_d,
+            reach=self.reach * L_d,
+            tube=(float(widths[0]), float(widths[1])),
+        )
+
+    def t_promise_broken(self) -> float | None:
+        """When `level` first exceeded what was promised, s; None where it never did."""
+        over = self.level > self.promised * (1.0 + ROUNDING) + ROUNDING**2
+        late = np.flatnonzero(over & ~self.moved)
+        return float(self.t[late[0]]) if len(late) else None
+
+    def tube(self) -> FloatArray:
+        """Largest errors of course and path angle that are promised, shape (n, 2), rad."""
+        return np.sqrt(self.promised[:, None] * np.diag(self.unit.W)[2:])
+
+
+def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> LoopFlown:
+    """Hold a flight against the invariant ellipsoid of its loop.
+
+    Parameters
+    ----------
+    run : Run
+        The flight.
+    found : Mismatch
+        Of that flight.
+    A_K : ndarray, shape (4, 4), 1/s
+        Stable loop in velocity form, s = (e', e).
+    E : ndarray, shape (4, 2)
+        Where the derivative of the mismatch enters.
+
+    Returns
+    -------
+    LoopFlown
+
+    Raises
+    ------
+    InputError
+        If the loop is not stable.
+
+    Notes
+    -----
+    With W of `invariant_ellipsoid` for L_d = 1 and its multiplier a, ``V = s' W^-1 s`` obeys
+    ``V' <= a (|d'|^2 - V)``: once below L_d^2 it stays there. The promise integrates the inequality
+    along the mismatch measured, from where the flight starts or the reference moved last.
+    """
+    unit = invariant_ellipsoid(A_K, E, L_d=1.0)
+    errors = run.signals[["chi_err", "gamma_err"]].to_numpy()
+    refs = np.diff(run.signals[["chi_ref", "gamma_ref"]].to_numpy(), axis=0)
+    dt = np.diff(run.signals.index.to_numpy(dtype=float))
+    error_rates = refs / dt[:, None] - found.rates
+    s = np.column_stack([error_rates, errors[:-1] + 0.5 * dt[:, None] * error_rates])
+    level = np.einsum("ti,ij,tj->t", s, np.linalg.inv(unit.W), s)
+    strength = np.linalg.norm(found.d_dot, axis=1)
+    moved = np.abs(np.diff(refs, axis=0, prepend=refs[:1])).max(axis=1) > REFERENCE_MOVED
+    promised = level.copy()
+    for k in range(len(strength)):
+        if not (moved[k] or moved[k + 1]):
+            fade = math.exp(-unit.multiplier * dt[k])
+            promised[k + 1] = fade * promised[k] + (1.0 - fade) * strength[k] ** 2
+    return LoopFlown(
+        t=found.t + 0.5 * dt,
+        level=level,
+        promised=promised,
+        moved=moved,
+        strength=strength,
+        unit=unit,
+        reach=ReachableSet.of(A_K, E, L_d=1.0).largest_reach().upper,
+    )

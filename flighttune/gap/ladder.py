@@ -1,0 +1,215 @@
+"""The same law flown up a ladder of plants, and what each step adds to the difference."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.control.gains import PIGains
+from flighttune.errors import InputError
+from flighttune.flight import plant_of
+from flighttune.gap.lag_fit import FittedLag, fitted_lag
+from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.one_flight import Progress, fly_once
+from flighttune.plants.base import Plant
+from flighttune.plants.kinematic import KinematicPlant
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.plants.wind import WindRecord
+from flighttune.scenario.plant_table import PlantTable
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
+
+LEAST_SAMPLES = 12
+"""A rung that flew less says nothing."""
+
+WIND = ("wind_north", "wind_east", "wind_down")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Step:
+    """One step of the ladder: from a plant to the next one up.
+
+    Attributes
+    ----------
+    lower, upper : str
+        Labels of the two plants.
+    adds : str
+        What the upper one knows and the lower one does not.
+    chi, gamma : ndarray, shape (n,), rad
+        Upper minus lower at every sample.
+    metrics : DataFrame
+        Upper minus lower; index ``chi``, ``gamma`` and columns as `channel_metrics`.
+    flight : Series
+        Upper minus lower of `flight_metrics` that both have.
+    """
+
+    lower: str
+    upper: str
+    adds: str
+    chi: FloatArray
+    gamma: FloatArray
+    metrics: pd.DataFrame
+    flight: pd.Series
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ladder:
+    """Rungs from the paper's law to the aircraft, all flown by the same law under the same limits.
+
+    Attributes
+    ----------
+    runs : tuple of Run, length 4
+        Paper's law, exact point mass, point mass with the lag fitted, aircraft; cut to the time
+        all of them flew, with the status each ended with.
+    lags : tuple of FittedLag, length 2
+        Of roll and of load factor.
+    steps : tuple of Step, length 3
+    whole : Step
+        From the first rung to the last.
+    """
+
+    runs: tuple[Run, ...]
+    lags: tuple[FittedLag, FittedLag]
+    steps: tuple[Step, ...]
+    whole: Step
+
+    @property
+    def residual(self) -> float:
+        """Largest difference between the sum of the steps and the whole; rounding, or an error."""
+        parts = [
+            sum((getattr(step, name) for step in self.steps), np.zeros(1))
+            - getattr(self.whole, name)
+            for name in ("chi", "gamma")
+        ]
+        for name in ("metrics", "flight"):
+            added = sum(getattr(step, name).to_numpy(dtype=float) for step in self.steps)
+            parts.append(added - getattr(self.whole, name).to_numpy(dtype=float))
+        return max(float(np.nanmax(np.abs(part))) for part in parts)
+
+
+def fly_aircraft(
+    scenario: Scenario, gains: PIGains | None, name: str, *, progress: Progress | None = None
+) -> Run:
+    """Fly the top rung: the first jsbsim plant of a scenario.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no such plant.
+    PlantError
+        If the aircraft cannot be built.
+    """
+    table = _aircraft(scenario)
+    return fly_once(
+        scenario, plant_of(table, scenario), gains,
+        plant_label=table.label, gains_name=name, progress=progress,
+    )  # fmt: skip
+
+
+def climb(scenario: Scenario, aircraft: Run, *, progress: Progress | None = None) -> Ladder:
+    """Fly the lower rungs after the aircraft has flown, in the air that it met.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With a jsbsim plant.
+    aircraft : Run
+        What `fly_aircraft` returns, of at least `LEAST_SAMPLES` samples.
+    progress : callable, optional
+        Told how far each run is.
+
+    Returns
+    -------
+    Ladder
+
+    Raises
+    ------
+    InputError
+        If a rung has too few samples.
+    """
+    signals, gains = aircraft.signals, aircraft.provenance.gains
+    if len(signals) < LEAST_SAMPLES:
+        raise InputError(
+            f"`aircraft` must have flown {LEAST_SAMPLES} samples, got {len(signals)}: "
+            f"{aircraft.reason}"
+        )
+    t = signals.index.to_numpy(dtype=float)
+    roll, load = (
+        fitted_lag(t, signals[f"{name}_cmd"].to_numpy(), signals[name].to_numpy())
+        for name in ("phi", "n_z")
+    )
+    limits = scenario.limits.limits().within(plant_of(_aircraft(scenario), scenario).limits)
+    g, wind = scenario.flight.g_mps2, _wind_met(aircraft)
+    lower: dict[str, Plant] = {
+        "kinematic": KinematicPlant(g=g)
+        if wind is None
+        else PointMassPlant(law="paper", wind=wind, g=g),
+        "point_mass": PointMassPlant(wind=wind, g=g),
+        "point_mass_lag": PointMassPlant((roll.lag, load.lag), wind=wind, g=g),
+    }
+    runs = [
+        fly_once(
+            scenario, plant, gains, plant_label=label,
+            gains_name=aircraft.provenance.gains_name, limits=limits, progress=progress,
+        )
+        for label, plant in lower.items()
+    ]  # fmt: skip
+    return _ladder([*runs, aircraft], (roll, load))
+
+
+def _ladder(runs: Sequence[Run], lags: tuple[FittedLag, FittedLag]) -> Ladder:
+    shortest = min(runs, key=lambda run: len(run.signals))
+    n = len(shortest.signals)
+    if n < LEAST_SAMPLES:
+        raise InputError(
+            f"{shortest.label} must have flown {LEAST_SAMPLES} samples, got {n}: {shortest.reason}"
+        )
+    cut = tuple(replace(run, signals=run.signals.iloc[:n]) for run in runs)
+    adds = (
+        "lift that turns the path, not the bank alone",
+        "lag of the inner loop",
+        "six degrees of freedom",
+    )
+    return Ladder(
+        runs=cut,
+        lags=lags,
+        steps=tuple(
+            _step(lower, upper, what)
+            for lower, upper, what in zip(cut, cut[1:], adds, strict=False)
+        ),
+        whole=_step(cut[0], cut[-1], "all of it"),
+    )
+
+
+def _step(lower: Run, upper: Run, adds: str) -> Step:
+    below, above = pd.Series(flight_metrics(lower)), pd.Series(flight_metrics(upper))
+    shared = [name for name in below.index if name in ("V_a_dev_mps", "n_z_min", "n_z_max")]
+    return Step(
+        lower=lower.provenance.plant,
+        upper=upper.provenance.plant,
+        adds=adds,
+        chi=(upper.signals["chi"] - lower.signals["chi"]).to_numpy(),
+        gamma=(upper.signals["gamma"] - lower.signals["gamma"]).to_numpy(),
+        metrics=channel_metrics(upper) - channel_metrics(lower),
+        flight=(above - below).loc[shared],
+    )
+
+
+def _aircraft(scenario: Scenario) -> PlantTable:
+    for table in scenario.plant:
+        if table.kind == "jsbsim":
+            return table
+    raise InputError(
+        "`plant` must have one of kind jsbsim for a gap to be explained, got "
+        f"{', '.join(table.label for table in scenario.plant)}."
+    )
+
+
+def _wind_met(run: Run) -> WindRecord | None:
+    """The wind that the aircraft recorded; None in still air or where it records none."""
+    if not set(WIND) <= set(run.signals) or not run.signals[list(WIND)].to_numpy().any():
+        return None
+    north, east, down = (run.signals[name].to_numpy() for name in WIND)
+    return WindRecord(t=run.signals.index.to_numpy(), north=north, east=east, down=down)

@@ -1,0 +1,102 @@
+"""An inner loop in flight: commands go in, what is flown comes out, without a numerical error."""
+
+import math
+from collections import deque
+
+import numpy as np
+from scipy.linalg import expm
+
+from flighttune.arrays import FloatArray
+from flighttune.control.inner_loop import InnerLag
+
+RESOLUTION = 12
+"""Decimals of a second to which the transitions of a channel are told apart."""
+
+MOST_TRANSITIONS = 4096
+"""Transitions remembered by a channel."""
+
+
+def transition(lag: InnerLag, t: float) -> FloatArray:
+    """What `t` seconds under a held command leave of a lag's distance from rest.
+
+    Parameters
+    ----------
+    lag : InnerLag
+        Its delay does not matter here.
+    t : float, s
+        Not negative.
+
+    Returns
+    -------
+    ndarray, shape (order, order)
+        ``exp(A t)``, A of `InnerLag.undelayed`.
+    """
+    w = lag.natural_frequency
+    if lag.order == 1:
+        return np.array([[math.exp(-w * t)]])
+    if lag.order == 3:
+        return np.asarray(expm(lag.undelayed[0] * t), dtype=float)
+    decay = lag.damping * w
+    squared = w * w - decay * decay
+    if squared > 0.0:
+        root = math.sqrt(squared)
+        c, s = math.cos(root * t), math.sin(root * t) / root
+    elif squared < 0.0:
+        root = math.sqrt(-squared)
+        c, s = math.cosh(root * t), math.sinh(root * t) / root
+    else:
+        c, s = 1.0, t
+    return math.exp(-decay * t) * np.array([[c + decay * s, w * s], [-w * s, c - decay * s]])
+
+
+def rest(lag: InnerLag) -> FloatArray:
+    """State of a lag at rest under the command 1, shape (order,)."""
+    A, B = lag.undelayed
+    return np.asarray(-np.linalg.solve(A, B), dtype=float)
+
+
+class LaggedChannel:
+    """One channel: its state between the instants at which commands take effect.
+
+    Parameters
+    ----------
+    lag : InnerLag
+    value : float, unit of the channel
+        Flown and commanded before t = 0.
+    """
+
+    def __init__(self, lag: InnerLag, value: float) -> None:
+        self._lag, self._rest = lag, rest(lag)
+        self._command, self._since = value, 0.0
+        self._distance = np.zeros(lag.order)
+        self._pending: deque[tuple[float, float]] = deque()
+        self._known: dict[float, FloatArray] = {}
+
+    def order(self, t: float, command: float) -> None:
+        """Give a command at time `t` (s); it takes effect after the delay."""
+        self._pending.append((t + self._lag.delay, command))
+
+    def switches(self, end: float) -> list[float]:
+        """Times before `end` (s) at which a command takes effect."""
+        return [t for t, _ in self._pending if t < end]
+
+    def move_to(self, t: float) -> None:
+        """Advance to time `t` (s), no later than the next switch, and take up what is due."""
+        self._distance = self._transition(t) @ self._distance
+        self._since = t
+        while self._pending and self._pending[0][0] <= t:
+            before = self._command
+            _, self._command = self._pending.popleft()
+            self._distance = self._distance + self._rest * (before - self._command)
+
+    def at(self, t: float) -> float:
+        """Flown value at time `t` (s), from the last move to the next switch."""
+        return self._command + float(self._transition(t)[0] @ self._distance)
+
+    def _transition(self, t: float) -> FloatArray:
+        since = round(t - self._since, RESOLUTION)
+        if since not in self._known:
+            if len(self._known) == MOST_TRANSITIONS:
+                self._known.clear()
+            self._known[since] = transition(self._lag, since)
+        return self._known[since]
