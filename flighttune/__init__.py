@@ -7,14 +7,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flighttune.certificates import (
+        Certificate,
+        certify,
+        load_certificate,
+        save_certificate,
+        verify,
+    )
     from flighttune.control.closed_loop import closed_loop
     from flighttune.control.gains import PAPER_GAINS, PIGains
     from flighttune.control.limits import Limits
     from flighttune.control.linear_model import LinearModel, kinematic_model
     from flighttune.control.mimo_pi import MimoPI
     from flighttune.errors import FlightTuneError
-    from flighttune.flight import FlownScenario, fly, tune_scenario, tuning_problem
+    from flighttune.flight import FlownScenario, fly
     from flighttune.metrics import channel_metrics, flight_metrics
+    from flighttune.outer_loop import certify_scenario, tune_scenario, tuning_problem
     from flighttune.plants.base import FlightCondition
     from flighttune.plants.jsbsim.plant import JSBSimPlant
     from flighttune.plants.kinematic import KinematicPlant
@@ -30,13 +38,15 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "certificates": ("Certificate", "certify", "load_certificate", "save_certificate", "verify"),
     "control.closed_loop": ("closed_loop",),
     "control.gains": ("PAPER_GAINS", "PIGains"),
     "control.limits": ("Limits",),
     "control.linear_model": ("LinearModel", "kinematic_model"),
     "control.mimo_pi": ("MimoPI",),
     "errors": ("FlightTuneError",),
-    "flight": ("FlownScenario", "fly", "tune_scenario", "tuning_problem"),
+    "flight": ("FlownScenario", "fly"),
+    "outer_loop": ("certify_scenario", "tune_scenario", "tuning_problem"),
     "metrics": ("channel_metrics", "flight_metrics"),
     "plants.base": ("FlightCondition",),
     "plants.jsbsim.plant": ("JSBSimPlant",),
@@ -54,6 +64,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "PAPER_GAINS",
+    "Certificate",
     "FlightCondition",
     "FlightTuneError",
     "FlownScenario",
@@ -69,6 +80,8 @@ __all__ = [
     "Scenario",
     "TuningProblem",
     "TuningResult",
+    "certify",
+    "certify_scenario",
     "channel_metrics",
     "closed_loop",
     "flight_metrics",
@@ -76,13 +89,16 @@ __all__ = [
     "indicators",
     "indicators_batch",
     "kinematic_model",
+    "load_certificate",
     "load_gains",
     "load_scenario",
     "record",
+    "save_certificate",
     "scenario_from",
     "tune",
     "tune_scenario",
     "tuning_problem",
+    "verify",
 ]
 
 

@@ -5,25 +5,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import numpy as np
 import pandas as pd
 
 from flighttune.control.closed_loop import closed_loop
-from flighttune.control.gains import PIGains, paper_family
-from flighttune.errors import InputError
+from flighttune.control.gains import PIGains
 from flighttune.metrics import channel_metrics, flight_metrics
-from flighttune.one_flight import Progress, fly_once
+from flighttune.one_flight import Progress, fly_once, unflown
+from flighttune.outer_loop import gain_set, tune_scenario
 from flighttune.plants.base import Plant
 from flighttune.plants.kinematic import KinematicPlant
 from flighttune.plants.point_mass import PointMassPlant
+from flighttune.plants.wind import WindRecord
 from flighttune.scenario.plant_table import PlantTable
-from flighttune.scenario.schema import TUNED, GainsTable, Scenario
+from flighttune.scenario.schema import TUNED, Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.tuning.problem import TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import tune
-from flighttune.units import wrap_angle
 
 LOWEST_FDM_RATE_HZ = 200.0
 """The flight dynamics run at the lowest multiple of the controller's rate from here on."""
@@ -64,46 +61,6 @@ class FlownScenario:
         return {**channels, "flight": self.flight.loc[run.label].to_dict()}
 
 
-def tuning_problem(scenario: Scenario) -> TuningProblem:
-    """The paper's optimisation model for a scenario.
-
-    Returns
-    -------
-    TuningProblem
-        Maximise R_K of the loop about the first reference under ``I_K <= I_star`` and, where the
-        scenario asks, the input limits at the first error.
-
-    Notes
-    -----
-    Section 3.4 of arXiv 2411.13140. The limits hold for the PI part alone, as printed: a
-    feed-forward is not counted.
-    """
-    chi_ref, gamma_ref = (float(ref[0]) for ref in scenario.followed().sampled(np.zeros(1)))
-    condition, settings, model = scenario.condition, scenario.tuning, scenario.linear_model()
-    _, m, p = model.shape
-    bound = None if settings.gain_max is None else np.full((m, 2 * p), settings.gain_max)
-    return TuningProblem(
-        model=model,
-        I_star=settings.I_star,
-        limits=scenario.limits.limits() if settings.input_limits else None,
-        x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
-        scaling=None if settings.state_scaling is None else np.array(settings.state_scaling),
-        K_min=None if bound is None else -bound,
-        K_max=bound,
-        K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
-        seed=scenario.seed,
-    )
-
-
-def tune_scenario(scenario: Scenario) -> TuningResult:
-    """The gains named ``tuned`` of a scenario, and how they were found."""
-    return tune(
-        tuning_problem(scenario),
-        method=scenario.tuning.method,
-        starts=scenario.tuning.starts,
-    )
-
-
 def fly(scenario: Scenario, *, progress: Progress | None = None) -> FlownScenario:
     """Fly every gain set of a scenario on each of its plants.
 
@@ -129,18 +86,7 @@ def fly(scenario: Scenario, *, progress: Progress | None = None) -> FlownScenari
     names = [entry if isinstance(entry, str) else entry.name for entry in scenario.gains]
     gain_sets = {name: gain_set(scenario, name, tuning) for name in names}
     model = scenario.linear_model()
-    runs = tuple(
-        fly_once(
-            scenario,
-            plant_of(plant, scenario),
-            gains,
-            plant_label=plant.label,
-            gains_name=name,
-            progress=progress,
-        )
-        for plant in scenario.plant
-        for name, gains in gain_sets.items()
-    )
+    runs = _flights(scenario, gain_sets, progress)
     flown = [run for run in runs if len(run.signals) > 1]
     return FlownScenario(
         scenario=scenario,
@@ -162,8 +108,17 @@ def fly(scenario: Scenario, *, progress: Progress | None = None) -> FlownScenari
     )
 
 
-def plant_of(table: PlantTable, scenario: Scenario) -> Plant:
+def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = None) -> Plant:
     """A fresh plant of a scenario, ready to start.
+
+    Parameters
+    ----------
+    table : PlantTable
+        Which plant.
+    scenario : Scenario
+        Its weather, seed and rates.
+    wind : WindRecord, optional
+        What a plant that is no aircraft flies in; still air by default.
 
     Raises
     ------
@@ -171,45 +126,68 @@ def plant_of(table: PlantTable, scenario: Scenario) -> Plant:
         If the aircraft cannot be built.
     """
     if table.aircraft is None:
-        disturbance = scenario.disturbance and scenario.disturbance.sinusoid()
-        if table.kind == "kinematic":
-            return KinematicPlant(disturbance, g=scenario.flight.g_mps2)
-        return PointMassPlant(table.lags(), disturbance=disturbance, g=scenario.flight.g_mps2)
+        disturbance, g = (
+            scenario.disturbance and scenario.disturbance.sinusoid(),
+            scenario.flight.g_mps2,
+        )
+        if table.kind != "kinematic":
+            return PointMassPlant(table.lags(), wind=wind, disturbance=disturbance, g=g)
+        if wind is not None:
+            return PointMassPlant(wind=wind, disturbance=disturbance, law="paper", g=g)
+        return KinematicPlant(disturbance, g=g)
     from flighttune.plants.jsbsim.plant import JSBSimPlant
 
     rate = scenario.controller.rate_hz
     return JSBSimPlant(
-        table.aircraft, fdm_rate_hz=rate * math.ceil(LOWEST_FDM_RATE_HZ / rate), seed=scenario.seed
+        table.aircraft,
+        fdm_rate_hz=rate * math.ceil(LOWEST_FDM_RATE_HZ / rate),
+        seed=scenario.seed,
+        weather=scenario.weather(),
+        ground=scenario.flight.ground_m,
     )
 
 
-def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
-    """Gains by the name a scenario knows them by.
+def _flights(
+    scenario: Scenario, gain_sets: Mapping[str, PIGains | None], progress: Progress | None
+) -> tuple[Run, ...]:
+    """Fly aircraft first: the other plants replay, gain set by gain set, the wind the first met."""
+    order = sorted(scenario.plant, key=lambda plant: plant.aircraft is None)
+    leader = order[0].label if scenario.windy and order[0].aircraft else None
+    runs: dict[tuple[str, str], Run] = {}
+    for plant in order:
+        for name, gains in gain_sets.items():
+            led = runs.get((leader or "", name)) if plant.aircraft is None else None
+            if led is not None and gains is not None and not len(led.signals):
+                runs[plant.label, name] = unflown(
+                    scenario,
+                    gains,
+                    led.status,
+                    f"the wind is that of {leader}, which did not fly: {led.reason}",
+                    plant_label=plant.label,
+                    gains_name=name,
+                )
+                continue
+            runs[plant.label, name] = fly_once(
+                scenario,
+                plant_of(plant, scenario, _wind_of(scenario, led)),
+                gains,
+                plant_label=plant.label,
+                gains_name=name,
+                progress=progress,
+            )
+    return tuple(runs[plant.label, name] for plant in scenario.plant for name in gain_sets)
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Whose gain sets and tuning problem are meant.
-    name : str
-        ``paper``, ``K1`` to ``K6``, ``tuned``, or the name of gains given as numbers.
-    tuning : TuningResult, optional
-        Result for ``tuned``; found anew by default.
 
-    Returns
-    -------
-    PIGains or None
-        None for ``tuned`` where the problem is infeasible.
-
-    Raises
-    ------
-    InputError
-        If there are no such gains.
-    """
-    if name == TUNED:
-        tuning = tune_scenario(scenario) if tuning is None else tuning
-        return tuning.gains if tuning.status == "optimal" else None
-    known = paper_family()
-    known.update({e.name: e.gains() for e in scenario.gains if isinstance(e, GainsTable)})
-    if name not in known:
-        raise InputError(f"`gains` must be one of {', '.join([TUNED, *known])}, got {name!r}.")
-    return known[name]
+def _wind_of(scenario: Scenario, led: Run | None) -> WindRecord | None:
+    """The wind met on a run, or the steady one where no aircraft flies."""
+    if led is not None and len(led.signals):
+        north, east, down = (
+            led.signals[f"wind_{axis}"].to_numpy() for axis in ("north", "east", "down")
+        )
+        t = led.signals.index.to_numpy(dtype=float)
+        return WindRecord(t=t, north=north, east=east, down=down)
+    weather = scenario.weather()
+    if weather is None or not scenario.windy:
+        return None
+    north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
+    return WindRecord.steady(north=north, east=east, down=down)

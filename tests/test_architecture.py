@@ -16,6 +16,7 @@ LAYERS = (
     "tuning",
     "certificates",
     "scenario",
+    "outer_loop",
     "one_flight",
     "flight",
     "gap",
@@ -29,6 +30,7 @@ RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row.split()}
 ONLY_IN = {
     "cvxpy": "theory/lmi.py",
     "jsbsim": "plants/jsbsim",
+    "numba": "simulate/batch",
     "rerun": "recording",
 }  # a file, or the folder it may be used in
 MODULES = sorted(path for path in PACKAGE.rglob("[!_]*.py") if "shipped" not in path.parent.parts)

@@ -5,9 +5,11 @@ from typing import Annotated
 
 import typer
 
+from flighttune.cli.certificates import certify, verify
 from flighttune.cli.flights import fly, list_shipped, view
-from flighttune.cli.gains import certify, tune
+from flighttune.cli.gains import frontier, tune
 from flighttune.cli.identify import identify
+from flighttune.cli.paper import reproduce
 from flighttune.cli.show import COULD_NOT_RUN, fail
 from flighttune.errors import FlightTuneError
 
@@ -23,9 +25,12 @@ app = typer.Typer(
 app.command()(fly)
 app.command()(tune)
 app.command()(certify)
+app.command()(verify)
+app.command()(frontier)
 app.command()(identify)
 app.command("list")(list_shipped)
 app.command()(view)
+app.command()(reproduce)
 
 
 @app.callback()

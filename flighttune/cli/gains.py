@@ -1,124 +1,194 @@
-"""Commands that find gains, and say what is known about them."""
+"""Commands that find gains: the best ones, and what each radius would allow."""
 
+import os
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from flighttune.cli.gain_sets import gains_json, margins_json, margins_of, say_margins
 from flighttune.cli.show import NO, JsonOption, ScenarioArgument, fail, print_json, print_table, say
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
     from flighttune.scenario import Scenario
+    from flighttune.tuning.diagnosis import Diagnosis
 
 
-def tune(scenario: ScenarioArgument, as_json: JsonOption = False) -> None:
+def tune(
+    scenario: ScenarioArgument,
+    method: Annotated[
+        Literal["gradient", "genetic", "convex"] | None,
+        typer.Option(help="By default what the scenario says, else gradient."),
+    ] = None,
+    envelope: Annotated[
+        bool, typer.Option("--envelope", help="Maximise the rate over the scenario's [envelope].")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
-    from flighttune.flight import tune_scenario
+    from flighttune.outer_loop import tune_scenario, tuning_problem
     from flighttune.scenario import load_scenario
+    from flighttune.tuning.diagnosis import diagnosis
 
-    result = tune_scenario(load_scenario(scenario))
+    loaded = load_scenario(scenario)
+    if envelope:
+        _tune_envelope(loaded, scenario, as_json)
+        return
+    if method is not None:
+        changed = loaded.tuning.model_copy(update={"method": method})
+        loaded = loaded.model_copy(update={"tuning": changed})
+    result = tune_scenario(loaded)
+    optimal = result.status == "optimal"
+    margins = margins_of(loaded.linear_model(), result.gains) if optimal else None
+    why = diagnosis(tuning_problem(loaded)) if result.status == "infeasible" else None
     if as_json:
         print_json(
             {
                 "status": result.status,
                 "reason": result.reason,
-                **_gains_json(result.gains),
+                **gains_json(result.gains),
                 "R_K": result.R_K,
                 "I_K": result.I_K,
                 "spectral_abscissa": result.spectral_abscissa,
                 "active": list(result.active),
                 "starts": result.starts,
                 "wall_s": result.wall_s,
+                "method": result.method,
+                "margins": margins_json(margins),
+                "diagnosis": None if why is None else _diagnosis_json(why),
             }
         )
     else:
-        print_table(
+        _print_gains(
             f"{result.status}: R_K {result.R_K:.5f}, I_K {result.I_K:.4f}, "
             f"spectral abscissa {result.spectral_abscissa:.4f} 1/s",
-            ("", "e_chi", "e_gamma", "int e_chi", "int e_gamma"),
-            [
-                (name, *(f"{round(value, 4) + 0.0:.4f}" for value in row))
-                for name, row in zip(("phi [rad]", "n_z [1]"), result.gains.K, strict=True)
-            ]
-            if result.gains is not None
-            else [],
+            result.gains,
         )
         say(
-            f"binding: {', '.join(result.active) or 'nothing'}; {result.starts} starts, "
-            f"{result.wall_s:.2f} s"
+            f"binding: {', '.join(result.active) or 'nothing'}; {result.method}, "
+            f"{result.starts} starts, {result.wall_s:.2f} s"
         )
-    if result.status != "optimal":
+        say_margins(margins)
+        if why is not None:
+            _print_diagnosis(why)
+    if not optimal:
         fail(f"{scenario}: {result.reason}", NO)
 
 
-def certify(
+def frontier(
     scenario: ScenarioArgument,
-    gains: Annotated[
-        str | None,
-        typer.Option(
-            help="A gain set (paper, K1..K6, tuned, or a name of the scenario) or a file "
-            "with K_P and K_I; by default the scenario's first."
-        ),
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of table and figure; by default runs/NAME.")
     ] = None,
+    points: Annotated[int, typer.Option(min=2, max=1000, help="Points of the frontier.")] = 25,
     as_json: JsonOption = False,
 ) -> None:
-    """R_K and I_K of gains on the linear model of SCENARIO; exit status 1 if unstable."""
-    from flighttune.control.closed_loop import closed_loop
+    """R_K against I_K for SCENARIO, with the paper's gains and the scenario's own marked."""
+    from flighttune.control.gains import paper_family
+    from flighttune.outer_loop import gain_set, tuning_problem
     from flighttune.scenario import load_scenario
-    from flighttune.theory.indicators import indicators
+    from flighttune.tuning.frontier import frontier as frontier_table
+    from flighttune.tuning.frontier_figure import frontier_figure
 
     loaded = load_scenario(scenario)
-    name, chosen = _chosen_gains(loaded, gains)
-    found = indicators(closed_loop(loaded.linear_model(), chosen))
+    names = [entry if isinstance(entry, str) else entry.name for entry in loaded.gains]
+    own = {name: gain_set(loaded, name) for name in names}
+    marked = {**paper_family(), **{name: gains for name, gains in own.items() if gains is not None}}
+    table = frontier_table(tuning_problem(loaded), points=points, marked=marked)
+    folder = out if out is not None else Path("runs") / Path(scenario).stem
+    folder.mkdir(parents=True, exist_ok=True)
+    csv, png = folder / "frontier.csv", folder / "frontier.png"
+    _replaced(csv, lambda part: table.to_csv(part, index=False))
+    figure = frontier_figure(table)
+    _replaced(png, lambda part: figure.savefig(part, dpi=160, format="png"))
+    columns = ("I_K", "R_K", "spectral_abscissa")
+    numbers = zip(*(table[column].to_numpy().tolist() for column in columns), strict=True)
+    rows = [
+        (str(name), dict(zip(columns, values, strict=True)))
+        for name, values in zip(table["name"], numbers, strict=True)
+    ]
+    if as_json:
+        print_json(
+            {
+                "points": [row for name, row in rows if name == "frontier"],
+                "marked": {name: row for name, row in rows if name != "frontier"},
+                "csv": str(csv),
+                "figure": str(png),
+            }
+        )
+        return
+    shown = [(name, *(f"{row[column]:.4f}" for column in columns)) for name, row in rows]
+    header = ("", "I_K [s²]", "R_K [1/s]", "spectral abscissa [1/s]")
+    print_table(loaded.title, header, shown)
+    say(f"table: {csv}   figure: {png}")
+
+
+def _tune_envelope(scenario: "Scenario", source: str, as_json: bool) -> None:
+    from flighttune.outer_loop import trim_and_envelope, tuning_problem
+    from flighttune.tuning.envelope import tune_over_envelope
+
+    trim, envelope = trim_and_envelope(scenario)
+    g = scenario.flight.g_mps2
+    found = tune_over_envelope(tuning_problem(scenario), envelope, trim, g=g)
     if as_json:
         print_json(
             {
                 "status": found.status,
                 "reason": found.reason,
+                **gains_json(found.gains),
                 "R_K": found.R_K,
                 "I_K": found.I_K,
-                "spectral_abscissa": found.spectral_abscissa,
-                "eigenvalues": [[value.real, value.imag] for value in found.eigenvalues.tolist()],
-                "Q": None if found.Q is None else found.Q.tolist(),
-                "gains": name,
-                **_gains_json(chosen),
+                "R_envelope": found.R,
+                "R_envelope_bound": found.R_bound,
+                "factor": found.factor,
+                "wall_s": found.wall_s,
             }
         )
     else:
-        print_table(
-            f"{name}: {found.status}",
-            ("R_K [1/s]", "I_K [s^2]", "spectral abscissa [1/s]", "eigenvalues [1/s]"),
-            [
-                (
-                    f"{found.R_K:.4f}",
-                    f"{found.I_K:.4f}",
-                    f"{found.spectral_abscissa:.4f}",
-                    "  ".join(f"{value:.3f}" for value in found.eigenvalues),
-                )
-            ],
+        _print_gains(
+            f"{found.status}: rate over the envelope {found.R:.4f} 1/s; at the trim R_K "
+            f"{found.R_K:.4f}, I_K {found.I_K:.3f} ({found.wall_s:.1f} s)",
+            found.gains,
         )
-    if found.status != "stable":
-        fail(f"{scenario}: gains {name}: {found.reason}", NO)
+    if found.status != "found":
+        fail(f"{source}: {found.reason}", NO)
 
 
-def _chosen_gains(scenario: "Scenario", wanted: str | None) -> tuple[str, "PIGains"]:
-    from flighttune.errors import InputError
-    from flighttune.flight import gain_set
-    from flighttune.scenario import load_gains
-
-    if wanted is None:
-        first = scenario.gains[0]
-        wanted = first if isinstance(first, str) else first.name
-    if Path(wanted).suffix.lower() in (".json", ".toml"):
-        return wanted, load_gains(wanted)
-    gains = gain_set(scenario, wanted)
-    if gains is None:
-        raise InputError(f"--gains: `{wanted}` must be feasible: tuning found no such gains.")
-    return wanted, gains
+def _print_gains(title: str, gains: "PIGains | None") -> None:
+    rows = []
+    if gains is not None:
+        for name, row in zip(("phi [rad]", "n_z [1]"), gains.K, strict=True):
+            rows.append((name, *(f"{round(value, 4) + 0.0:.4f}" for value in row)))
+    print_table(title, ("", "e_chi", "e_gamma", "int e_chi", "int e_gamma"), rows)
 
 
-def _gains_json(gains: "PIGains | None") -> dict[str, Any]:
-    if gains is None:
-        return {"K_P": None, "K_I": None}
-    return {"K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()}
+def _diagnosis_json(why: "Diagnosis") -> dict[str, Any]:
+    return {
+        "smallest_I_K": why.smallest_I_K,
+        "largest_R_K": why.largest_R_K,
+        "common_factor": why.common_factor,
+        "binding": list(why.binding),
+        "limits": [asdict(one) for one in why.limits],
+    }
+
+
+def _print_diagnosis(why: "Diagnosis") -> None:
+    say(
+        f"within the limits I_K is at least {why.smallest_I_K:.2f} and R_K at most "
+        f"{why.largest_R_K:.4f}; all limits times {why.common_factor:.2f} would be enough"
+    )
+    for one in why.limits:
+        alone = (
+            f"times {one.factor_alone:.2f} alone would be enough"
+            if one.factor_alone < float("inf")
+            else "no factor alone would be enough"
+        )
+        say(f"limit {one.name}: {alone}; without it I_K {one.smallest_I_K_without:.2f}")
+
+
+def _replaced(path: Path, write: Any) -> None:
+    part = path.with_name(f".{path.name}.part")
+    write(part)
+    os.replace(part, path)

@@ -1,0 +1,93 @@
+"""Gains by name or file, and how they and their margins are shown."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flighttune.cli.show import NO, fail, say
+
+if TYPE_CHECKING:
+    from flighttune.control.gains import PIGains
+    from flighttune.control.linear_model import LinearModel
+    from flighttune.control.margins import LoopMargins
+    from flighttune.scenario import Scenario
+
+GainsOption = Annotated[
+    str | None,
+    typer.Option(
+        help="A gain set (paper, K1..K6, tuned, or a name of the scenario) or a file with K_P and "
+        "K_I; by default the scenario's first."
+    ),
+]
+
+
+def chosen_gains(scenario: "Scenario", wanted: str | None) -> tuple[str, "PIGains"]:
+    """Name and gains of what ``--gains`` asks for; exits with status 1 where tuning finds none."""
+    from flighttune.outer_loop import gain_set
+    from flighttune.scenario import load_gains
+
+    if wanted is None:
+        first = scenario.gains[0]
+        wanted = first if isinstance(first, str) else first.name
+    if Path(wanted).suffix.lower() in (".json", ".toml"):
+        return wanted, load_gains(wanted)
+    gains = gain_set(scenario, wanted)
+    if gains is None:
+        fail(f"--gains: `{wanted}` must be feasible: tuning found no such gains.", NO)
+    return wanted, gains
+
+
+def margins_of(model: "LinearModel", gains: "PIGains | None") -> "LoopMargins | None":
+    """Margins of the loop of gains, None where there are no gains or the loop is not stable."""
+    from flighttune.control.margins import loop_margins
+
+    return None if gains is None else loop_margins(model, gains)
+
+
+def gains_json(gains: "PIGains | None") -> dict[str, Any]:
+    """``K_P`` and ``K_I`` as nested lists, null where there are no gains."""
+    if gains is None:
+        return {"K_P": None, "K_I": None}
+    return {"K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()}
+
+
+def margins_json(margins: "LoopMargins | None") -> dict[str, Any] | None:
+    """Margins with the unit at the end of each key."""
+    if margins is None:
+        return None
+    return {
+        "channels": {
+            one.channel: {
+                "gain_increase": one.gain_increase,
+                "gain_decrease": one.gain_decrease,
+                "phase_margin_deg": math.degrees(one.phase_margin),
+                "delay_margin_s": one.delay_margin,
+            }
+            for one in margins.channels
+        },
+        "all": {
+            "disk_margin": margins.disk_margin,
+            "disk_gain": margins.disk_gain,
+            "disk_phase_deg": math.degrees(margins.disk_phase),
+            "delay_margin_s": margins.delay_margin,
+            "lag_margin_s": margins.lag_margin,
+        },
+    }
+
+
+def say_margins(margins: "LoopMargins | None") -> None:
+    """Print the margins, a channel a line and all channels at once."""
+    if margins is None:
+        return
+    for one in margins.channels:
+        say(
+            f"margins of {one.channel}: gain x{one.gain_decrease:.2f} to x{one.gain_increase:.2f}, "
+            f"phase {math.degrees(one.phase_margin):.0f} deg, delay {one.delay_margin:.3f} s"
+        )
+    say(
+        f"all at once: gain x{1.0 / margins.disk_gain:.2f} to x{margins.disk_gain:.2f}, phase "
+        f"{math.degrees(margins.disk_phase):.0f} deg, delay {margins.delay_margin:.3f} s, "
+        f"first-order lag {margins.lag_margin:.3f} s"
+    )

@@ -1,0 +1,165 @@
+"""What a scenario asks of the outer loop: its tuning problem, its gains, and their guarantees."""
+
+import numpy as np
+
+from flighttune.certificates import Certification, certify
+from flighttune.control.envelope import Envelope
+from flighttune.control.gains import PIGains, paper_family
+from flighttune.errors import InputError, ScenarioError
+from flighttune.scenario.schema import TUNED, GainsTable, Scenario
+from flighttune.tuning.envelope import LargestEnvelope, largest_envelope
+from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.result import TuningResult
+from flighttune.tuning.tune import tune
+from flighttune.units import wrap_angle
+
+
+def tuning_problem(scenario: Scenario) -> TuningProblem:
+    """The paper's optimisation model for a scenario.
+
+    Returns
+    -------
+    TuningProblem
+        Maximise R_K of the loop about the first reference under ``I_K <= I_star`` and, where the
+        scenario asks, the input limits at the first error.
+
+    Notes
+    -----
+    Section 3.4 of arXiv 2411.13140. The limits hold for the PI part alone, as printed: a
+    feed-forward is not counted.
+    """
+    chi_ref, gamma_ref = (float(ref[0]) for ref in scenario.followed().sampled(np.zeros(1)))
+    condition, settings, model = scenario.condition, scenario.tuning, scenario.linear_model()
+    _, m, p = model.shape
+    bound = None if settings.gain_max is None else np.full((m, 2 * p), settings.gain_max)
+    return TuningProblem(
+        model=model,
+        I_star=settings.I_star,
+        limits=scenario.limits.limits() if settings.input_limits else None,
+        x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
+        scaling=None if settings.state_scaling is None else np.array(settings.state_scaling),
+        K_min=None if bound is None else -bound,
+        K_max=bound,
+        K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
+        seed=scenario.seed,
+    )
+
+
+def tune_scenario(scenario: Scenario) -> TuningResult:
+    """The gains named ``tuned`` of a scenario, and how they were found."""
+    return tune(
+        tuning_problem(scenario),
+        method=scenario.tuning.method,
+        starts=scenario.tuning.starts,
+    )
+
+
+def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
+    """Gains by the name a scenario knows them by.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Whose gain sets and tuning problem are meant.
+    name : str
+        ``paper``, ``K1`` to ``K6``, ``tuned``, or the name of gains given as numbers.
+    tuning : TuningResult, optional
+        Result for ``tuned``; found anew by default.
+
+    Returns
+    -------
+    PIGains or None
+        None for ``tuned`` where the problem is infeasible.
+
+    Raises
+    ------
+    InputError
+        If there are no such gains.
+    """
+    if name == TUNED:
+        tuning = tune_scenario(scenario) if tuning is None else tuning
+        return tuning.gains if tuning.status == "optimal" else None
+    known = paper_family()
+    known.update({e.name: e.gains() for e in scenario.gains if isinstance(e, GainsTable)})
+    if name not in known:
+        raise InputError(f"`gains` must be one of {', '.join([TUNED, *known])}, got {name!r}.")
+    return known[name]
+
+
+def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
+    """Steady wings-level flight on the first reference, and the scenario's ranges of flight.
+
+    Returns
+    -------
+    trim, envelope : Envelope
+        A single condition, and the ranges that must contain it.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario gives no ranges, or they do not contain the trim.
+    """
+    if scenario.envelope is None:
+        raise ScenarioError(f"{scenario.title}: `envelope` must be given for a claim over one.")
+    _, gamma = scenario.followed().sampled(np.zeros(1))
+    trim = Envelope.at(
+        V_a=scenario.flight.V_a_mps, gamma=float(gamma[0]), phi=0.0, n_z=float(np.cos(gamma[0]))
+    )
+    envelope = scenario.envelope.envelope()
+    if not envelope.contains(trim):
+        raise ScenarioError(
+            f"{scenario.title}: `envelope` must contain the trim {trim}, got {envelope}."
+        )
+    return trim, envelope
+
+
+def certify_scenario(
+    scenario: Scenario, gains: PIGains, *, envelope: bool = False, L_d: float | None = None
+) -> Certification:
+    """A certificate of gains on the linear model of a scenario, or why there is none.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its hash goes into the certificate.
+    gains : PIGains
+    envelope : bool
+        Claim the rate for every flight inside the scenario's ranges.
+    L_d : float, rad/s^2, optional
+        Bound of the disturbance's derivative; by default that of the scenario's sinusoid, if any.
+
+    Returns
+    -------
+    Certification
+
+    Raises
+    ------
+    ScenarioError
+        If an envelope is asked for and the scenario gives none.
+    InputError
+        If `L_d` is not positive, or the model is not the kinematic law's while an envelope is
+        asked for.
+    """
+    if L_d is None and scenario.disturbance is not None:
+        L_d = scenario.disturbance.sinusoid().rate_bound or None
+    ranges = trim_and_envelope(scenario)[1] if envelope else None
+    return certify(
+        scenario.linear_model(),
+        gains,
+        envelope=ranges,
+        g=scenario.flight.g_mps2 if envelope else None,
+        L_d=L_d,
+        scenario_sha256=scenario.sha256,
+    )
+
+
+def largest_certified(scenario: Scenario, gains: PIGains) -> LargestEnvelope:
+    """How far the scenario's envelope can be scaled about the trim for gains to be certified.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario gives no envelope.
+    """
+    trim, envelope = trim_and_envelope(scenario)
+    return largest_envelope(gains, envelope, trim, g=scenario.flight.g_mps2)

@@ -1,0 +1,151 @@
+"""Certificates, frontiers and diagnoses from the command line."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.scenario import load_scenario
+
+PAPER_RADIUS = 0.0333
+"""Invariant ellipsoid of K* under L_d = 0.015, to the digits given."""
+
+
+def flighttune(*arguments, status=0):
+    """Run a command; return what it printed on stdout and on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-m", "flighttune", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == status, done.stderr
+    return done.stdout, done.stderr
+
+
+def answer(*arguments, status=0):
+    """The JSON object a command prints."""
+    return json.loads(flighttune(*arguments, "--json", status=status)[0])
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory):
+    path = tmp_path_factory.mktemp("certificate") / "paper.json"
+    return answer("certify", "paper_as_printed", "--out", path), path
+
+
+def test_certify_writes_a_certificate_that_verify_proves(certificate):
+    found, path = certificate
+
+    verified = answer("verify", path)
+
+    assert found["certificate"]["status"] == "certified"
+    assert found["certificate"]["rate"] == pytest.approx(found["R_K"], rel=1e-6)
+    assert found["certificate"]["radius"] == pytest.approx(PAPER_RADIUS, abs=5e-5)
+    assert found["certificate"]["L_d"] == pytest.approx(0.015)
+    assert verified["valid"]
+    assert all(check["exact"] for check in verified["checks"])
+    stored = json.loads(path.read_text())
+    assert stored["scenario_sha256"] == load_scenario("paper_as_printed").sha256
+
+
+CHANGES = {
+    "rate": lambda tables: scale(tables["claim"], "rate_per_s", 1.02),
+    "radius": lambda tables: scale(tables["claim"], "radius", 0.98),
+    "K_P": lambda tables: scale(tables["gains"]["K_P"][0], 0, 0.9),
+    "Q": lambda tables: scale(tables["evidence"]["Q"][0], 0, 0.9),
+}
+
+
+def scale(holder, key, factor):
+    holder[key] *= factor
+
+
+@pytest.mark.parametrize("digit", CHANGES)
+def test_verify_refuses_a_changed_digit_and_names_the_inequality(certificate, tmp_path, digit):
+    tables = json.loads(certificate[1].read_text())
+    CHANGES[digit](tables)
+    path = tmp_path / "changed.json"
+    path.write_text(json.dumps(tables))
+
+    out, err = flighttune("verify", path, "--json", status=1)
+
+    found = json.loads(out)
+    assert not found["valid"]
+    assert any(not check["exact"] and check["margin"] < 0.0 for check in found["checks"])
+    assert err.count("\n") == 1
+
+
+def test_verify_cannot_run_on_what_is_no_certificate(tmp_path):
+    path = tmp_path / "other.json"
+    path.write_text('{"hello": 1}')
+
+    _, err = flighttune("verify", path, status=2)
+
+    assert str(path) in err
+    assert err.count("\n") == 1
+
+
+def test_over_the_envelope_the_printed_gains_reach_less_far_than_the_tuned():
+    printed = answer("certify", "paper", "--envelope")["envelope"]
+    tuned = answer("certify", "paper", "--envelope", "--gains", "tuned")["envelope"]
+
+    assert 0.0 < printed["R_K"] < 0.5 * tuned["R_K"]
+    assert printed["largest_factor"] < tuned["largest_factor"]
+
+
+def test_an_envelope_must_stand_in_the_scenario():
+    _, err = flighttune("certify", "level_turn", "--envelope", status=2)
+
+    assert "`envelope` must be given" in err
+
+
+def test_certify_shows_the_lag_at_which_the_printed_gains_lose_stability():
+    margins = answer("certify", "paper")["margins"]
+
+    assert margins["all"]["lag_margin_s"] == pytest.approx(0.360, abs=5e-4)
+
+
+def test_tune_over_the_envelope_is_no_worse_there_than_tuning_at_the_trim():
+    found = answer("tune", "paper", "--envelope")
+    at_trim = answer("certify", "paper", "--envelope", "--gains", "tuned")["envelope"]
+
+    assert found["status"] == "found"
+    assert found["R_envelope"] >= at_trim["R_K"] - 1e-5
+    assert found["I_K"] <= 5.0 + 1e-6
+
+
+@pytest.mark.parametrize("method", ["genetic", "convex"])
+def test_other_methods_find_the_same_optimum(method):
+    found = answer("tune", "paper", "--method", method)
+
+    assert found["method"] == method
+    assert found["R_K"] == pytest.approx(0.53976, abs=1e-4)
+
+
+def test_an_infeasible_problem_is_diagnosed():
+    why = answer("tune", "paper_printed_limits", status=1)["diagnosis"]
+
+    assert why["smallest_I_K"] == pytest.approx(67.15, abs=0.005)
+    assert 5.5 < why["common_factor"] < 6.0
+    assert why["limits"][0]["name"] == "phi_rate"
+
+
+def test_the_frontier_is_written_as_table_and_figure(tmp_path):
+    found = answer("frontier", "paper", "--points", "6", "--out", tmp_path)
+
+    table = pd.read_csv(found["csv"])
+    along = table[table["name"] == "frontier"]
+    assert len(along) == len(found["points"]) == 6
+    assert np.all(np.diff(along["R_K"]) >= 0.0)
+    assert found["points"][0]["I_K"] == pytest.approx(4.8503, abs=5e-5)
+    assert {"paper", "K1", "K6", "tuned"} <= found["marked"].keys()
+    for name, mark in found["marked"].items():
+        beyond = along[along["I_K"] >= mark["I_K"]]["R_K"]
+        assert mark["R_K"] <= beyond.min() + 1e-9, name
+    with open(found["figure"], "rb") as figure:
+        assert figure.read(8) == b"\x89PNG\r\n\x1a\n"
