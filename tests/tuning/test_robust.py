@@ -1,0 +1,146 @@
+"""Tuning for several models: channels, the worst one, and what cannot be asked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.control.closed_loop import closed_loops
+from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import kinematic_model
+from flighttune.errors import InputError
+from flighttune.theory.indicators import indicators
+from flighttune.tuning.channels import channels
+from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.robust import tune_worst_case
+from flighttune.tuning.tune import tune
+
+SAME = 1e-4
+"""Relative difference between two searches for one optimum."""
+STEP = 0.02
+"""Relative change of a gain that must not improve an optimum."""
+
+
+def problem(w=8.0, gamma=0.25, **kept):
+    law = kinematic_model(V_a=25.0, gamma=gamma, g=9.81)
+    lags = [InnerLag(order=2, natural_frequency=f, damping=0.7, delay=0.05) for f in (w, 2.0 * w)]
+    return TuningProblem(
+        model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1, **kept
+    )
+
+
+def rate(one, K):
+    return indicators(closed_loops(one.model, K), scaling=one.scaling).R_K
+
+
+def test_the_law_behind_lags_falls_apart_into_course_and_climb():
+    roll, load = channels(problem())
+
+    assert (roll.problem.model.inputs, roll.problem.model.errors) == (("phi",), ("chi",))
+    assert roll.problem.model.states == ("chi", "phi", "phi_lag_1", "phi_delay")
+    assert (load.problem.model.inputs, load.problem.model.errors) == (("n_z",), ("gamma",))
+    assert roll.problem.scaling == pytest.approx([1.0, *[25.0 / 9.81] * 3, 1.0])
+
+
+def test_a_banked_law_stays_in_one_piece():
+    law = kinematic_model(V_a=25.0, gamma=0.0, phi=0.5, g=9.81)
+
+    (whole,) = channels(TuningProblem(model=law))
+
+    assert whole.problem.model.inputs == law.inputs
+    assert np.array_equal(whole.problem.model.B, law.B)
+
+
+def test_the_rate_of_the_whole_is_that_of_the_slowest_channel():
+    one = problem()
+    found = tune_worst_case([one])
+    rates = [
+        rate(part.problem, found.gains.K[np.ix_(part.inputs, [part.errors[0], 2 + part.errors[0]])])
+        for part in channels(one)
+    ]
+
+    assert found.status == "optimal"
+    assert found.R_K == pytest.approx(min(rates), rel=1e-9)
+
+
+def test_one_model_gives_the_optimum_of_the_decoupled_problem():
+    one = problem()
+
+    found, plain = tune_worst_case([one]), tune(replace(one, K_fixed=decoupled(one.model)))
+
+    assert found.R_K == pytest.approx(plain.R_K, rel=2.0 * SAME)
+
+
+def test_no_small_change_of_a_gain_improves_the_worst_rate_of_its_channel():
+    several = [problem(w) for w in (5.0, 8.0, 12.0)]
+    found = tune_worst_case(several)
+    for number in range(2):
+        parts = [channels(one)[number] for one in several]
+        own = found.gains.K[np.ix_(parts[0].inputs, [number, 2 + number])]
+        best = min(rate(part.problem, own) for part in parts)
+        for column in range(2):
+            for factor in (1.0 - STEP, 1.0 + STEP):
+                moved = own.copy()
+                moved[0, column] *= factor
+                assert min(rate(part.problem, moved) for part in parts) < best * (1.0 + SAME)
+
+
+def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():
+    several = [problem(w, gamma) for w in (4.0, 12.0) for gamma in (-0.1, 0.7)]
+
+    found, single = tune_worst_case(several), tune_worst_case(several[-1:])
+
+    assert found.R_K == pytest.approx(min(rate(one, found.gains.K) for one in several))
+    assert found.R_K > min(rate(one, single.gains.K) for one in several)
+    assert found.R_K < single.R_K * (1.0 + SAME)
+
+
+def test_models_of_different_order_go_together():
+    law = kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    lags = [InnerLag(order=1, natural_frequency=5.0)] * 2
+    other = TuningProblem(
+        model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1
+    )
+
+    assert tune_worst_case([problem(), other]).status == "optimal"
+
+
+def test_input_limits_are_kept():
+    limits = Limits(
+        lower=np.array([-0.3, -0.3]), upper=np.array([0.3, 0.3]),
+        rate_lower=np.array([-9.0, -9.0]), rate_upper=np.array([9.0, 9.0]),
+    )  # fmt: skip
+    x_0 = np.array([0.2, 0.2])
+    free, bound = problem(), problem(limits=limits, x_0=x_0)
+
+    found = tune_worst_case([bound])
+
+    asked = found.gains.K @ np.concatenate([x_0, x_0 * bound.dt])
+    assert found.status == "optimal"
+    assert np.abs(asked).max() <= 0.3
+    assert found.R_K < tune_worst_case([free]).R_K
+
+
+def test_the_same_problem_gives_the_same_gains():
+    assert np.array_equal(
+        tune_worst_case([problem()]).gains.K, tune_worst_case([problem()]).gains.K
+    )
+
+
+@pytest.mark.parametrize(
+    ("problems", "message"),
+    [
+        ([], "`problems` must hold at least one"),
+        ([problem(I_star=5.0)], "`I_star` must be inf"),
+        ([problem(), problem(K_max=np.full((2, 4), 3.0))], "must share inputs, errors and bounds"),
+    ],
+)
+def test_problems_that_do_not_go_together_are_refused(problems, message):
+    with pytest.raises(InputError, match=message):
+        tune_worst_case(problems)
+
+
+def test_the_number_of_searches_is_at_least_one():
+    with pytest.raises(InputError, match="`starts` must be at least 1, got 0"):
+        tune_worst_case([problem()], starts=0)
