@@ -68,19 +68,47 @@ def fly_once(
         told = progress and (lambda part: progress(f"{plant_label} / {gains_name}", part))
         limits = scenario.limits.limits().within(plant.limits) if limits is None else limits
         signals, status, reason = _time_history(scenario, plant, gains, limits, told)
-    return Run(
-        signals=signals,
-        status=status,
-        reason=reason,
-        provenance=Provenance(
-            scenario=scenario.as_dict(),
-            plant=plant_label,
-            gains_name=gains_name,
-            gains=gains,
-            seed=scenario.seed,
-            versions=_versions(),
-            wall_s=time.perf_counter() - started,
-        ),
+    made_by = _provenance(scenario, plant_label, gains_name, gains, time.perf_counter() - started)
+    return Run(signals=signals, status=status, reason=reason, provenance=made_by)
+
+
+def unflown(
+    scenario: Scenario,
+    gains: PIGains,
+    status: RunStatus,
+    reason: str,
+    *,
+    plant_label: str,
+    gains_name: str,
+) -> Run:
+    """The run of a flight that could not begin, for a status and reason known before it.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What was to be flown.
+    gains : PIGains
+        Gains that were to be flown.
+    status, reason : str
+        Why it was not.
+    plant_label, gains_name : str
+        Names in the run's label.
+    """
+    made_by = _provenance(scenario, plant_label, gains_name, gains, 0.0)
+    return Run(signals=_no_signals(), status=status, reason=reason, provenance=made_by)
+
+
+def _provenance(
+    scenario: Scenario, plant_label: str, gains_name: str, gains: PIGains | None, wall: float
+) -> Provenance:
+    return Provenance(
+        scenario=scenario.as_dict(),
+        plant=plant_label,
+        gains_name=gains_name,
+        gains=gains,
+        seed=scenario.seed,
+        versions=_versions(),
+        wall_s=wall,
     )
 
 

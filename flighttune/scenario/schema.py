@@ -1,5 +1,7 @@
 """The tables and keys of a scenario file, with their units at the end of each name."""
 
+import hashlib
+import json
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -13,6 +15,7 @@ from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import AntiWindup
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.kinematic import G_PAPER
+from flighttune.plants.weather import Weather, WindProfile
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.reference_table import ReferenceTable
 from flighttune.scenario.table import (
@@ -20,13 +23,17 @@ from flighttune.scenario.table import (
     Inclination,
     Inclinations,
     Matrix,
-    NotNegative,
     Positive,
     Range,
     Speeds,
     Table,
 )
-from flighttune.simulate.disturbance import Sinusoid
+from flighttune.scenario.weather_table import (
+    DisturbanceTable,
+    GustTable,
+    TurbulenceTable,
+    WindTable,
+)
 from flighttune.simulate.reference import Reference
 from flighttune.tuning.tune import Method
 from flighttune.units import DEG
@@ -45,6 +52,7 @@ class FlightTable(Table):
     phi_deg: Inclination = 0.0
     n_z: Finite | None = None
     duration_s: Positive = 20.0
+    ground_m: Finite = 0.0
     g_mps2: Positive = G_PAPER
 
 
@@ -126,24 +134,6 @@ class EnvelopeTable(Table):
         )
 
 
-class DisturbanceTable(Table):
-    """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s."""
-
-    chi_amplitude: Finite = 0.0
-    chi_omega_rad_s: NotNegative = 0.0
-    gamma_amplitude: Finite = 0.0
-    gamma_omega_rad_s: NotNegative = 0.0
-
-    def sinusoid(self) -> Sinusoid:
-        """The disturbance as a function of time."""
-        return Sinusoid(
-            chi_amplitude=self.chi_amplitude,
-            chi_omega=self.chi_omega_rad_s,
-            gamma_amplitude=self.gamma_amplitude,
-            gamma_omega=self.gamma_omega_rad_s,
-        )
-
-
 class GainsTable(Table):
     """Gains given as numbers: rows phi, n_z; columns chi, gamma."""
 
@@ -177,6 +167,9 @@ class Scenario(Table):
     controller: ControllerTable = ControllerTable()
     tuning: TuningTable = TuningTable()
     disturbance: DisturbanceTable | None = None
+    wind: WindTable | None = None
+    gust: GustTable | None = None
+    turbulence: TurbulenceTable | None = None
     envelope: EnvelopeTable | None = None
     plant: Annotated[list[PlantTable], Field(min_length=1)]
 
@@ -192,17 +185,48 @@ class Scenario(Table):
         for key, labels in (("gains", names), ("plant", [p.label for p in self.plant])):
             if len(set(labels)) < len(labels):
                 raise ValueError(f"`{key}` must not name anything twice, got {', '.join(labels)}")
-        if self.disturbance and any(p.kind == "jsbsim" for p in self.plant):
-            raise ValueError(
-                "`disturbance` must be absent where a plant is jsbsim: the sinusoid is a term of "
-                "the kinematic law"
-            )
+        self._check_air()
         if self.flight.duration_s * self.controller.rate_hz < 2.0:
             raise ValueError(
                 "`duration_s` of [flight] must be at least two samples of the controller, "
                 f"got {self.flight.duration_s} s at {self.controller.rate_hz} Hz"
             )
         return self
+
+    def _check_air(self) -> None:
+        aircraft = any(p.kind == "jsbsim" for p in self.plant)
+        if self.disturbance and aircraft and not self.disturbance.as_wind:
+            raise ValueError(
+                "`disturbance` must be absent where a plant is jsbsim, or have `as_wind`: the "
+                "sinusoid is a term of the kinematic law"
+            )
+        for name in ("gust", "turbulence"):
+            if getattr(self, name) and not aircraft:
+                raise ValueError(
+                    f"`{name}` must be absent without a jsbsim plant: the others replay its wind"
+                )
+        if self.wind and self.wind.level and not aircraft:
+            raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
+
+    @property
+    def windy(self) -> bool:
+        """Whether the air moves on every plant, by [wind], [gust] or [turbulence]."""
+        return any((self.wind, self.gust, self.turbulence))
+
+    def weather(self) -> Weather | None:
+        """What the air of the full aircraft does; None for still air."""
+        swing = self.disturbance if self.disturbance and self.disturbance.as_wind else None
+        if not (self.windy or swing):
+            return None
+        V_a, (chi, gamma) = self.flight.V_a_mps, self.followed().sampled(np.zeros(1))
+        return Weather(
+            wind=self.wind.profile() if self.wind else WindProfile(),
+            gust=self.gust.gust(V_a) if self.gust else None,
+            turbulence=self.turbulence.turbulence() if self.turbulence else None,
+            oscillation=swing.sinusoid().as_wind(V_a, float(chi[0]), float(gamma[0]))
+            if swing
+            else None,
+        )
 
     @property
     def condition(self) -> FlightCondition:
@@ -236,6 +260,12 @@ class Scenario(Table):
     def as_dict(self) -> dict[str, Any]:
         """The scenario as plain values, defaults filled in, as it would stand in a file."""
         return self.model_dump(mode="json", exclude_none=True)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the scenario's values, the same for every way to write them."""
+        values = json.dumps(self.as_dict(), sort_keys=True)
+        return hashlib.sha256(values.encode()).hexdigest()
 
 
 def _bounds(value: float | list[float] | None, unit: float) -> tuple[float, float]:

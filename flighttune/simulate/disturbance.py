@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from flighttune.plants.weather import OscillatingWind
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sinusoid:
@@ -33,6 +35,40 @@ class Sinusoid:
             self.gamma_amplitude * math.cos(self.gamma_omega * t),
         )
 
+    def as_wind(self, V_a: float, chi: float, gamma: float) -> OscillatingWind:
+        """Oscillating wind that turns a path through the air at these rates, to first order.
+
+        Parameters
+        ----------
+        V_a : float, m/s
+            Airspeed.
+        chi, gamma : float, rad
+            Direction of flight about which the wind is laid: the derivation holds near it.
+
+        Returns
+        -------
+        OscillatingWind
+            Horizontal and across for the course, normal to the path for the climb; its amplitudes
+            are ``V_a cos(gamma) a_chi/omega_chi`` and ``V_a a_gamma/omega_gamma``.
+
+        Notes
+        -----
+        ``docs/weather.md`` derives it. Both frequencies must be positive where there is an
+        amplitude.
+        """
+        across = V_a * math.cos(gamma) * _quotient(self.chi_amplitude, self.chi_omega)
+        normal = V_a * _quotient(self.gamma_amplitude, self.gamma_omega)
+        return OscillatingWind(
+            cosine=(-across * math.sin(chi), across * math.cos(chi), 0.0),
+            cosine_omega=self.chi_omega,
+            sine=(
+                normal * math.cos(chi) * math.sin(gamma),
+                normal * math.sin(chi) * math.sin(gamma),
+                normal * math.cos(gamma),
+            ),
+            sine_omega=self.gamma_omega,
+        )
+
     @property
     def rate_bound(self) -> float:
         """L_d: bound of the norm of the derivative, rad/s^2.
@@ -44,3 +80,7 @@ class Sinusoid:
         if abs(self.chi_omega) == abs(self.gamma_omega):
             return max(map(abs, products))
         return math.hypot(*products)
+
+
+def _quotient(amplitude: float, omega: float) -> float:
+    return amplitude / omega if amplitude else 0.0

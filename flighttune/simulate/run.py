@@ -49,6 +49,15 @@ SIGNAL_UNITS: dict[str, str] = {
     "rudder": "rad",
     "throttle": "1",
     "thrust": "N",
+    "mismatch_chi": "rad/s",
+    "mismatch_gamma": "rad/s",
+    "chi_tube_low": "rad",
+    "chi_tube_high": "rad",
+    "gamma_tube_low": "rad",
+    "gamma_tube_high": "rad",
+    "wind_north": "m/s",
+    "wind_east": "m/s",
+    "wind_down": "m/s",
 }
 """Unit of every signal a run may hold.
 
@@ -56,7 +65,8 @@ SIGNAL_UNITS: dict[str, str] = {
 after all limits, ``*_unlimited`` before them, ``*_integral`` the part of it that comes from the
 integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held by a rate limit).
 Positions are local NED from the start. Surfaces are positive trailing edge down, the rudder
-trailing edge left; the aileron is the left one, so that positive rolls right.
+trailing edge left; the aileron is the left one, so that positive rolls right. ``wind_*`` is the
+velocity of the air: north is air that moves north.
 """
 
 

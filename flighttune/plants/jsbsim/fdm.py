@@ -13,6 +13,16 @@ from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.plants.jsbsim.log import one_line, quiet
 
+LAPSE_RATE = 0.0065
+SEA_LEVEL_TEMPERATURE = 288.15
+SEA_LEVEL_PRESSURE = 101325.0
+PRESSURE_EXPONENT = 5.25588
+"""Of the ICAO standard atmosphere, K/m, K, Pa and g/(R L)."""
+
+_RANKINE = 1.8
+_PSF = 47.880259
+"""Pascal in a pound-force per square foot."""
+
 _EARTH = Path(__file__).with_name("earth.xml")
 
 
@@ -25,6 +35,10 @@ class Fdm:
         The aircraft.
     rate_hz : float, 1/s
         Integration rate.
+    ground : float, m
+        Height of the ground above sea level. JSBSim's sea level is laid there, with the air of
+        that height: its turbulence, which takes heights above sea level for heights above ground,
+        is then right.
 
     Raises
     ------
@@ -32,8 +46,9 @@ class Fdm:
         If JSBSim cannot load the aircraft; the message holds what JSBSim says.
     """
 
-    def __init__(self, config: AircraftConfig, rate_hz: float) -> None:
+    def __init__(self, config: AircraftConfig, rate_hz: float, *, ground: float = 0.0) -> None:
         self.config = config
+        self.ground = ground
         folder = config.folder
         with quiet():
             self._exec = jsbsim.FGFDMExec(str(folder))
@@ -54,6 +69,8 @@ class Fdm:
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
         self.writer("propulsion/set-running")(-1.0)
+        if ground:
+            self._lay_sea_level_at(ground)
         self.evaluate()
 
     def reader(self, name: str) -> Callable[[], float]:
@@ -117,6 +134,12 @@ class Fdm:
         JSBSim evaluates an aircraft once more when it frees it, and ends the process if that fails.
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._exec))
+
+    def _lay_sea_level_at(self, ground: float) -> None:
+        """Shift the standard atmosphere down by `ground` (m): exact below the tropopause."""
+        share = 1.0 - LAPSE_RATE * ground / SEA_LEVEL_TEMPERATURE
+        self.writer("atmosphere/delta-T")(-LAPSE_RATE * ground * _RANKINE)
+        self.writer("atmosphere/P-sl-psf")(SEA_LEVEL_PRESSURE * share**PRESSURE_EXPONENT / _PSF)
 
     def _refuse_connections(self) -> None:
         """JSBSim opens files and sockets of an aircraft on its first evaluation."""

@@ -16,7 +16,7 @@ class Guard:
     Parameters
     ----------
     fdm : Fdm
-        The aircraft; its configuration holds the envelope. The ground lies at sea level.
+        The aircraft; its configuration holds the envelope. The ground lies at JSBSim's sea level.
 
     Attributes
     ----------

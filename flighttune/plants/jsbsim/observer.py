@@ -41,7 +41,10 @@ def observer(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, 
     aileron, elevator = read(channels.aileron_rad), read(channels.elevator_rad)
     rudder, throttle = read(channels.rudder_rad), read(channels.throttle)
     thrust_lbf = read(channels.thrust_lbf)
-    h_0 = h_ft() * FT
+    wind_north, wind_east, wind_down = (
+        read(f"atmosphere/total-wind-{axis}-fps") for axis in ("north", "east", "down")
+    )
+    ground, h_0 = fdm.ground, h_ft() * FT
     last_chi, last_psi = chi_0, psi_0
 
     def observe() -> tuple[float, ...]:
@@ -53,8 +56,9 @@ def observer(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, 
         return (
             last_chi, gamma(), phi(), (F_x() * sin(alpha_now) - F_z() * cos(alpha_now)) / weight,
             V_a_fps() * FT, north_ft() * FT, east_ft() * FT, h_0 - h,
-            alpha_now, beta(), theta(), last_psi, p(), q(), r(), h, V_g_fps() * FT, F_y() / weight,
-            aileron(), elevator(), rudder(), throttle(), thrust_lbf() * LBF,
+            alpha_now, beta(), theta(), last_psi, p(), q(), r(), h + ground, V_g_fps() * FT,
+            F_y() / weight, aileron(), elevator(), rudder(), throttle(), thrust_lbf() * LBF,
+            wind_north() * FT, wind_east() * FT, wind_down() * FT,
         )  # fmt: skip
 
     return observe

@@ -14,10 +14,12 @@ from flighttune.plants.jsbsim.aircraft import AircraftConfig, load_aircraft
 
 if TYPE_CHECKING:
     from flighttune.plants.jsbsim.fdm import Fdm
+    from flighttune.plants.weather import Weather
 
 _AIRFRAME_SIGNALS = (
     "alpha", "beta", "theta", "psi", "p", "q", "r", "h", "V_g", "n_y",
     "aileron", "elevator", "rudder", "throttle", "thrust",
+    "wind_north", "wind_east", "wind_down",
 )  # fmt: skip
 
 _STEP_SHARE = 1e-6
@@ -28,6 +30,8 @@ _GUARD_INTERVAL = 0.02
 """Longest time flown between two looks at the state, s."""
 
 _LARGEST_SEED = 2**31 - 1
+
+_DEEPEST_GROUND, _HIGHEST_GROUND = 500.0, 6000.0
 
 _N_Z = COMMON_SIGNALS.index("n_z")
 
@@ -43,6 +47,10 @@ class JSBSimPlant:
         Integration rate of JSBSim.
     seed : int
         Seed of JSBSim's own random numbers (turbulence).
+    weather : Weather, optional
+        What the air does; still by default.
+    ground : float, m
+        Height of the ground above sea level.
 
     Attributes
     ----------
@@ -58,31 +66,47 @@ class JSBSimPlant:
 
     Notes
     -----
-    The air is still, the Earth flat and at rest. `n_z` is the specific force along the lift axis
-    (normal to the airspeed, in the plane of symmetry) over standard gravity: lift, and the small
-    part of thrust that helps it. `chi` and `psi` run on through +-pi without a jump.
+    The Earth is flat and at rest. A flight in wind starts from the trim in still air, carried along
+    by the wind at the start: airspeed, attitude and load factor are those of the trim; `chi` and
+    `gamma`, which hold over ground, differ from the condition's. `n_z` is the specific force along
+    the lift axis (normal to the airspeed, in the plane of symmetry) over standard gravity: lift,
+    and the small part of thrust that helps it. `chi` and `psi` run on through +-pi without a jump.
     """
 
     kind: str = "jsbsim"
     signals: tuple[str, ...] = COMMON_SIGNALS + _AIRFRAME_SIGNALS
 
     def __init__(
-        self, aircraft: str | Path = "aerosonde", *, fdm_rate_hz: float = 200.0, seed: int = 0
+        self,
+        aircraft: str | Path = "aerosonde",
+        *,
+        fdm_rate_hz: float = 200.0,
+        seed: int = 0,
+        weather: Weather | None = None,
+        ground: float = 0.0,
     ) -> None:
         if not (math.isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
             raise InputError(f"`fdm_rate_hz` must be positive, got {fdm_rate_hz}.")
         if not 0 <= seed <= _LARGEST_SEED:
             raise InputError(f"`seed` must lie in 0 to {_LARGEST_SEED}, got {seed}.")
+        if not -_DEEPEST_GROUND <= ground <= _HIGHEST_GROUND:
+            raise InputError(
+                f"`ground` must lie in {-_DEEPEST_GROUND:g} to {_HIGHEST_GROUND:g} m, "
+                f"got {ground} m."
+            )
         self.config: AircraftConfig = load_aircraft(aircraft)
         self.limits: Limits = self.config.limits.limits()
         self._rate = fdm_rate_hz
         self._seed = seed
+        self._weather, self._ground = weather, ground
         self._chunks: dict[float, tuple[range, ...]] = {}
         self._observe: Callable[[], tuple[float, ...]] = _not_started
         self._write_phi_cmd: Callable[[float], object] = _not_started
 
     def start(self, condition: FlightCondition) -> None:
         """Build a fresh aircraft and trim it: steady, coordinated flight at `condition`.
+
+        In wind `condition` is that of the velocity through the air.
 
         An `n_z` of its own in `condition` does not change that: an aircraft cannot be held in
         unsteady flight. The inner loop takes up the first command at its own rate limit.
@@ -96,19 +120,24 @@ class JSBSimPlant:
         TrimError
             If there is no steady flight at `condition`.
         """
+        from flighttune.plants.jsbsim.air import carry_along, weather_step
         from flighttune.plants.jsbsim.fdm import Fdm
         from flighttune.plants.jsbsim.guard import Guard
         from flighttune.plants.jsbsim.observer import observer
         from flighttune.plants.jsbsim.trim import trim
 
         self._observe = self._write_phi_cmd = _not_started
-        fdm = Fdm(self.config, self._rate)
+        fdm = Fdm(self.config, self._rate, ground=self._ground)
         self._write_settings(fdm)
         point = trim(fdm, condition)
+        if self._weather is not None:
+            carry_along(fdm, self._weather.deterministic(0.0, condition.h))
         observe = observer(fdm, condition.chi, point.psi)
         self._guard = Guard(fdm)
         self._inside, self._run = self._guard.inside, fdm.run
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
+        if self._weather is not None:
+            self._run = weather_step(fdm, self._weather, self._rate)
         self._observe = observe
 
     def observe(self) -> tuple[float, ...]:

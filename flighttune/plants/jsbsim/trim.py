@@ -9,7 +9,6 @@ from scipy.optimize import least_squares
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import AircraftConfig
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import DEG, FT, G_0
 
@@ -73,7 +72,7 @@ def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
     TrimError
         If there is no steady flight; the message says what stands against it.
     """
-    _check_condition(fdm.config, condition)
+    _check_condition(fdm, condition)
     problem = _TrimProblem(fdm, condition)
     lower, upper = problem.bounds
     start = np.clip(problem.guess, lower + 0.02 * (upper - lower), upper - 0.02 * (upper - lower))
@@ -120,16 +119,18 @@ class _TrimProblem:
             (fdm.reader("forces/fby-total-lbs"), 1.0 / weight_lbf),
         ]
         fdm.writer(channels.engaged)(0.0)
-        self._set["h-sl-ft"](condition.h / FT)
+        self._set["h-sl-ft"]((condition.h - fdm.ground) / FT)
 
     @property
     def guess(self) -> FloatArray:
+        """Where the search starts."""
         c = self._condition
         alpha = 0.05 * math.cos(c.gamma) / math.cos(c.phi)
         return np.array([alpha, 0.0, 0.0, 0.0, 0.0, 0.3, G_0 / c.V_a * math.tan(c.phi)])
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest value of each unknown."""
         config = self._fdm.config
         turn_rate = 2.0 * G_0 / self._condition.V_a * (0.1 + abs(math.tan(self._condition.phi)))
         intervals = np.array([
@@ -144,6 +145,7 @@ class _TrimProblem:
         return intervals[:, 0], intervals[:, 1]
 
     def point(self, x: FloatArray) -> TrimPoint:
+        """Return the flight that the unknowns `x` stand for."""
         alpha, beta, aileron, elevator, rudder, throttle, psi_dot = map(float, x)
         theta = pitch_attitude(self._condition.gamma, self._condition.phi, alpha, beta)
         psi = self._condition.chi - _drift_angle(theta, self._condition.phi, alpha, beta)
@@ -153,6 +155,7 @@ class _TrimProblem:
         )  # fmt: skip
 
     def residuals(self, x: FloatArray) -> FloatArray:
+        """Return what is left of six accelerations and the lateral load factor at `x`."""
         point, phi, write = self.point(x), self._condition.phi, self._set
         V_a_fps = self._condition.V_a / FT
         write["u-fps"](V_a_fps * math.cos(point.alpha) * math.cos(point.beta))
@@ -215,9 +218,12 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
     return math.atan2(aside, ahead)
 
 
-def _check_condition(config: AircraftConfig, condition: FlightCondition) -> None:
-    if not condition.h > 0.0:
-        raise InputError(f"`h` must be above the ground at 0 m, got {condition.h:g} m.")
+def _check_condition(fdm: Fdm, condition: FlightCondition) -> None:
+    config = fdm.config
+    if not condition.h > fdm.ground:
+        raise InputError(
+            f"`h` must be above the ground at {fdm.ground:g} m, got {condition.h:g} m."
+        )
     watched = (
         ("V_a", condition.V_a, config.envelope.V_a, 1.0, " m/s"),
         ("phi", condition.phi, config.limits.phi, DEG, " deg"),

@@ -26,9 +26,12 @@ class Flight:
 
 @pytest.fixture
 def fly():
-    def fly(command, *, duration, dt=0.02, aircraft="aerosonde", **condition):
+    def fly(
+        command, *, duration, dt=0.02, aircraft="aerosonde", weather=None, ground=0.0, seed=0,
+        **condition,
+    ):  # fmt: skip
         """Fly `command` (a function of the signals now, or a constant) from `condition`."""
-        plant = JSBSimPlant(aircraft)
+        plant = JSBSimPlant(aircraft, weather=weather, ground=ground, seed=seed)
         plant.start(FlightCondition(**{"V_a": 25.0} | condition))
         rows, stop = [plant.observe()], None
         for _ in range(round(duration / dt)):

@@ -1,0 +1,119 @@
+"""Weather on a JSBSim aircraft: a windy start from a trim in still air, and what blows after it."""
+
+import math
+from collections.abc import Callable
+
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.weather import Gust, Turbulence, Weather
+from flighttune.plants.wind import NED
+from flighttune.units import FT
+
+_AXES = {"ahead": "X", "right": "Y", "down": "Z"}
+_BODY_FRAME = 1.0
+_MODELS = {"milspec": 3.0, "tustin": 4.0}
+_NED = ("north", "east", "down")
+
+
+def wind_writer(fdm: Fdm) -> Callable[[NED], None]:
+    """Return a function that sets the wind of `fdm` (m/s, north, east, down) for steps to come.
+
+    Notes
+    -----
+    It goes into JSBSim's ``gust-*`` properties: ``wind-*`` is reset by every evaluation. Gust and
+    turbulence add to it.
+    """
+    north, east, down = (fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED)
+
+    def write(wind: NED) -> None:
+        north(wind[0] / FT)
+        east(wind[1] / FT)
+        down(wind[2] / FT)
+
+    return write
+
+
+def carry_along(fdm: Fdm, wind: NED) -> None:
+    """Put `fdm`, in steady flight in still air, into the same flight in air that moves with `wind`.
+
+    Velocity through the air, attitude, rates and accelerations stay; the velocity over ground is
+    that of the still air plus `wind` (m/s, north, east, down).
+    """
+    ground = [fdm.reader(f"velocities/v-{axis}-fps")() for axis in _NED]
+    wind_writer(fdm)(wind)
+    for axis, still, moved in zip(("n", "e", "d"), ground, wind, strict=True):
+        fdm.writer(f"ic/v{axis}-fps")(still + moved / FT)
+    fdm.evaluate()
+
+
+def weather_step(fdm: Fdm, weather: Weather, rate: float) -> Callable[[], bool]:
+    """Let `weather` begin, and return a function that flies one integration step in it.
+
+    Parameters
+    ----------
+    fdm : Fdm
+        The aircraft, at the start of its flight.
+    weather : Weather
+        What the air does.
+    rate : float, 1/s
+        Integration rate.
+
+    Returns
+    -------
+    callable returning bool
+        ``fdm.run`` itself where nothing has to be set during the flight.
+    """
+    if weather.turbulence is not None:
+        _begin_turbulence(fdm, weather.turbulence)
+    step = fdm.run
+    if weather.gust is not None:
+        step = _gusty(fdm, weather.gust, rate, step)
+    if weather.changes:
+        step = _changing(fdm, weather, rate, step)
+    return step
+
+
+def _begin_turbulence(fdm: Fdm, turbulence: Turbulence) -> None:
+    fdm.writer("atmosphere/turb-type")(_MODELS[turbulence.model])
+    milspec = "atmosphere/turbulence/milspec"
+    fdm.writer(f"{milspec}/windspeed_at_20ft_AGL-fps")(turbulence.wind_20ft / FT)
+    fdm.writer(f"{milspec}/severity")(float(turbulence.severity))
+
+
+def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Callable[[], bool]) -> Callable[[], bool]:
+    settings = {
+        "startup-duration-sec": gust.rise,
+        "steady-duration-sec": gust.hold,
+        "end-duration-sec": gust.rise,
+        "magnitude-ft_sec": abs(gust.peak) / FT,
+        "frame": _BODY_FRAME,
+        f"{_AXES[gust.axis]}-velocity-ft_sec": math.copysign(1.0, gust.peak),
+    }
+    for name, value in settings.items():
+        fdm.writer(f"atmosphere/cosine-gust/{name}")(value)
+    begin = fdm.writer("atmosphere/cosine-gust/start")
+    steps_left = max(1, round(gust.start * rate))
+
+    def step() -> bool:
+        nonlocal steps_left
+        steps_left -= 1
+        if steps_left == 0:
+            begin(1.0)
+        return run()
+
+    return step
+
+
+def _changing(
+    fdm: Fdm, weather: Weather, rate: float, run: Callable[[], bool]
+) -> Callable[[], bool]:
+    """Return a step that writes the wind of its end before it is flown."""
+    write, h_ft, k = wind_writer(fdm), fdm.reader("position/h-sl-ft"), 0
+    deterministic, ground = weather.deterministic, fdm.ground
+
+    def step() -> bool:
+        nonlocal k
+        k += 1
+        write(deterministic(k / rate, h_ft() * FT + ground))
+        return run()
+
+    return step

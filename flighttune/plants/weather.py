@@ -1,0 +1,183 @@
+"""Weather of a flight: wind over height, a gust, turbulence, an oscillating wind."""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, TypeAlias
+
+from flighttune.errors import InputError
+from flighttune.plants.wind import NED
+
+GustAxis: TypeAlias = Literal["ahead", "right", "down"]
+TurbulenceModel: TypeAlias = Literal["tustin", "milspec"]
+
+CALM: NED = (0.0, 0.0, 0.0)
+MOST_SEVERE = 7
+"""Last curve of Fig. 7 of MIL-F-8785C."""
+
+
+@dataclass(frozen=True, slots=True)
+class WindProfile:
+    """Steady wind that changes with height: linear between levels, constant beyond them.
+
+    Attributes
+    ----------
+    levels : tuple of (float, (float, float, float)), m above sea level and m/s
+        Heights, rising, and the wind there: air that moves north, east and down.
+    """
+
+    levels: tuple[tuple[float, NED], ...] = ((0.0, CALM),)
+
+    def __post_init__(self) -> None:
+        heights = [h for h, _ in self.levels]
+        if not heights or any(not a < b for a, b in pairwise(heights)):
+            raise InputError(f"`levels` must rise in height and hold at least one, got {heights}.")
+        for value in (*heights, *(w for _, wind in self.levels for w in wind)):
+            if not math.isfinite(value):
+                raise InputError(f"`levels` must be finite, got {self.levels}.")
+
+    @property
+    def varies(self) -> bool:
+        """Whether the wind changes with height."""
+        return len({wind for _, wind in self.levels}) > 1
+
+    def at(self, h: float) -> NED:
+        """Wind at height `h` (m above sea level), m/s, north, east and down."""
+        above = bisect_right(self.levels, h, key=lambda level: level[0])
+        if above in (0, len(self.levels)):
+            return self.levels[max(above - 1, 0)][1]
+        (h_0, (n_0, e_0, d_0)), (h_1, (n_1, e_1, d_1)) = self.levels[above - 1 : above + 1]
+        share = (h - h_0) / (h_1 - h_0)
+        return n_0 + share * (n_1 - n_0), e_0 + share * (e_1 - e_0), d_0 + share * (d_1 - d_0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gust:
+    """A 1-cosine gust: up over `rise`, held, and down again.
+
+    Attributes
+    ----------
+    axis : {"ahead", "right", "down"}
+        Body axis at the start of the gust along which the air moves; then fixed to the Earth.
+    peak : float, m/s
+        Largest speed; negative for the opposite direction.
+    start, rise, hold : float, s
+        When it begins; length of each flank; time at the peak.
+
+    Notes
+    -----
+    ``peak/2 (1 - cos(pi t/rise))`` on the way up: section 3.7.1.3 of MIL-F-8785C with the gust
+    length flown through at constant airspeed.
+    """
+
+    axis: GustAxis
+    peak: float
+    start: float
+    rise: float
+    hold: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.axis not in ("ahead", "right", "down"):
+            raise InputError(f"`axis` must be ahead, right or down, got {self.axis!r}.")
+        if not (math.isfinite(self.rise) and self.rise > 0.0):
+            raise InputError(f"`rise` must be positive, got {self.rise} s.")
+        for name in ("start", "hold"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise InputError(f"`{name}` must not be negative, got {getattr(self, name)} s.")
+        if not math.isfinite(self.peak):
+            raise InputError(f"`peak` must be finite, got {self.peak} m/s.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turbulence:
+    """Dryden turbulence of MIL-F-8785C as JSBSim makes it.
+
+    Attributes
+    ----------
+    severity : int
+        Curve of Fig. 7 of the standard, 1 to 7: strength from 2000 ft above ground on.
+    wind_20ft : float, m/s
+        Wind 20 ft above ground: sets the strength below 1000 ft.
+    model : {"tustin", "milspec"}
+        Filters: the standard's, made discrete by Tustin's rule; or first-order ones.
+    """
+
+    severity: int
+    wind_20ft: float
+    model: TurbulenceModel = "tustin"
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.severity <= MOST_SEVERE:
+            raise InputError(f"`severity` must lie in 1 to {MOST_SEVERE}, got {self.severity}.")
+        if not (math.isfinite(self.wind_20ft) and self.wind_20ft >= 0.0):
+            raise InputError(f"`wind_20ft` must not be negative, got {self.wind_20ft} m/s.")
+        if self.model not in ("tustin", "milspec"):
+            raise InputError(f"`model` must be tustin or milspec, got {self.model!r}.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OscillatingWind:
+    """Two oscillations of the air, ``a cos(omega_a t) + b sin(omega_b t)``.
+
+    Attributes
+    ----------
+    cosine, sine : (float, float, float), m/s
+        Amplitudes a and b: north, east and down.
+    cosine_omega, sine_omega : float, rad/s
+        Angular frequencies.
+    """
+
+    cosine: NED
+    cosine_omega: float
+    sine: NED
+    sine_omega: float
+
+    def __post_init__(self) -> None:
+        for name in ("cosine", "sine"):
+            if not all(map(math.isfinite, getattr(self, name))):
+                raise InputError(f"`{name}` must be finite, got {getattr(self, name)} m/s.")
+        for name in ("cosine_omega", "sine_omega"):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f"`{name}` must be finite, got {getattr(self, name)} rad/s.")
+
+    def at(self, t: float) -> NED:
+        """Wind at time `t` (s), m/s, north, east and down."""
+        c, s = math.cos(self.cosine_omega * t), math.sin(self.sine_omega * t)
+        (a_n, a_e, a_d), (b_n, b_e, b_d) = self.cosine, self.sine
+        return a_n * c + b_n * s, a_e * c + b_e * s, a_d * c + b_d * s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weather:
+    """What the air does on a flight; the parts add up.
+
+    Attributes
+    ----------
+    wind : WindProfile
+        Steady wind over height.
+    gust : Gust or None
+        One gust.
+    turbulence : Turbulence or None
+        From the start of the flight on.
+    oscillation : OscillatingWind or None
+        Wind that swings with time.
+    """
+
+    wind: WindProfile = WindProfile()
+    gust: Gust | None = None
+    turbulence: Turbulence | None = None
+    oscillation: OscillatingWind | None = None
+
+    def deterministic(self, t: float, h: float) -> NED:
+        """Wind without gust and turbulence at time `t` (s) and height `h` (m), m/s in NED."""
+        wind = self.wind.at(h)
+        if self.oscillation is None:
+            return wind
+        swing = self.oscillation.at(t)
+        return wind[0] + swing[0], wind[1] + swing[1], wind[2] + swing[2]
+
+    @property
+    def changes(self) -> bool:
+        """Whether the wind without gust and turbulence changes during a flight."""
+        return self.wind.varies or self.oscillation is not None

@@ -1,0 +1,124 @@
+"""The tables of weather: units, directions, and what they refuse."""
+
+import math
+
+import pytest
+
+from flighttune.errors import ScenarioError
+from flighttune.scenario import scenario_from
+
+AIRCRAFT = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
+LAW = [{"kind": "kinematic"}]
+PAPERS_SINUSOID = {
+    "chi_amplitude": 0.1, "chi_omega_rad_s": 0.15,
+    "gamma_amplitude": 0.1, "gamma_omega_rad_s": 0.15,
+}  # fmt: skip
+
+
+def scenario(plants=AIRCRAFT, **tables):
+    return scenario_from(
+        {
+            "title": "weather",
+            "gains": ["paper"],
+            "flight": {"V_a_mps": 25.0},
+            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+            "plant": plants,
+            **tables,
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("from_deg", "north", "east"), [(0.0, -8.0, 0.0), (90.0, 0.0, -8.0), (225.0, 5.657, 5.657)]
+)
+def test_wind_is_named_by_where_it_comes_from(from_deg, north, east):
+    weather = scenario(wind={"speed_mps": 8.0, "from_deg": from_deg, "down_mps": -1.0}).weather()
+
+    assert weather.deterministic(0.0, 0.0) == pytest.approx((north, east, -1.0), abs=1e-3)
+
+
+def test_levels_make_a_shear():
+    level = [
+        {"h_m": 0.0, "speed_mps": 0.0, "from_deg": 0.0},
+        {"h_m": 100.0, "speed_mps": 10.0, "from_deg": 180.0},
+    ]
+    weather = scenario(wind={"level": level}).weather()
+
+    assert weather.wind.at(30.0) == pytest.approx((3.0, 0.0, 0.0))
+    assert weather.changes
+
+
+def test_a_gust_is_flown_through_at_the_airspeed():
+    gust = {"axis": "right", "peak_mps": 5.0, "start_s": 4.0, "length_m": 120.0, "hold_s": 1.0}
+
+    found = scenario(gust=gust).weather().gust
+
+    assert (found.rise, found.hold, found.start, found.peak) == (120.0 / 25.0, 1.0, 4.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("word", "severity", "knots"), [("light", 3, 15.0), ("moderate", 4, 30.0), ("severe", 6, 45.0)]
+)
+def test_words_of_turbulence_are_those_of_the_standard(word, severity, knots):
+    # Section 3.7.3.4 of MIL-F-8785C: wind at 20 ft of 15, 30 and 45 knots.
+    found = scenario(turbulence={"intensity": word}).weather().turbulence
+
+    assert found.severity == severity
+    assert found.wind_20ft == pytest.approx(knots * 0.514444, abs=0.1)
+
+
+def test_the_papers_sinusoid_takes_a_wind_of_seventeen_meters_a_second():
+    weather = scenario(disturbance={**PAPERS_SINUSOID, "as_wind": True}).weather()
+
+    across, normal = weather.oscillation.cosine, weather.oscillation.sine
+    assert math.hypot(*across) == pytest.approx(25.0 * 0.1 / 0.15)
+    assert math.hypot(*normal) == pytest.approx(25.0 * 0.1 / 0.15)
+
+
+def test_still_air_is_no_weather():
+    assert scenario().weather() is None
+    assert scenario(LAW, disturbance=PAPERS_SINUSOID).weather() is None
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"wind": {"speed_mps": 5.0}}, r"`speed_mps` and `from_deg` of \[wind\] must be given"),
+        ({"wind": {"speed_mps": -5.0, "from_deg": 0.0}}, r"`speed_mps` must be greater than .*"),
+        (
+            {"wind": {"speed_mps": 1.0, "from_deg": 0.0, "level": [
+                {"h_m": 0.0, "speed_mps": 0.0, "from_deg": 0.0}]}},
+            r"`from_deg` of \[wind\] must be absent where there are levels",
+        ),
+        (
+            {"wind": {"level": [{"h_m": 9.0, "speed_mps": 0.0, "from_deg": 0.0}] * 2}},
+            r"`level` must rise in h_m, got \[9.0, 9.0\]",
+        ),
+        ({"gust": {"axis": "up", "peak_mps": 1.0, "start_s": 0.0, "length_m": 9.0}}, "`axis`"),
+        ({"turbulence": {}}, "`intensity` must be given, or both `severity` and"),
+        ({"turbulence": {"severity": 3}}, "`intensity` must be given, or both `severity` and"),
+        ({"turbulence": {"intensity": "light", "severity": 3, "wind_20ft_mps": 5.0}}, "in its"),
+        ({"turbulence": {"severity": 9, "wind_20ft_mps": 5.0}}, "`severity` must be less than"),
+        ({"disturbance": PAPERS_SINUSOID}, "`disturbance` must be absent .* or have `as_wind`"),
+        (
+            {"disturbance": {"chi_amplitude": 0.1, "as_wind": True}},
+            "`chi_omega_rad_s` must be positive with as_wind",
+        ),
+    ],
+)  # fmt: skip
+def test_impossible_weather_names_table_and_key(tables, message):
+    with pytest.raises(ScenarioError, match=message):
+        scenario(**tables)
+
+
+@pytest.mark.parametrize(
+    ("tables", "key"),
+    [
+        ({"gust": {"axis": "down", "peak_mps": 1.0, "start_s": 0.0, "length_m": 9.0}}, "gust"),
+        ({"turbulence": {"intensity": "light"}}, "turbulence"),
+        ({"wind": {"level": [{"h_m": 0.0, "speed_mps": 0.0, "from_deg": 0.0}]}}, "level"),
+    ],
+)
+def test_weather_that_only_an_aircraft_meets_takes_an_aircraft(tables, key):
+    with pytest.raises(ScenarioError, match=f"`{key}` .*must be absent without a jsbsim plant"):
+        scenario(LAW, **tables)

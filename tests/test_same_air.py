@@ -1,0 +1,111 @@
+"""Plants of one scenario fly in the same air: what the aircraft met, the others replay."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.flight import fly
+from flighttune.scenario import scenario_from
+
+WIND = ("wind_north", "wind_east", "wind_down")
+LAGS = {"roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
+SAMPLE_TO_SAMPLE = 1e-9
+STILL_TURNING = math.radians(1.0)
+
+
+def scenario(plants, duration=6.0, **tables):
+    return scenario_from(
+        {
+            "title": "the same air",
+            "seed": 3,
+            "gains": ["paper", "K5"],
+            "flight": {"V_a_mps": 25.0, "duration_s": duration, "chi_deg": 20.0},
+            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+            "limits": {"phi_deg": [-45.0, 45.0], "n_z": [-2.1, 2.1]},
+            "controller": {"feed_forward": True},
+            "plant": plants,
+            **tables,
+        }
+    )
+
+
+def test_every_plant_meets_the_wind_of_the_aircraft():
+    flown = fly(
+        scenario(
+            [
+                {"kind": "kinematic"},
+                {"kind": "point_mass_lag", **LAGS},
+                {"kind": "jsbsim", "aircraft": "aerosonde"},
+            ],
+            wind={"speed_mps": 4.0, "from_deg": 200.0},
+            gust={"axis": "right", "peak_mps": 3.0, "start_s": 2.0, "length_m": 30.0},
+            turbulence={"intensity": "light"},
+        )
+    )
+
+    assert [run.provenance.plant for run in flown.runs[::2]] == [
+        "kinematic", "point_mass_lag", "jsbsim:aerosonde",
+    ]  # fmt: skip
+    for aircraft in flown.runs[4:]:
+        name = aircraft.provenance.gains_name
+        for run in flown.runs[:4]:
+            if run.provenance.gains_name == name:
+                ours, theirs = (r.signals[list(WIND)].to_numpy() for r in (run, aircraft))
+                assert ours == pytest.approx(theirs, abs=SAMPLE_TO_SAMPLE)
+    met = [run.signals[list(WIND)].to_numpy() for run in flown.runs[4:]]
+    assert np.max(np.abs(met[0] - met[1])) > 0.0, "each gain set meets its own turbulence"
+
+
+def test_the_law_in_wind_holds_the_course_over_ground():
+    flown = fly(
+        scenario(
+            [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
+            duration=40.0,
+            wind={"speed_mps": 8.0, "from_deg": 270.0},
+        )
+    )
+
+    for run in flown.runs:
+        if run.provenance.gains_name == "K5":
+            end = run.signals.iloc[-1]
+            drift = math.asin(8.0 / 25.0)
+            assert end["chi"] == pytest.approx(0.0, abs=STILL_TURNING), run.label
+            assert end["V_g"] == pytest.approx(25.0 * math.cos(drift), abs=0.2), run.label
+
+
+def test_steady_wind_needs_no_aircraft():
+    flown = fly(scenario([{"kind": "kinematic"}], wind={"speed_mps": 5.0, "from_deg": 90.0}))
+
+    for run in flown.runs:
+        assert run.signals["wind_east"].to_numpy() == pytest.approx(-5.0)
+
+
+def test_without_a_flight_of_the_aircraft_there_is_no_wind_to_replay():
+    flight = {"V_a_mps": 25.0, "gamma_deg": -20.0, "duration_s": 5.0}
+    flown = fly(
+        scenario(
+            [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
+            flight=flight, turbulence={"intensity": "light"},
+        )
+    )  # fmt: skip
+
+    assert {run.status for run in flown.runs} == {"no_trim"}
+    assert flown.runs[0].reason.startswith("the wind is that of jsbsim:aerosonde, which did not")
+    assert not len(flown.runs[0].signals)
+
+
+def test_the_sinusoid_as_wind_blows_on_the_aircraft_and_stays_a_rate_on_the_law():
+    flown = fly(
+        scenario(
+            [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
+            disturbance={"chi_amplitude": 0.02, "chi_omega_rad_s": 0.3, "as_wind": True},
+        )
+    )
+
+    law, aircraft = flown.runs[0], flown.runs[2]
+    t = law.signals.index.to_numpy()
+    assert law.signals["d_chi"].to_numpy() == pytest.approx(0.02 * np.sin(0.3 * t))
+    assert aircraft.signals["wind_east"].to_numpy() == pytest.approx(
+        25.0 * 0.02 / 0.3 * np.cos(0.3 * t)
+    )
