@@ -8,6 +8,7 @@ import typer
 from flighttune.cli.certificates import certify, verify
 from flighttune.cli.flights import fly, list_shipped, view
 from flighttune.cli.gains import frontier, tune
+from flighttune.cli.gap import gap
 from flighttune.cli.identify import identify
 from flighttune.cli.paper import reproduce
 from flighttune.cli.show import COULD_NOT_RUN, fail
@@ -28,6 +29,7 @@ app.command()(certify)
 app.command()(verify)
 app.command()(frontier)
 app.command()(identify)
+app.command()(gap)
 app.command("list")(list_shipped)
 app.command()(view)
 app.command()(reproduce)

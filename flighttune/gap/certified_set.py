@@ -54,11 +54,7 @@ class Verdict:
     @property
     def sentence(self) -> str:
         """``held`` or ``broken at t = ...``, or that the set was never entered."""
-        if self.held:
-            return "held"
-        if self.t_broken is None:
-            return "never entered"
-        return f"broken at t = {self.t_broken:.2f} s"
+        return "never entered" if self.t_entered is None else held_or_broken(self.t_broken)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -104,9 +100,9 @@ class LoopFlown:
             if self.moved[k]:
                 was_inside = False
             elif inside[k]:
-                was_inside, entered = True, float(self.t[k]) if entered is None else entered
+                was_inside, entered = True, self._at(k) if entered is None else entered
             elif was_inside:
-                broken = float(self.t[k])
+                broken = self._at(k)
                 break
         widths = np.sqrt(np.diag(self.unit.W))[2:] * L_d
         return Verdict(
@@ -120,15 +116,28 @@ class LoopFlown:
             tube=(float(widths[0]), float(widths[1])),
         )
 
+    def _at(self, k: int) -> float:
+        return round(float(self.t[k]), 9)
+
     def t_promise_broken(self) -> float | None:
         """When `level` first exceeded what was promised, s; None where it never did."""
         over = self.level > self.promised * (1.0 + ROUNDING) + ROUNDING**2
         late = np.flatnonzero(over & ~self.moved)
-        return float(self.t[late[0]]) if len(late) else None
+        return self._at(late[0]) if len(late) else None
+
+    @property
+    def promise_sentence(self) -> str:
+        """``held``, or when `level` first exceeded what was promised."""
+        return held_or_broken(self.t_promise_broken())
 
     def tube(self) -> FloatArray:
         """Largest errors of course and path angle that are promised, shape (n, 2), rad."""
         return np.sqrt(self.promised[:, None] * np.diag(self.unit.W)[2:])
+
+
+def held_or_broken(t_broken: float | None) -> str:
+    """``held``, or ``broken at t = ...`` in s."""
+    return "held" if t_broken is None else f"broken at t = {t_broken:.2f} s"
 
 
 def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> LoopFlown:

@@ -11,6 +11,7 @@ from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.gains import PIGains
 from flighttune.flight import FlownScenario
 from flighttune.gap.certified_set import LoopFlown, Verdict, loop_flown
+from flighttune.gap.inner_loop import LagSource
 from flighttune.gap.ladder import LEAST_SAMPLES, Ladder, climb, fly_aircraft
 from flighttune.gap.mismatch import Mismatch, mismatch
 from flighttune.metrics import channel_metrics, flight_metrics
@@ -79,7 +80,12 @@ class Gap:
 
 
 def explain_gap(
-    scenario: Scenario, gains: PIGains, *, name: str = "gains", progress: Progress | None = None
+    scenario: Scenario,
+    gains: PIGains,
+    *,
+    name: str = "gains",
+    lag: LagSource | None = None,
+    progress: Progress | None = None,
 ) -> Gap:
     """Fly the same gains up the ladder and say what each step adds.
 
@@ -92,6 +98,9 @@ def explain_gap(
         The gains flown.
     name : str
         Their name in labels.
+    lag : {"identified", "fitted"}, optional
+        Where the lag of the third rung comes from: the aircraft's model file, or this very flight.
+        By default the model file, where there is one.
     progress : callable, optional
         Told how far each run is.
 
@@ -119,7 +128,7 @@ def explain_gap(
             runs=(aircraft,),
             indicators=certified,
         )
-    ladder = climb(scenario, aircraft, progress=progress)
+    ladder = climb(scenario, aircraft, lag=lag, progress=progress)
     top = ladder.runs[-1]
     found = mismatch(top, V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
     loop = (

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
 from flighttune.flight import plant_of
-from flighttune.gap.lag_fit import FittedLag, fitted_lag
+from flighttune.gap.inner_loop import InnerLoop, LagSource, inner_loop_of
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.one_flight import Progress, fly_once
 from flighttune.plants.base import Plant
@@ -61,17 +62,17 @@ class Ladder:
     Attributes
     ----------
     runs : tuple of Run, length 4
-        Paper's law, exact point mass, point mass with the lag fitted, aircraft; cut to the time
+        Paper's law, exact point mass, point mass behind the inner loop, aircraft; cut to the time
         all of them flew, with the status each ended with.
-    lags : tuple of FittedLag, length 2
-        Of roll and of load factor.
+    inner_loop : InnerLoop
+        Lags of the third rung, and where they come from.
     steps : tuple of Step, length 3
     whole : Step
         From the first rung to the last.
     """
 
     runs: tuple[Run, ...]
-    lags: tuple[FittedLag, FittedLag]
+    inner_loop: InnerLoop
     steps: tuple[Step, ...]
     whole: Step
 
@@ -108,7 +109,13 @@ def fly_aircraft(
     )  # fmt: skip
 
 
-def climb(scenario: Scenario, aircraft: Run, *, progress: Progress | None = None) -> Ladder:
+def climb(
+    scenario: Scenario,
+    aircraft: Run,
+    *,
+    lag: LagSource | None = None,
+    progress: Progress | None = None,
+) -> Ladder:
     """Fly the lower rungs after the aircraft has flown, in the air that it met.
 
     Parameters
@@ -117,6 +124,8 @@ def climb(scenario: Scenario, aircraft: Run, *, progress: Progress | None = None
         With a jsbsim plant.
     aircraft : Run
         What `fly_aircraft` returns, of at least `LEAST_SAMPLES` samples.
+    lag : {"identified", "fitted"}, optional
+        Where the lag of the third rung comes from; see `inner_loop_of`.
     progress : callable, optional
         Told how far each run is.
 
@@ -128,18 +137,16 @@ def climb(scenario: Scenario, aircraft: Run, *, progress: Progress | None = None
     ------
     InputError
         If a rung has too few samples.
+    ScenarioError
+        If a model of the inner loop cannot be used.
     """
-    signals, gains = aircraft.signals, aircraft.provenance.gains
-    if len(signals) < LEAST_SAMPLES:
+    gains = aircraft.provenance.gains
+    if len(aircraft.signals) < LEAST_SAMPLES:
         raise InputError(
-            f"`aircraft` must have flown {LEAST_SAMPLES} samples, got {len(signals)}: "
+            f"`aircraft` must have flown {LEAST_SAMPLES} samples, got {len(aircraft.signals)}: "
             f"{aircraft.reason}"
         )
-    t = signals.index.to_numpy(dtype=float)
-    roll, load = (
-        fitted_lag(t, signals[f"{name}_cmd"].to_numpy(), signals[name].to_numpy())
-        for name in ("phi", "n_z")
-    )
+    inner_loop = inner_loop_of(_aircraft(scenario).aircraft or "", scenario, aircraft, wanted=lag)
     limits = scenario.limits.limits().within(plant_of(_aircraft(scenario), scenario).limits)
     g, wind = scenario.flight.g_mps2, _wind_met(aircraft)
     lower: dict[str, Plant] = {
@@ -147,7 +154,7 @@ def climb(scenario: Scenario, aircraft: Run, *, progress: Progress | None = None
         if wind is None
         else PointMassPlant(law="paper", wind=wind, g=g),
         "point_mass": PointMassPlant(wind=wind, g=g),
-        "point_mass_lag": PointMassPlant((roll.lag, load.lag), wind=wind, g=g),
+        "point_mass_lag": PointMassPlant(inner_loop.lags, wind=wind, g=g),
     }
     runs = [
         fly_once(
@@ -156,10 +163,10 @@ def climb(scenario: Scenario, aircraft: Run, *, progress: Progress | None = None
         )
         for label, plant in lower.items()
     ]  # fmt: skip
-    return _ladder([*runs, aircraft], (roll, load))
+    return _ladder([*runs, aircraft], inner_loop)
 
 
-def _ladder(runs: Sequence[Run], lags: tuple[FittedLag, FittedLag]) -> Ladder:
+def _ladder(runs: Sequence[Run], inner_loop: InnerLoop) -> Ladder:
     shortest = min(runs, key=lambda run: len(run.signals))
     n = len(shortest.signals)
     if n < LEAST_SAMPLES:
@@ -168,16 +175,16 @@ def _ladder(runs: Sequence[Run], lags: tuple[FittedLag, FittedLag]) -> Ladder:
         )
     cut = tuple(replace(run, signals=run.signals.iloc[:n]) for run in runs)
     adds = (
-        "lift that turns the path, not the bank alone",
+        "the lift there is turns the path",
         "lag of the inner loop",
         "six degrees of freedom",
     )
     return Ladder(
         runs=cut,
-        lags=lags,
+        inner_loop=inner_loop,
         steps=tuple(
             _step(lower, upper, what)
-            for lower, upper, what in zip(cut, cut[1:], adds, strict=False)
+            for (lower, upper), what in zip(pairwise(cut), adds, strict=True)
         ),
         whole=_step(cut[0], cut[-1], "all of it"),
     )

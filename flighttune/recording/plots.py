@@ -34,6 +34,8 @@ class Plot:
         Signal that is the same for every run, drawn once in grey.
     limit : str or None
         Table key of the scenario's ``[limits]`` without unit, drawn as two lines.
+    band : (str, str) or None
+        Signals of a run between which `signal` is promised to stay, drawn as two thin red lines.
     """
 
     signal: str
@@ -41,6 +43,7 @@ class Plot:
     thin: str | None = None
     common: str | None = None
     limit: str | None = None
+    band: tuple[str, str] | None = None
 
     @property
     def heading(self) -> str:
@@ -70,10 +73,13 @@ SMALLEST_SPAN = 1e-6
 
 COMMANDS_TAB = "Commands and limits"
 
+TUBES = {name: (f"{name}_tube_low", f"{name}_tube_high") for name in ("chi", "gamma")}
+"""Certified tube around the reference of a channel, where a run has one."""
+
 TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
-        Plot("chi", "Course chi, reference grey", common="chi_ref"),
-        Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
+        Plot("chi", "Course chi, reference grey", common="chi_ref", band=TUBES["chi"]),
+        Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref", band=TUBES["gamma"]),
         Plot("chi_err", "Course error"),
         Plot("gamma_err", "Path angle error"),
     ),
@@ -100,6 +106,10 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("q", "Pitch rate q"),
         Plot("r", "Yaw rate r"),
         Plot("n_y", "Side load factor n_y"),
+    ),
+    "Mismatch": (
+        Plot("mismatch_chi", "Course rate flown minus that of the kinematic law"),
+        Plot("mismatch_gamma", "Path-angle rate flown minus that of the kinematic law"),
     ),
     CALM: (
         Plot("d_chi", "Disturbance of the course rate"),
@@ -132,7 +142,7 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
         In the unit of `DISPLAY`.
     """
     values = signals[name].to_numpy(dtype=float)
-    if name in ("chi", "chi_ref"):
+    if name in ("chi", "chi_ref", *TUBES["chi"]):
         values = np.unwrap(values)
     return values * DISPLAY.get(SIGNAL_UNITS[name], ("", 1.0))[1]
 
@@ -148,7 +158,7 @@ def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
         In the unit shown; None where nothing varies and the viewer finds a range better.
     """
     having = [run for run in runs if plot.signal in run.signals]
-    drawn = [*plot.signals, *([plot.common] if plot.common else [])]
+    drawn = [*plot.signals, *([plot.common] if plot.common else []), *(plot.band or ())]
     values = [
         displayed(run.signals, name) for run in having for name in drawn if name in run.signals
     ]

@@ -98,6 +98,8 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member])
         )
         values = np.column_stack([displayed(signals, name) for name in names])
         _log_lines(stream, f"{folder}/{member.key}", style, signals.index, values)
+        if plot.band and set(plot.band) <= set(signals):
+            _log_band(stream, f"{folder}/{member.key}_tube", member, plot.band)
     longest = max(having, key=lambda member: member.run.duration).run
     index = longest.signals.index
     if plot.common is not None and plot.common in longest.signals:
@@ -109,6 +111,17 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member])
         names = ["lower limit", "upper limit"]
         style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
         _log_lines(stream, f"{folder}/{LIMITS}", style, index[[0, -1]], np.array([bounds, bounds]))
+
+
+def _log_band(stream: rr.RecordingStream, path: str, member: Member, band: tuple[str, str]) -> None:
+    signals = member.run.signals
+    style = rr.SeriesLines(
+        colors=[(*rgb(LIMIT), FAINT)] * 2,
+        widths=[1.0] * 2,
+        names=[f"{member.run.label}, {side} end of its tube" for side in ("lower", "upper")],
+    )
+    values = np.column_stack([displayed(signals, name) for name in band])
+    _log_lines(stream, path, style, signals.index, values)
 
 
 def _log_lines(
