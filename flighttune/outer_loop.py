@@ -1,43 +1,78 @@
 """What a scenario asks of the outer loop: its tuning problem, its gains, and their guarantees."""
 
+import math
+
 import numpy as np
 
+from flighttune.arrays import FloatArray
 from flighttune.certificates import Certification, certify
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PIGains, paper_family
+from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
-from flighttune.scenario.schema import TUNED, GainsTable, Scenario
+from flighttune.scenario.schema import GainsTable, Scenario
+from flighttune.scenario.tuning_table import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.tuning.envelope import LargestEnvelope, largest_envelope
 from flighttune.tuning.problem import TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
+from flighttune.tuning.robust import tune_worst_case
 from flighttune.tuning.tune import tune
 from flighttune.units import wrap_angle
 
 
 def tuning_problem(scenario: Scenario) -> TuningProblem:
-    """The paper's optimisation model for a scenario.
+    """The optimisation model for a scenario, on the model that its [tuning] names.
 
     Returns
     -------
     TuningProblem
-        Maximise R_K of the loop about the first reference under ``I_K <= I_star`` and, where the
-        scenario asks, the input limits at the first error.
+        Maximise R_K of the loop about the first reference under ``I_K <= I_star`` (on the kinematic
+        law) and, where the scenario asks, the input limits at the first error.
 
     Notes
     -----
     Section 3.4 of arXiv 2411.13140. The limits hold for the PI part alone, as printed: a
     feed-forward is not counted.
     """
+    settings = scenario.tuning
+    if settings.model == "identified":
+        return identified_problems(scenario)[0]
+    scaling = None if settings.state_scaling is None else np.array(settings.state_scaling)
+    return _problem(scenario, scenario.linear_model(), scaling, settings.I_star)
+
+
+def identified_problems(scenario: Scenario) -> tuple[TuningProblem, ...]:
+    """The problems whose smallest R_K the gains named ``tuned_identified`` maximise.
+
+    Returns
+    -------
+    tuple of TuningProblem
+        On the identified model of the first reference, or, where [tuning] says ``robust``, on that
+        of every condition identified; without a bound on I_K.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no identified model.
+    """
+    return tuple(
+        _problem(scenario, one.model, one.scaling, math.inf) for one in scenario.identified_models()
+    )
+
+
+def _problem(
+    scenario: Scenario, model: LinearModel, scaling: FloatArray | None, I_star: float
+) -> TuningProblem:
     chi_ref, gamma_ref = (float(ref[0]) for ref in scenario.followed().sampled(np.zeros(1)))
-    condition, settings, model = scenario.condition, scenario.tuning, scenario.linear_model()
+    condition, settings = scenario.condition, scenario.tuning
     _, m, p = model.shape
     bound = None if settings.gain_max is None else np.full((m, 2 * p), settings.gain_max)
     return TuningProblem(
         model=model,
-        I_star=settings.I_star,
+        I_star=I_star,
         limits=scenario.limits.limits() if settings.input_limits else None,
         x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
-        scaling=None if settings.state_scaling is None else np.array(settings.state_scaling),
+        scaling=scaling,
         K_min=None if bound is None else -bound,
         K_max=bound,
         K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
@@ -45,13 +80,25 @@ def tuning_problem(scenario: Scenario) -> TuningProblem:
     )
 
 
-def tune_scenario(scenario: Scenario) -> TuningResult:
-    """The gains named ``tuned`` of a scenario, and how they were found."""
-    return tune(
-        tuning_problem(scenario),
-        method=scenario.tuning.method,
-        starts=scenario.tuning.starts,
-    )
+def tune_scenario(scenario: Scenario, model: TuningModel | None = None) -> TuningResult:
+    """The gains named ``tuned`` of a scenario, and how they were found.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    model : "kinematic" or "identified", optional
+        By default what the scenario's [tuning] says. On the identified model each channel is tuned
+        by itself, for the smallest R_K over the models of `identified_problems`.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If an identified model is needed and there is none.
+    """
+    settings = scenario.tuning
+    if (model or settings.model) == "identified":
+        return tune_worst_case(identified_problems(scenario), starts=settings.starts)
+    return tune(tuning_problem(scenario), method=settings.method, starts=settings.starts)
 
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
@@ -62,14 +109,15 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     scenario : Scenario
         Whose gain sets and tuning problem are meant.
     name : str
-        ``paper``, ``K1`` to ``K6``, ``tuned``, or the name of gains given as numbers.
+        ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains given as
+        numbers.
     tuning : TuningResult, optional
         Result for ``tuned``; found anew by default.
 
     Returns
     -------
     PIGains or None
-        None for ``tuned`` where the problem is infeasible.
+        None for tuned gains where the problem is infeasible.
 
     Raises
     ------
@@ -79,10 +127,15 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     if name == TUNED:
         tuning = tune_scenario(scenario) if tuning is None else tuning
         return tuning.gains if tuning.status == "optimal" else None
+    if name == TUNED_IDENTIFIED:
+        tuning = tune_scenario(scenario, "identified")
+        return tuning.gains if tuning.status == "optimal" else None
     known = paper_family()
     known.update({e.name: e.gains() for e in scenario.gains if isinstance(e, GainsTable)})
     if name not in known:
-        raise InputError(f"`gains` must be one of {', '.join([TUNED, *known])}, got {name!r}.")
+        raise InputError(
+            f"`gains` must be one of {', '.join([TUNED, *known, TUNED_IDENTIFIED])}, got {name!r}."
+        )
     return known[name]
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -14,8 +14,10 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import AntiWindup
 from flighttune.plants.base import FlightCondition
+from flighttune.plants.identification.model import FlownModel
 from flighttune.plants.kinematic import G_PAPER
 from flighttune.plants.weather import Weather, WindProfile
+from flighttune.scenario.identified import all_models, nearest_model
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.reference_table import ReferenceTable
 from flighttune.scenario.table import (
@@ -28,6 +30,7 @@ from flighttune.scenario.table import (
     Speeds,
     Table,
 )
+from flighttune.scenario.tuning_table import INPUTS, TUNED, TUNED_IDENTIFIED, TuningTable
 from flighttune.scenario.weather_table import (
     DisturbanceTable,
     GustTable,
@@ -35,11 +38,7 @@ from flighttune.scenario.weather_table import (
     WindTable,
 )
 from flighttune.simulate.reference import Reference
-from flighttune.tuning.tune import Method
 from flighttune.units import DEG
-
-TUNED = "tuned"
-INPUTS = 2
 
 
 class FlightTable(Table):
@@ -94,26 +93,6 @@ class ControllerTable(Table):
     tracking_time_s: Positive | None = None
     feed_forward: bool = False
     schedule: bool = False
-
-
-class TuningTable(Table):
-    """``[tuning]``: what the gains named ``tuned`` maximise R_K under, and on which model.
-
-    ``lag_rad_s`` puts a first-order lag of (phi, n_z) between command and aircraft, and
-    ``sample_delay`` the half sample by which a sampled command is late on average. R_K and I_K are
-    those of the state divided by ``state_scaling`` (s = (x', e); ones by default).
-    """
-
-    I_star: Annotated[float, Field(gt=0.0)] = 5.0
-    model: Literal["kinematic"] = "kinematic"
-    lag_rad_s: Annotated[list[Positive], Field(min_length=INPUTS, max_length=INPUTS)] | None = None
-    sample_delay: bool = False
-    input_limits: bool = False
-    structure: Literal["full", "decoupled"] = "full"
-    gain_max: Positive | None = None
-    state_scaling: list[Positive] | None = None
-    method: Method = "gradient"
-    starts: Annotated[int, Field(ge=1, le=1000)] = 12
 
 
 class EnvelopeTable(Table):
@@ -176,12 +155,14 @@ class Scenario(Table):
     @model_validator(mode="after")
     def _hangs_together(self) -> "Scenario":
         names = [entry if isinstance(entry, str) else entry.name for entry in self.gains]
-        known = [TUNED, *paper_family()]
+        known = [TUNED, *paper_family(), TUNED_IDENTIFIED]
         for entry in self.gains:
             if isinstance(entry, str) and entry not in known:
                 raise ValueError(
                     f"`gains` must name {', '.join(known)} or give K_P and K_I, got {entry!r}"
                 )
+        if TUNED_IDENTIFIED in names or self.tuning.model == "identified":
+            self._identified()
         for key, labels in (("gains", names), ("plant", [p.label for p in self.plant])):
             if len(set(labels)) < len(labels):
                 raise ValueError(f"`{key}` must not name anything twice, got {', '.join(labels)}")
@@ -246,8 +227,44 @@ class Scenario(Table):
         f = self.flight
         return self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
 
+    def _identified(self) -> str:
+        """Aircraft or file the identified model comes from."""
+        flown = [plant.aircraft for plant in self.plant if plant.aircraft is not None]
+        source = self.tuning.identified or next(iter(flown), None)
+        if source is None:
+            raise ValueError(
+                "`identified` of [tuning] must be given: no plant is an aircraft, got nothing"
+            )
+        return source
+
+    def identified_models(self) -> tuple[FlownModel, ...]:
+        """The law behind the identified inner loop and half a sample of delay.
+
+        Returns
+        -------
+        tuple of FlownModel
+            About wings-level flight on the first reference with the lags of the nearest condition;
+            one a condition, each at its own airspeed and climb, where [tuning] says ``robust``.
+
+        Raises
+        ------
+        InputError, ScenarioError
+            If there is no such aircraft, or no model file.
+        """
+        source, g, hold = self._identified(), self.flight.g_mps2, 0.5 / self.controller.rate_hz
+        V_a, (_, gamma) = self.flight.V_a_mps, self.followed().sampled(np.zeros(1))
+        if self.tuning.robust:
+            speed = V_a if self.controller.schedule else None
+            return all_models(source, schedule_speed=speed, g=g, hold=hold)
+        return nearest_model(source, V_a=V_a, gamma=float(gamma[0]), g=g, hold=hold)
+
     def linear_model(self) -> LinearModel:
-        """The kinematic law about wings-level flight on the first reference, and its lags."""
+        """The model that [tuning] names, about wings-level flight on the first reference.
+
+        Of an identified aircraft that is the first condition where [tuning] says ``robust``.
+        """
+        if self.tuning.model == "identified":
+            return self.identified_models()[0].model
         _, gamma = self.followed().sampled(np.zeros(1))
         f = self.flight
         model = kinematic_model(V_a=f.V_a_mps, gamma=float(gamma[0]), g=f.g_mps2)
