@@ -9,6 +9,7 @@ import pandas as pd
 
 from flighttune.control.closed_loop import closed_loop
 from flighttune.control.gains import PIGains
+from flighttune.expectations import missed_expectations
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.one_flight import Progress, fly_once, unflown
 from flighttune.outer_loop import gain_set, tune_scenario
@@ -52,6 +53,11 @@ class FlownScenario:
     tuning: TuningResult | None
     metrics: pd.DataFrame
     flight: pd.DataFrame
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """What the runs did not come to of what the scenario expects, a sentence each."""
+        return missed_expectations(self.scenario, self.runs)
 
     def metrics_of(self, run: Run) -> dict[str, dict[str, float]]:
         """Measures of one run as numbers: ``chi``, ``gamma`` and ``flight``; empty if not flown."""
@@ -144,6 +150,7 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         seed=scenario.seed,
         weather=scenario.weather(),
         ground=scenario.flight.ground_m,
+        throttle_max=table.throttle_max,
     )
 
 

@@ -17,7 +17,7 @@ LAYERS = (
     "certificates",
     "scenario",
     "outer_loop",
-    "one_flight",
+    "one_flight expectations",
     "flight",
     "gap",
     "recording",

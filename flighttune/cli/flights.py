@@ -48,10 +48,9 @@ def fly(
         _print_flown(flown, files.recording)
     if view:
         _open(files.recording)
-    ended_early = [run for run in flown.runs if run.status != "completed"]
-    if ended_early:
-        first = ended_early[0]
-        fail(f"{first.label}: {first.status}: {first.reason}", NO)
+    if flown.missed:
+        more = f" ({len(flown.missed) - 1} more)" if flown.missed[1:] else ""
+        fail(f"{flown.missed[0]}{more}", NO)
 
 
 def list_shipped(as_json: JsonOption = False) -> None:
@@ -122,7 +121,7 @@ def _flown_json(
                 },
             }
         )
-    return {"recording": str(recording), "runs": runs}
+    return {"recording": str(recording), "runs": runs, "missed": list(flown.missed)}
 
 
 def _print_flown(flown: "FlownScenario", recording: Path) -> None:

@@ -18,6 +18,7 @@ from flighttune.plants.identification.model import FlownModel
 from flighttune.plants.kinematic import G_PAPER
 from flighttune.plants.weather import Weather, WindProfile
 from flighttune.scenario.identified import all_models, nearest_model
+from flighttune.scenario.expect_table import ExpectTable
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.reference_table import ReferenceTable
 from flighttune.scenario.table import (
@@ -150,6 +151,7 @@ class Scenario(Table):
     gust: GustTable | None = None
     turbulence: TurbulenceTable | None = None
     envelope: EnvelopeTable | None = None
+    expect: list[ExpectTable] = Field(default_factory=list)
     plant: Annotated[list[PlantTable], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -166,6 +168,11 @@ class Scenario(Table):
         for key, labels in (("gains", names), ("plant", [p.label for p in self.plant])):
             if len(set(labels)) < len(labels):
                 raise ValueError(f"`{key}` must not name anything twice, got {', '.join(labels)}")
+            for wanted in (getattr(table, key) for table in self.expect):
+                if wanted not in (None, *labels):
+                    raise ValueError(
+                        f"`{key}` of [[expect]] must be one of {', '.join(labels)}, got {wanted!r}"
+                    )
         self._check_air()
         if self.flight.duration_s * self.controller.rate_hz < 2.0:
             raise ValueError(

@@ -150,6 +150,7 @@ class LimitProperties(_Table):
     n_z_min: PropertyName
     n_z_max: PropertyName
     n_z_rate: PropertyName
+    throttle_max: PropertyName
 
 
 class AircraftConfig(_Table):
@@ -187,6 +188,22 @@ class AircraftConfig(_Table):
     def file(self) -> Path:
         """The ``aircraft.toml`` itself."""
         return self._folder / "aircraft.toml"
+
+    def with_throttle_max(self, throttle_max: float) -> Self:
+        """Return the aircraft with another upper stop of the throttle.
+
+        Raises
+        ------
+        InputError
+            If it does not lie between the stops of the aircraft.
+        """
+        low, high = self.actuators.throttle
+        if not low < throttle_max <= high:
+            raise InputError(
+                f"`throttle_max` must lie above {low:g} and up to {high:g}, got {throttle_max}."
+            )
+        actuators = self.actuators.model_copy(update={"throttle": (low, throttle_max)})
+        return self.model_copy(update={"actuators": actuators})
 
 
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:

@@ -34,6 +34,7 @@ class Guard:
             fdm.reader("forces/fbz-total-lbs"),
         )
         self._weight_lbf = fdm.reader("inertia/mass-slugs")() * G_0 / FT
+        self._throttle = fdm.reader(fdm.config.channels.throttle)
         self._h_ft = fdm.reader("position/h-sl-ft")
         self._time = fdm.reader("simulation/sim-time-sec")
         self.inside = self._check()
@@ -72,6 +73,13 @@ class Guard:
             f"got phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}.",
         )
 
+    def _engine_at_stop(self) -> str:
+        low, high = self._fdm.config.actuators.throttle
+        margin, throttle = 0.01 * (high - low), self._throttle()
+        if throttle >= high - margin:
+            return ", at full throttle"
+        return ", with the throttle closed" if throttle <= low + margin else ""
+
     def diagnosis(self) -> Stop:
         """Return why the flight may not go on.
 
@@ -106,6 +114,6 @@ class Guard:
                 return Stop(
                     "left_envelope",
                     f"{at}: {name} must stay inside {low / unit:g} to {high / unit:g}{symbol}, "
-                    f"got {state[name] / unit:.2f}{symbol}.",
+                    f"got {state[name] / unit:.2f}{symbol}{self._engine_at_stop()}.",
                 )
         raise PlantError(f"{at}: JSBSim ended the run by itself, its state inside the envelope.")

@@ -51,6 +51,9 @@ class JSBSimPlant:
         What the air does; still by default.
     ground : float, m
         Height of the ground above sea level.
+    throttle_max : float, optional
+        Upper stop of the throttle, for an engine that gives less than it should; by default that of
+        the aircraft.
 
     Attributes
     ----------
@@ -84,6 +87,7 @@ class JSBSimPlant:
         seed: int = 0,
         weather: Weather | None = None,
         ground: float = 0.0,
+        throttle_max: float | None = None,
     ) -> None:
         if not (math.isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
             raise InputError(f"`fdm_rate_hz` must be positive, got {fdm_rate_hz}.")
@@ -94,7 +98,10 @@ class JSBSimPlant:
                 f"`ground` must lie in {-_DEEPEST_GROUND:g} to {_HIGHEST_GROUND:g} m, "
                 f"got {ground} m."
             )
-        self.config: AircraftConfig = load_aircraft(aircraft)
+        config = load_aircraft(aircraft)
+        self.config: AircraftConfig = (
+            config if throttle_max is None else config.with_throttle_max(throttle_max)
+        )
         self.limits: Limits = self.config.limits.limits()
         self._rate = fdm_rate_hz
         self._seed = seed
@@ -204,6 +211,7 @@ class JSBSimPlant:
             properties.n_z_min: limits.n_z[0],
             properties.n_z_max: limits.n_z[1],
             properties.n_z_rate: limits.n_z_rate,
+            properties.throttle_max: self.config.actuators.throttle[1],
             **self.config.gains,
         }
         for name, value in settings.items():
