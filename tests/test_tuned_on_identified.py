@@ -1,0 +1,196 @@
+"""Gains tuned on the identified aircraft, flown: the paper's manoeuvre and others not used."""
+
+import numpy as np
+import pytest
+
+from flighttune.certificates import certify, verify
+from flighttune.control.closed_loop import closed_loop
+from flighttune.errors import ScenarioError
+from flighttune.flight import fly
+from flighttune.outer_loop import certify_scenario, identified_problems, tune_scenario
+from flighttune.plants.identification.file import load_identified
+from flighttune.scenario import load_scenario, scenario_from
+from flighttune.shipped import aircraft_folder
+from flighttune.theory.indicators import indicators
+
+ON_THE_AIRCRAFT = 0.45
+"""Largest ITAE over that of the paper's gains, at the paper's manoeuvre."""
+ON_THE_LAW = 2.0
+STILL = np.deg2rad(0.1)
+"""Root mean square of roll and errors over the last 5 s of a flight without oscillation, rad."""
+NOTHING_ASKED = 0.01
+"""ITAE, rad s^2, below which a channel was not asked to move."""
+
+AIRCRAFT = "jsbsim:aerosonde"
+LIMITS = {
+    "phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0, "n_z": [-2.1, 2.1], "n_z_rate_per_s": 1.0,
+}  # fmt: skip
+
+UNUSED = {
+    "left": {"chi_deg": -60.0},
+    "right": {"chi_deg": 120.0},
+    "a small turn": {"chi_deg": 5.0, "gamma_deg": 2.0},
+    "climb": {"gamma_deg": 15.0},
+    "dive out of a climb": {"from": {"gamma_deg": 12.0, "chi_deg": 20.0}, "gamma_deg": -4.0},
+    "slow": {"V_a_mps": 20.0, "chi_deg": 60.0, "from": {"gamma_deg": 20.0}},
+    "fast": {"V_a_mps": 30.0, "chi_deg": -60.0, "from": {"gamma_deg": 20.0}},
+}
+
+
+def manoeuvre(wanted, *, robust=False, **more):
+    wanted = dict(wanted)
+    start = {"V_a_mps": wanted.pop("V_a_mps", 25.0), **wanted.pop("from", {})}
+    return scenario_from(
+        {
+            "title": "a manoeuvre the gains were not made for",
+            "seed": 3,
+            "gains": ["paper", "tuned", "tuned_identified"],
+            "flight": {"duration_s": 20.0, "h_m": 1000.0, **start},
+            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0, **wanted},
+            "limits": LIMITS,
+            "controller": {"rate_hz": 50.0, "feed_forward": True, "schedule": True},
+            "tuning": {"robust": robust},
+            "plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}],
+        }
+        | more
+    )
+
+
+def itae(flown, gains, plant=AIRCRAFT):
+    label = f"{plant} / {gains}"
+    return {channel: flown.metrics.at[(label, channel), "ITAE"] for channel in ("chi", "gamma")}
+
+
+def run_of(flown, gains):
+    (run,) = (r for r in flown.runs if r.label == f"{AIRCRAFT} / {gains}")
+    return run
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return fly(load_scenario("paper_identified"))
+
+
+@pytest.mark.parametrize("channel", ["chi", "gamma"])
+def test_itae_on_the_aircraft_is_less_than_half_of_the_papers(paper, channel):
+    ratio = itae(paper, "tuned_identified")[channel] / itae(paper, "paper")[channel]
+
+    assert ratio <= ON_THE_AIRCRAFT
+
+
+@pytest.mark.parametrize("channel", ["chi", "gamma"])
+def test_itae_on_the_kinematic_law_stays_near_the_papers(paper, channel):
+    law = "kinematic"
+    ratio = itae(paper, "tuned_identified", law)[channel] / itae(paper, "paper", law)[channel]
+
+    assert ratio <= ON_THE_LAW
+
+
+@pytest.mark.parametrize("signal", ["phi", "chi_err", "gamma_err"])
+def test_nothing_swings_in_the_last_five_seconds(paper, signal):
+    last = run_of(paper, "tuned_identified").signals[signal].loc[15.0:].to_numpy()
+
+    assert np.sqrt(np.mean(last**2)) < STILL
+
+
+def wins(flown):
+    tuned = itae(flown, "tuned_identified")
+    for other in ("paper", "tuned"):
+        for channel, value in itae(flown, other).items():
+            assert tuned[channel] < max(value, NOTHING_ASKED), f"{channel} of {other} is better"
+
+
+@pytest.mark.parametrize("name", UNUSED)
+def test_wins_on_manoeuvres_not_used(name):
+    flown = fly(manoeuvre(UNUSED[name]))
+
+    assert all(run.status == "completed" for run in flown.runs)
+    wins(flown)
+
+
+@pytest.mark.parametrize("intensity", ["light", "moderate"])
+@pytest.mark.parametrize("name", ["left", "climb"])
+def test_wins_in_turbulence(name, intensity):
+    flown = fly(manoeuvre(UNUSED[name], turbulence={"intensity": intensity}))
+
+    assert all(run.status == "completed" for run in flown.runs)
+    wins(flown)
+
+
+def test_gains_robust_over_speeds_and_climbs_win_too():
+    for name in ("slow", "fast"):
+        wins(fly(manoeuvre(UNUSED[name], robust=True)))
+
+
+def test_robust_gains_have_the_better_worst_case():
+    robust, nominal = (manoeuvre(UNUSED["fast"], robust=robust) for robust in (True, False))
+    found, single = tune_scenario(robust, "identified"), tune_scenario(nominal, "identified")
+
+    models = identified_problems(robust)
+
+    def worst(gains):
+        loops = ((one, closed_loop(one.model, gains)) for one in models)
+        return min(indicators(A_K, scaling=one.scaling).R_K for one, A_K in loops)
+
+    assert len(models) == len(load_identified("aerosonde").conditions)
+    assert found.R_K == pytest.approx(worst(found.gains))
+    assert found.R_K > worst(single.gains)
+
+
+def test_the_model_of_the_scenario_is_the_identified_one_where_it_says_so():
+    scenario = load_scenario("paper_identified")
+    tables = scenario.as_dict()
+    tables["tuning"] = {"model": "identified"}
+    own = scenario_from(tables)
+
+    assert own.linear_model().inputs == ("phi", "n_z")
+    assert len(own.linear_model().states) > 6
+    assert np.array_equal(tune_scenario(own).gains.K, tune_scenario(scenario, "identified").gains.K)
+
+
+def test_a_model_file_and_the_aircraft_it_ships_with_are_one():
+    tables = load_scenario("paper_identified").as_dict()
+    tables["tuning"]["identified"] = str(aircraft_folder("aerosonde") / "identified.json")
+
+    by_file, by_name = scenario_from(tables), load_scenario("paper_identified")
+
+    assert np.array_equal(
+        by_file.identified_models()[0].model.A, by_name.identified_models()[0].model.A
+    )
+
+
+def test_the_loop_on_the_identified_model_is_certified():
+    tables = load_scenario("paper_identified").as_dict()
+    tables["tuning"] = {"model": "identified"}
+    scenario = scenario_from(tables)
+    gains = tune_scenario(scenario).gains
+
+    found = certify_scenario(scenario, gains, L_d=0.015)
+
+    assert found.status == "certified"
+    assert verify(found.certificate).valid
+    assert certify(scenario.linear_model(), gains).status == "certified"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tuning": {"model": "identified", "I_star": 4.0}}, "`I_star` must be absent with model"),
+        (
+            {"tuning": {"model": "identified", "lag_rad_s": [4.0, 8.0]}},
+            "`lag_rad_s` must be absent",
+        ),
+        ({"plant": [{"kind": "kinematic"}]}, r"`identified` of \[tuning\] must be given"),
+        ({"tuning": {"model": "measured"}}, r"\[tuning\] `model` must be 'kinematic' or 'identif"),
+    ],
+)
+def test_scenarios_that_cannot_be_tuned_so_are_refused_by_key(change, message):
+    with pytest.raises(ScenarioError, match=message):
+        manoeuvre({"chi_deg": 5.0}, **change)
+
+
+def test_an_aircraft_without_a_model_file_says_what_writes_one(tmp_path):
+    scenario = manoeuvre({"chi_deg": 5.0}, tuning={"identified": str(tmp_path)})
+
+    with pytest.raises(ScenarioError, match="`flighttune identify` writes one"):
+        tune_scenario(scenario, "identified")
