@@ -130,7 +130,7 @@ def _draw_tube(axes: Axes, gap: Gap, channel: str) -> None:
     for side in (-ultimate, ultimate):
         axes.axhline(side, color=LIMIT, lw=1.0, ls=(0, (4, 2)))
     promise = gap.loop.promise_sentence
-    title = f"Error. Dashed: ultimate set, {gap.verdict.sentence}. Red: promised tube, {promise}"
+    title = f"Error. Dashed: ultimate set, {gap.verdict.sentence}\nRed: promised tube, {promise}"
     _dress(axes, title, f"e_{SYMBOLS[channel]} [deg]")
 
 
