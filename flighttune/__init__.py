@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         save_certificate,
         verify,
     )
+    from flighttune.comparison import Comparison, compare
     from flighttune.control.closed_loop import closed_loop
     from flighttune.control.gains import PAPER_GAINS, PIGains
     from flighttune.control.limits import Limits
@@ -39,6 +40,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "certificates": ("Certificate", "certify", "load_certificate", "save_certificate", "verify"),
+    "comparison": ("Comparison", "compare"),
     "control.closed_loop": ("closed_loop",),
     "control.gains": ("PAPER_GAINS", "PIGains"),
     "control.limits": ("Limits",),
@@ -65,6 +67,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "PAPER_GAINS",
     "Certificate",
+    "Comparison",
     "FlightCondition",
     "FlightTuneError",
     "FlownScenario",
@@ -84,6 +87,7 @@ __all__ = [
     "certify_scenario",
     "channel_metrics",
     "closed_loop",
+    "compare",
     "flight_metrics",
     "fly",
     "indicators",

@@ -21,7 +21,7 @@ LAYERS = (
     "flight",
     "gap",
     "recording",
-    "compare",
+    "comparison",
     "report",
     "paper campaign",
     "cli",

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from flighttune.cli.certificates import certify, verify
+from flighttune.cli.compare import compare
 from flighttune.cli.flights import fly, list_shipped, view
 from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
@@ -30,6 +31,7 @@ app.command()(verify)
 app.command()(frontier)
 app.command()(identify)
 app.command()(gap)
+app.command()(compare)
 app.command("list")(list_shipped)
 app.command()(view)
 app.command()(reproduce)

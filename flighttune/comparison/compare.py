@@ -1,0 +1,178 @@
+"""The comparison: pairs of runs with their metrics, differences and distances."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from flighttune.comparison.measures import Row, largest_distance, metric_rows, until
+from flighttune.comparison.pairing import differences, paired, why_not
+from flighttune.comparison.source import Source, load_source
+from flighttune.errors import InputError
+from flighttune.flight import FlownScenario
+from flighttune.simulate.run import Run
+
+COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pair:
+    """Two runs of one manoeuvre, held against each other.
+
+    Attributes
+    ----------
+    a, b : Run
+        Cut to the time both flew.
+    source_a, source_b : str
+        Where they come from.
+    durations : tuple of float, s
+        Time that each of the two flew; `a` and `b` have no more than the shorter.
+    max_distance : float, m
+        Largest distance of the two at the same time after the start.
+    t_max_distance : float, s
+        When that was.
+    differs : mapping of str to (value, value)
+        Settings of the two scenarios that are not the same, by dotted key.
+    status : tuple of str
+        How each of the two ended.
+    """
+
+    a: Run
+    b: Run
+    source_a: str
+    source_b: str
+    durations: tuple[float, float]
+    max_distance: float
+    t_max_distance: float
+    differs: dict[str, tuple[Any, Any]]
+    status: tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Comparison:
+    """Runs side by side.
+
+    Attributes
+    ----------
+    comparable : bool
+        Whether all sources flew the same manoeuvre, in the same units, with the same aircraft.
+    reason : str
+        Why not; empty otherwise.
+    pairs : tuple of Pair
+        Every run of the first source with its partner in each of the others.
+    metrics : DataFrame
+        A row each pair, channel and metric; columns ``pair`` (its place in `pairs`), ``run_a``,
+        ``run_b``, ``channel``, ``name``, ``unit``, ``a``, ``b``, ``diff`` (b minus a), ``better``
+        (a, b, same, or empty).
+    unpaired : tuple of str
+        Runs without a partner, as ``source: label``.
+    """
+
+    comparable: bool
+    reason: str
+    pairs: tuple[Pair, ...]
+    metrics: pd.DataFrame
+    unpaired: tuple[str, ...]
+
+    @property
+    def max_distance(self) -> float:
+        """Largest distance of any pair, m; nan if there is none."""
+        return max((pair.max_distance for pair in self.pairs), default=float("nan"))
+
+
+def compare(
+    a: str | Path | Run | FlownScenario | Source, *others: str | Path | Run | FlownScenario | Source
+) -> Comparison:
+    """Hold runs against those of the first source.
+
+    Parameters
+    ----------
+    a : str, path-like, Run, FlownScenario or Source
+        What the others are compared with. A string is what `load_source` takes: a run folder, a
+        Parquet file, a recording or ``scenario@gains``.
+    others : str, path-like, Run, FlownScenario or Source
+        At least one more.
+
+    Returns
+    -------
+    Comparison
+        With `comparable` False and a reason where the manoeuvres (start, length, reference), units
+        or aircraft differ. A kinematic plant may be compared with an aircraft. Where one of two
+        runs ended early, both are measured over the time both flew.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to compare with, or a source cannot be read or flown.
+    """
+    if not others:
+        raise InputError("`others` must hold at least one more source, got none.")
+    first, *rest = (_source(one, place) for place, one in enumerate((a, *others)))
+    pairs: list[Pair] = []
+    unpaired: list[str] = []
+    for other in rest:
+        found = paired(first.runs, other.runs)
+        reason = why_not(first, other, found)
+        if reason:
+            return _refused(reason)
+        pairs += [_pair(first, other, *two) for two in found]
+        unpaired += _left_over(first, other, found)
+    rows: list[Row] = []
+    for place, pair in enumerate(pairs):
+        names: Row = {"pair": place, "run_a": pair.a.label, "run_b": pair.b.label}
+        rows += [{**names, **row} for row in metric_rows(pair.a, pair.b)]
+    return Comparison(
+        comparable=True,
+        reason="",
+        pairs=tuple(pairs),
+        metrics=pd.DataFrame(rows, columns=list(COLUMNS)),
+        unpaired=tuple(dict.fromkeys(unpaired)),
+    )
+
+
+def _source(given: str | Path | Run | FlownScenario | Source, place: int) -> Source:
+    if isinstance(given, Source):
+        return given
+    if isinstance(given, Run):
+        return Source(name=f"{chr(ord('A') + place)}: {given.label}", runs=(given,))
+    if isinstance(given, FlownScenario):
+        return Source(name=f"{chr(ord('A') + place)}: {given.scenario.title}", runs=given.runs)
+    return load_source(given)
+
+
+def _refused(reason: str) -> Comparison:
+    return Comparison(
+        comparable=False,
+        reason=reason,
+        pairs=(),
+        metrics=pd.DataFrame(columns=list(COLUMNS)),
+        unpaired=(),
+    )
+
+
+def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
+    end = min(a.duration, b.duration)
+    distance, at = largest_distance(a, b)
+    return Pair(
+        a=until(a, end),
+        b=until(b, end),
+        source_a=first.name,
+        source_b=second.name,
+        durations=(a.duration, b.duration),
+        max_distance=distance,
+        t_max_distance=at,
+        differs=differences(a, b),
+        status=(a.status, b.status),
+    )
+
+
+def _left_over(first: Source, second: Source, found: Sequence[tuple[Run, Run]]) -> list[str]:
+    used = {id(run) for pair in found for run in pair}
+    return [
+        f"{source.name}: {run.label}"
+        for source in (first, second)
+        for run in source.runs
+        if id(run) not in used
+    ]

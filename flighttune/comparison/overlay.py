@@ -1,0 +1,87 @@
+"""Compared runs in one recording, aligned at the start of the flight."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from flighttune.comparison.compare import Comparison
+from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.recording.page import number, scenario_page, table
+from flighttune.recording.rrd import write_recording
+from flighttune.simulate.run import Run
+
+BETTER = {"a": "first", "b": "second", "same": "same", "": ""}
+
+
+def write_overlay(found: Comparison, path: str | Path) -> None:
+    """Write all runs of a comparison to one recording.
+
+    Parameters
+    ----------
+    found : Comparison
+        Comparable; time 0 of every run is the start of its flight.
+    path : path-like
+        A ``.rrd`` file to write or replace.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be written.
+    """
+    runs = overlaid(found)
+    scenario = runs[0].provenance.scenario
+    title = f"{scenario.get('title', 'Flight')}: comparison"
+    page = scenario_page(
+        runs,
+        scenario=scenario,
+        metrics=pd.concat({run.label: channel_metrics(run) for run in runs}, names=["run"]),
+        flight=pd.DataFrame.from_dict(
+            {run.label: flight_metrics(run) for run in runs}, orient="index"
+        ),
+    )
+    write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{_table(found)}\n", title=title)
+
+
+def overlaid(found: Comparison) -> list[Run]:
+    """Every run of a comparison once; runs of one label are told apart by letters of their source.
+
+    The first source is A, the next one B and so on.
+    """
+    sources = list(
+        dict.fromkeys([p.source_a for p in found.pairs] + [p.source_b for p in found.pairs])
+    )
+    runs: dict[tuple[str, str], Run] = {}
+    for pair in found.pairs:
+        for source, run in ((pair.source_a, pair.a), (pair.source_b, pair.b)):
+            known = runs.get((source, run.label))
+            if known is None or known.duration < run.duration:
+                runs[source, run.label] = run
+    labels = [label for _, label in runs]
+    return [
+        _named(run, f"{run.provenance.gains_name} ({chr(ord('A') + sources.index(source))})")
+        if labels.count(label) > 1
+        else run
+        for (source, label), run in runs.items()
+    ]
+
+
+def _named(run: Run, gains_name: str) -> Run:
+    return replace(run, provenance=replace(run.provenance, gains_name=gains_name))
+
+
+def _table(found: Comparison) -> str:
+    rows: list[list[str]] = []
+    for row in found.metrics.to_dict(orient="records"):
+        values: list[Any] = [row["a"], row["b"], row["diff"]]
+        rows.append(
+            [
+                f"{row['run_a']} and {row['run_b']}",
+                f"{row['channel']} {row['name']} [{row['unit']}]",
+                *(number(float(value), 4) for value in values),
+                BETTER[str(row["better"])],
+            ]
+        )
+    heads = ("first and second", "metric", "first", "second", "difference", "better")
+    return table(heads, rows)

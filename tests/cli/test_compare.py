@@ -1,0 +1,85 @@
+"""``flighttune compare`` as a process: answers, exit statuses and one-line reasons."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from flighttune.recording.check import check_recording
+
+ANSWER = {"comparable", "reason", "metrics", "max_distance_m"}
+ROW = {"name", "channel", "a", "b", "diff", "better"}
+
+
+def compare(*arguments, status=0):
+    """Run the command; return what it printed on stdout and on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-m", "flighttune", "compare", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == status, done.stderr
+    return done.stdout, done.stderr
+
+
+def test_the_answer_has_every_metric_of_every_pair(tmp_path):
+    out = tmp_path / "overlay.rrd"
+    shown, err = compare("paper@paper", "paper@tuned", "--out", out, "--json")
+
+    found = json.loads(shown)
+    assert err == ""
+    assert found.keys() >= ANSWER
+    assert found["comparable"] is True
+    assert {pair["run_b"] for pair in found["pairs"]} == {
+        "kinematic / tuned",
+        "jsbsim:aerosonde / tuned",
+    }
+    for row in found["metrics"]:
+        assert row.keys() >= ROW
+        if row["a"] is not None and row["b"] is not None:
+            assert row["diff"] == pytest.approx(row["b"] - row["a"], abs=1e-12)
+    assert found["max_distance_m"] == max(pair["max_distance_m"] for pair in found["pairs"])
+    check_recording(out, whole=True)
+
+
+def test_a_change_beyond_tolerance_is_status_1_with_the_rows(tmp_path):
+    tolerance = tmp_path / "tolerance.toml"
+    tolerance.write_text("[chi]\nITAE = {relative = 0.02}\nST_rad = {absolute = 1.0}\n")
+
+    shown, err = compare(
+        "paper_as_printed@paper", "paper_as_printed@K1", "--tolerance", tolerance, status=1
+    )
+    assert "out of tolerance: kinematic / K1: chi ITAE must be within" in shown
+    assert "ST_rad must" not in shown
+    assert err.startswith(f"flighttune: {tolerance}: kinematic / K1: chi ITAE must be within")
+    assert err.count("\n") == 1
+    compare("paper_as_printed@paper", "paper_as_printed@paper", "--tolerance", tolerance)
+
+
+def test_another_manoeuvre_is_status_2_and_says_why():
+    shown, err = compare("paper@K1", "level_turn@K1", "--json", status=2)
+
+    found = json.loads(shown)
+    assert found["comparable"] is False
+    assert found["metrics"] == []
+    assert found["max_distance_m"] is None
+    assert "the manoeuvre must be the same" in found["reason"]
+    assert found["reason"] in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("paper@K1", "paper@K9"), "paper@K9: `gains` must be one of tuned, paper, K1"),
+        (("paper@K1", "nowhere.parquet"), "nowhere.parquet: must be a Parquet file"),
+        (("paper@K1", "paper@K1", "--out", "overlay.html"), "overlay.html: --out must end in .rrd"),
+    ],
+)
+def test_what_cannot_run_is_status_2_with_one_line(arguments, reason):
+    _, err = compare(*arguments, status=2)
+
+    assert err.startswith(f"flighttune: {reason}")
+    assert err.count("\n") == 1

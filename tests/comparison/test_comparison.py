@@ -1,0 +1,244 @@
+"""Comparisons of flights whose metrics and distances are known in closed form."""
+
+import copy
+import dataclasses
+import math
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from flighttune.comparison import compare, load_source
+from flighttune.comparison.measures import better, largest_distance
+from flighttune.comparison.overlay import overlaid, write_overlay
+from flighttune.comparison.pairing import manoeuvre, paired
+from flighttune.errors import InputError, RecordingError, ScenarioError
+from flighttune.recording.check import check_recording
+from flighttune.recording.parquet import write_run
+
+TRAPEZOID = 1e-3
+"""Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
+
+ONE_SAMPLE = 0.02
+MICROMETRE = 1e-6
+
+
+def value(found, name, channel="chi"):
+    rows = found.metrics
+    return rows[(rows["name"] == name) & (rows["channel"] == channel)].iloc[0]
+
+
+def test_differences_of_exponential_errors_are_those_of_the_closed_forms(fly_line):
+    found = compare(fly_line(rate=0.5), fly_line(rate=2.0))
+
+    def itae(a, T=20.0):
+        return (1.0 - (1.0 + a * T) * math.exp(-a * T)) / a**2
+
+    row = value(found, "ITAE")
+    assert (row["a"], row["b"]) == pytest.approx((itae(0.5), itae(2.0)), rel=TRAPEZOID)
+    assert row["diff"] == row["b"] - row["a"]
+    assert row["better"] == "b"
+    rise = value(found, "rise_s", "gamma")
+    assert rise["diff"] == pytest.approx(math.log(9.0) * (1 / 2.0 - 1 / 0.5), rel=TRAPEZOID)
+    settling = value(found, "settling_s")
+    assert settling["diff"] == pytest.approx(math.log(20.0) * (1 / 2.0 - 1 / 0.5), abs=ONE_SAMPLE)
+
+
+def test_a_run_is_the_same_as_itself(fly_line):
+    found = compare(fly_line(), fly_line())
+
+    assert found.comparable
+    assert found.max_distance == 0.0
+    assert (found.metrics["diff"].dropna() == 0.0).all()
+    assert set(found.metrics["better"]) <= {"same", ""}
+
+
+def test_the_largest_distance_of_parallel_paths_is_pythagoras_of_the_offset(fly_line):
+    found = compare(fly_line(), fly_line(offset=(3.0, 4.0, 12.0)))
+
+    assert found.max_distance == pytest.approx(13.0, abs=MICROMETRE)
+
+
+def test_runs_that_drift_apart_are_farthest_at_the_end(fly_line):
+    distance, at = largest_distance(fly_line(), fly_line(drift=(0.0, 0.6, 0.8)))
+
+    assert distance == pytest.approx(20.0, abs=MICROMETRE)
+    assert at == 20.0
+
+
+def test_runs_of_other_sample_times_are_compared_at_equal_times(fly_line):
+    distance, _ = largest_distance(fly_line(dt=0.02), fly_line(dt=0.05, offset=(0.0, 0.0, 2.0)))
+
+    assert distance == pytest.approx(2.0, abs=MICROMETRE)
+
+
+@pytest.mark.parametrize(
+    ("name", "a", "b", "expected"),
+    [
+        ("ITAE", 1.0, 2.0, "a"),
+        ("MS_rad", -0.1, 0.2, "a"),
+        ("MS_rad", 0.2, -0.1, "b"),
+        ("settling_s", math.nan, 9.0, "b"),
+        ("settling_s", math.nan, math.nan, "same"),
+        ("n_z_max", 1.0, 2.0, ""),
+        ("MO_rad", 0.3, 0.3, "same"),
+    ],
+)
+def test_less_is_better_except_where_nothing_is_and_never_is_worst(name, a, b, expected):
+    assert better(name, a, b) == expected
+
+
+def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
+    law, craft = fly_line(), fly_line(plant="jsbsim:aerosonde")
+    tuned = fly_line(gains="tuned"), fly_line(plant="jsbsim:aerosonde", gains="tuned")
+
+    assert paired([law, craft], [craft, law]) == [(law, law), (craft, craft)]
+    assert paired([law, craft], tuned) == [(law, tuned[0]), (craft, tuned[1])]
+    assert paired([law, tuned[0]], [craft, tuned[1]]) == [(law, craft), (tuned[0], tuned[1])]
+    assert paired([law], [tuned[1]]) == [(law, tuned[1])]
+
+
+def test_a_run_without_a_partner_is_named(fly_line, tmp_path):
+    for folder, sets in (("a", ("paper", "K1")), ("b", ("paper",))):
+        for gains in sets:
+            write_run(fly_line(gains=gains), tmp_path / folder / f"{gains}.parquet")
+
+    found = compare(tmp_path / "a", tmp_path / "b")
+
+    assert found.comparable
+    assert len(found.pairs) == 1
+    assert found.unpaired == (f"{tmp_path / 'a'}: kinematic / K1",)
+
+
+def other(scenario, table, key, value):
+    changed = copy.deepcopy(scenario)
+    changed[table][key] = value
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "got"),
+    [
+        ("flight", "V_a_mps", 30.0),
+        ("flight", "duration_s", 40.0),
+        ("reference", "chi_deg", 45.0),
+        ("reference", "gamma_deg", [{"shape": "ramp"}]),
+    ],
+)
+def test_another_manoeuvre_cannot_be_compared(fly_line, table, key, got):
+    run = fly_line()
+    changed = fly_line(scenario=other(run.provenance.scenario, table, key, got))
+
+    found = compare(run, changed)
+
+    assert not found.comparable
+    assert "the manoeuvre must be the same" in found.reason
+    assert f"`{table}.{key}`" in found.reason
+    assert not len(found.metrics)
+    assert math.isnan(found.max_distance)
+
+
+def test_limits_and_weather_may_differ_and_are_said(fly_line):
+    run = fly_line()
+    changed = fly_line(scenario=other(run.provenance.scenario, "limits", "phi_deg", [-30.0, 30.0]))
+
+    found = compare(run, changed)
+
+    assert found.comparable
+    assert found.pairs[0].differs == {"limits.phi_deg": ([-45.0, 45.0], [-30.0, 30.0])}
+    assert manoeuvre(run) == manoeuvre(changed)
+
+
+def test_two_aircraft_cannot_be_compared_but_law_and_aircraft_can(fly_line):
+    craft = fly_line(plant="jsbsim:aerosonde")
+
+    assert compare(fly_line(), craft).comparable
+    refused = compare(craft, fly_line(plant="jsbsim:c172p"))
+    assert "the aircraft must be the same, got aerosonde and c172p" in refused.reason
+
+
+def test_a_file_in_other_units_cannot_be_compared(fly_line, tmp_path):
+    good, bad = tmp_path / "good.parquet", tmp_path / "bad.parquet"
+    write_run(fly_line(), good)
+    table = pq.read_table(good)
+    place = table.schema.get_field_index("chi")
+    degrees = pa.field("chi", pa.float64(), metadata={"unit": "deg"})
+    pq.write_table(pa.table(table.columns, schema=table.schema.set(place, degrees)), bad)
+
+    found = compare(good, bad)
+
+    assert not found.comparable
+    assert found.reason.startswith(f"{bad}: `chi` must have the unit")
+    assert "'deg'" in found.reason
+
+
+def test_a_run_that_never_flew_cannot_be_compared(fly_line):
+    run = fly_line()
+    nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
+    never = dataclasses.replace(run, signals=nothing, status="no_gains", reason="infeasible")
+
+    assert "must have flown, got no_gains: infeasible" in compare(run, never).reason
+
+
+def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
+    found = compare(fly_line(), fly_line(seconds=5.0, status="left_envelope"))
+
+    assert found.comparable
+    assert found.pairs[0].durations == (20.0, 5.0)
+    assert value(found, "ITAE")["diff"] == 0.0
+
+
+def test_several_are_held_against_the_first(fly_line):
+    found = compare(fly_line(), fly_line(rate=2.0), fly_line(rate=0.5))
+
+    assert list(value(found, "ITAE").index) == list(found.metrics.columns)
+    better_one = found.metrics[found.metrics["name"] == "ITAE"].groupby("pair")["better"].first()
+    assert list(better_one) == ["b", "a"]
+
+
+def test_nothing_to_compare_with_is_an_error(fly_line):
+    with pytest.raises(InputError, match="must hold at least one more source"):
+        compare(fly_line())
+
+
+def test_a_scenario_flies_with_gains_by_name_or_from_a_file(tmp_path):
+    gains = tmp_path / "mine.toml"
+    gains.write_text("K_P = [[2.0, 0.0], [0.0, 2.0]]\nK_I = [[1.0, 0.0], [0.0, 1.0]]\n")
+
+    by_name, by_file = load_source("paper@K1"), load_source(f"paper@{gains}")
+
+    assert [run.label for run in by_name.runs] == ["kinematic / K1", "jsbsim:aerosonde / K1"]
+    assert by_file.runs[0].provenance.gains.K_P == pytest.approx(np.diag([2.0, 2.0]))
+    assert by_file.runs[0].label == "kinematic / mine"
+
+
+def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_line, tmp_path):
+    for plant in ("kinematic", "jsbsim:aerosonde"):
+        for gains in ("paper", "K1"):
+            run = fly_line(plant=plant, gains=gains)
+            write_run(run, tmp_path / f"{plant[:3]}-{gains}.parquet")
+
+    assert {r.provenance.gains_name for r in load_source(f"{tmp_path}@K1").runs} == {"K1"}
+    assert len(load_source(f"{tmp_path}@kinematic").runs) == 2
+    assert len(load_source(f"{tmp_path}@kinematic / K1").runs) == 1
+    with pytest.raises(RecordingError, match="'K9' must be a gain set, a plant or a run, got"):
+        load_source(f"{tmp_path}@K9")
+
+
+def test_what_cannot_be_found_is_said_path_first(tmp_path):
+    with pytest.raises(RecordingError, match=rf"^{tmp_path}: the folder must hold runs"):
+        load_source(tmp_path)
+    with pytest.raises(ScenarioError, match=r"^nowhere: the scenario must be a file or one of"):
+        load_source("nowhere@paper")
+
+
+def test_the_overlay_holds_every_run_once_under_names_of_its_own(fly_line, tmp_path):
+    found = compare(fly_line(), fly_line(rate=2.0), fly_line(gains="K1"))
+
+    labels = [run.label for run in overlaid(found)]
+    write_overlay(found, tmp_path / "overlay.rrd")
+
+    assert labels == ["kinematic / paper (A)", "kinematic / paper (B)", "kinematic / K1"]
+    check_recording(tmp_path / "overlay.rrd", whole=True)
