@@ -1,0 +1,300 @@
+"""The batched flights against the single run, and the continuous ones against the reference."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
+from flighttune.control.limits import Limits
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import InputError, ShapeError
+from flighttune.metrics import METRICS, channel_metrics
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.kinematic import KinematicPlant
+from flighttune.simulate.batch import Flights, fly_continuous, fly_sampled
+from flighttune.simulate.batch.flights import MEASURES, SIGNALS
+from flighttune.simulate.continuous import continuous_flight
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.simulate.loop import simulate
+from flighttune.simulate.reference import Doublet, Ramp, Reference, Step
+from flighttune.simulate.run import Provenance, Run
+
+SAME = 1e-9  # of a signal or a measure, in its unit
+TRAJECTORY = 1e-6  # rad
+RANGE = ([-math.pi / 4, -2.1], [math.pi / 4, 2.1])
+MAGNITUDE = Limits(
+    lower=RANGE[0], upper=RANGE[1], rate_lower=[-math.inf] * 2, rate_upper=[math.inf] * 2
+)
+PRINTED = Limits(
+    lower=RANGE[0], upper=RANGE[1], rate_lower=[-math.pi / 6, -1.0], rate_upper=[math.pi / 6, 1.0]
+)
+START = FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4, phi=math.pi / 3, n_z=1.0)
+REF = (0.0, math.pi / 12)
+WAVES = Sinusoid(chi_amplitude=0.1, chi_omega=0.15, gamma_amplitude=0.1, gamma_omega=0.15)
+PAPER = Flights.of(PAPER_GAINS, condition=START, ref=REF, limits=PRINTED, disturbance=WAVES)
+MANOEUVRE = Reference(
+    chi=3.0,
+    gamma=0.1,
+    chi_segments=(Step(start=2.0, change=2.5), Ramp(start=4.0, duration=3.0, rate=-0.3)),
+    gamma_segments=(Doublet(start=1.0, width=2.0, amplitude=0.2),),
+)
+
+
+def random_cases(count, seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        gains = PIGains(
+            K_P=PAPER_GAINS.K_P + rng.normal(0.0, 0.8, (2, 2)),
+            K_I=PAPER_GAINS.K_I * rng.uniform(0.1, 1.5),
+        )
+        condition = FlightCondition(
+            V_a=rng.uniform(15.0, 40.0),
+            chi=rng.uniform(-6.0, 6.0),
+            gamma=rng.uniform(-0.5, 0.8),
+            phi=rng.uniform(-1.2, 1.2),
+            n_z=rng.choice([None, 1.0]),
+        )
+        amplitude, omega = rng.uniform(0.0, 0.2, 2), rng.uniform(0.05, 2.0, 2)
+        waves = Sinusoid(
+            chi_amplitude=amplitude[0],
+            chi_omega=omega[0],
+            gamma_amplitude=amplitude[1],
+            gamma_omega=omega[1],
+        )
+        yield gains, condition, (Limits.none(2), MAGNITUDE, PRINTED)[rng.integers(3)], waves
+
+
+def flown_alone(case, reference, dt, *, feed_forward, **settings):
+    gains, condition, limits, waves = case
+    return simulate(
+        KinematicPlant(waves),
+        MimoPI(gains, limits, dt=dt, **settings),
+        reference,
+        condition=condition,
+        duration=8.0,
+        feed_forward=feed_forward,
+    )
+
+
+def as_run(history):
+    provenance = Provenance(
+        scenario={}, plant="kinematic", gains_name="", gains=None, seed=0, versions={}, wall_s=0.0
+    )
+    return Run(signals=history.signals, status="completed", reason="", provenance=provenance)
+
+
+@pytest.mark.parametrize("anti_windup", ["none", "conditional", "back_calculation"])
+@pytest.mark.parametrize(
+    ("dt", "settings"),
+    [
+        (0.01, {}),
+        (0.05, {"feed_forward": True}),
+        (0.02, {"schedule_speed": 22.0, "tracking_time": 0.7}),
+        (0.03, {"feed_forward": True, "wrapped": False}),
+    ],
+    ids=["plain", "feed_forward", "schedule", "not_wrapped"],
+)
+def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
+    cases = list(random_cases(12, seed=round(1000 * dt)))
+    samples = np.arange(round(8.0 / dt) + 1) * dt
+    flights = Flights.of(
+        [case[0] for case in cases],
+        condition=[case[1] for case in cases],
+        ref=np.column_stack(MANOEUVRE.sampled(samples)),
+        limits=[case[2] for case in cases],
+        disturbance=[case[3] for case in cases],
+    )
+    settings = {"feed_forward": False, **settings, "anti_windup": anti_windup}
+
+    batch = fly_sampled(flights, dt=dt, duration=8.0, trajectories=True, **settings)
+
+    settings["wrapped"] = ("chi",) if settings.get("wrapped", True) else ()
+    shared = [name for name in SIGNALS if not name.endswith("_rate")]
+    for i, case in enumerate(cases):
+        history = flown_alone(case, MANOEUVRE, dt, **settings)
+        n = len(history.signals)
+        assert batch.samples[i] == n
+        assert (batch.ends[i] == 0) == (history.stop is None)
+        for name in shared:
+            alone = history.signals[name].to_numpy()
+            assert np.abs(batch.signal(name)[i, :n] - alone).max() < SAME, name
+        if n > 1:
+            expected = channel_metrics(as_run(history)).to_numpy()
+            assert batch.metrics[i] == pytest.approx(expected, abs=SAME, rel=SAME, nan_ok=True)
+
+
+def test_random_cases_meet_every_kind_of_limit_and_divergence():
+    """What the comparison above would say nothing about if it did not happen."""
+    cases = list(random_cases(12, seed=10))
+    flights = Flights.of(
+        [case[0] for case in cases],
+        condition=[case[1] for case in cases],
+        ref=(3.0, 0.1),
+        limits=[case[2] for case in cases],
+    )
+    batch = fly_sampled(flights, dt=0.01, duration=8.0, trajectories=True)
+
+    assert {0.0, 1.0, 2.0} <= set(batch.signal("phi_limited")[batch.ends == 0].ravel())
+    assert {0, 1} <= set(batch.ends.tolist())
+
+
+def test_the_measures_have_the_names_and_the_order_of_the_single_runs():
+    assert MEASURES == tuple(METRICS)
+
+
+def test_metrics_alone_are_the_metrics_of_the_trajectories():
+    batch = [fly_sampled(PAPER, dt=0.01, duration=20.0, trajectories=kept) for kept in (0, 1)]
+
+    assert batch[0].trajectories is None
+    assert np.array_equal(batch[0].metrics, batch[1].metrics, equal_nan=True)
+    assert np.array_equal(batch[0].last, batch[1].last)
+    assert np.array_equal(batch[1].last[0], batch[1].trajectories[0, -1])
+
+
+@pytest.mark.parametrize("fly", [fly_sampled, fly_continuous])
+def test_the_number_of_threads_does_not_change_a_bit(fly):
+    gains = list(paper_family().values()) * 10
+    flights = Flights.of(gains, condition=START, ref=REF, limits=MAGNITUDE, disturbance=WAVES)
+
+    one, two, five = (fly(flights, dt=0.02, duration=5.0, threads=n).metrics for n in (1, 2, 5))
+
+    assert np.array_equal(one, two, equal_nan=True)
+    assert np.array_equal(one, five, equal_nan=True)
+
+
+def test_the_error_rate_is_what_the_error_does_next():
+    batch = fly_sampled(PAPER, dt=1e-4, duration=0.05, trajectories=True)
+
+    slope = np.diff(batch.signal("chi_err")[0]) / 1e-4
+    assert batch.signal("chi_err_rate")[0, :-1] == pytest.approx(slope, abs=1e-4)
+
+
+def test_a_roll_beyond_90_deg_is_reported_as_a_value():
+    batch = fly_sampled(
+        Flights.of(PAPER_GAINS, condition=START, ref=REF), dt=0.01, duration=1.0, trajectories=True
+    )
+
+    status, reason = batch.status(0)
+    assert status == "diverged"
+    assert "roll command -119.5 deg" in reason
+    assert batch.samples[0] == 1
+    assert np.isnan(batch.metrics).all()
+    assert np.isnan(batch.trajectories[0, 1:]).all()
+
+
+def paper_families():
+    """The gains of Table 2 and the disturbances of Table 3 of arXiv 2411.13140."""
+    waves = [
+        Sinusoid(chi_amplitude=a, chi_omega=w, gamma_amplitude=a, gamma_omega=w)
+        for a in (0.1, 0.2, 0.3)
+        for w in (0.1, 0.15, 0.2)
+    ]
+    gains = list(paper_family().values())
+    return gains + [PAPER_GAINS] * len(waves), [WAVES] * len(gains) + waves
+
+
+@pytest.mark.parametrize("anti_windup", ["none", "back_calculation"])
+def test_the_papers_families_fly_the_continuous_law(anti_windup):
+    gains, waves = paper_families()
+    flights = Flights.of(gains, condition=START, ref=REF, limits=MAGNITUDE, disturbance=waves)
+    settings = {"anti_windup": anti_windup}
+
+    batch = fly_continuous(flights, dt=0.05, duration=20.0, trajectories=True, **settings)
+
+    for i, (one, wave) in enumerate(zip(gains, waves, strict=True)):
+        reference = continuous_flight(
+            one,
+            batch.t,
+            condition=START,
+            ref=REF,
+            limits=MAGNITUDE,
+            disturbance=wave,
+            **settings,
+        )
+        flown = batch.trajectories[i]
+        for name, columns in (("error", [2, 3]), ("error_rate", [4, 5]), ("u", [6, 7])):
+            assert np.abs(flown[:, columns] - getattr(reference, name)).max() < TRAJECTORY, name
+        assert np.abs(flown[:, 8:10] - reference.unlimited).max() < TRAJECTORY
+        assert np.abs(flown[:, 10:12] - reference.integral).max() < TRAJECTORY
+
+
+@pytest.mark.parametrize(("roll", "diverged"), [("below_90_deg", 4), ("any", 3)])
+def test_without_limits_the_batch_diverges_where_the_reference_does(roll, diverged):
+    gains = list(paper_family().values())
+    flights = Flights.of(gains, condition=START, ref=REF, disturbance=WAVES)
+
+    batch = fly_continuous(flights, dt=0.1, duration=20.0, roll=roll, trajectories=True)
+
+    assert np.count_nonzero(batch.ends) == diverged
+    for i in np.flatnonzero(batch.ends == 0):
+        reference = continuous_flight(
+            gains[i], batch.t, condition=START, ref=REF, disturbance=WAVES, roll=roll
+        )
+        assert np.abs(batch.trajectories[i, :, 2:4] - reference.error).max() < TRAJECTORY
+
+
+def test_sampling_at_a_high_rate_approaches_the_continuous_batch():
+    flights = Flights.of(PAPER_GAINS, condition=START, ref=REF, limits=MAGNITUDE, disturbance=WAVES)
+    exact = fly_continuous(flights, dt=0.01, duration=20.0).metrics
+
+    far, near = (
+        np.abs(fly_sampled(flights, dt=dt, duration=20.0, anti_windup="none").metrics - exact)
+        for dt in (2e-3, 1e-3)
+    )
+
+    itae = MEASURES.index("ITAE")
+    assert far[0, :, itae] / near[0, :, itae] == pytest.approx(2.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"K": np.zeros((1, 2, 3))}, ShapeError, r"`K` must have shape \(1, 2, 4\)"),
+        ({"start": np.zeros((2, 5))}, ShapeError, r"`start` must have shape \(1, 5\)"),
+        ({"ref": np.zeros((3, 1, 2))}, ShapeError, r"`ref` must have shape \(1 or 1, k or 1, 2\)"),
+        ({"waves": np.full((1, 4), np.nan)}, InputError, r"`waves` must be finite"),
+        ({"start": [[0.0, 0.0, 0.0, 1.0, -2.0]]}, InputError, r"`V_a` must be positive, got -2"),
+        ({"start": [[0.0, 2.0, 0.0, 1.0, 25.0]]}, InputError, r"must lie inside \+-pi/2"),
+        ({"bounds": np.zeros((1, 4, 2))}, InputError, r"`bounds` must be ranges"),
+    ],
+)
+def test_impossible_flights_are_refused(change, error, message):
+    with pytest.raises(error, match=message):
+        dataclasses.replace(PAPER, **change)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"dt": 0.0}, r"`dt` must be positive, got 0\.0"),
+        ({"duration": 0.001}, r"`duration` must be at least one sample"),
+        ({"anti_windup": "clamp"}, r"`anti_windup` must be .*, got 'clamp'"),
+        ({"threads": 0}, r"`threads` must be at least 1, got 0"),
+    ],
+)
+@pytest.mark.parametrize("fly", [fly_sampled, fly_continuous])
+def test_impossible_settings_are_refused(fly, settings, message):
+    free = Flights.of(PAPER_GAINS, condition=START, ref=REF, limits=MAGNITUDE)
+    with pytest.raises(InputError, match=message):
+        fly(free, **{"dt": 0.01, "duration": 1.0, **settings})
+
+
+def test_the_continuous_batch_has_no_rate_limits_and_no_moving_reference():
+    with pytest.raises(InputError, match=r"`bounds` must have no rate limits"):
+        fly_continuous(PAPER, dt=0.01, duration=1.0)
+    moving = Flights.of(PAPER_GAINS, condition=START, ref=np.zeros((5, 2)))
+    with pytest.raises(ShapeError, match=r"`ref` must be constant, got 5 samples"):
+        fly_continuous(moving, dt=0.01, duration=1.0)
+
+
+def test_a_reference_over_time_must_be_as_long_as_the_flight():
+    moving = Flights.of(PAPER_GAINS, condition=START, ref=np.zeros((5, 2)))
+    with pytest.raises(ShapeError, match=r"`ref` must have 1 or 101 samples, got 5"):
+        fly_sampled(moving, dt=0.01, duration=1.0)
+
+
+def test_things_of_different_number_are_refused():
+    with pytest.raises(ShapeError, match=r"`start` must be given once or 3 times, got 2"):
+        Flights.of([PAPER_GAINS] * 3, condition=[START] * 2, ref=REF)
