@@ -1,0 +1,63 @@
+"""The gap of an aircraft run that was flown before: its ladder, mismatch and certified set."""
+
+from dataclasses import dataclass
+
+from flighttune.control.closed_loop import closed_loop, disturbance_entry
+from flighttune.errors import InputError
+from flighttune.gap.certified_set import LoopFlown, Verdict, loop_flown
+from flighttune.gap.ladder import Ladder, climb
+from flighttune.gap.mismatch import Mismatch, mismatch
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
+from flighttune.theory.indicators import indicators
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExplainedGap:
+    """What the aircraft adds to the paper's law, step by step.
+
+    Attributes
+    ----------
+    run : Run
+        The aircraft's, cut to the time all rungs flew.
+    ladder : Ladder
+    mismatch : Mismatch
+    loop : LoopFlown or None
+        None where the linear loop has no certificate.
+    verdict : Verdict or None
+        Whether the certified ultimate set held over the whole flight.
+    """
+
+    run: Run
+    ladder: Ladder
+    mismatch: Mismatch
+    loop: LoopFlown | None
+    verdict: Verdict | None
+
+
+def explained_gap(scenario: Scenario, aircraft: Run) -> ExplainedGap:
+    """Fly the lower rungs beside a recorded flight of the scenario's first aircraft.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    aircraft : Run
+
+    Raises
+    ------
+    InputError
+        If the flight is too short, or without gains.
+    """
+    gains = aircraft.provenance.gains
+    if gains is None:
+        raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
+    ladder = climb(scenario, aircraft)
+    top = ladder.runs[-1]
+    found = mismatch(top, V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
+    model = scenario.linear_model()
+    A_K = closed_loop(model, gains)
+    certified = model.shape[0] == 2 and indicators(A_K).status == "stable" and found.L_d > 0.0
+    loop = loop_flown(top, found, A_K, disturbance_entry(model)) if certified else None
+    return ExplainedGap(
+        run=top, ladder=ladder, mismatch=found, loop=loop, verdict=loop and loop.verdict()
+    )

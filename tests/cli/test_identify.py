@@ -1,0 +1,118 @@
+"""The identify command as a user meets it."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+from matplotlib.image import imread
+
+from flighttune.plants.identification.file import load_identified
+
+LONGEST_S = 10.0
+GOOD_FIT = 90.0
+
+
+def flighttune(*arguments, status=0, cwd=None):
+    """Run a command; return what it printed on stdout and on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-m", "flighttune", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        cwd=cwd,
+    )
+    assert done.returncode == status, done.stderr
+    return done.stdout, done.stderr
+
+
+@pytest.fixture(scope="module")
+def aerosonde(tmp_path_factory):
+    out = tmp_path_factory.mktemp("identified") / "aerosonde.json"
+    began = time.perf_counter()
+    printed, _ = flighttune("identify", "aerosonde", "--out", out, "--json")
+    return json.loads(printed), out, time.perf_counter() - began
+
+
+def test_identify_answers_for_each_channel(aerosonde):
+    found, out, _ = aerosonde
+
+    for channel in ("phi", "n_z"):
+        fitted = found["channels"][channel]
+        assert {"order", "bandwidth_rad_s", "delay_s", "damping", "fit_percent"} <= fitted.keys()
+        assert fitted["fit_percent"] >= GOOD_FIT
+        assert 5.0 < fitted["bandwidth_rad_s"] < 30.0
+        assert 0.0 <= fitted["delay_s"] < 0.2
+    assert found["model"] == str(out)
+
+
+def test_identify_takes_less_than_ten_seconds(aerosonde):
+    assert aerosonde[2] < LONGEST_S
+
+
+def test_the_airframes_modes_stand_beside_it(aerosonde):
+    names = [mode["name"] for mode in aerosonde[0]["modes"]]
+
+    assert names == ["short period", "phugoid", "dutch roll", "roll", "spiral"]
+
+
+def test_the_model_file_can_be_tuned_on(aerosonde, tmp_path):
+    found, out, _ = aerosonde
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(
+        'title = "mine"\n[flight]\nV_a_mps = 25.0\n[reference]\nchi_deg = 10.0\ngamma_deg = 0.0\n'
+        f'[tuning]\nmodel = "identified"\nidentified = "{out}"\n[[plant]]\nkind = "kinematic"\n'
+    )
+
+    tuned = json.loads(flighttune("tune", scenario, "--json")[0])
+
+    assert load_identified(out).conditions[0].phi.lag.order == found["channels"]["phi"]["order"]
+    assert tuned["status"] == "optimal"
+    assert tuned["K_P"][0][1] == tuned["K_P"][1][0] == 0.0
+    assert 2.0 < tuned["K_P"][0][0] < 5.0
+
+
+def test_the_figure_is_drawn_beside_the_model(aerosonde):
+    found, out, _ = aerosonde
+
+    assert found["figure"] == str(out.with_suffix(".png"))
+    assert imread(found["figure"]).std() > 0.05
+
+
+def test_without_json_there_are_tables_and_the_default_place(tmp_path):
+    printed, _ = flighttune("identify", "aerosonde", "--gamma", 10, "--gamma", -30, cwd=tmp_path)
+
+    assert "short period" in printed
+    assert "left out: " in printed
+    assert "throttle closed" in printed
+    assert (tmp_path / "runs" / "identified" / "aerosonde.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nosuch",), "`aircraft` must be one of "),
+        (("aerosonde", "--gamma", "-30"), "no steady flight at V_a 25 m/s"),
+        (("aerosonde", "--V-a", "5"), "`V_a` must lie in"),
+        (("aerosonde", "--out", "model.txt"), "--out: must be a file that ends in .json"),
+    ],
+)
+def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message, tmp_path):
+    printed, complaint = flighttune("identify", *arguments, status=2, cwd=tmp_path)
+
+    assert printed == ""
+    assert message in complaint
+    assert complaint.count("\n") == 1
+    assert not list(tmp_path.rglob("*"))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+    tmp_path.chmod(0o500)
+
+    _, complaint = flighttune("identify", "aerosonde", "--out", tmp_path / "a.json", status=2)
+
+    assert "must be writable" in complaint
