@@ -14,6 +14,7 @@ DONE, ROLLED, LOST_ANGLE, STUCK = 0, 1, 2, 3
 FIRST_STEP = 0.01
 SHORTEST_STEP = 1e-13
 BEYOND = 1e-12
+CORNER_TIME = 1e-12
 MOST_CORNERS = 20_000
 CHUNK = 64
 
@@ -70,11 +71,9 @@ def _outside(v, side, low, high):
 @njit
 def _corner(before, after, piece, par, point):
     """Part of the step at which a command meets its corner; `point` gets the state there."""
-    _, _, y, F = piece
-    while True:
+    _, h, y, F = piece
+    while (after - before) * h > CORNER_TIME:
         middle = 0.5 * (before + after)
-        if middle <= before or middle >= after:
-            break
         at(middle, y, F, point)
         if _crossed(point, par) >= 0:
             after = middle

@@ -147,7 +147,7 @@ def fly_continuous(
     The law is stated in `continuous_flight`, which also knows rate limits and conditional
     anti-windup. DOP853 with its interpolant runs from corner to corner: between two corners each
     command is either free or held, and the law is smooth; corners are looked for at least every
-    10 ms and located to rounding.
+    10 ms and located to 1e-12 s.
     """
     _check_positive(dt=dt, tracking_time=tracking_time, tolerance=tolerance, g=g)
     _check_anti_windup(anti_windup, ("none", "back_calculation"))
