@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from flighttune.plants.base import FlightCondition
     from flighttune.plants.jsbsim.plant import JSBSimPlant
     from flighttune.plants.kinematic import KinematicPlant
+    from flighttune.recording.load import Recording, load_recording
     from flighttune.recording.record import record
     from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
     from flighttune.simulate.reference import Reference
@@ -53,6 +54,7 @@ _HOMES = {
     "plants.base": ("FlightCondition",),
     "plants.jsbsim.plant": ("JSBSimPlant",),
     "plants.kinematic": ("KinematicPlant",),
+    "recording.load": ("Recording", "load_recording"),
     "recording.record": ("record",),
     "scenario": ("Scenario", "load_gains", "load_scenario", "scenario_from"),
     "simulate.reference": ("Reference",),
@@ -78,6 +80,7 @@ __all__ = [
     "LinearModel",
     "MimoPI",
     "PIGains",
+    "Recording",
     "Reference",
     "Run",
     "Scenario",
@@ -95,6 +98,7 @@ __all__ = [
     "kinematic_model",
     "load_certificate",
     "load_gains",
+    "load_recording",
     "load_scenario",
     "record",
     "save_certificate",

@@ -107,7 +107,7 @@ def _provenance(
         gains_name=gains_name,
         gains=gains,
         seed=scenario.seed,
-        versions=_versions(),
+        versions=library_versions(),
         wall_s=wall,
     )
 
@@ -151,5 +151,6 @@ def _no_signals() -> pd.DataFrame:
     return pd.DataFrame(columns=pd.Index(LOOP_SIGNALS), index=pd.Index([], name="t"), dtype=float)
 
 
-def _versions() -> dict[str, str]:
+def library_versions() -> dict[str, str]:
+    """Version of every library that shapes the numbers of a flight."""
     return {"python": platform.python_version(), **{name: version(name) for name in VERSIONED}}

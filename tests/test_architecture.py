@@ -19,7 +19,7 @@ LAYERS = (
     "outer_loop",
     "one_flight expectations",
     "flight",
-    "gap",
+    "gap refly",
     "recording",
     "comparison",
     "report",

@@ -12,6 +12,7 @@ from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
 from flighttune.cli.identify import identify
 from flighttune.cli.paper import reproduce
+from flighttune.cli.refly import refly
 from flighttune.cli.show import COULD_NOT_RUN, fail
 from flighttune.errors import FlightTuneError
 
@@ -32,6 +33,7 @@ app.command()(frontier)
 app.command()(identify)
 app.command()(gap)
 app.command()(compare)
+app.command()(refly)
 app.command("list")(list_shipped)
 app.command()(view)
 app.command()(reproduce)

@@ -26,6 +26,9 @@ REFERENCE = "_reference"
 LIMITS = "_limits"
 """Lines that belong to no run; the viewer draws in the order of names, these below the runs."""
 
+RECORD = "runs_flown"
+"""The runs themselves, for reading back."""
+
 PHASES = "phases"
 RUNS = "runs"
 """Lanes that name the runs in their colours."""

@@ -1,23 +1,18 @@
 """One Parquet file a run: the record, exact to the bit."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
+from flighttune.recording.description import FORMAT, described_run, description, signal_table
 from flighttune.recording.whole_file import whole_file
-from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
+from flighttune.simulate.run import SIGNAL_UNITS, Run
 
 METADATA_KEY = b"flighttune.run"
-FORMAT = 1
-"""Version of the layout; a file with a higher one is from a newer flighttune."""
 
 
 def write_run(run: Run, path: str | Path) -> None:
@@ -37,7 +32,7 @@ def write_run(run: Run, path: str | Path) -> None:
     """
     path = Path(path)
     try:
-        metadata = json.dumps(_description(run), ensure_ascii=False, sort_keys=False)
+        metadata = json.dumps(description(run), ensure_ascii=False, sort_keys=False)
     except (TypeError, ValueError) as error:
         raise RecordingError(
             f"{path}: the scenario must hold plain values, got {error}."
@@ -82,13 +77,14 @@ def read_run(path: str | Path) -> Run:
             f"`{METADATA_KEY.decode()}` in its schema."
         )
     try:
-        description = json.loads(raw)
-        if description["format"] > FORMAT:
+        found = json.loads(raw)
+        if found["format"] > FORMAT:
             raise RecordingError(
-                f"{path}: layout must be {FORMAT} or older, got {description['format']}; "
+                f"{path}: layout must be {FORMAT} or older, got {found['format']}; "
                 "read it with a newer flighttune."
             )
-        return _run(description, table)
+        columns = {name: table.column(name).to_numpy() for name in table.column_names}
+        return described_run(found, signal_table(columns.pop("t"), columns))
     except RecordingError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -111,56 +107,3 @@ def _read_table(path: Path) -> pa.Table:
 
 def _what_is(path: Path) -> str:
     return "a folder" if path.is_dir() else "no such file"
-
-
-def _description(run: Run) -> dict[str, Any]:
-    made = run.provenance
-    gains = made.gains
-    return {
-        "format": FORMAT,
-        "status": run.status,
-        "reason": run.reason,
-        "provenance": {
-            "scenario": _plain(made.scenario),
-            "plant": made.plant,
-            "gains_name": made.gains_name,
-            "gains": None
-            if gains is None
-            else {
-                "K_P": gains.K_P.tolist(),
-                "K_I": gains.K_I.tolist(),
-                "inputs": list(gains.inputs),
-                "errors": list(gains.errors),
-            },
-            "seed": made.seed,
-            "versions": dict(made.versions),
-            "wall_s": made.wall_s,
-        },
-    }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    return value
-
-
-def _run(description: dict[str, Any], table: pa.Table) -> Run:
-    made = dict(description["provenance"])
-    if made["gains"] is not None:
-        gains = made["gains"]
-        for names in ("inputs", "errors"):
-            gains[names] = tuple(gains[names])
-        made["gains"] = PIGains(**gains)
-    columns = {name: table.column(name).to_numpy() for name in table.column_names}
-    index = pd.Index(columns.pop("t"), name="t", dtype=np.float64)
-    return Run(
-        signals=pd.DataFrame(columns, index=index, dtype=np.float64),
-        status=description["status"],
-        reason=description["reason"],
-        provenance=Provenance(**made),
-    )

@@ -18,7 +18,9 @@ from flighttune.recording.check import check_recording
 from flighttune.recording.lanes import log_lanes
 from flighttune.recording.names import LIMITS, PAGE, PLOTS, REFERENCE, application, times
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
+from flighttune.recording.record_columns import log_record
 from flighttune.recording.scene import log_scene
+from flighttune.recording.thinning import peaks
 from flighttune.recording.whole_file import whole_file
 from flighttune.simulate.run import Run
 
@@ -52,19 +54,21 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
     with whole_file(path) as part, strict():
         stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
         try:
-            _log(stream, part, cast(runs), page=page, title=title)
+            _log(stream, part, runs, page=page, title=title)
         finally:
             stream.disconnect()
         check_recording(part, whole=True)
 
 
 def _log(
-    stream: rr.RecordingStream, part: Path, members: Sequence[Member], *, page: str, title: str
+    stream: rr.RecordingStream, part: Path, runs: Sequence[Run], *, page: str, title: str
 ) -> None:
+    members = cast(runs)
     plots = shown_plots([member.run for member in members])
     stream.save(part, default_blueprint=blueprint(members, plots))
     stream.send_recording_name(title)
     stream.log(PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
+    log_record(stream, runs)
     if members:
         log_scene(stream, members)
         log_lanes(stream, members)
@@ -132,4 +136,5 @@ def _log_lines(
     values: FloatArray,
 ) -> None:
     stream.log(path, style, static=True)
-    stream.send_columns(path, [times(index)], rr.Scalars.columns(scalars=values))
+    kept = peaks(values)
+    stream.send_columns(path, [times(index[kept])], rr.Scalars.columns(scalars=values[kept]))

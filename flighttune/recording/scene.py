@@ -18,6 +18,7 @@ from flighttune.recording.geometry import (
 )
 from flighttune.recording.mesh import Mesh, aircraft_mesh
 from flighttune.recording.names import AIRCRAFT, BODY, GROUND, PATHS, SHADOWS, WORLD, times
+from flighttune.recording.thinning import evenly
 
 MOST_POINTS = 4000
 """Points of a path as drawn; longer flights are thinned."""
@@ -62,7 +63,7 @@ def _log_ground(stream: rr.RecordingStream, lines: list[FloatArray], spacing: fl
 def _log_path(stream: rr.RecordingStream, member: Member, floor: float) -> None:
     path = positions(member.run.signals)
     path = path[np.isfinite(path).all(axis=1)]
-    path = path[np.unique(np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int))]
+    path = path[evenly(len(path), most=MOST_POINTS)]
     width = rr.components.Radius.ui_points(member.look.width)
     line = rr.LineStrips3D([path], radii=width, colors=[member.look.rgb])
     stream.log(f"{PATHS}/{member.key}", line, static=True)
@@ -75,6 +76,7 @@ def _log_path(stream: rr.RecordingStream, member: Member, floor: float) -> None:
 def _log_aircraft(stream: rr.RecordingStream, member: Member, mesh: Mesh, factor: float) -> None:
     signals = member.run.signals
     signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
+    signals = signals.iloc[evenly(len(signals))]
     time = times(signals.index)
     frame = f"{AIRCRAFT}/{member.key}"
     carried = rr.Transform3D.columns(translation=positions(signals), quaternion=headings(signals))

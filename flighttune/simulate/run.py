@@ -9,7 +9,7 @@ import pandas as pd
 from flighttune.control.gains import PIGains
 from flighttune.plants.base import StopStatus
 
-RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
+RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim", "cut_off"] | StopStatus
 
 SIGNAL_UNITS: dict[str, str] = {
     "chi": "rad",

@@ -1,0 +1,156 @@
+"""`flighttune refly`: recordings that fly again to the same bits, and some that do not."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.flight import fly
+from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import write_run
+from flighttune.recording.record import record
+from flighttune.recording.rrd import write_recording
+from flighttune.refly import first_difference, refly
+from flighttune.scenario import load_scenario, scenario_from
+
+
+def command(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "flighttune", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    tables = load_scenario("paper").as_dict()
+    tables["flight"]["duration_s"] = 3.0
+    tables.pop("expect", None)
+    found = tmp_path_factory.mktemp("refly")
+    record(fly(scenario_from(tables)), found, name="short")
+    return found
+
+
+def rewritten(folder, path, *, change):
+    """The recording with its last run changed."""
+    *runs, last = load_recording(folder).runs
+    write_recording([*runs, change(last)], path, page="# Changed\n", title="Changed")
+    return path
+
+
+def with_gains(run, K_P):
+    gains = replace(run.provenance.gains, K_P=K_P)
+    return replace(run, provenance=replace(run.provenance, gains=gains))
+
+
+def with_sample(run, t, signal, value):
+    signals = run.signals.copy()
+    signals.loc[t, signal] = value
+    return replace(run, signals=signals)
+
+
+def test_a_recording_flies_again_to_the_same_bits(folder):
+    said = command("refly", folder, "--json")
+    answer = json.loads(said.stdout)
+
+    assert said.returncode == 0, said.stderr
+    assert answer["equal"] is True
+    assert answer["missing"] == []
+    assert answer["versions"] == {}
+    assert len(answer["runs"]) == 4
+    assert {run["samples"] for run in answer["runs"]} == {151}
+
+
+def test_a_table_says_it_too(folder):
+    said = command("refly", folder / "short.rrd")
+
+    assert said.returncode == 0
+    assert said.stdout.count("equal to the bit") == 4
+
+
+def test_a_single_parquet_file_flies_again(folder):
+    (found,) = refly(load_recording(folder / "kinematic-tuned.parquet").runs)
+
+    assert found.difference is None
+
+
+def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
+    run = load_recording(folder).runs[-1]
+    t, was = run.signals.index[77], run.signals["phi"].iloc[77]
+    path = rewritten(
+        folder,
+        tmp_path / "changed.rrd",
+        change=lambda run: with_sample(run, t, "phi", np.nextafter(was, 9.0)),
+    )
+
+    said = command("refly", path, "--json")
+    (found,) = [run for run in json.loads(said.stdout)["runs"] if not run["equal"]]
+
+    assert said.returncode == 1
+    assert found["run"] == run.label
+    assert found["difference"] == {
+        "what": "phi",
+        "t_s": t,
+        "recorded": float(np.nextafter(was, 9.0)),
+        "reflown": was,
+    }
+    assert said.stderr.startswith(f"flighttune: {path}: {run.label}: phi differs at t = 1.54 s: ")
+    assert said.stderr.count("\n") == 1
+
+
+def test_other_gains_are_told_before_what_came_of_them(folder, tmp_path):
+    path = rewritten(
+        folder,
+        tmp_path / "gains.rrd",
+        change=lambda run: with_gains(run, np.eye(2)),
+    )
+
+    said = command("refly", path)
+
+    assert said.returncode == 1
+    assert "K_P[0][0] differs: " in said.stderr
+
+
+def test_another_version_is_said_and_no_failure(folder, tmp_path):
+    def older(run):
+        versions = {**run.provenance.versions, "numpy": "1.0"}
+        return replace(run, provenance=replace(run.provenance, versions=versions))
+
+    said = command("refly", rewritten(folder, tmp_path / "old.rrd", change=older))
+
+    assert said.returncode == 0
+    assert "numpy: 1.0 then, " in said.stdout
+
+
+def test_a_recording_cut_off_is_held_against_what_it_has(folder, tmp_path):
+    run = load_recording(folder).runs[0]
+    part = replace(run, signals=run.signals.iloc[:40], status="cut_off")
+
+    assert first_difference(part, run) is None
+    shorter = replace(part, status="completed")
+    assert first_difference(shorter, run).what == "samples"
+
+
+def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):
+    run = load_recording(folder).runs[0]
+    strange = replace(run, provenance=replace(run.provenance, plant="ladder"))
+    write_run(strange, tmp_path / "strange.parquet")
+
+    said = command("refly", tmp_path / "strange.parquet")
+
+    assert said.returncode == 2
+    assert said.stderr.startswith(f"flighttune: {tmp_path / 'strange.parquet'}: ladder / paper: ")
+    assert "Traceback" not in said.stderr
+
+
+@pytest.mark.parametrize("name", ["none.rrd", "."])
+def test_what_is_no_recording_exits_with_two(tmp_path, name):
+    said = command("refly", tmp_path / name)
+
+    assert said.returncode == 2
+    assert said.stderr.count("\n") == 1
