@@ -63,7 +63,7 @@ class Duffing:
         """
         x1 = np.asarray(x1, dtype=float)
         J = self.jacobian(np.stack([x1, np.zeros_like(x1)], axis=-1))
-        return np.linalg.eigvalsh(-(J.mT @ self.P + self.P @ J))[..., 0]
+        return np.asarray(np.linalg.eigvalsh(-(J.mT @ self.P + self.P @ J))[..., 0], dtype=float)
 
     @property
     def region(self) -> float:
@@ -99,7 +99,7 @@ class Bound:
     P_min: float
 
     def norm_over_time(self, t: FloatArray, V_0: float) -> FloatArray:
-        """Upper bound on |f| over time from ``V_0 = f' P f`` at the start (Lemma 3).
+        """Upper bound on |f| over time from ``V_0 = f' P f`` at the start (Lemma 5).
 
         ``sqrt(V) <= b + (sqrt(V_0) - b) exp(-rate t / 2)`` with b the ultimate value.
         """

@@ -12,8 +12,6 @@ from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.paper import parameters as printed
 from flighttune.paper.duffing_cases import DuffingCases
 from flighttune.paper.families import PaperFlight, fly, gain_family, readings
-from flighttune.paper.measures import CHANNELS
-from flighttune.theory.attractor import PaperBall, paper_balls
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
@@ -99,16 +97,6 @@ class Study:
         return tune(TuningProblem(model=self.model, I_star=printed.I_STAR))
 
     @cached_property
-    def balls(self) -> tuple[PaperBall, PaperBall, PaperBall]:
-        """The ultimate ball of Theorem 2 for K* under each reading of L_f."""
-        return paper_balls(
-            closed_loop(self.model, self.star),
-            self.model.A,
-            I_K=self.indicators[printed.STAR].I_K,
-            L_d=printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound,
-        )
-
-    @cached_property
     def duffing(self) -> DuffingCases:
         """The experiments on the Duffing oscillator."""
         return DuffingCases()
@@ -125,8 +113,7 @@ class Study:
 
     def of_gains(self, channel: str, measure: str) -> pd.Series:
         """One measure of one channel over the gain sets, by R_K from high to low."""
-        R_K = pd.Series({name: found.R_K for name, found in self.indicators.items()})
-        order = R_K.sort_values(ascending=False, kind="stable").index
+        order = self.indicator("R_K").sort_values(ascending=False, kind="stable").index
         return self.by_gains.xs(channel, level=1)[measure].loc[order]
 
     def of_disturbances(self, channel: str, measure: str) -> pd.DataFrame:
@@ -135,28 +122,16 @@ class Study:
         keys = pd.DataFrame.from_dict(printed.TABLE_3, orient="index", columns=["L_d", "omega_d"])
         return keys.assign(value=values).pivot(index="L_d", columns="omega_d", values="value")
 
-    @cached_property
-    def indicator_table(self) -> pd.DataFrame:
-        """R_K, I_K and the spectral abscissa of each gain set."""
-        return pd.DataFrame(
-            {
-                name: {
-                    "R_K": found.R_K,
-                    "I_K": found.I_K,
-                    "spectral_abscissa": found.spectral_abscissa,
-                }
-                for name, found in self.indicators.items()
-            }
-        ).T
+    def indicator(self, name: str) -> pd.Series:
+        """R_K, I_K or spectral_abscissa of each gain set."""
+        return pd.Series(
+            {gains: float(getattr(found, name)) for gains, found in self.indicators.items()}
+        )
 
 
 def rank_correlation(x: pd.Series, y: pd.Series) -> float:
     """Spearman's rank correlation of two series with one index; 0 where one is constant."""
-    ranks = x.rank(), y.loc[x.index].rank()
-    spread = [float(np.std(rank)) for rank in ranks]
-    if min(spread) == 0.0:
+    ranks = np.array([x.rank(), y.loc[x.index].rank()], dtype=float)
+    if np.ptp(ranks, axis=1).min() == 0.0:
         return 0.0
-    return float(np.corrcoef(*(rank.to_numpy() for rank in ranks))[0, 1])
-
-
-__all__ = ["CHANNELS", "ORDER", "Study", "rank_correlation"]
+    return float(np.corrcoef(ranks)[0, 1])

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flighttune.palette import HUES, LIMIT, NEUTRAL, looks
 from flighttune.paper.parameters import STAR, TABLE_2, TABLE_3
+from flighttune.recording.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +49,7 @@ LABELS = {
 UNITS = {"chi": "rad", "gamma": "rad", "chi_dot": "rad/s", "gamma_dot": "rad/s"}
 R_K_AXIS, I_K_AXIS = r"$R_K$ [1/s]", r"$I_K$ [s²]"
 
-SERIES: dict[str, dict[str, object]] = {
+SERIES: dict[str, dict[str, Any]] = {
     "chi": {"color": CHI, "marker": "o"},
     "gamma": {"color": GAMMA, "marker": "s"},
     "chi_dot": {"color": CHI, "marker": "o", "ls": "--", "markerfacecolor": "white"},
@@ -58,7 +59,7 @@ SERIES: dict[str, dict[str, object]] = {
 }
 """Marks of each channel where a measure is drawn over something."""
 
-RC = {
+RC: dict[Any, Any] = {
     "font.size": 8.5,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
@@ -142,12 +143,12 @@ def legend_above(figure: "Figure", *panels: "Axes", columns: int) -> None:
         figure.legend(handles, labels, loc="outside upper center", ncols=columns)
 
 
-def legend(panel: "Axes", **where: object) -> None:
+def legend(panel: "Axes", **where: Any) -> None:
     """A legend inside a panel."""
     import matplotlib as mpl
 
     with mpl.rc_context(RC):
-        panel.legend(**where)  # type: ignore[arg-type]
+        panel.legend(**where)
 
 
 def save(figures: "Mapping[str, Figure]", folder: Path) -> list[Path]:
@@ -158,13 +159,15 @@ def save(figures: "Mapping[str, Figure]", folder: Path) -> list[Path]:
     with mpl.rc_context(RC):
         for name, figure in figures.items():
             png, svg = folder / f"{name}.png", folder / f"{name}.svg"
-            figure.savefig(png, dpi=DPI, metadata={"Software": None})
-            figure.savefig(svg, metadata={"Date": None, "Creator": None})
+            with whole_file(png) as part:
+                figure.savefig(part, dpi=DPI, metadata={"Software": None})
+            with whole_file(svg) as part:
+                figure.savefig(part, metadata={"Date": None, "Creator": None})
             files += [png, svg]
     return files
 
 
-def disturbance_style(name: str) -> dict[str, object]:
+def disturbance_style(name: str) -> dict[str, Any]:
     """Line of one of the disturbances d1 to d9."""
     amplitude, omega = TABLE_3[name]
     return {

@@ -33,7 +33,7 @@ def stabilises(study: Study) -> Iterator[Check]:
 
 def assesses(study: Study) -> Iterator[Check]:
     """R_K orders the gain sets as each measure of performance does."""
-    R_K = study.indicator_table["R_K"]
+    R_K = study.indicator("R_K")
     for measure, channels in (
         ("ITAE", ("chi", "gamma")),
         ("MO_rad", ("chi", "gamma")),

@@ -108,12 +108,12 @@ def nothing(_: Study) -> tuple[Check, ...]:
 
 def at_most(what: str, value: float, limit: float) -> Check:
     """`value` must not exceed `limit`."""
-    return Check(what, f"≤ {limit:g}", value, value <= limit)
+    return Check(what, f"≤ {limit:.4g}", value, value <= limit)
 
 
 def at_least(what: str, value: float, limit: float) -> Check:
     """`value` must not be below `limit`."""
-    return Check(what, f"≥ {limit:g}", value, value >= limit)
+    return Check(what, f"≥ {limit:.4g}", value, value >= limit)
 
 
 def printed_number(what: str, value: float, number: float, last_digit: float) -> Check:

@@ -31,8 +31,8 @@ def table_2(study: Study) -> Iterator[Check]:
 
 def converges_faster(study: Study) -> Iterator[Check]:
     """The slowest eigenvalue and the late errors of every channel follow R_K."""
-    table = study.indicator_table
-    abscissa = rank_correlation(table["R_K"], table["spectral_abscissa"])
+    R_K = study.indicator("R_K")
+    abscissa = rank_correlation(R_K, study.indicator("spectral_abscissa"))
     yield Check(
         "rank correlation of R_K and the spectral abscissa",
         f"≤ {CLEAR:g}",
@@ -40,7 +40,7 @@ def converges_faster(study: Study) -> Iterator[Check]:
         abscissa <= CLEAR,
     )
     for channel in ERRORS:
-        found = rank_correlation(table["R_K"], study.of_gains(channel, "ITAE"))
+        found = rank_correlation(R_K, study.of_gains(channel, "ITAE"))
         yield Check(
             f"rank correlation of R_K and ITAE of {channel}", f"≤ {CLEAR:g}", found, found <= CLEAR
         )
@@ -48,8 +48,8 @@ def converges_faster(study: Study) -> Iterator[Check]:
 
 def oscillates_when_small(study: Study) -> Iterator[Check]:
     """The smallest R_K crosses zero more often than the largest, and ends farther away."""
-    by_R_K = study.indicator_table["R_K"].sort_values()
-    low, high = study.flights[by_R_K.index[0]], study.flights[by_R_K.index[-1]]
+    order = list(study.of_gains("chi", "ITAE").index)
+    low, high = study.flights[order[-1]], study.flights[order[0]]
     for channel in ("chi", "gamma"):
         few, many = (oscillations(flight.channels[channel]) for flight in (high, low))
         what = f"zero crossings of e_{channel}, lowest R_K"
@@ -61,7 +61,7 @@ def oscillates_when_small(study: Study) -> Iterator[Check]:
 
 def slower_oscillation(study: Study) -> Iterator[Check]:
     """A larger R_K has smaller amplitudes and slower oscillation frequencies."""
-    order = study.indicator_table["R_K"].sort_values(ascending=False).index
+    order = list(study.of_gains("chi", "ITAE").index)
     for channel in ("chi", "gamma"):
         amplitudes = study.of_gains(channel, "MO_rad")
         yield lower_with_higher_R_K(f"MO of e_{channel} lower with higher R_K", amplitudes)
@@ -73,11 +73,11 @@ def slower_oscillation(study: Study) -> Iterator[Check]:
 
 def stronger_than_I_K(study: Study) -> Iterator[Check]:
     """R_K orders convergence and steady error better than I_K does."""
-    table = study.indicator_table
+    R_K, I_K = study.indicator("R_K"), study.indicator("I_K")
     for measure, channels in (("ITAE", ("chi", "gamma")), ("ST_rad", ("s_chi", "s_gamma"))):
         for channel in channels:
             values = study.of_gains(channel, measure)
-            by_R, by_I = (abs(rank_correlation(table[key], values)) for key in ("R_K", "I_K"))
+            by_R, by_I = (abs(rank_correlation(key, values)) for key in (R_K, I_K))
             what = f"|rank correlation| of R_K and {measure.split('_')[0]} of {channel}"
             yield Check(what, f"> {by_I:.3g} of I_K", by_R, by_R > by_I)
 

@@ -27,8 +27,9 @@ def inverse_deviation(study: Study) -> Iterator[Check]:
     """The deviation of the rates of error is proportional to 1 / R_K, about."""
     for channel in ("chi_dot", "gamma_dot"):
         values = study.of_gains(channel, "std")
-        inverse = 1.0 / study.indicator_table["R_K"].loc[values.index]
-        found = float(np.corrcoef(inverse.to_numpy(), values.to_numpy())[0, 1])
+        R_K = study.indicator("R_K").loc[values.index].to_numpy()
+        stable = (R_K > 0.0).all()
+        found = float(np.corrcoef(1.0 / R_K, values)[0, 1]) if stable else 0.0
         what = f"correlation of 1/R_K and the deviation of {channel}"
         yield Check(what, f"≥ {INVERSE:g}", found, found >= INVERSE)
         yield lower_with_higher_R_K(f"deviation of {channel} lower with higher R_K", values)

@@ -25,11 +25,11 @@ def make(study: Study) -> Made:
     for panel, (measure, channels, label) in zip(panels, PANELS, strict=True):
         for channel, dashes, marker in zip(channels, ("-", "--"), ("o", "s"), strict=True):
             table = study.of_disturbances(channel, measure)
-            for L_d, row in table.iterrows():
+            for L_d in style.AMPLITUDE_COLOURS:
                 panel.plot(
                     table.columns,
-                    row,
-                    color=style.AMPLITUDE_COLOURS[float(L_d)],  # type: ignore[arg-type]
+                    table.loc[L_d],
+                    color=style.AMPLITUDE_COLOURS[L_d],
                     ls=dashes,
                     marker=marker,
                     label=f"{'χ' if channel.endswith('chi') else 'γ'}, $L_d$ {L_d:g}",
@@ -40,7 +40,9 @@ def make(study: Study) -> Made:
         panel.set_ylim(bottom=0.0)
     style.legend_above(figure, panels[0], columns=6)
     released = {
-        name: float(study.disturbed[name].flown.switches[-1]) for name in ("d1", "d7", "d8", "d9")
+        name: float(study.disturbed[name].flown.switches[-1])
+        for name in ("d1", "d7", "d8", "d9")
+        if len(study.disturbed[name].flown.switches)
     }
     growth = {
         channel: float((table.loc[0.3] - table.loc[0.1]).abs().max())

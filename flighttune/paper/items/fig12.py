@@ -1,6 +1,6 @@
 """Figure 12: the commands with K*, and what the printed rate limits do to them."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -106,7 +106,7 @@ def _readings(flown: dict[str, PaperFlight]) -> "Figure":
     )
     limits = printed_limits()
     for name, flight in flown.items():
-        line = {"color": READINGS[name], "label": name}
+        line: dict[str, Any] = {"color": READINGS[name], "label": name}
         for i, channel in enumerate(("chi", "gamma")):
             panels[i].plot(flight.t, flight.channels[channel], **line)
             panels[2 + i].plot(flight.t, flight.flown.u[:, i], **line)

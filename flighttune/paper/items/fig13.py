@@ -25,7 +25,7 @@ def make(study: Study) -> Made:
         name_gains(panel, study)
     style.legend_above(figure, panels[0], columns=2)
     table = study.by_gains
-    rows = table[table.index.get_level_values(1).isin(["s_chi", "s_gamma"])]
+    rows = table.loc[(slice(None), ["s_chi", "s_gamma"]), :]
     worst = study.of_gains("s_gamma", "MS_rad")
     return Made(
         figures={"fig13": ("Panels (a) and (b) as in the paper.", figure)},

@@ -55,7 +55,7 @@ def make(study: Study) -> Made:
             f"{case.model.region:.4f}, although the Jacobian is stable everywhere. A constant "
             f"disturbance of the printed size takes x1 to {hard['constant L_d'].farthest:.3f}, one "
             f"along the motion to {hard['along the motion'].farthest:.3f}: outside.",
-            "The norm of f decays at R(f)/2 by the proof (Lemma 3), not at R(f) as the text says.",
+            "The norm of f decays at R(f)/2 by the proof (Lemma 5), not at R(f) as the text says.",
             "Over the assumed set mean and deviation rise with R(f): a larger alpha also makes |f| "
             "at the common start larger.",
         ),

@@ -24,7 +24,10 @@ def make(study: Study) -> Made:
         figures={"fig6": ("Panels (a) and (b) as in the paper.", figure)},
         tables={
             "fig6": pd.DataFrame(
-                {"real_1_per_s": found.eigenvalues.real, "imag_1_per_s": found.eigenvalues.imag}
+                {
+                    "real_1_per_s": np.real(found.eigenvalues),
+                    "imag_1_per_s": np.imag(found.eigenvalues),
+                }
             ),
             "fig6_b": pd.DataFrame({"t_s": t, "d_chi_radps": d[:, 0], "d_gamma_radps": d[:, 1]}),
         },
@@ -41,7 +44,7 @@ def _panels(eigenvalues: np.ndarray, t: np.ndarray, d: np.ndarray) -> "Figure":
         1, 2, size=(8.0, 3.2), titles=("eigenvalues of $A_K(0)$, K*", "disturbance")
     )
     a.axvline(0.0, color=style.RED, lw=1.1, ls=(0, (6, 3)))
-    a.plot(eigenvalues.real, eigenvalues.imag, "o", color=style.INK, ms=6)
+    a.plot(np.real(eigenvalues), np.imag(eigenvalues), "o", color=style.INK, ms=6)
     a.set_xlim(-0.6, 0.1)
     a.set_ylim(-1.6, 1.6)
     a.set_xlabel("real part [1/s]")

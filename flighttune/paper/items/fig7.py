@@ -31,7 +31,7 @@ def make(study: Study) -> Made:
         panel.set_ylim(-0.03 * top, top)
         name_gains(panel, study)
     style.legend_above(figure, panels[0], columns=4)
-    R_K = study.indicator_table["R_K"]
+    R_K = study.indicator("R_K")
     trends = {
         measure: {
             channel: rank_correlation(R_K, study.of_gains(channel, measure)) for channel in PROFILES

@@ -64,7 +64,7 @@ def measures_of(table: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]]:
     names = table.index.get_level_values(0).unique()
     return {
         str(name): {
-            channel: {key: float(table.loc[(name, channel), key]) for key in MEASURES}  # type: ignore[arg-type]
+            channel: {key: float(table.loc[(name, channel), key]) for key in MEASURES}
             for channel in CHANNELS
         }
         for name in names

@@ -16,10 +16,10 @@ def draw(
     panel: "Axes", study: Study, measure: str, channels: Sequence[str], *, over: str = "R_K"
 ) -> None:
     """Draw a measure of some channels over an indicator, gain sets in its order."""
-    indicator = study.indicator_table[over].sort_values()
+    indicator = study.indicator(over).sort_values()
     for channel in channels:
         values = study.of_gains(channel, measure).loc[indicator.index]
-        panel.plot(indicator, values, label=style.LABELS[channel], **style.SERIES[channel])  # type: ignore[arg-type]
+        panel.plot(indicator, values, label=style.LABELS[channel], **style.SERIES[channel])
     panel.set_xlabel(AXES[over])
 
 

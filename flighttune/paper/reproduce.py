@@ -1,0 +1,165 @@
+"""The paper again, in a folder: figures, tables, texts, page, errata and recording."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flighttune.paper.claims import CLAIMS
+from flighttune.paper.claims.base import Finding, judged
+from flighttune.paper.errata import errata, errata_text
+from flighttune.paper.items import chosen
+from flighttune.paper.items.base import Item, Made, text_of
+from flighttune.paper.page import page_text
+from flighttune.paper.record import write_families
+from flighttune.paper.study import Study
+from flighttune.paper.style import save
+from flighttune.recording.whole_file import whole_file
+
+RECORDED = {"fig8", "fig11"}
+"""Items with which the families are recorded."""
+
+Progress = Callable[[str, float], None]
+"""Called with what is being made and the part of it that is done, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MadeItem:
+    """An item in the folder.
+
+    Attributes
+    ----------
+    item : Item
+    made : Made
+    files : tuple of Path
+        Figures, tables and text.
+    """
+
+    item: Item
+    made: Made
+    files: tuple[Path, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reproduction:
+    """What `reproduce` made.
+
+    Attributes
+    ----------
+    items : tuple of MadeItem
+    findings : tuple of Finding
+        Every claim with its verdict.
+    page, errata : Path
+    recording : Path or None
+        None where no family was among the items.
+    """
+
+    items: tuple[MadeItem, ...]
+    findings: tuple[Finding, ...]
+    page: Path
+    errata: Path
+    recording: Path | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, as ``--json`` prints them."""
+        return {
+            "items": [
+                {
+                    "name": one.item.name,
+                    "files": [str(path) for path in one.files],
+                    "values": dict(one.made.values),
+                }
+                for one in self.items
+            ],
+            "claims": [
+                {
+                    "id": finding.claim.id,
+                    "text": finding.claim.text,
+                    "where": finding.claim.where,
+                    "verdict": finding.verdict,
+                    "expected": finding.expected,
+                    "computed": finding.computed,
+                }
+                for finding in self.findings
+            ],
+            "page": str(self.page),
+            "errata": str(self.errata),
+            "recording": None if self.recording is None else str(self.recording),
+        }
+
+
+def reproduce(
+    names: Sequence[str] = (),
+    out: str | Path = "runs/reproduce",
+    *,
+    study: Study | None = None,
+    progress: Progress | None = None,
+) -> Reproduction:
+    """Make items of the paper, and judge every claim.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Items; all of them by default.
+    out : path-like
+        Folder for the files; made if it is not there.
+    study : Study, optional
+        By default the paper's gains.
+    progress : callable, optional
+        Told what is being made.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    InputError
+        If there is no item of a name.
+    RecordingError
+        If a file cannot be written.
+    """
+    items = chosen(tuple(names))
+    study, folder = Study() if study is None else study, Path(out)
+    tell = progress if progress is not None else _silent
+    made = tuple(_made(item, study, folder, k / len(items), tell) for k, item in enumerate(items))
+    tell("items", 1.0)
+    findings = []
+    for k, claim in enumerate(CLAIMS):
+        tell("claims", k / len(CLAIMS))
+        findings.append(judged(claim, study))
+    tell("claims", 1.0)
+    recording = None
+    if RECORDED & {item.name for item in items}:
+        tell("recording", 0.0)
+        recording = write_families(study, folder)
+        tell("recording", 1.0)
+    page = page_text(findings, [(one.item, one.made) for one in made], errata(study), folder=folder)
+    return Reproduction(
+        items=made,
+        findings=tuple(findings),
+        page=_written(folder / "index.html", page),
+        errata=_written(folder / "errata.md", errata_text(study)),
+        recording=recording,
+    )
+
+
+def _made(item: Item, study: Study, folder: Path, part: float, tell: Progress) -> MadeItem:
+    tell("items", part)
+    made = item.make(study)
+    files = save({name: figure for name, (_, figure) in made.figures.items()}, folder)
+    for name, table in made.tables.items():
+        text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
+        files.append(_written(folder / f"{name}.csv", text))
+    files.append(_written(folder / f"{item.name}.md", text_of(item, made)))
+    return MadeItem(item=item, made=made, files=tuple(files))
+
+
+def _written(path: Path, text: str) -> Path:
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+    return path
+
+
+def _silent(_: str, __: float) -> None:
+    pass
