@@ -1,0 +1,130 @@
+"""Verdicts come from numbers: known findings, the rule, and what a changed gain does."""
+
+import json
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PIGains
+from flighttune.paper.claims import CLAIMS, findings
+from flighttune.paper.claims.base import VERDICTS, Check, Claim, judged
+from flighttune.paper.study import Study, rank_correlation
+
+PEAK_TIME = 5.24
+R_K, I_K = 0.4599, 4.9162
+BEST_R_K = 0.51393
+SMALLEST_I_K = 67.15
+LAST_DIGIT = 1e-4
+
+
+@pytest.fixture(scope="module")
+def found(study):
+    """Findings by name of the claim."""
+    return {finding.claim.id: finding for finding in findings(study)}
+
+
+def test_about_every_checkable_sentence_is_a_claim_with_a_name_and_a_place():
+    assert len(CLAIMS) >= 25
+    assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)
+    for claim in CLAIMS:
+        assert claim.text
+        assert "abstract" in claim.where or "section" in claim.where
+
+
+def test_the_peak_time_is_not_reproduced(found):
+    (check,) = found["peak-time"].checks
+
+    assert found["peak-time"].verdict == "not reproduced"
+    assert check.computed == pytest.approx(PEAK_TIME, abs=0.005)
+
+
+def test_the_overshoots_are_reproduced(found):
+    assert found["overshoot-chi"].verdict == found["overshoot-gamma"].verdict == "reproduced"
+
+
+def test_the_printed_indicators_do_not_follow_from_the_printed_gains(found):
+    computed = [check.computed for check in found["star-indicators"].checks]
+
+    assert found["star-indicators"].verdict == "not reproduced"
+    assert computed == pytest.approx([R_K, I_K], abs=LAST_DIGIT)
+
+
+def test_the_table_of_indicators_is_reproduced(found):
+    assert found["table-2"].verdict == "reproduced"
+    assert len(found["table-2"].checks) == 12
+
+
+def test_the_printed_gains_break_the_constraints_and_are_not_the_optimum(found):
+    smallest, best = found["star-optimal"].checks
+
+    assert found["star-feasible"].verdict == "not reproduced"
+    assert found["star-optimal"].verdict == "not reproduced"
+    assert smallest.computed == pytest.approx(SMALLEST_I_K, abs=0.005)
+    assert float(best.expected) == pytest.approx(BEST_R_K, abs=5e-6)
+
+
+def test_the_printed_rate_limits_prevent_convergence(found):
+    assert found["converges-with-all-limits"].verdict == "not reproduced"
+    assert found["commands-in-rate"].verdict == "not reproduced"
+
+
+def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
+    assert {finding.verdict for finding in found.values()} == set(VERDICTS)
+
+
+def test_a_claim_without_comparisons_says_what_is_missing(found):
+    for finding in found.values():
+        if finding.verdict == "not checkable":
+            assert finding.computed["missing"]
+
+
+@pytest.mark.parametrize(
+    ("held", "verdict"),
+    [
+        ([True, True], "reproduced"),
+        ([True, False], "partly"),
+        ([False], "not reproduced"),
+        ([], "not checkable"),
+    ],
+)
+def test_the_verdict_follows_from_the_comparisons_alone(held, verdict):
+    claim = Claim(
+        id="x",
+        text="x",
+        where="x",
+        checks=lambda _: [Check(f"{k}", "", "", one) for k, one in enumerate(held)],
+    )
+
+    assert judged(claim, Study()).verdict == verdict
+
+
+def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(study, found):
+    by_name = {claim.id: claim for claim in CLAIMS}
+    better = Study(star=study.optimum.gains)
+
+    assert found["optimal-controller"].verdict == "not reproduced"
+    assert judged(by_name["optimal-controller"], better).verdict == "reproduced"
+    assert judged(by_name["table-2"], better).verdict == "not reproduced"
+
+
+def test_a_gain_of_the_wrong_sign_changes_verdicts(study):
+    sign = np.array([[-1.0, 1.0], [1.0, 1.0]])
+    wrong = Study(star=PIGains(K_P=study.star.K_P, K_I=study.star.K_I * sign))
+    by_name = {claim.id: claim for claim in CLAIMS}
+
+    for name in ("eigenvalues", "small-region", "table-2"):
+        assert judged(by_name[name], study).verdict == "reproduced"
+        assert judged(by_name[name], wrong).verdict == "not reproduced"
+
+
+def test_expected_and_computed_are_plain_values(found):
+    for finding in found.values():
+        json.dumps([finding.expected, finding.computed])
+        assert finding.computed.keys() >= finding.expected.keys()
+
+
+def test_rank_correlation_of_opposite_orders_is_minus_one(study):
+    R_K = study.indicator("R_K")
+
+    assert rank_correlation(R_K, -(R_K**3)) == pytest.approx(-1.0)
+    assert rank_correlation(R_K, 0.0 * R_K) == 0.0

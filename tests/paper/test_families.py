@@ -1,0 +1,140 @@
+"""The flights of the paper against an independent integration and sums done by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flighttune.metrics import channel_metrics
+from flighttune.paper.families import (
+    command_use,
+    decay_rate,
+    fly,
+    gain_family,
+    oscillations,
+    worst_use,
+)
+from flighttune.paper.measures import measures
+from flighttune.paper.parameters import disturbance
+from flighttune.paper.record import family_runs
+
+SAME_PATH = 1e-6
+SAME_MEASURE = 1e-9
+HALF_A_SAMPLE = 0.005
+PRINTED_DIGITS = 5e-4
+
+
+def independent(K_P, K_I, amplitude, omega, t):
+    """The paper's law with commands cut off at their ranges, by an implicit integrator."""
+    g_over_v, gamma_c = 9.81 / 25.0, math.pi / 12
+    K_P, K_I = np.array(K_P), np.array(K_I)
+
+    def rates(now, s):
+        u = K_P @ s[:2] + K_I @ s[2:]
+        phi = min(max(u[0], -math.pi / 4), math.pi / 4)
+        n_z = min(max(u[1], -2.1), 2.1)
+        return [
+            -g_over_v * math.tan(phi) - amplitude * math.sin(omega * now),
+            -g_over_v * (n_z * math.cos(phi) - math.cos(gamma_c - s[1]))
+            - amplitude * math.cos(omega * now),
+            s[0],
+            s[1],
+        ]
+
+    start = [-math.pi / 3, math.pi / 12 - math.pi / 4, 0.0, 0.0]
+    return solve_ivp(
+        rates, (0.0, t[-1]), start, "LSODA", t_eval=t, rtol=1e-11, atol=1e-12, max_step=0.02
+    ).y[:2]
+
+
+K_P = [[1.6968, 0.5906], [-0.5906, 1.9556]]
+K_I = [[3.4869, 0.1784], [-0.1784, 3.4869]]
+
+
+@pytest.mark.parametrize(("name", "epsilon"), [("K*", 0.0), ("K1", -4.0), ("K6", 1.0)])
+def test_the_family_of_gains_flies_as_an_independent_integrator_does(study, name, epsilon):
+    flight = study.flights[name]
+    shift = -epsilon * np.eye(2)
+
+    e_chi, e_gamma = independent(K_P + shift, K_I + shift, 0.1, 0.15, flight.t)
+
+    assert np.max(np.abs(flight.channels["chi"] - e_chi)) < SAME_PATH
+    assert np.max(np.abs(flight.channels["gamma"] - e_gamma)) < SAME_PATH
+
+
+def test_the_family_of_disturbances_flies_as_an_independent_integrator_does(study):
+    flight = study.disturbed["d9"]
+
+    e_chi, e_gamma = independent(K_P, K_I, 0.3, 0.2, flight.t)
+
+    assert np.max(np.abs(flight.channels["chi"] - e_chi)) < SAME_PATH
+    assert np.max(np.abs(flight.channels["gamma"] - e_gamma)) < SAME_PATH
+    peak, when = flight.peak("chi")
+    assert peak == pytest.approx(e_chi.max(), abs=SAME_PATH)
+    assert when == pytest.approx(flight.t[e_chi.argmax()], abs=HALF_A_SAMPLE)
+
+
+def test_the_rates_of_error_are_the_derivatives_of_the_errors(study):
+    flight = study.undisturbed
+    smooth = np.flatnonzero(flight.t > 12.0)[1:-1]
+
+    for channel in ("chi", "gamma"):
+        e, rate = flight.channels[channel], flight.channels[f"{channel}_dot"]
+        slope = (e[smooth + 1] - e[smooth - 1]) / 0.02
+        assert rate[smooth] == pytest.approx(slope, abs=1e-4)
+
+
+def test_measures_of_the_errors_are_those_of_every_other_run(study):
+    run = next(run for run in family_runs(study) if run.provenance.gains_name == "K2")
+    t = run.signals.index.to_numpy()
+    ours = measures(t, {c: run.signals[f"{c}_err"].to_numpy() for c in ("chi", "gamma")})
+
+    theirs = channel_metrics(run)
+
+    for key in ("ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad"):
+        assert ours[key].to_numpy() == pytest.approx(theirs[key].to_numpy(), rel=SAME_MEASURE)
+
+
+def test_the_first_commands_of_the_printed_gains_are_those_worked_out_by_hand(study):
+    use = command_use(study.star)
+
+    chi, gamma = -math.pi / 3, -math.pi / 6
+    phi = (1.6968 + 0.34869) * chi + (0.5906 + 0.01784) * gamma
+    assert use["phi"] == pytest.approx((phi, -math.pi / 4, math.pi / 4), abs=1e-12)
+    for name, value in (("phi", -2.461), ("n_z", -0.569), ("phi rate", -3.745)):
+        assert use[name][0] == pytest.approx(value, abs=PRINTED_DIGITS)
+    assert worst_use(study.star) == pytest.approx(use["phi rate"][0] / (-math.pi / 6), rel=1e-12)
+
+
+def test_with_the_printed_rate_limits_only_anti_windup_lets_the_loop_converge(study):
+    converged = {name: flight.converged for name, flight in study.readings.items()}
+
+    assert converged == {
+        "ranges only": True,
+        "ranges and rate limits": False,
+        "with rate limits and anti-windup": True,
+        "no limits": False,
+    }
+
+
+def test_the_family_is_shifted_by_epsilon_times_the_identity(study):
+    family = gain_family(study.star)
+
+    assert list(family) == ["K*", "K1", "K2", "K3", "K4", "K5", "K6"]
+    assert family["K4"].K_P == pytest.approx(study.star.K_P - 0.5 * np.eye(2))
+    assert family["K1"].K_I == pytest.approx(study.star.K_I + 4.0 * np.eye(2))
+
+
+def test_a_flight_lasts_as_long_as_asked(study):
+    flight = fly(study.star, disturbance("d1"), duration=1.0)
+
+    assert flight.t[-1] == pytest.approx(1.0)
+    assert len(flight.t) == 101
+
+
+def test_decay_and_oscillations_of_a_known_signal():
+    t = np.linspace(0.0, 10.0, 1001)
+
+    assert decay_rate(t, 3.0 * np.exp(-0.7 * t)) == pytest.approx(0.7, rel=1e-9)
+    assert oscillations(np.cos(t)) == 3
