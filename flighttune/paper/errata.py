@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.paper import parameters as printed
-from flighttune.paper.families import command_use, worst_use
+from flighttune.paper.commands import command_use, worst_use
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
@@ -119,7 +119,7 @@ def theory(study: Study) -> Iterator[Erratum]:
         "stabilising the linearised loop stabilises the nonlinear one globally",
         "it does so near the equilibrium: without any limits, with tan φ as printed, the manoeuvre "
         f"with K* ends at {diverging.t[-1]:.1f} s with γ beyond 1000 rad"
-        if diverging.flown.status == "diverged"
+        if diverging.status == "diverged"
         else "it does so near the equilibrium",
     )
     yield Erratum(

@@ -1,24 +1,18 @@
 """The flights of the paper: families of gains and of disturbances, and readings of the limits."""
 
-import math
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
 
-from flighttune.arrays import FloatArray
 from flighttune.control.gains import PAPER_EPSILON, PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import AntiWindup
 from flighttune.paper import parameters as printed
-from flighttune.paper.measures import measures
+from flighttune.paper.flight import SAMPLE, PaperFlight
 from flighttune.plants.base import FlightCondition
-from flighttune.simulate.continuous import ContinuousFlight, continuous_flight
+from flighttune.simulate.batch import Flights, fly_continuous
+from flighttune.simulate.continuous import continuous_flight
 from flighttune.simulate.disturbance import Sinusoid
-
-SAMPLE = 0.01
-"""Time between the samples of a flight, s."""
 
 START = FlightCondition(
     V_a=printed.V_A,
@@ -30,74 +24,18 @@ START = FlightCondition(
 """Table 1."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PaperFlight:
-    """One flight of the paper's loop, sampled every `SAMPLE` seconds.
-
-    Attributes
-    ----------
-    gains : PIGains
-    limits : Limits
-        That acted on the commands.
-    disturbance : Sinusoid or None
-    flown : ContinuousFlight
-        The time history.
-    """
-
-    gains: PIGains
-    limits: Limits
-    disturbance: Sinusoid | None
-    flown: ContinuousFlight
-
-    @property
-    def t(self) -> FloatArray:
-        """Time, shape (k,), s."""
-        return self.flown.t
-
-    @cached_property
-    def channels(self) -> dict[str, FloatArray]:
-        """`flighttune.paper.measures.CHANNELS` over time, each of shape (k,)."""
-        error, rate = self.flown.error.T, self.flown.error_rate.T
-        return {
-            "chi": error[0],
-            "gamma": error[1],
-            "chi_dot": rate[0],
-            "gamma_dot": rate[1],
-            "s_chi": np.hypot(error[0], rate[0]),
-            "s_gamma": np.hypot(error[1], rate[1]),
-        }
-
-    @cached_property
-    def measures(self) -> pd.DataFrame:
-        """The paper's measures over the printed 20 s, one row a channel."""
-        inside = self.t <= printed.DURATION + 0.5 * SAMPLE
-        return measures(self.t[inside], {name: x[inside] for name, x in self.channels.items()})
-
-    def peak(self, channel: str) -> tuple[float, float]:
-        """Maximum overshoot in rad and peak time in s of a channel."""
-        row = self.measures.loc[channel]
-        return float(row["MO_rad"]), float(row["PT_s"])
-
-    def after(self, channel: str, t: float) -> float:
-        """Largest magnitude of a channel from time `t` (s) on."""
-        return float(np.max(np.abs(self.channels[channel][self.t >= t])))
-
-    @property
-    def command_rates(self) -> FloatArray:
-        """Rates of the two commands over time by differences, shape (k - 1, 2)."""
-        return np.diff(self.flown.u, axis=0) / SAMPLE
-
-    @property
-    def converged(self) -> bool:
-        """Whether both errors end, and stay for the last two seconds, below `NEAR`."""
-        if self.flown.status != "completed":
-            return False
-        late = self.t >= self.t[-1] - 2.0
-        return bool(np.max(np.abs(self.flown.error[late])) < NEAR)
+REFERENCE = printed.CHI_C, printed.GAMMA_C
 
 
-NEAR = 0.05
-"""Errors below this are called near the origin, rad."""
+PAIRS = {
+    "x": ("chi", "gamma"),
+    "error": ("chi_err", "gamma_err"),
+    "error_rate": ("chi_err_rate", "gamma_err_rate"),
+    "u": ("phi_cmd", "n_z_cmd"),
+    "unlimited": ("phi_unlimited", "n_z_unlimited"),
+    "integral": ("phi_integral", "n_z_integral"),
+}
+"""Signals of a batch that make up the arrays of a flight."""
 
 
 def gain_family(star: PIGains) -> dict[str, PIGains]:
@@ -139,20 +77,74 @@ def fly(
     -------
     PaperFlight
     """
-    limits = printed.printed_ranges() if limits is None else limits
-    t = np.arange(round(duration / SAMPLE) + 1) * SAMPLE
     flown = continuous_flight(
         gains,
-        t,
+        np.arange(round(duration / SAMPLE) + 1) * SAMPLE,
         condition=START,
-        ref=(printed.CHI_C, printed.GAMMA_C),
-        limits=limits,
+        ref=REFERENCE,
+        limits=printed.printed_ranges() if limits is None else limits,
         anti_windup=anti_windup,
         disturbance=disturbance,
         roll="any",
         g=printed.G,
     )
-    return PaperFlight(gains=gains, limits=limits, disturbance=disturbance, flown=flown)
+    return PaperFlight(
+        t=flown.t,
+        x=flown.x,
+        error=flown.error,
+        error_rate=flown.error_rate,
+        u=flown.u,
+        unlimited=flown.unlimited,
+        integral=flown.integral,
+        status=flown.status,
+        reason=flown.reason,
+        disturbance=disturbance,
+    )
+
+
+def fly_many(
+    gains: Sequence[PIGains], disturbances: Sequence[Sinusoid], *, duration: float
+) -> list[PaperFlight]:
+    """Fly the paper's manoeuvre, ranges only, many times at once.
+
+    Parameters
+    ----------
+    gains : sequence of PIGains, length 1 or N
+    disturbances : sequence of Sinusoid, length N
+    duration : float, s
+
+    Returns
+    -------
+    list of PaperFlight, length N
+    """
+    flown = fly_continuous(
+        Flights.of(
+            gains,
+            condition=START,
+            ref=REFERENCE,
+            limits=printed.printed_ranges(),
+            disturbance=disturbances,
+        ),
+        dt=SAMPLE,
+        duration=duration,
+        roll="any",
+        trajectories=True,
+        g=printed.G,
+    )
+    flights = []
+    for k, disturbance in enumerate(disturbances):
+        last = int(flown.samples[k])
+        status, reason = flown.status(k)
+        pairs = {
+            name: np.column_stack([flown.signal(signal)[k, :last] for signal in signals])
+            for name, signals in PAIRS.items()
+        }
+        flights.append(
+            PaperFlight(
+                t=flown.t[:last], status=status, reason=reason, disturbance=disturbance, **pairs
+            )
+        )
+    return flights
 
 
 def readings(gains: PIGains) -> dict[str, PaperFlight]:
@@ -167,45 +159,3 @@ def readings(gains: PIGains) -> dict[str, PaperFlight]:
         ),
         "no limits": fly(gains, calm, limits=Limits.none(2)),
     }
-
-
-def command_use(gains: PIGains) -> dict[str, tuple[float, float, float]]:
-    """Command and command rate at the first instant: value, lower and upper limit, by name.
-
-    Notes
-    -----
-    ``u(t_0) = K (x_0; x_0 dt)`` and ``u'(t_0) = K (0; x_0)`` of section 4.4 with dt = 0.1 s.
-    """
-    x_0 = printed.E_0
-    limits = printed.printed_limits()
-    u = gains.K @ np.concatenate([x_0, x_0 * printed.OPTIMISATION_DT])
-    u_dot = gains.K @ np.concatenate([np.zeros(2), x_0])
-    rows = {}
-    for i, name in enumerate(("phi", "n_z")):
-        rows[name] = float(u[i]), float(limits.lower[i]), float(limits.upper[i])
-        rows[f"{name} rate"] = (
-            float(u_dot[i]),
-            float(limits.rate_lower[i]),
-            float(limits.rate_upper[i]),
-        )
-    return rows
-
-
-def worst_use(gains: PIGains) -> float:
-    """Largest of `command_use` as a part of its limit; at most one where all limits hold."""
-    return max(
-        value / (upper if value > 0.0 else lower)
-        for value, lower, upper in command_use(gains).values()
-    )
-
-
-def oscillations(x: FloatArray) -> int:
-    """Number of times a signal crosses zero."""
-    signs = np.sign(x)
-    return int(np.count_nonzero(np.diff(signs[signs != 0.0])))
-
-
-def decay_rate(t: FloatArray, norm: FloatArray) -> float:
-    """Rate of the exponential that `norm` follows, by a straight line through its logarithm."""
-    seen = norm > 0.0
-    return -float(np.polyfit(t[seen], np.log(norm[seen]), 1)[0]) if seen.sum() > 2 else math.nan

@@ -15,7 +15,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.metrics import channel_metrics
 from flighttune.paper import parameters as printed
-from flighttune.paper.families import PaperFlight
+from flighttune.paper.flight import PaperFlight
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
 from flighttune.simulate.run import Provenance, Run
@@ -80,8 +80,8 @@ def _run(plant: str, name: str, gains: PIGains, flight: PaperFlight) -> Run:
     signals = signals.iloc[::EVERY]
     return Run(
         signals=signals,
-        status="completed" if flight.flown.status == "completed" else "diverged",
-        reason=flight.flown.reason,
+        status="completed" if flight.status == "completed" else "diverged",
+        reason=flight.reason,
         provenance=Provenance(
             scenario=_scenario(),
             plant=plant,
@@ -98,17 +98,17 @@ def _run(plant: str, name: str, gains: PIGains, flight: PaperFlight) -> Run:
 
 
 def _signals(flight: PaperFlight) -> Mapping[str, FloatArray]:
-    flown, t = flight.flown, flight.t
-    chi, gamma = flown.x.T
+    t = flight.t
+    chi, gamma = flight.x.T
     level = printed.V_A * np.cos(gamma)
-    held = np.where(flown.u != flown.unlimited, MAGNITUDE_LIMITED, 0.0)
+    held = np.where(flight.u != flight.unlimited, MAGNITUDE_LIMITED, 0.0)
     disturbed = flight.disturbance
     d = np.array([disturbed(moment) if disturbed else (0.0, 0.0) for moment in t.tolist()])
     return {
         "chi": chi,
         "gamma": gamma,
-        "phi": flown.u[:, 0],
-        "n_z": flown.u[:, 1],
+        "phi": flight.u[:, 0],
+        "n_z": flight.u[:, 1],
         "V_a": np.full(len(t), printed.V_A),
         "north": _integral(t, level * np.cos(chi)),
         "east": _integral(t, level * np.sin(chi)),
@@ -117,14 +117,14 @@ def _signals(flight: PaperFlight) -> Mapping[str, FloatArray]:
         "d_gamma": d[:, 1],
         "chi_ref": np.full(len(t), printed.CHI_C),
         "gamma_ref": np.full(len(t), printed.GAMMA_C),
-        "chi_err": np.remainder(flown.error[:, 0] + math.pi, 2.0 * math.pi) - math.pi,
-        "gamma_err": flown.error[:, 1],
-        "phi_cmd": flown.u[:, 0],
-        "n_z_cmd": flown.u[:, 1],
-        "phi_unlimited": flown.unlimited[:, 0],
-        "n_z_unlimited": flown.unlimited[:, 1],
-        "phi_integral": flown.integral[:, 0],
-        "n_z_integral": flown.integral[:, 1],
+        "chi_err": np.remainder(flight.error[:, 0] + math.pi, 2.0 * math.pi) - math.pi,
+        "gamma_err": flight.error[:, 1],
+        "phi_cmd": flight.u[:, 0],
+        "n_z_cmd": flight.u[:, 1],
+        "phi_unlimited": flight.unlimited[:, 0],
+        "n_z_unlimited": flight.unlimited[:, 1],
+        "phi_integral": flight.integral[:, 0],
+        "n_z_integral": flight.integral[:, 1],
         "phi_limited": held[:, 0],
         "n_z_limited": held[:, 1],
     }

@@ -11,7 +11,8 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.paper import parameters as printed
 from flighttune.paper.duffing_cases import DuffingCases
-from flighttune.paper.families import PaperFlight, fly, gain_family, readings
+from flighttune.paper.families import fly, fly_many, gain_family, readings
+from flighttune.paper.flight import PaperFlight
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
@@ -54,8 +55,9 @@ class Study:
     @cached_property
     def flights(self) -> dict[str, PaperFlight]:
         """The manoeuvre with each gain set and the disturbance of Table 1."""
-        calm = printed.disturbance(printed.PRINTED_DISTURBANCE)
-        return {name: fly(gains, calm) for name, gains in self.gains.items()}
+        same = [printed.disturbance(printed.PRINTED_DISTURBANCE)] * len(self.gains)
+        flown = fly_many(list(self.gains.values()), same, duration=printed.DURATION)
+        return dict(zip(self.gains, flown, strict=True))
 
     @cached_property
     def undisturbed(self) -> PaperFlight:
@@ -65,10 +67,9 @@ class Study:
     @cached_property
     def disturbed(self) -> dict[str, PaperFlight]:
         """The manoeuvre with K* under d1 to d9, beyond the printed 20 s."""
-        return {
-            name: fly(self.star, printed.disturbance(name), duration=printed.AFTERWARDS)
-            for name in printed.TABLE_3
-        }
+        waves = [printed.disturbance(name) for name in printed.TABLE_3]
+        flown = fly_many([self.star], waves, duration=printed.AFTERWARDS)
+        return dict(zip(printed.TABLE_3, flown, strict=True))
 
     @cached_property
     def readings(self) -> dict[str, PaperFlight]:

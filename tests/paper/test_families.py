@@ -7,14 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flighttune.metrics import channel_metrics
-from flighttune.paper.families import (
-    command_use,
-    decay_rate,
-    fly,
-    gain_family,
-    oscillations,
-    worst_use,
-)
+from flighttune.paper.commands import command_use, worst_use
+from flighttune.paper.families import fly, gain_family
+from flighttune.paper.flight import decay_rate, oscillations
 from flighttune.paper.measures import measures
 from flighttune.paper.parameters import disturbance
 from flighttune.paper.record import family_runs

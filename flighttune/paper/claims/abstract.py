@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flighttune.paper.claims.base import Check, Claim, at_least, at_most, nothing
-from flighttune.paper.families import decay_rate
+from flighttune.paper.flight import decay_rate
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study, rank_correlation
 

@@ -7,7 +7,7 @@ import pandas as pd
 
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims.base import Check, Claim
-from flighttune.paper.families import NEAR
+from flighttune.paper.flight import NEAR
 from flighttune.paper.study import Study
 
 NOT_SIGNIFICANT = 0.1

@@ -7,7 +7,7 @@ import numpy as np
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims.abstract import AS_GOOD
 from flighttune.paper.claims.base import Check, Claim, at_most, printed_number
-from flighttune.paper.families import worst_use
+from flighttune.paper.commands import worst_use
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
 from flighttune.plants.kinematic import turn_rates

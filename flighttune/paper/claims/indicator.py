@@ -13,7 +13,7 @@ from flighttune.paper.claims.base import (
     printed_number,
     steps,
 )
-from flighttune.paper.families import oscillations
+from flighttune.paper.flight import oscillations
 from flighttune.paper.study import Study, rank_correlation
 
 ERRORS = ("chi", "gamma", "chi_dot", "gamma_dot")

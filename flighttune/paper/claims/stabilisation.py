@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flighttune.paper.claims.base import Check, Claim, at_most
-from flighttune.paper.families import NEAR, PaperFlight
+from flighttune.paper.flight import NEAR, PaperFlight
 from flighttune.paper.parameters import DURATION, STAR, printed_limits
 from flighttune.paper.study import Study
 
@@ -52,7 +52,7 @@ def _rates(flight: PaperFlight) -> np.ndarray:
 
 def commands_in_range(study: Study) -> Iterator[Check]:
     """Roll and load factor as flown stay in their ranges (the simulation cuts them off)."""
-    largest = np.max(np.abs(study.flights[STAR].flown.u), axis=0)
+    largest = np.max(np.abs(study.flights[STAR].u), axis=0)
     for name, value, limit in zip(("φ", "n_z"), largest, printed_limits().upper, strict=True):
         yield at_most(f"largest |{name}| flown", float(value), float(limit) + ROUNDING)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims.base import Check, Claim, at_most, nothing
-from flighttune.paper.families import decay_rate
+from flighttune.paper.flight import decay_rate
 from flighttune.paper.study import Study
 
 

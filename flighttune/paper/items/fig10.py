@@ -39,11 +39,7 @@ def make(study: Study) -> Made:
         panel.set_ylabel(label)
         panel.set_ylim(bottom=0.0)
     style.legend_above(figure, panels[0], columns=6)
-    released = {
-        name: float(study.disturbed[name].flown.switches[-1])
-        for name in ("d1", "d7", "d8", "d9")
-        if len(study.disturbed[name].flown.switches)
-    }
+    released = {name: study.disturbed[name].released for name in ("d1", "d7", "d8", "d9")}
     growth = {
         channel: float((table.loc[0.3] - table.loc[0.1]).abs().max())
         for channel in ("s_chi", "s_gamma")

@@ -7,7 +7,7 @@ import pandas as pd
 
 from flighttune.paper import parameters as printed
 from flighttune.paper import style
-from flighttune.paper.families import PaperFlight
+from flighttune.paper.flight import PaperFlight
 from flighttune.paper.items.base import (
     MANOEUVRE,
     PRINTED_STAR,
@@ -59,8 +59,8 @@ def make(study: Study) -> Made:
             ),
         },
         values={
-            "largest_phi_rad": float(np.max(np.abs(flight.flown.u[:, 0]))),
-            "largest_n_z": float(np.max(np.abs(flight.flown.u[:, 1]))),
+            "largest_phi_rad": float(np.max(np.abs(flight.u[:, 0]))),
+            "largest_n_z": float(np.max(np.abs(flight.u[:, 1]))),
             "largest_phi_rate_radps": float(rates[0]),
             "largest_n_z_rate_1_per_s": float(rates[1]),
             "readings": {name: _values(one) for name, one in study.readings.items()},
@@ -81,7 +81,7 @@ def make(study: Study) -> Made:
 def _values(flight: PaperFlight) -> dict[str, object]:
     (chi, chi_t), (gamma, gamma_t) = flight.peak("chi"), flight.peak("gamma")
     return {
-        "status": flight.flown.status,
+        "status": flight.status,
         "converged": flight.converged,
         "chi": {"MO_rad": chi, "PT_s": chi_t},
         "gamma": {"MO_rad": gamma, "PT_s": gamma_t},
@@ -92,8 +92,8 @@ def _commands(flight: PaperFlight) -> "Figure":
     figure, panels = style.grid(1, 2, size=(8.6, 3.2), titles=("φ(t)", "$n_z$(t)"))
     limits = printed_limits()
     for i, (panel, (symbol, unit)) in enumerate(zip(panels, COMMANDS, strict=True)):
-        panel.plot(flight.t, flight.flown.unlimited[:, i], color=style.GREY, lw=0.9, label="wanted")
-        panel.plot(flight.t, flight.flown.u[:, i], color=style.INK, label="flown")
+        panel.plot(flight.t, flight.unlimited[:, i], color=style.GREY, lw=0.9, label="wanted")
+        panel.plot(flight.t, flight.u[:, i], color=style.INK, label="flown")
         style.level(panel, float(limits.lower[i]), float(limits.upper[i]), label="printed range")
         style.over_time(panel, f"{symbol} [{unit}]", DURATION)
     style.legend_above(figure, panels[0], columns=3)
@@ -109,7 +109,7 @@ def _readings(flown: dict[str, PaperFlight]) -> "Figure":
         line: dict[str, Any] = {"color": READINGS[name], "label": name}
         for i, channel in enumerate(("chi", "gamma")):
             panels[i].plot(flight.t, flight.channels[channel], **line)
-            panels[2 + i].plot(flight.t, flight.flown.u[:, i], **line)
+            panels[2 + i].plot(flight.t, flight.u[:, i], **line)
     for i, (symbol, unit) in enumerate(COMMANDS):
         style.over_time(panels[i], f"{style.LABELS[('chi', 'gamma')[i]]} [rad]", DURATION)
         style.over_time(panels[2 + i], f"{symbol} [{unit}]", DURATION)

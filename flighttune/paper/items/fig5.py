@@ -6,7 +6,7 @@ import pandas as pd
 
 from flighttune.paper import parameters as printed
 from flighttune.paper import style
-from flighttune.paper.families import PaperFlight
+from flighttune.paper.flight import PaperFlight
 from flighttune.paper.items.base import (
     MANOEUVRE,
     PRINTED_STAR,

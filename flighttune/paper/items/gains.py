@@ -10,7 +10,7 @@ from flighttune.control.closed_loop import closed_loop, closed_loops
 from flighttune.control.gains import PIGains
 from flighttune.paper import parameters as printed
 from flighttune.paper import style
-from flighttune.paper.families import command_use, worst_use
+from flighttune.paper.commands import command_use, worst_use
 from flighttune.paper.items.base import PRINTED_STAR, Item, Made
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from flighttune.paper import style
-from flighttune.paper.families import PaperFlight
+from flighttune.paper.flight import PaperFlight
 from flighttune.paper.measures import CHANNELS
 
 PROFILES = ("chi", "gamma", "chi_dot", "gamma_dot")
@@ -15,16 +15,16 @@ MEASURES = ("ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad", "mean", "std")
 
 def columns_of(name: str, flight: PaperFlight) -> dict[str, Any]:
     """Errors, rates, commands and disturbance of one flight, columns with units."""
-    prefix, flown = f"{name}_" if name else "", flight.flown
+    prefix = f"{name}_" if name else ""
     return {
-        f"{prefix}e_chi_rad": flown.error[:, 0],
-        f"{prefix}e_gamma_rad": flown.error[:, 1],
-        f"{prefix}e_chi_dot_radps": flown.error_rate[:, 0],
-        f"{prefix}e_gamma_dot_radps": flown.error_rate[:, 1],
-        f"{prefix}phi_rad": flown.u[:, 0],
-        f"{prefix}n_z": flown.u[:, 1],
-        f"{prefix}phi_wanted_rad": flown.unlimited[:, 0],
-        f"{prefix}n_z_wanted": flown.unlimited[:, 1],
+        f"{prefix}e_chi_rad": flight.error[:, 0],
+        f"{prefix}e_gamma_rad": flight.error[:, 1],
+        f"{prefix}e_chi_dot_radps": flight.error_rate[:, 0],
+        f"{prefix}e_gamma_dot_radps": flight.error_rate[:, 1],
+        f"{prefix}phi_rad": flight.u[:, 0],
+        f"{prefix}n_z": flight.u[:, 1],
+        f"{prefix}phi_wanted_rad": flight.unlimited[:, 0],
+        f"{prefix}n_z_wanted": flight.unlimited[:, 1],
     }
 
 

@@ -1,0 +1,107 @@
+"""One flight of the paper's loop over time, and what can be read off it."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.paper import parameters as printed
+from flighttune.paper.measures import measures
+from flighttune.simulate.disturbance import Sinusoid
+
+SAMPLE = 0.01
+"""Time between the samples of a flight, s."""
+
+NEAR = 0.05
+"""Errors below this are called near the origin, rad."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PaperFlight:
+    """One flight of the paper's loop, sampled every `SAMPLE` seconds.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,), s
+    x, error, error_rate : ndarray, shape (k, 2), rad, rad, rad/s
+        Course and flight-path angle; reference minus them; its rate by the law.
+    u, unlimited, integral : ndarray, shape (k, 2), rad and 1
+        Roll and load factor after the limits, before them, and the part from the integrator.
+    status : {"completed", "diverged"}
+    reason : str
+        A sentence where it diverged.
+    disturbance : Sinusoid or None
+    """
+
+    t: FloatArray
+    x: FloatArray
+    error: FloatArray
+    error_rate: FloatArray
+    u: FloatArray
+    unlimited: FloatArray
+    integral: FloatArray
+    status: str
+    reason: str
+    disturbance: Sinusoid | None
+
+    @cached_property
+    def channels(self) -> dict[str, FloatArray]:
+        """`flighttune.paper.measures.CHANNELS` over time, each of shape (k,)."""
+        error, rate = self.error.T, self.error_rate.T
+        return {
+            "chi": error[0],
+            "gamma": error[1],
+            "chi_dot": rate[0],
+            "gamma_dot": rate[1],
+            "s_chi": np.hypot(error[0], rate[0]),
+            "s_gamma": np.hypot(error[1], rate[1]),
+        }
+
+    @cached_property
+    def measures(self) -> pd.DataFrame:
+        """The paper's measures over the printed 20 s, one row a channel."""
+        inside = self.t <= printed.DURATION + 0.5 * SAMPLE
+        return measures(self.t[inside], {name: x[inside] for name, x in self.channels.items()})
+
+    def peak(self, channel: str) -> tuple[float, float]:
+        """Maximum overshoot in rad and peak time in s of a channel."""
+        row = self.measures.loc[channel]
+        return float(row["MO_rad"]), float(row["PT_s"])
+
+    def after(self, channel: str, t: float) -> float:
+        """Largest magnitude of a channel from time `t` (s) on."""
+        return float(np.max(np.abs(self.channels[channel][self.t >= t])))
+
+    @property
+    def command_rates(self) -> FloatArray:
+        """Rates of the two commands over time by differences, shape (k - 1, 2)."""
+        return np.diff(self.u, axis=0) / SAMPLE
+
+    @property
+    def released(self) -> float:
+        """Last time at which a limit held a command, s; 0 if none ever did."""
+        held = self.t[np.any(self.u != self.unlimited, axis=1)]
+        return float(held[-1]) if len(held) else 0.0
+
+    @property
+    def converged(self) -> bool:
+        """Whether both errors end, and stay for the last two seconds, below `NEAR`."""
+        if self.status != "completed":
+            return False
+        late = self.t >= self.t[-1] - 2.0
+        return bool(np.max(np.abs(self.error[late])) < NEAR)
+
+
+def oscillations(x: FloatArray) -> int:
+    """Number of times a signal crosses zero."""
+    signs = np.sign(x)
+    return int(np.count_nonzero(np.diff(signs[signs != 0.0])))
+
+
+def decay_rate(t: FloatArray, norm: FloatArray) -> float:
+    """Rate of the exponential that `norm` follows, by a straight line through its logarithm."""
+    seen = norm > 0.0
+    return -float(np.polyfit(t[seen], np.log(norm[seen]), 1)[0]) if seen.sum() > 2 else math.nan
