@@ -157,8 +157,9 @@ def _mismatch_json(found: "Gap") -> dict[str, Any] | None:
 
 def _verdict_json(verdict: "Verdict") -> dict[str, Any]:
     values = asdict(verdict)
-    chi, gamma = values.pop("tube")
-    return {**values, "tube_rad": {"chi": chi, "gamma": gamma}, "sentence": verdict.sentence}
+    for name in ("tube", "reach"):
+        values[f"{name}_rad"] = dict(zip(("chi", "gamma"), values.pop(name), strict=True))
+    return {**values, "sentence": verdict.sentence}
 
 
 def _rms(values: Any) -> float:

@@ -36,10 +36,10 @@ class Verdict:
         Bound of the mismatch's derivative from `t_from` on.
     radius : float
         Of the invariant ellipsoid: largest norm of s = (e', e) in it, in rad/s and rad.
-    reach : float
-        Exact radius of the set that the linear loop can reach; never above `radius`.
     tube : tuple of float, rad
         Largest errors of course and of flight-path angle in the ellipsoid.
+    reach : tuple of float, rad
+        The exact ones: largest errors that the linear loop can be pushed to; never above `tube`.
     """
 
     held: bool
@@ -48,8 +48,8 @@ class Verdict:
     t_from: float
     L_d: float
     radius: float
-    reach: float
     tube: tuple[float, float]
+    reach: tuple[float, float]
 
     @property
     def sentence(self) -> str:
@@ -77,8 +77,8 @@ class LoopFlown:
         Norm of the derivative of the mismatch.
     unit : Ellipsoid
         Invariant ellipsoid for L_d = 1.
-    reach : float
-        Exact radius of the reachable set for L_d = 1.
+    reach : ndarray, shape (2,), rad
+        Largest errors that the loop can be pushed to for L_d = 1.
     """
 
     t: FloatArray
@@ -87,7 +87,7 @@ class LoopFlown:
     moved: np.ndarray
     strength: FloatArray
     unit: Ellipsoid
-    reach: float
+    reach: FloatArray
 
     def verdict(self, t_from: float = 0.0) -> Verdict:
         """Whether the set of the mismatch from `t_from` (s) on holds from there on."""
@@ -112,8 +112,8 @@ class LoopFlown:
             t_from=t_from,
             L_d=L_d,
             radius=self.unit.radius * L_d,
-            reach=self.reach * L_d,
             tube=(float(widths[0]), float(widths[1])),
+            reach=(float(self.reach[0]) * L_d, float(self.reach[1]) * L_d),
         )
 
     def _at(self, k: int) -> float:
@@ -190,5 +190,5 @@ def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> Loo
         moved=moved,
         strength=strength,
         unit=unit,
-        reach=ReachableSet.of(A_K, E, L_d=1.0).largest_reach().upper,
+        reach=ReachableSet.of(A_K, E, L_d=1.0).peak_gain(slice(2, 4)).channels,
     )
