@@ -163,7 +163,7 @@ DUFFING_ASSUMED = (
     Assumption(
         "the disturbance of the Duffing case",
         f"uniform on [-L_d, L_d], a new value every {DUFFING_HOLD} s, seed {DUFFING_SEED}; beside "
-        "it the constant L_d and the worst bang-bang disturbance found",
+        "it the constant L_d and ±L_d always along the motion",
         "only its bound is printed; noise is the mild end of what the bound allows, the other two "
         "the hard end",
     ),

@@ -152,7 +152,7 @@ def legend(panel: "Axes", **where: Any) -> None:
 
 
 def save(figures: "Mapping[str, Figure]", folder: Path) -> list[Path]:
-    """Write each figure as PNG and SVG; return the files."""
+    """Write each figure as PNG and SVG, laid out once; return the files."""
     import matplotlib as mpl
 
     files = []
@@ -161,6 +161,7 @@ def save(figures: "Mapping[str, Figure]", folder: Path) -> list[Path]:
             png, svg = folder / f"{name}.png", folder / f"{name}.svg"
             with whole_file(png) as part:
                 figure.savefig(part, dpi=DPI, metadata={"Software": None})
+            figure.set_layout_engine("none")
             with whole_file(svg) as part:
                 figure.savefig(part, metadata={"Date": None, "Creator": None})
             files += [png, svg]

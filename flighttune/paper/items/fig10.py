@@ -66,7 +66,7 @@ def make(study: Study) -> Made:
 ITEM = Item(
     name="fig10",
     title="ITAE, MS and ST over the disturbances",
-    printed="Fig. 10 (label Fig:10, the tenth figure)",
+    printed="The tenth figure (label Fig:10)",
     make=make,
     parameters=(
         PRINTED_STAR,

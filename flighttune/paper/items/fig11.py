@@ -65,7 +65,7 @@ def make(study: Study) -> Made:
 ITEM = Item(
     name="fig11",
     title="K* under d1 to d9",
-    printed="Fig. 11 (label Fig:11, the ninth figure)",
+    printed="The ninth figure (label Fig:11)",
     make=make,
     parameters=(
         PRINTED_STAR,

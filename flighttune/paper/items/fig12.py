@@ -35,6 +35,7 @@ def make(study: Study) -> Made:
     flight = study.flights[STAR]
     flown = {name: study.readings[name] for name in READINGS}
     rates = np.max(np.abs(flight.command_rates), axis=0)
+    limits = printed_limits().rate_upper
     limited = flown["ranges and rate limits"]
     return Made(
         figures={
@@ -66,8 +67,9 @@ def make(study: Study) -> Made:
             "readings": {name: _values(one) for name, one in study.readings.items()},
         },
         outcome=(
-            f"The ranges hold because the simulation cuts the commands off; the rates do not: "
-            f"{rates[0]:.2f} rad/s of roll and {rates[1]:.2f} 1/s of load factor are flown.",
+            "The ranges hold because the simulation cuts the commands off. The largest rates flown "
+            f"are {rates[0]:.2f} rad/s of roll and {rates[1]:.2f} 1/s of load factor, where "
+            f"{limits[0]:.2f} and {limits[1]:.2f} are allowed.",
             f"With the printed rate limits as well the loop "
             f"{'converges' if limited.converged else 'does not converge'}; with conditional "
             f"anti-windup it "
@@ -121,7 +123,7 @@ def _readings(flown: dict[str, PaperFlight]) -> "Figure":
 ITEM = Item(
     name="fig12",
     title="commands with K*",
-    printed="Fig. 12 (label Fig:12, the fourth figure)",
+    printed="The fourth figure (label Fig:12)",
     make=make,
     parameters=(
         PRINTED_STAR,

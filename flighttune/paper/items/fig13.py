@@ -44,7 +44,7 @@ def make(study: Study) -> Made:
 ITEM = Item(
     name="fig13",
     title="MS and ST of s_chi and s_gamma against R_K",
-    printed="Fig. 13 (label Fig:13, the seventh figure)",
+    printed="The seventh figure (label Fig:13)",
     make=make,
     parameters=(
         PRINTED_STAR,

@@ -35,7 +35,11 @@ def make(study: Study) -> Made:
                 _region(duffing, strips),
             ),
         },
-        tables={"fig3": _time_histories(duffing), "fig3_cd": table, "fig3_region": strips},
+        tables={
+            "fig3": _time_histories(duffing),
+            "fig3_cd": table.reset_index(),
+            "fig3_region": strips,
+        },
         values={
             "R_f": case.theorem.rate,
             "I_f": case.theorem.radius,
@@ -49,8 +53,8 @@ def make(study: Study) -> Made:
         },
         outcome=(
             f"|f(x)| stays below its bound; the bound is loose: S(0) has the radius "
-            f"{case.theorem.radius:.0f}, the noise takes |f| to {np.max(case.norm_f):.2f} and the "
-            f"hardest disturbance found to {hard['along the motion'].norm_f.max():.2f}.",
+            f"{case.theorem.radius:.0f}, the noise takes |f| to {np.max(case.norm_f):.2f} and a "
+            f"disturbance along the motion to {hard['along the motion'].norm_f.max():.2f}.",
             f"The condition of the theorem holds for the chosen P only where |x1| < "
             f"{case.model.region:.4f}, although the Jacobian is stable everywhere. A constant "
             f"disturbance of the printed size takes x1 to {hard['constant L_d'].farthest:.3f}, one "
@@ -189,7 +193,7 @@ def _region(duffing: DuffingCases, strips: pd.DataFrame) -> "Figure":
 ITEM = Item(
     name="fig3",
     title="Theorem 1 on the Duffing oscillator",
-    printed="Fig. 3 (label Fig:3_, the first figure)",
+    printed="The first figure (label Fig:3_)",
     make=make,
     parameters=(
         "Fig. 3 (a): α = 0.5, β = 0.25, δ = 1.5, L_d = 2.5",

@@ -60,7 +60,7 @@ def _panels(eigenvalues: np.ndarray, t: np.ndarray, d: np.ndarray) -> "Figure":
 ITEM = Item(
     name="fig6",
     title="eigenvalues and disturbance",
-    printed="Fig. 6 (label Fig:6, the second figure)",
+    printed="The second figure (label Fig:6)",
     make=make,
     parameters=(PRINTED_STAR, "Table 1: V = 25 m/s, γ_c = π/12", TABLE_1_DISTURBANCE),
 )

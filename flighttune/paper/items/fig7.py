@@ -60,7 +60,7 @@ def make(study: Study) -> Made:
 ITEM = Item(
     name="fig7",
     title="ITAE, MO and PT against R_K",
-    printed="Fig. 7 (label Fig:7, the sixth figure)",
+    printed="The sixth figure (label Fig:7)",
     make=make,
     parameters=(PRINTED_STAR, FAMILY, *MANOEUVRE, TABLE_1_DISTURBANCE),
     assumed=(printed.ONLY_RANGES, printed.TIME_ITAE, printed.PEAK_TIME),

@@ -49,7 +49,7 @@ def make(study: Study) -> Made:
 ITEM = Item(
     name="fig8",
     title="the manoeuvre with K1 to K6",
-    printed="Fig. 8 (label Fig:8, the fifth figure)",
+    printed="The fifth figure (label Fig:8)",
     make=make,
     parameters=(PRINTED_STAR, FAMILY, *MANOEUVRE, TABLE_1_DISTURBANCE),
     assumed=(

@@ -44,7 +44,7 @@ def make(study: Study) -> Made:
         values={"measures": measures_of(study.by_gains), "spread_of_mean_rates": spread},
         outcome=(
             f"The mean rates differ by {spread['chi_dot']:.1e} and {spread['gamma_dot']:.1e} rad/s "
-            "over the gain sets: their sum is fixed by the first and last error.",
+            "over the gain sets: the mean rate is the last error less the first over the time.",
             *(
                 f"The deviation of the rate of e_{channel} is {deviation.iloc[0]:.3f} rad/s at the "
                 f"highest R_K, {deviation.min():.3f} at the least and {deviation.iloc[-1]:.3f} at "
@@ -59,7 +59,7 @@ def make(study: Study) -> Made:
 ITEM = Item(
     name="fig9",
     title="means and deviations against R_K and I_K",
-    printed="Fig. 9 (label Fig:9, the eighth figure)",
+    printed="The eighth figure (label Fig:9)",
     make=make,
     parameters=(PRINTED_STAR, FAMILY, *MANOEUVRE, TABLE_1_DISTURBANCE),
     assumed=(
