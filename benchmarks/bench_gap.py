@@ -1,0 +1,49 @@
+"""How long ``flighttune gap`` takes for the paper's manoeuvre, from start to figure and recording.
+
+Run it with ``python benchmarks/bench_gap.py``; ``--json`` prints one object. Exits with 1 where the
+median is above `LONGEST`.
+"""
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+LONGEST = 5.0
+REPEATS = 3
+
+
+def seconds() -> float:
+    """Return the time of one command, a process of its own, s."""
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-m", "flighttune", "gap", "paper", "--out", folder, "--json"],
+            check=True,
+            capture_output=True,
+        )
+        return time.perf_counter() - began
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print one object")
+    as_json = parser.parse_args().json
+
+    times = [seconds() for _ in range(REPEATS)]
+    result = {"median_s": statistics.median(times), "fastest_s": min(times), "longest_s": LONGEST}
+    if as_json:
+        print(json.dumps(result))
+    else:
+        print(
+            f"flighttune gap paper: median {result['median_s']:.2f} s, fastest "
+            f"{result['fastest_s']:.2f} s (at most {LONGEST:g} s)"
+        )
+    return 0 if result["median_s"] <= LONGEST else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

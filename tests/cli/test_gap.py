@@ -1,0 +1,104 @@
+"""``flighttune gap`` as a user meets it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flighttune.cli import main
+from flighttune.recording.parquet import read_run
+
+ROUNDING = 1e-9
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    out = tmp_path_factory.mktemp("gap")
+    command = [sys.executable, "-m", "flighttune", "gap", "paper", "--out", str(out), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert done.stderr == ""
+    return json.loads(done.stdout)
+
+
+def test_the_ladder_has_every_metric_of_every_plant(found):
+    plants = [rung["plant"] for rung in found["ladder"]]
+
+    assert plants == ["kinematic", "point_mass", "point_mass_lag", "jsbsim:aerosonde"]
+    for rung in found["ladder"]:
+        assert rung["status"] == "completed"
+        assert {"ITAE", "MO_rad", "ST_rad"} <= rung["metrics"]["chi"].keys()
+
+
+def test_the_contributions_add_up_to_the_difference_of_first_and_last(found):
+    first, last = found["ladder"][0], found["ladder"][-1]
+
+    for channel in ("chi", "gamma"):
+        for key, top in last["metrics"][channel].items():
+            parts = [step["metrics"][channel][key] for step in found["contributions"]]
+            if None not in (*parts, top):
+                whole = top - first["metrics"][channel][key]
+                assert sum(parts) == pytest.approx(whole, abs=ROUNDING)
+    assert found["largest_residual"] < ROUNDING
+
+
+def test_the_mismatch_says_whether_the_certified_set_held(found):
+    mismatch = found["mismatch"]
+
+    assert {"L_d", "bound", "held", "t_broken"} <= mismatch.keys()
+    assert mismatch["held"] is True
+    assert mismatch["t_broken"] is None
+    assert 0.0 < mismatch["settled"]["L_d"] < mismatch["L_d"]
+
+
+def test_figure_recording_and_signals_are_where_it_says(found):
+    assert Path(found["figure"]).read_bytes().startswith(b"\x89PNG")
+    assert Path(found["recording"]).exists()
+    aircraft = read_run(found["ladder"][-1]["signals"])
+    error = aircraft.signals["mismatch_chi"].abs().max()
+    assert 0.0 < error <= found["mismatch"]["bound"]
+    assert (aircraft.signals["chi_tube_low"] <= aircraft.signals["chi_tube_high"]).all()
+
+
+@pytest.fixture
+def in_process(monkeypatch, capsys):
+    """Run a command without a process of its own; return status, stdout and stderr."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["flighttune", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        shown = capsys.readouterr()
+        return ended.value.code or 0, shown.out, shown.err
+
+    return run
+
+
+def test_without_json_there_is_a_table_and_sentences(in_process, tmp_path):
+    status, out, err = in_process("gap", "paper", "--lag", "fitted", "--out", tmp_path)
+
+    assert status == 0
+    assert "+ lag of the inner loop" in out
+    assert "(fitted)" in out
+    assert "certified set, whole flight" in out
+    assert err == ""
+
+
+def test_gains_that_have_no_certificate_are_a_no(in_process, tmp_path):
+    path = tmp_path / "wrong_sign.toml"
+    path.write_text("K_P = [[-1.0, 0.0], [0.0, 1.0]]\nK_I = [[1.0, 0.0], [0.0, 1.0]]\n")
+
+    status, _, err = in_process("gap", "level_turn", "--gains", path, "--out", tmp_path)
+
+    assert status == 1
+    assert err.count("\n") == 1
+    assert "level_turn" in err
+
+
+def test_a_scenario_without_aircraft_cannot_be_explained(in_process, tmp_path):
+    status, out, err = in_process("gap", "paper_as_printed", "--out", tmp_path)
+
+    assert status == 2
+    assert out == ""
+    assert "`plant` must have one of kind jsbsim" in err
