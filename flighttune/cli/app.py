@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from flighttune.cli.aircraft import design, trim
 from flighttune.cli.certificates import certify, verify
 from flighttune.cli.compare import compare
 from flighttune.cli.flights import fly, list_shipped, view
@@ -30,6 +31,8 @@ app.command()(tune)
 app.command()(certify)
 app.command()(verify)
 app.command()(frontier)
+app.command()(design)
+app.command()(trim)
 app.command()(identify)
 app.command()(gap)
 app.command()(compare)

@@ -153,6 +153,50 @@ class LimitProperties(_Table):
     throttle_max: PropertyName
 
 
+class Wrapping(_Table):
+    """How an aircraft of JSBSim's own set is flown.
+
+    Attributes
+    ----------
+    systems : tuple of str
+        System files put in front of its flight control, in this order; paths from the folder.
+    engine_settles : float, s
+        Time the engine takes from any state to a steady one; 0 where JSBSim knows the steady state.
+    """
+
+    systems: tuple[str, ...]
+    engine_settles: Annotated[Finite, Field(ge=0.0)] = Field(alias="engine_settles_s", default=0.0)
+
+
+class Design(_Table):
+    """What ``flighttune design`` makes the gains of the inner loop for.
+
+    Attributes
+    ----------
+    V_a, h : float, m/s and m
+        Steady level flight that the airframe is linearised about.
+    V_a_shown : tuple of float, m/s
+        Airspeeds at which the steps are flown.
+    roll, n_z, speed : float, rad/s
+        Bandwidth of roll, of load factor and of airspeed.
+    roll_t90, n_z_t90 : float, s
+        Longest time to 90 % of the step.
+    roll_overshoot, n_z_overshoot : float, 1
+        Largest overshoot as a share of the step.
+    """
+
+    V_a: Positive = Field(alias="V_a_mps")
+    h: Positive = Field(alias="h_m")
+    V_a_shown: tuple[Positive, ...] = Field(alias="V_a_shown_mps", min_length=1)
+    roll: Positive = Field(alias="roll_rad_s")
+    n_z: Positive = Field(alias="n_z_rad_s")
+    speed: Positive = Field(alias="speed_rad_s")
+    roll_t90: Positive = Field(alias="roll_t90_s")
+    n_z_t90: Positive = Field(alias="n_z_t90_s")
+    roll_overshoot: Positive
+    n_z_overshoot: Positive
+
+
 class AircraftConfig(_Table):
     """One aircraft as its ``aircraft.toml`` describes it, in SI and radians.
 
@@ -162,7 +206,11 @@ class AircraftConfig(_Table):
         What it is and where its numbers come from.
     model : str
         Name of JSBSim's main file, without ``.xml``.
-    envelope, limits, actuators, channels, limit_properties
+    wrapping : Wrapping or None
+        For a model that comes with JSBSim.
+    settings : mapping of str to float
+        Values of JSBSim properties for the whole flight, in JSBSim's units.
+    envelope, limits, actuators, channels, limit_properties, design
         Tables of the file.
     gains : mapping of str to float
         Gains of the inner loop by JSBSim property, in the units the file gives beside them.
@@ -171,11 +219,14 @@ class AircraftConfig(_Table):
     title: str
     source: str
     model: Annotated[str, Field(pattern=r"^[\w.-]+$")]
+    wrapping: Wrapping | None = None
+    settings: dict[PropertyName, Finite] = Field(default_factory=dict)
     envelope: Envelope
     limits: CommandLimits
     actuators: Actuators
     channels: Channels
     limit_properties: LimitProperties
+    design: Design | None = None
     gains: dict[PropertyName, Finite]
     _folder: Path = PrivateAttr()
 

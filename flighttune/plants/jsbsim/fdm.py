@@ -1,17 +1,18 @@
 """One JSBSim instance that cannot be misused: built once, names checked, errors translated."""
 
 import ctypes
+import math
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from xml.etree import ElementTree
 
 import jsbsim
 
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.plants.jsbsim.log import one_line, quiet
+from flighttune.plants.jsbsim.wrapping import model_folders
 
 LAPSE_RATE = 0.0065
 SEA_LEVEL_TEMPERATURE = 288.15
@@ -22,6 +23,11 @@ PRESSURE_EXPONENT = 5.25588
 _RANKINE = 1.8
 _PSF = 47.880259
 """Pascal in a pound-force per square foot."""
+
+_SETTLING_STEP = 0.02
+_INTEGRATED = (
+    "rate/rotational", "rate/translational", "position/rotational", "position/translational",
+)  # fmt: skip
 
 _EARTH = Path(__file__).with_name("earth.xml")
 
@@ -49,29 +55,47 @@ class Fdm:
     def __init__(self, config: AircraftConfig, rate_hz: float, *, ground: float = 0.0) -> None:
         self.config = config
         self.ground = ground
-        folder = config.folder
+        self._rate = rate_hz
         with quiet():
-            self._exec = jsbsim.FGFDMExec(str(folder))
-        with self._translated("cannot be loaded"), quiet() as log:
+            self._exec = jsbsim.FGFDMExec(str(config.folder))
+        with (
+            self._translated("cannot be loaded"),
+            model_folders(config) as folders,
+            quiet() as log,
+        ):
             self._exec.set_debug_level(0)
             self._exec.set_dt(1.0 / rate_hz)
             loaded = self._exec.load_model_with_paths(
-                config.model, str(folder), str(folder / "Engines"), str(folder / "Systems"), False
+                config.model,
+                str(folders.model),
+                str(folders.engines),
+                str(folders.systems),
+                False,
             )
             if not loaded or log.text:
                 raise PlantError(
-                    f"{folder / config.model}.xml: must load in JSBSim without complaint, "
+                    f"{self._model}: must load in JSBSim without complaint, "
                     f"got: {log.text or 'no reason'}."
                 )
-            self._refuse_connections()
             if not self._exec.load_planet(str(_EARTH), False):
                 raise PlantError(f"{_EARTH}: cannot be loaded: {log.text}.")
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
+        self._integrators = [
+            (self.writer(name), self.reader(name))
+            for name in (f"simulation/integrator/{kind}" for kind in _INTEGRATED)
+        ]
+        for name, value in config.settings.items():
+            self.writer(name)(value)
         self.writer("propulsion/set-running")(-1.0)
         if ground:
             self._lay_sea_level_at(ground)
         self.evaluate()
+
+    @property
+    def engine_settles(self) -> float:
+        """Time the engine takes to a steady state, s; 0 where JSBSim knows it at once."""
+        return self.config.wrapping.engine_settles if self.config.wrapping else 0.0
 
     def reader(self, name: str) -> Callable[[], float]:
         """Return a function that reads the property `name` (JSBSim's units).
@@ -115,6 +139,24 @@ class Fdm:
             if not done:
                 raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
 
+    def settle_engine(self) -> None:
+        """Let the engine come to a steady state at the throttle and airspeed there are.
+
+        The aircraft does not move meanwhile. Nothing happens where `config` gives no time for it.
+        """
+        if not self.engine_settles:
+            return
+        kept = [(write, read()) for write, read in self._integrators]
+        for write, _ in kept:
+            write(0.0)
+        self._exec.set_dt(_SETTLING_STEP)
+        for _ in range(math.ceil(self.engine_settles / _SETTLING_STEP)):
+            self._exec.run()
+        self._exec.set_dt(1.0 / self._rate)
+        self._exec.set_sim_time(0.0)
+        for write, value in kept:
+            write(value)
+
     def linearization(self) -> jsbsim.FGLinearization:
         """Return JSBSim's linearisation about the state the aircraft is in.
 
@@ -140,15 +182,6 @@ class Fdm:
         share = 1.0 - LAPSE_RATE * ground / SEA_LEVEL_TEMPERATURE
         self.writer("atmosphere/delta-T")(-LAPSE_RATE * ground * _RANKINE)
         self.writer("atmosphere/P-sl-psf")(SEA_LEVEL_PRESSURE * share**PRESSURE_EXPONENT / _PSF)
-
-    def _refuse_connections(self) -> None:
-        """JSBSim opens files and sockets of an aircraft on its first evaluation."""
-        root = ElementTree.parse(self._model).getroot()
-        for tag in ("output", "input"):
-            if root.find(tag) is not None:
-                raise PlantError(
-                    f"{self._model}: must have no <{tag}>, got one: flighttune records its runs."
-                )
 
     @property
     def _model(self) -> Path:

@@ -41,8 +41,8 @@ class JSBSimPlant:
 
     Parameters
     ----------
-    aircraft : str or Path
-        Name of a shipped aircraft, or a folder with an ``aircraft.toml``.
+    aircraft : str, Path or AircraftConfig
+        Name of a shipped aircraft, a folder with an ``aircraft.toml``, or one that is read already.
     fdm_rate_hz : float, 1/s
         Integration rate of JSBSim.
     seed : int
@@ -81,7 +81,7 @@ class JSBSimPlant:
 
     def __init__(
         self,
-        aircraft: str | Path = "aerosonde",
+        aircraft: str | Path | AircraftConfig = "aerosonde",
         *,
         fdm_rate_hz: float = 200.0,
         seed: int = 0,
@@ -98,7 +98,8 @@ class JSBSimPlant:
                 f"`ground` must lie in {-_DEEPEST_GROUND:g} to {_HIGHEST_GROUND:g} m, "
                 f"got {ground} m."
             )
-        config = load_aircraft(aircraft)
+        known = isinstance(aircraft, AircraftConfig)
+        config = aircraft if known else load_aircraft(aircraft)
         self.config: AircraftConfig = (
             config if throttle_max is None else config.with_throttle_max(throttle_max)
         )

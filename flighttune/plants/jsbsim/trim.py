@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,6 +16,12 @@ from flighttune.units import DEG, FT, G_0
 _SIDESLIP_SEARCHED = 10.0 * DEG
 _RESIDUAL_ALLOWED = 1e-6
 """Largest unbalanced acceleration of a trim, in units of g or rad/s^2."""
+
+_TOO_LITTLE = "full throttle has too little thrust"
+_TOO_MUCH = "the aircraft speeds up with the throttle closed"
+
+_STEPS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 3e-4, 1e-6)
+"""Differences of the unknowns: rad, throttle, rad/s."""
 
 _AT_STOP = 0.01
 """Share of its interval within which a trim variable counts as lying at the end of it."""
@@ -76,9 +83,10 @@ def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
     problem = _TrimProblem(fdm, condition)
     lower, upper = problem.bounds
     start = np.clip(problem.guess, lower + 0.02 * (upper - lower), upper - 0.02 * (upper - lower))
+    differences: Any = problem.jacobian if fdm.engine_settles else "2-point"
     found = least_squares(
         problem.residuals, start, bounds=(lower, upper), x_scale=upper - lower, max_nfev=60,
-        xtol=1e-14, ftol=1e-14, gtol=1e-14,
+        xtol=1e-14, ftol=1e-14, gtol=1e-14, jac=differences,
     )  # fmt: skip
     worst = float(np.max(np.abs(problem.residuals(found.x))))
     if not worst < _RESIDUAL_ALLOWED:
@@ -118,6 +126,7 @@ class _TrimProblem:
             (fdm.reader("accelerations/rdot-rad_sec2"), 1.0),
             (fdm.reader("forces/fby-total-lbs"), 1.0 / weight_lbf),
         ]
+        self._settled_throttle = math.nan
         fdm.writer(channels.engaged)(0.0)
         self._set["h-sl-ft"]((condition.h - fdm.ground) / FT)
 
@@ -143,6 +152,20 @@ class _TrimProblem:
             (-turn_rate, turn_rate),
         ])  # fmt: skip
         return intervals[:, 0], intervals[:, 1]
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """Return the derivative of `residuals` by one-sided differences inside the bounds.
+
+        Their steps are wide: an engine settles to within 1e-6 g, and its thrust has kinks.
+        """
+        here, (_, upper) = self.residuals(x), self.bounds
+        columns = []
+        for i, step in enumerate(_STEPS):
+            signed = step if x[i] + step < upper[i] else -step
+            moved = x.copy()
+            moved[i] += signed
+            columns.append((self.residuals(moved) - here) / signed)
+        return np.array(columns).T
 
     def point(self, x: FloatArray) -> TrimPoint:
         """Return the flight that the unknowns `x` stand for."""
@@ -171,22 +194,37 @@ class _TrimProblem:
         for write_control, value in zip(self._controls, controls, strict=True):
             write_control(value)
         self._fdm.evaluate()
+        if point.throttle != self._settled_throttle:
+            self._settled_throttle = point.throttle
+            self._fdm.settle_engine()
+            self._fdm.evaluate()
         return np.array([read() * scale for read, scale in self._balance])
 
     def obstacle(self, x: FloatArray) -> str:
-        """Name the bounds the best compromise leans on."""
+        """Name the bounds the best compromise leans on, and what the engine cannot do."""
         low, high = self.bounds
         share = (x - low) / (high - low)
         reasons = (
-            (share[5] > 1 - _AT_STOP, "full throttle has too little thrust"),
-            (share[5] < _AT_STOP, "the aircraft speeds up with the throttle closed"),
+            (share[5] > 1 - _AT_STOP, _TOO_LITTLE),
+            (share[5] < _AT_STOP, _TOO_MUCH),
             (share[0] > 1 - _AT_STOP, f"it would stall, alpha is at {x[0] / DEG:.1f} deg"),
             (share[0] < _AT_STOP, f"negative stall, alpha is at {x[0] / DEG:.1f} deg"),
             (min(share[3], 1 - share[3]) < _AT_STOP, "the elevator is at its stop"),
             (min(share[2], 1 - share[2]) < _AT_STOP, "the aileron is at its stop"),
             (min(share[4], 1 - share[4]) < _AT_STOP, "the rudder is at its stop"),
         )
-        return ", ".join(text for holds, text in reasons if holds) or "the search did not converge"
+        leans = [text for holds, text in reasons if holds]
+        return ", ".join(leans) or self._engine_obstacle(x) or "the search did not converge"
+
+    def _engine_obstacle(self, x: FloatArray) -> str:
+        """Say what is wrong where neither stop of the throttle balances the speed at `x`."""
+        lower, upper = self.bounds
+        for stop, sense, text in ((upper, -1.0, _TOO_LITTLE), (lower, 1.0, _TOO_MUCH)):
+            at_stop = x.copy()
+            at_stop[5] = stop[5]
+            if sense * self.residuals(at_stop)[0] > _RESIDUAL_ALLOWED:
+                return text
+        return ""
 
 
 def pitch_attitude(gamma: float, phi: float, alpha: float, beta: float) -> float:

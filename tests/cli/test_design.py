@@ -1,0 +1,88 @@
+"""`design` and `trim` as a user meets them."""
+
+import json
+import math
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from flighttune.shipped import aircraft_folder
+
+
+def flighttune(*arguments, status=0):
+    """Run a command; return what it printed on stdout and on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-m", "flighttune", *map(str, arguments)],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == status, done.stderr
+    return done.stdout, done.stderr
+
+
+@pytest.fixture
+def jet(tmp_path):
+    """A copy of the jet, with the aerosonde beside it that its inner loop comes from."""
+    for name in ("a4", "aerosonde"):
+        shutil.copytree(aircraft_folder(name), tmp_path / name)
+    (tmp_path / "a4/step_responses.png").unlink()
+    return tmp_path / "a4"
+
+
+def test_design_writes_gains_and_figure_and_does_so_again(jet):
+    file = jet / "aircraft.toml"
+    shipped = file.read_text()
+    file.write_text(shipped.replace("= 1.668 ", "= 9.9 "))
+    assert file.read_text() != shipped
+
+    found = json.loads(flighttune("design", jet, "--json")[0])
+
+    assert found["written"] == str(file)
+    assert all(step["met"] for step in found["steps"])
+    assert file.read_text() == shipped
+    assert (jet / "step_responses.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_design_writes_nothing_where_asked_or_where_a_step_misses(jet):
+    file = jet / "aircraft.toml"
+    file.write_text(file.read_text().replace("roll_t90_s     = 1.0", "roll_t90_s     = 0.5"))
+    before = file.read_text()
+
+    out, err = flighttune("design", jet, status=1)
+
+    assert "nothing is written" in out
+    assert err.startswith("flighttune: phi +30 deg at 150 m/s: t90 must be at most 0.5 s")
+    assert err.count("\n") == 1
+    assert file.read_text() == before
+    assert not (jet / "step_responses.png").exists()
+
+
+def test_trim_answers_with_steady_flights_and_obstacles():
+    found = json.loads(
+        flighttune("trim", "aerosonde", "--V-a", 25, "--gamma", 0, "--gamma", -20, "--json")[0]
+    )["trims"]
+
+    lift = 11.0 * 9.80665 / (0.5 * 1.11164 * 25.0**2 * 0.55)
+    alpha = math.radians(found[0]["trim"]["alpha_deg"])
+    elevator = math.radians(found[0]["trim"]["elevator_deg"])
+    assert 0.23 + 5.61 * alpha + 0.13 * elevator == pytest.approx(lift, rel=1e-2)
+    drag = 0.043 + 0.0232 * lift**2 + 0.0135 * abs(elevator)
+    thrust = 11.0 * 9.80665 * drag / lift / math.cos(alpha)
+    assert found[0]["trim"]["throttle"] == pytest.approx(thrust / 120.0, rel=1e-2)
+    assert found[1]["trim"] is None
+    assert found[1]["reason"] == "the aircraft speeds up with the throttle closed"
+
+
+def test_trim_shows_the_envelope_as_a_table():
+    out, err = flighttune("trim", "aerosonde", "--gamma", 0)
+
+    assert out.count("│") > 6 * 8
+    assert "full throttle" not in out
+    assert err == ""
+
+
+def test_trim_says_no_where_nothing_flies():
+    _, err = flighttune("trim", "a4", "--V-a", 200, "--gamma", 60, status=1)
+
+    assert "no steady flight among 1: full throttle has too little thrust" in err

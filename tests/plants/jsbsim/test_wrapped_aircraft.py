@@ -1,0 +1,136 @@
+"""Aircraft of JSBSim's own set inside our inner loop: flown as shipped, at 50 and at 200 m/s."""
+
+import hashlib
+import math
+import re
+import shutil
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+import pytest
+
+from flighttune.errors import PlantError, TrimError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.aircraft import load_aircraft
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.shipped import aircraft_folder
+from flighttune.units import G_0
+
+DEG = math.pi / 180.0
+WRAPPED = [("c172p", 50.0), ("a4", 200.0)]
+SHIPPED = Path(jsbsim.get_default_root_dir())
+STEADY = {"phi": 0.1 * DEG, "gamma": 0.1 * DEG, "V_a": 0.15, "n_z": 2e-3}
+
+
+@pytest.mark.parametrize(("name", "V_a"), WRAPPED)
+def test_level_flight_stays_level(fly, name, V_a):
+    flight = fly((0.0, 1.0), aircraft=name, V_a=V_a, duration=10.0)
+
+    for signal, tolerance in STEADY.items():
+        assert flight[signal] == pytest.approx(flight[signal][0], abs=tolerance), signal
+    assert flight["n_z"][0] == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(("name", "V_a"), WRAPPED)
+def test_a_level_turn_turns_at_g_tan_phi_over_V(fly, holding_gamma, name, V_a):
+    phi = 40.0 * DEG
+
+    turn = fly(holding_gamma(phi), aircraft=name, V_a=V_a, phi=phi, duration=6.0)
+
+    rate = (turn["chi"][-1] - turn["chi"][0]) / 6.0
+    assert rate == pytest.approx(G_0 * math.tan(phi) / V_a, rel=1e-2)
+    assert turn["n_z"] == pytest.approx(1.0 / math.cos(phi), abs=0.01)
+
+
+def test_propeller_thrust_at_the_trim_balances_drag_and_weight(fly):
+    gamma = 4.0 * DEG
+    level, climb = (
+        fly((0.0, math.cos(g)), aircraft="c172p", V_a=50.0, gamma=g, duration=0.1)
+        for g in (0.0, gamma)
+    )
+
+    weight = 1680.0 * 4.44822 + 200.0 * 4.44822
+    gained = climb["thrust"][0] - level["thrust"][0]
+    assert gained == pytest.approx(weight * math.sin(gamma), rel=0.02)
+
+
+def test_an_engine_with_a_propeller_starts_its_flight_in_steady_state(fly):
+    flight = fly((0.0, 1.0), aircraft="c172p", V_a=45.0, duration=2.0)
+
+    assert flight["thrust"] == pytest.approx(flight["thrust"][0], rel=2e-3)
+
+
+def test_the_clock_starts_at_zero_after_the_engine_has_settled():
+    fdm = Fdm(load_aircraft("c172p"), 200.0)
+    fdm.settle_engine()
+
+    assert fdm.reader("simulation/sim-time-sec")() == 0.0
+
+
+def test_two_flights_of_a_propeller_aircraft_are_equal_to_the_bit(fly):
+    first, second = (fly((0.3, 1.1), aircraft="c172p", V_a=50.0, duration=1.0) for _ in range(2))
+
+    for name in first.signals:
+        assert np.array_equal(first[name], second[name]), name
+
+
+def test_shipped_files_stay_as_they_are_and_nothing_is_left_behind(fly, tmp_path, monkeypatch):
+    files = [
+        SHIPPED / "aircraft/c172p/c172p.xml", SHIPPED / "engine/eng_io320.xml",
+        SHIPPED / "engine/prop_75in2f.xml",
+    ]  # fmt: skip
+    before = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+
+    fly((0.0, 1.0), aircraft="c172p", V_a=50.0, duration=1.0)
+
+    assert [hashlib.sha256(file.read_bytes()).hexdigest() for file in files] == before
+    assert list(tmp_path.iterdir()) == []
+    assert not list((SHIPPED / "aircraft/c172p").glob("*.csv"))
+
+
+@pytest.fixture
+def changed_wrapping(tmp_path):
+    """Return a copy of the c172p beside one of the aerosonde, a text in its toml replaced."""
+
+    def changed(pattern, replacement):
+        for name in ("c172p", "aerosonde"):
+            shutil.copytree(aircraft_folder(name), tmp_path / name)
+        file = tmp_path / "c172p/aircraft.toml"
+        text, count = re.subn(pattern, replacement, file.read_text(), count=1)
+        assert count == 1
+        file.write_text(text)
+        return tmp_path / "c172p"
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "message"),
+    [
+        ('"c172p"', '"concorde9"', r"`model` must be shipped with jsbsim: .*concorde9"),
+        ('"surfaces.xml"', '"lost.xml"', r"`wrapping.systems` must be files, got 'lost.xml'"),
+        ('"fcs/mixture-cmd-norm"', '"fcs/mixture-cmd"', "must have the property `fcs/mixture-cmd`"),
+    ],
+)
+def test_what_is_wrong_with_a_wrapping_is_named(changed_wrapping, pattern, replacement, message):
+    folder = changed_wrapping(pattern, replacement)
+
+    with pytest.raises(PlantError, match=message):
+        JSBSimPlant(folder).start(FlightCondition(V_a=50.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "V_a", "gamma_deg", "obstacle"),
+    [
+        ("c172p", 50.0, 15.0, "full throttle has too little thrust"),
+        ("c172p", 50.0, -12.0, "the aircraft speeds up with the throttle closed"),
+        ("a4", 200.0, 45.0, "full throttle has too little thrust"),
+    ],
+)
+def test_why_there_is_no_steady_flight_is_said_for_every_engine(name, V_a, gamma_deg, obstacle):
+    with pytest.raises(TrimError, match=obstacle):
+        JSBSimPlant(name).start(FlightCondition(V_a=V_a, gamma=gamma_deg * DEG))
