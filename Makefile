@@ -1,14 +1,15 @@
 VENV   := .venv
 PYTHON := $(VENV)/bin/python
 STAMP  := $(VENV)/installed
-DEBIAN := mesa-vulkan-drivers
+DEBIAN := mesa-vulkan-drivers chromium
+INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
 
-.PHONY: demo test lint bench clean viewer-packages
+.PHONY: demo test lint bench clean picture-packages
 
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
 
-test: $(STAMP) viewer-packages lint
+test: $(STAMP) picture-packages lint
 	$(PYTHON) -m pytest
 
 lint: $(STAMP)
@@ -28,10 +29,11 @@ $(STAMP): pyproject.toml
 	$(PYTHON) -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@
 
-# The picture tests open recordings in a headless viewer, which needs a software Vulkan driver. It is
-# installed where this can be done without a password; elsewhere those tests say that they were skipped.
-viewer-packages:
+# The picture tests look at recordings in a headless viewer, which needs a software Vulkan driver, and
+# at pages in a browser. Both are installed where this can be done without a password; elsewhere those
+# tests say that they were skipped.
+picture-packages:
 	@if dpkg -s $(DEBIAN) >/dev/null 2>&1; then :; \
-	elif [ "$$(id -u)" = 0 ]; then apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null; \
-	elif sudo -n true 2>/dev/null; then sudo -n apt-get update -qq && sudo -n apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null; \
-	else echo "$(DEBIAN) is missing and cannot be installed here: the picture tests will be skipped"; fi
+	elif [ "$$(id -u)" = 0 ]; then $(INSTALL); \
+	elif sudo -n true 2>/dev/null; then sudo -n sh -c '$(INSTALL)'; \
+	else echo "$(DEBIAN): not installed, and cannot be here; the picture tests will be skipped"; fi

@@ -45,7 +45,7 @@ def paper_evp(A_K: npt.ArrayLike) -> EvpResult:
 
     Notes
     -----
-    The EVP of arXiv 2411.13140, section 3.3: minimise g subject to ``Q <= g I`` and
+    The EVP of arXiv 2411.13140, section 4.3: minimise g subject to ``Q <= g I`` and
     ``A_K' Q + Q A_K + I <= 0``. For accuracy on stiff loops the unknown is Z in ``Q = L Z L'``,
     with L the Cholesky factor of the Lyapunov equation's solution; the problem is the same one for
     every invertible L. The bound: for any Y >= 0 of trace one, lambda_max(Q) is at least the trace

@@ -1,6 +1,6 @@
 """The paper's indicators of a closed loop: rate of convergence R_K and ultimate radius I_K.
 
-The paper (arXiv 2411.13140, section 3.3) asks a semidefinite program for R_K: the smallest
+The paper (arXiv 2411.13140, section 4.3) asks a semidefinite program for R_K: the smallest
 lambda_max(Q) with ``A_K' Q + Q A_K + I <= 0``. No solver is needed. Every feasible Q is bounded
 below, in the order of symmetric matrices, by the solution Q0 of the equation, so that
 ``R_K = 1 / lambda_max(Q0)``. The minimiser is not unique and I_K depends on which one is taken; the
@@ -98,7 +98,7 @@ def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> I
 
     Notes
     -----
-    Eqs. (R_K) and (I_K) of arXiv 2411.13140, section 3.3: ``R_K = 1 / lambda_max(Q)`` and
+    Eqs. (R_K) and (I_K) of arXiv 2411.13140, section 4.3: ``R_K = 1 / lambda_max(Q)`` and
     ``I_K = cond(Q) / (R_K sigma_min(A_z))`` with ``A_z = diag(1 / scaling) A_K diag(scaling)``.
     Both depend on the unit of time and on `scaling`. Without scaling R_K stays below 1 for any
     gains where C = I, because the lower block of A_K is then the identity.

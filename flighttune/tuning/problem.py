@@ -43,7 +43,7 @@ class TuningProblem:
 
     Notes
     -----
-    The optimisation model of arXiv 2411.13140, section 3.4, with ``u(t_0) = K (x_0; x_0 dt)`` and
+    The optimisation model of arXiv 2411.13140, section 4.4, with ``u(t_0) = K (x_0; x_0 dt)`` and
     ``u'(t_0) = K (0; x_0)``: linear in K, so that the limits are a polytope of gains.
     """
 
