@@ -31,7 +31,7 @@ def tuning_problem(scenario: Scenario) -> TuningProblem:
 
     Notes
     -----
-    Section 3.4 of arXiv 2411.13140. The limits hold for the PI part alone, as printed: a
+    Section 4.4 of arXiv 2411.13140. The limits hold for the PI part alone, as printed: a
     feed-forward is not counted.
     """
     settings = scenario.tuning
