@@ -209,10 +209,11 @@ def _say_lags(found: "Gap") -> None:
     assert found.ladder is not None
     loop = found.ladder.inner_loop
     for name, fitted in (("phi", loop.phi), ("n_z", loop.n_z)):
-        lag = fitted.lag
+        lag, told = fitted.lag, fitted.fit_percent
+        share = f"{told:.2f} % of this flight" if math.isfinite(told) else "not commanded here"
         say(
             f"inner loop {name} ({loop.source}): order {lag.order}, {lag.natural_frequency:.2f} "
-            f"rad/s, delay {lag.delay:.3f} s; {fitted.fit_percent:.2f} % of this flight"
+            f"rad/s, delay {lag.delay:.3f} s; {share}"
         )
 
 

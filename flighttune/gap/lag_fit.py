@@ -6,7 +6,6 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
@@ -27,6 +26,12 @@ LEAST_DAMPING, MOST_DAMPING = 0.05, 5.0
 WORTH = 0.95
 """The second order is taken where it leaves less than this part of the first order's error."""
 
+SILENT = 1e-6
+"""Range of a command, rad or 1, up to which the channel counts as not commanded."""
+
+UNSEEN = InnerLag(order=1, natural_frequency=10.0)
+"""Lag of a channel that was not commanded: nothing shows it and nothing depends on it."""
+
 Order = Literal[1, 2]
 
 
@@ -38,7 +43,8 @@ class FittedLag:
     ----------
     lag : InnerLag
     fit_percent : float
-        Part of the variance of the flown signal that the lag accounts for, times 100.
+        Part of the variance of the flown signal that the lag accounts for, times 100; NaN where
+        the channel was not commanded.
     """
 
     lag: InnerLag
@@ -60,17 +66,18 @@ def fitted_lag(t: FloatArray, commanded: FloatArray, flown: FloatArray) -> Fitte
     Returns
     -------
     FittedLag
-        Of first or second order, whichever the data are worth.
+        Of first or second order, whichever the data are worth; `UNSEEN` where nothing was
+        commanded.
 
     Raises
     ------
     InputError
-        If there are too few samples or nothing was commanded.
+        If there are too few samples.
     """
     if not len(t) > 10:
         raise InputError(f"`t` must have more than 10 samples, got {len(t)}.")
-    if not np.ptp(commanded) > 0.0:
-        raise InputError("`commanded` must not be constant: nothing shows the lag.")
+    if np.ptp(commanded) <= SILENT:
+        return FittedLag(lag=UNSEEN, fit_percent=math.nan)
     dt = float(t[-1] - t[0]) / (len(t) - 1)
     first, second = (_best(order, dt, commanded, flown) for order in (1, 2))
     _, lag = second if second[0] < WORTH * first[0] else first
@@ -79,6 +86,8 @@ def fitted_lag(t: FloatArray, commanded: FloatArray, flown: FloatArray) -> Fitte
 
 def judged_lag(lag: InnerLag, t: FloatArray, commanded: FloatArray, flown: FloatArray) -> FittedLag:
     """A lag that came from elsewhere, and how well it tells what was flown; as `fitted_lag`."""
+    if np.ptp(commanded) <= SILENT:
+        return FittedLag(lag=lag, fit_percent=math.nan)
     dt = float(t[-1] - t[0]) / (len(t) - 1)
     misses = lag_response(lag, dt, commanded, float(flown[0])) - flown
     return FittedLag(
@@ -108,13 +117,25 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
     at_rest = rest(lag)
     new = at_rest - after @ at_rest
     old = after @ (at_rest - transition(lag, late) @ at_rest)
-    denominator = np.poly(whole_step)
+    denominator = np.asarray(np.poly(whole_step), dtype=float)
     numerator = np.zeros(n + 2)
     for entry, b in ((0, new), (1, old)):
         markov = [(np.linalg.matrix_power(whole_step, i) @ b)[0] for i in range(n)]
         numerator[entry + 1 : entry + 1 + n] += np.convolve(denominator, markov)[:n]
     change = np.concatenate([np.zeros(whole), commanded - start])[: len(commanded)]
-    return start + np.asarray(lfilter(numerator, denominator, change))
+    driven = np.convolve(numerator, change)[: len(change)]
+    return start + _recursion(denominator, driven)
+
+
+def _recursion(denominator: FloatArray, driven: FloatArray) -> FloatArray:
+    """Solve ``y[k] + a_1 y[k-1] + ... = driven[k]`` from rest, order 1 to 3."""
+    a_1, a_2, a_3 = np.concatenate([denominator[1:], np.zeros(3)])[:3].tolist()
+    y_1 = y_2 = y_3 = 0.0
+    flown = []
+    for value in driven.tolist():
+        y_1, y_2, y_3 = value - a_1 * y_1 - a_2 * y_2 - a_3 * y_3, y_1, y_2
+        flown.append(y_1)
+    return np.array(flown)
 
 
 def _best(

@@ -134,6 +134,19 @@ def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
         gap_figure(gap)
 
 
+def test_a_pull_up_without_roll_is_explained_too():
+    straight = changed(
+        "paper",
+        flight={"V_a_mps": 25.0, "duration_s": 6.0},
+        reference={"chi_deg": 0.0, "gamma_deg": 10.0},
+    )
+
+    for lag in ("identified", "fitted"):
+        gap = explain_gap(straight, PAPER_GAINS, lag=lag)
+        assert gap.status == "explained"
+        assert gap.ladder.residual < ROUNDING
+
+
 def test_a_scenario_without_aircraft_has_no_gap():
     with pytest.raises(InputError, match="`plant` must have one of kind jsbsim"):
         explain_gap(changed("paper", plant=[{"kind": "kinematic"}]), PAPER_GAINS)

@@ -103,6 +103,20 @@ def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
     assert math.atan2(end["east"], end["north"]) == pytest.approx(end["chi"], abs=INTEGRATION)
 
 
+def test_the_course_over_ground_turns_at_the_still_air_rate_times_the_crab_over_ground_speed():
+    V_a, phi, dt = 25.0, math.radians(20.0), 1e-3
+    plant = PointMassPlant(wind=WindRecord.steady(north=4.0, east=7.0))
+    plant.start(FlightCondition(V_a=V_a, phi=phi))
+    before = seen(plant)
+    crab = before["chi"]
+
+    plant.advance(phi, 1.0 / math.cos(phi), dt)
+
+    still = G * math.tan(phi) / V_a
+    rate = (seen(plant)["chi"] - before["chi"]) / dt
+    assert rate == pytest.approx(still * V_a * math.cos(crab) / before["V_g"], rel=1e-3)
+
+
 def test_a_turn_in_steady_wind_is_a_circle_that_drifts():
     V_a, phi, drift = 25.0, math.radians(30.0), (3.0, -4.0)
     turn = math.tau * V_a / (G * math.tan(phi))
