@@ -9,6 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "flighttune"
 LAYERS = (
     "errors units palette",
     "arrays shipped",
+    "figures",
     "theory control",
     "plants",
     "simulate",

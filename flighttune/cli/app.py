@@ -14,6 +14,7 @@ from flighttune.cli.gap import gap
 from flighttune.cli.identify import identify
 from flighttune.cli.paper import reproduce
 from flighttune.cli.refly import refly
+from flighttune.cli.report import report
 from flighttune.cli.show import COULD_NOT_RUN, fail
 from flighttune.errors import FlightTuneError
 
@@ -36,6 +37,7 @@ app.command()(trim)
 app.command()(identify)
 app.command()(gap)
 app.command()(compare)
+app.command()(report)
 app.command()(refly)
 app.command("list")(list_shipped)
 app.command()(view)

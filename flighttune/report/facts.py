@@ -1,4 +1,4 @@
-"""What a report is about: runs, whether they converge, what is certified, what the aircraft adds."""
+"""What a report is about: runs, whether they converge, their guarantees, what aircraft add."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ import pandas as pd
 from flighttune.certificates import Certification
 from flighttune.comparison import Comparison, Source, compare
 from flighttune.errors import FlightTuneError, RecordingError
+from flighttune.figures import MOST_POINTS
 from flighttune.outer_loop import certify_scenario, tuning_problem
 from flighttune.palette import Look, looks, many_looks
 from flighttune.report.bound import BoundFlown, bound_flown
@@ -28,7 +29,7 @@ CONVERGED_AT_LEAST = np.deg2rad(0.5)
 largest or within 0.5 deg."""
 
 FRONTIER_POINTS = 15
-TWELVE = 12
+TWELVE, FEW_RUNS = 12, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +90,8 @@ class Facts:
         Each gain set on the first plant that is no aircraft against the first aircraft.
     gaps : tuple of ExplainedGap
         One each aircraft run for which the ladder could be flown.
+    without_gap : tuple of str
+        Why not for the others.
     frontier : DataFrame
         R_K against I_K with the gains marked.
     """
@@ -103,7 +106,13 @@ class Facts:
     bounds: dict[str, BoundFlown]
     aircraft: Comparison | None
     gaps: tuple[ExplainedGap, ...]
+    without_gap: tuple[str, ...]
     frontier: pd.DataFrame
+
+    @property
+    def points(self) -> int:
+        """Points a line may have, so that the page of many long runs stays small."""
+        return MOST_POINTS * FEW_RUNS // max(FEW_RUNS, len(self.runs))
 
 
 def facts_of(source: Source) -> Facts:
@@ -128,15 +137,14 @@ def facts_of(source: Source) -> Facts:
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in source.runs]
     known = looks(pairs) if len(set(pairs)) <= TWELVE else many_looks(pairs)
     gains = _gains(scenario, runs)
+    gaps, without = _gaps(scenario, runs)
     certified = {one.name: one.trim.certificate for one in gains}
     return Facts(
         name=source.name,
         scenario=scenario,
         runs=runs,
         grounded=tuple(run for run in source.runs if len(run.signals) <= 1),
-        looks={
-            run.label: known[pair] for run, pair in zip(source.runs, pairs, strict=True)
-        },
+        looks={run.label: known[pair] for run, pair in zip(source.runs, pairs, strict=True)},
         convergence={run.label: convergence(run) for run in runs},
         gains=gains,
         bounds={
@@ -146,7 +154,8 @@ def facts_of(source: Source) -> Facts:
             and len(certificate.Q) == 4
         },
         aircraft=_aircraft(runs),
-        gaps=_gaps(scenario, runs),
+        gaps=gaps,
+        without_gap=without,
         frontier=frontier(
             tuning_problem(scenario),
             points=FRONTIER_POINTS,
@@ -212,13 +221,15 @@ def _aircraft(runs: Sequence[Run]) -> Comparison | None:
     return found if found.comparable else None
 
 
-def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[ExplainedGap, ...]:
-    found = []
+def _gaps(
+    scenario: Scenario, runs: Sequence[Run]
+) -> tuple[tuple[ExplainedGap, ...], tuple[str, ...]]:
+    found, without = [], []
     aircraft = next((p.label for p in scenario.plant if p.kind == "jsbsim"), None)
     for run in runs:
         if run.provenance.plant == aircraft:
             try:
                 found.append(explained_gap(scenario, run))
-            except FlightTuneError:
-                continue
-    return tuple(found)
+            except FlightTuneError as error:
+                without.append(f"{run.label}: {error}")
+    return tuple(found), tuple(without)

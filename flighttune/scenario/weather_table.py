@@ -35,7 +35,9 @@ class WindTable(Table):
 
     @model_validator(mode="after")
     def _one_or_levels(self) -> "WindTable":
-        given = self.model_fields_set - {"level"}
+        fields = {name: field.default for name, field in type(self).model_fields.items()}
+        given = {name for name, default in fields.items() if getattr(self, name) != default}
+        given -= {"level"}
         if self.level is not None:
             if given:
                 raise ValueError(f"`{min(given)}` of [wind] must be absent where there are levels")

@@ -1,0 +1,103 @@
+"""Panels of what is guaranteed and where the aircraft parts from it."""
+
+import numpy as np
+
+from flighttune.figures import FAINT, INK, PANEL, RC, line, panel, svg_uri
+from flighttune.palette import LIMIT
+from flighttune.report.explained import ExplainedGap
+from flighttune.report.facts import Facts
+from flighttune.report.headline import DEG, SYMBOLS
+from flighttune.report.panels import Picture, pictured
+from flighttune.tuning.frontier_figure import frontier_figure
+
+STEP_STYLES = ((":", 1.5), ("--", 1.5), ("-", 1.8))
+FLOOR = 1e-4
+"""Lower end of the logarithmic axis of ``||s||``."""
+
+NAMES = {"chi": "course", "gamma": "path angle"}
+
+
+def certificate_panels(facts: Facts) -> list[Picture]:
+    """The norm of s against the guaranteed exponential, a panel a gain set."""
+    pictures = []
+    for one in facts.gains:
+        own = [run for run in facts.runs if run.provenance.gains_name == one.name]
+        drawn = [(run, facts.bounds[run.label]) for run in own if run.label in facts.bounds]
+        if not drawn:
+            continue
+        title = f"{one.name}: ‖s‖, and dashed what is guaranteed"
+        with panel(title, "‖(e′, e)‖ [rad/s, rad]", height=3.1) as axes:
+            for run, bound in drawn:
+                look = facts.looks[run.label]
+                line(axes, bound.t, np.maximum(bound.norm, 1e-9), look, ls="-", most=facts.points)
+                line(
+                    axes, bound.t, bound.guaranteed, look, ls=(0, (5, 3)), lw=1.2, most=facts.points
+                )
+                if bound.t_broken is not None:
+                    at = float(np.interp(bound.t_broken, bound.t, bound.norm))
+                    axes.plot(bound.t_broken, at, "x", color=LIMIT, ms=9, mew=2.2)
+            axes.set_yscale("log")
+            axes.set_ylim(bottom=FLOOR)
+            axes.set_xlim(0.0, max(run.duration for run, _ in drawn))
+            pictures.append(pictured(axes, title))
+    return pictures
+
+
+def frontier_panel(facts: Facts) -> list[Picture]:
+    """R_K against I_K with the gains of the runs marked; nothing where no loop is stable."""
+    import matplotlib as mpl
+
+    if "frontier" not in set(facts.frontier["name"]):
+        return []
+    with mpl.rc_context(RC):
+        figure = frontier_figure(facts.frontier)
+    figure.set_size_inches(PANEL[0], 3.1)
+    axes = figure.axes[0]
+    low, high = axes.get_xlim()
+    axes.set_xlim(0.9 * low, high)
+    for text in axes.texts:
+        if text.get_text() == "K*":
+            text.set_text("paper")
+    return [Picture(uri=svg_uri(figure), alt="Largest R_K for every I_K, gains marked")]
+
+
+def gap_panels(facts: Facts, gap: ExplainedGap) -> list[Picture]:
+    """What each step of the ladder adds, and the flight in its certified tube."""
+    return [_steps(facts, gap, channel) for channel in SYMBOLS] + [
+        _tube(facts, gap, channel) for channel in SYMBOLS
+    ]
+
+
+def _steps(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
+    name, t = gap.run.provenance.gains_name, gap.run.signals.index.to_numpy(dtype=float)
+    title = f"{name}: what each step adds to the {NAMES[channel]}"
+    with panel(title, f"Δ{SYMBOLS[channel]} [deg]", height=3.1) as axes:
+        for step, (style, width) in zip(gap.ladder.steps, STEP_STYLES, strict=True):
+            look = facts.looks[gap.run.label]
+            values = getattr(step, channel) * DEG
+            line(axes, t, values, look, ls=style, lw=width, label=step.adds)
+        whole = getattr(gap.ladder.whole, channel) * DEG
+        axes.plot(t, whole, color=INK, lw=0.9, label="all of it")
+        axes.set_xlim(0.0, t[-1])
+        axes.legend(fontsize=8)
+        return pictured(axes, title)
+
+
+def _tube(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
+    look, signals = facts.looks[gap.run.label], gap.run.signals
+    name = gap.run.provenance.gains_name
+    title = f"{name}: error on the aircraft"
+    if gap.loop is not None and gap.verdict is not None:
+        title += f"; ultimate set dashed, {gap.verdict.sentence}"
+    with panel(title, rf"$e_\{channel}$ [deg]") as axes:
+        t = signals.index.to_numpy(dtype=float)
+        line(axes, t, signals[f"{channel}_err"].to_numpy() * DEG, look)
+        if gap.loop is not None and gap.verdict is not None:
+            column = list(SYMBOLS).index(channel)
+            tube = gap.loop.tube()[:, column] * DEG
+            axes.fill_between(gap.loop.t, -tube, tube, color=LIMIT, alpha=FAINT, lw=0.0)
+            width = gap.verdict.tube[column] * DEG
+            for side in (-width, width):
+                axes.axhline(side, color=LIMIT, lw=1.0, ls=(0, (4, 2)))
+        axes.set_xlim(0.0, t[-1])
+        return pictured(axes, title)

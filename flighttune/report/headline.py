@@ -1,0 +1,203 @@
+"""The headline of a report: what was flown in sentences with numbers, every one computed."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from flighttune.comparison import Pair
+from flighttune.metrics import channel_metrics
+from flighttune.report.explained import ExplainedGap
+from flighttune.report.facts import Facts, GainFacts
+from flighttune.simulate.run import Run
+
+Verdict: TypeAlias = Literal["yes", "no", "partly", "none"]
+
+DEG = 180.0 / math.pi
+SYMBOLS = {"chi": "χ", "gamma": "γ"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """One question of the headline.
+
+    Attributes
+    ----------
+    question : str
+    verdict : "yes", "no", "partly" or "none"
+        "none" where the question is not one of yes and no.
+    short : str
+        The answer in a few words.
+    sentences : tuple of str
+        With numbers.
+    """
+
+    question: str
+    verdict: Verdict
+    short: str
+    sentences: tuple[str, ...]
+
+
+def headline(facts: Facts) -> tuple[Answer, ...]:
+    """Does it converge, is it certified, what did the full aircraft change."""
+    answers = [_converges(facts), _certified(facts)]
+    if facts.aircraft is not None:
+        answers.append(_changed(facts))
+    return tuple(answers)
+
+
+def _converges(facts: Facts) -> Answer:
+    runs = facts.runs
+    good = [run for run in runs if facts.convergence[run.label].converged]
+    sentences = [_convergence(facts, run) for run in runs]
+    sentences += [f"{run.label} did not fly: {run.reason}." for run in facts.grounded]
+    count = len(runs) + len(facts.grounded)
+    return Answer(
+        question="Does it converge?",
+        verdict=_share(len(good), count),
+        short=f"{len(good)} of {count} runs",
+        sentences=tuple(sentences),
+    )
+
+
+def _convergence(facts: Facts, run: Run) -> str:
+    found = facts.convergence[run.label]
+    chi, gamma = (value * DEG for value in found.residual)
+    if run.status != "completed":
+        return f"{run.label} ended after {run.duration:.1f} s: {run.status}, {run.reason}."
+    if not found.converged:
+        return (
+            f"{run.label} does not converge: over the last quarter χ still reaches {chi:.2g}° and "
+            f"γ {gamma:.2g}°."
+        )
+    settling = channel_metrics(run)["settling_s"].to_dict()
+    times = [
+        f"{SYMBOLS[str(channel)]} after {value:.1f} s"
+        for channel, value in settling.items()
+        if math.isfinite(value)
+    ]
+    return (
+        f"{run.label} converges{': ' if times else ''}{', '.join(times)}; over the "
+        f"last quarter χ stays within {chi:.2g}° and γ within {gamma:.2g}°."
+    )
+
+
+def _certified(facts: Facts) -> Answer:
+    good = [one for one in facts.gains if one.trim.status == "certified"]
+    sentences = [_guarantee(one) for one in facts.gains]
+    sentences += [_envelope(one) for one in facts.gains if one.envelope is not None]
+    broken = [
+        f"{label}, from t = {bound.t_broken:.1f} s"
+        for label, bound in facts.bounds.items()
+        if bound.t_broken is not None
+    ]
+    if broken:
+        sentences.append(
+            f"In flight ‖s‖ went above the guaranteed exponential: {'; '.join(broken)}."
+        )
+    elif facts.bounds:
+        sentences.append(
+            "In flight ‖s‖ stayed below the guaranteed exponential on every run, from the time "
+            "no limit held a command."
+        )
+    return Answer(
+        question="Is it certified?",
+        verdict=_share(len(good), len(facts.gains)),
+        short=f"{len(good)} of {len(facts.gains)} gain sets",
+        sentences=tuple(sentences),
+    )
+
+
+def _guarantee(one: GainFacts) -> str:
+    certificate = one.trim.certificate
+    if certificate is None:
+        return f"{one.name} is not certified: {one.trim.reason}"
+    claim = certificate.claim
+    proven = 0 if one.trim.verification is None else len(one.trim.verification.checks)
+    ball = (
+        ""
+        if claim.radius is None
+        else f", and under a disturbance of rate up to {claim.L_d:.3g} rad/s² it ends within "
+        f"{claim.radius:.3g}"
+    )
+    return (
+        f"{one.name} is certified for the linear law at the trim: R_K {claim.rate:.4f} 1/s, so "
+        f"‖s‖ falls at {0.5 * claim.rate:.3f} 1/s or faster{ball} ({proven} checks proven exactly)."
+    )
+
+
+def _envelope(one: GainFacts) -> str:
+    found = one.envelope
+    if found is None or found.certificate is None:
+        return f"Over the scenario's envelope {one.name} is not certified: {found and found.reason}"
+    rate = found.certificate.claim.rate
+    return f"Over the scenario's envelope {one.name} is certified at {rate:.4f} 1/s."
+
+
+def _changed(facts: Facts) -> Answer:
+    assert facts.aircraft is not None
+    pairs = facts.aircraft.pairs
+    sentences = [_change(facts, place, pair) for place, pair in enumerate(pairs)]
+    sentences += [_cause(gap) for gap in facts.gaps]
+    sentences += [_held(gap) for gap in facts.gaps]
+    apart = facts.aircraft.max_distance
+    return Answer(
+        question="What did the full aircraft change?",
+        verdict="none",
+        short=f"paths part by up to {apart:.0f} m",
+        sentences=tuple(sentences),
+    )
+
+
+def _change(facts: Facts, place: int, pair: Pair) -> str:
+    assert facts.aircraft is not None
+    table = facts.aircraft.metrics
+    rows = table[table["pair"] == place].set_index(["channel", "name"])
+
+    def values(channel: str, name: str) -> tuple[float, float]:
+        return float(rows.at[(channel, name), "a"]), float(rows.at[(channel, name), "b"])
+
+    parts = []
+    for channel, symbol in SYMBOLS.items():
+        (law, flown), (low, high) = values(channel, "ITAE"), values(channel, "MO_rad")
+        parts.append(
+            f"ITAE of {symbol} {law:.2f} → {flown:.2f} rad s²{_percent(law, flown)}, overshoot "
+            f"{low * DEG:.1f}° → {high * DEG:.1f}°"
+        )
+    return (
+        f"{pair.a.provenance.gains_name}, from {pair.a.provenance.plant} to "
+        f"{pair.b.provenance.plant}: {'; '.join(parts)}; paths at most {pair.max_distance:.1f} m "
+        f"apart, at {pair.t_max_distance:.1f} s."
+    )
+
+
+def _cause(gap: ExplainedGap) -> str:
+    parts = []
+    for channel, symbol in SYMBOLS.items():
+        rms = {s.adds: float(np.sqrt(np.mean(getattr(s, channel) ** 2))) for s in gap.ladder.steps}
+        largest = max(rms, key=lambda adds: rms[adds])
+        parts.append(f"of {symbol} “{largest}” ({rms[largest] * DEG:.1f}° rms)")
+    name = gap.run.provenance.gains_name
+    return f"The largest step to the aircraft with {name} is {', '.join(parts)}."
+
+
+def _held(gap: ExplainedGap) -> str:
+    name = gap.run.provenance.gains_name
+    if gap.verdict is None:
+        return f"With {name} there is no certified set to hold against the aircraft."
+    return (
+        f"With {name} the aircraft differs from the law by a disturbance of rate up to "
+        f"{gap.verdict.L_d:.2f} rad/s²; the ultimate set certified for "
+        f"that: {gap.verdict.sentence}."
+    )
+
+
+def _percent(law: float, flown: float) -> str:
+    return f" ({100.0 * (flown / law - 1.0):+.0f} %)" if law > 0.0 else ""
+
+
+def _share(good: int, count: int) -> Verdict:
+    if not count:
+        return "none"
+    return "yes" if good == count else "partly" if good else "no"

@@ -1,0 +1,193 @@
+"""The report as one HTML file that needs nothing else."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flighttune.comparison import Source, load_source
+from flighttune.figures import on_white
+from flighttune.recording.whole_file import whole_file
+from flighttune.report.facts import Facts, facts_of
+from flighttune.report.guarantee_panels import certificate_panels, frontier_panel, gap_panels
+from flighttune.report.headline import Answer, headline
+from flighttune.report.panels import Picture, commands, paths, tracking
+from flighttune.report.tables import (
+    PageTable,
+    gains_table,
+    gap_table,
+    provenance_table,
+    runs_table,
+    tracking_table,
+)
+from flighttune.report.toml_text import toml_text
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+TEMPLATE = "page.html.jinja"
+MOST_GAPS = 3
+"""Gain sets whose gap is drawn; the table has all of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of the page.
+
+    Attributes
+    ----------
+    id : str
+        Its anchor.
+    title : str
+    note : str
+        How to read it.
+    pictures : sequence of Picture
+    tables : sequence of PageTable
+    legend : bool
+        Whether the runs are named above the pictures.
+    """
+
+    id: str
+    title: str
+    note: str
+    pictures: Sequence[Picture] = ()
+    tables: Sequence[PageTable] = ()
+    legend: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """A report that was written.
+
+    Attributes
+    ----------
+    path : Path
+        The HTML file.
+    answers : tuple of Answer
+        Its headline.
+    sections : tuple of str
+        Titles of its parts.
+    """
+
+    path: Path
+    answers: tuple[Answer, ...]
+    sections: tuple[str, ...]
+
+
+def write_report(source: str | Path | Source, path: str | Path) -> Report:
+    """Write one self-contained page about the runs of a scenario.
+
+    Parameters
+    ----------
+    source : str, path-like or Source
+        What `flighttune.comparison.load_source` takes: a run folder, a recording, a Parquet file or
+        ``scenario@gains``.
+    path : path-like
+        HTML file to write or replace; parent folders are made.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    RecordingError
+        If nothing flew, the runs are of several scenarios, or the file cannot be written.
+    ScenarioError
+        If the recorded scenario is not valid any more.
+    """
+    loaded = source if isinstance(source, Source) else load_source(source)
+    facts = facts_of(loaded)
+    answers, sections = headline(facts), _sections(facts)
+    with whole_file(Path(path)) as part:
+        part.write_text(_page(facts, answers, sections), encoding="utf-8")
+    return Report(
+        path=Path(path), answers=answers, sections=tuple(section.title for section in sections)
+    )
+
+
+def _sections(facts: Facts) -> list[Section]:
+    sections = [
+        Section(
+            id="tracking",
+            title="Tracking",
+            note="Errors are reference minus actual, the course error wrapped to ±180°.",
+            pictures=tracking(facts),
+            tables=[tracking_table(facts)],
+        ),
+        Section(
+            id="commands",
+            title="Commands and limits",
+            note="What the controller asked for after its limits.",
+            pictures=commands(facts),
+        ),
+        Section(
+            id="path",
+            title="Path",
+            note="Local north, east and height from the start.",
+            pictures=paths(facts),
+            tables=[runs_table(facts)],
+        ),
+        Section(
+            id="certificate",
+            title="Certificate",
+            note="s holds the error rates and the errors. The certificate is about the linear law "
+            "without limits: the dashed line starts where no limit holds a command any more, and a "
+            "red cross marks where a flight rose above it. Nothing can lie above the curve of "
+            "R_K against I_K.",
+            pictures=[*certificate_panels(facts), *frontier_panel(facts)],
+            tables=[gains_table(facts)],
+        ),
+    ]
+    if facts.gaps:
+        sections.append(_gap_section(facts))
+    return sections
+
+
+def _gap_section(facts: Facts) -> Section:
+    drawn = facts.gaps[:MOST_GAPS]
+    more = len(facts.gaps) - len(drawn)
+    unseen = f" {more} more gain sets are in the table only." if more else ""
+    return Section(
+        id="gap",
+        title="From the law to the aircraft",
+        note="The same gains under the same limits in the same air, on the paper's law, the exact "
+        "point mass, the point mass behind the inner loop and the aircraft. Red: the tube that the "
+        f"certificate promises for the mismatch measured; it knows no limits.{unseen}",
+        pictures=[picture for gap in drawn for picture in gap_panels(facts, gap)],
+        tables=[gap_table(facts)],
+        legend=False,
+    )
+
+
+def _page(facts: Facts, answers: Sequence[Answer], sections: Sequence[Section]) -> str:
+    made = facts.runs[0].provenance
+    scenario = toml_text(made.scenario)
+    return _template().render(
+        scenario=facts.scenario,
+        answers=answers,
+        sections=sections,
+        runs=[{"label": run.label, "look": facts.looks[run.label]} for run in facts.runs],
+        looks=facts.looks,
+        without_gap=facts.without_gap,
+        provenance=provenance_table(facts),
+        scenario_text=scenario,
+        first_gains=facts.gains[0].name if facts.gains else None,
+        version=made.versions.get("flighttune", ""),
+    )
+
+
+@cache
+def _template() -> "Template":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("flighttune.report", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters["on_white"] = on_white
+    return environment.get_template(TEMPLATE)

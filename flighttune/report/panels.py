@@ -1,0 +1,193 @@
+"""Panels over time and in space: tracking, commands with limits, paths."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.figures import (
+    DASHES,
+    PANEL,
+    RC,
+    REFERENCE,
+    levels,
+    line,
+    on_white,
+    panel,
+    svg_uri,
+    thinned,
+)
+from flighttune.palette import Look
+from flighttune.recording.plots import displayed, limits_of
+from flighttune.report.facts import Facts
+from flighttune.simulate.run import Run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TRACKING = (
+    ("chi", "Course; reference grey", "χ [deg]"),
+    ("gamma", "Flight-path angle; reference grey", "γ [deg]"),
+    ("chi_err", "Course error", r"$e_\chi$ [deg]"),
+    ("gamma_err", "Path-angle error", r"$e_\gamma$ [deg]"),
+)
+COMMANDS = (
+    ("phi", "Roll command; limits red, bars: held by a limit", r"$\varphi_\mathrm{cmd}$ [deg]"),
+    ("n_z", "Load-factor command; limits red, bars: held by a limit", r"$n_{z,\mathrm{cmd}}$ [1]"),
+)
+LANE = 0.022
+"""Height of the bar of one run, over that of the panel."""
+
+FINEST = 300
+"""Bars that the time of a flight has room for."""
+
+SPACE_HEIGHT = 4.0
+"""Height of the figure in space, inches."""
+
+FLATTEST = 0.4
+"""Least ratio of two edges of the box in space; shorter ones are stretched."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A figure of the page.
+
+    Attributes
+    ----------
+    uri : str
+        The image itself.
+    alt : str
+        What it shows, for who cannot see it.
+    """
+
+    uri: str
+    alt: str
+
+
+def pictured(axes: "Axes", alt: str) -> Picture:
+    """The finished figure around some axes."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return Picture(uri=svg_uri(figure), alt=alt)
+
+
+def tracking(facts: Facts) -> list[Picture]:
+    """Course and path angle with their references, and both errors."""
+    pictures = []
+    for signal, title, unit in TRACKING:
+        with panel(title, unit) as axes:
+            if not signal.endswith("_err"):
+                longest = max(facts.runs, key=lambda run: run.duration)
+                t, reference = _time(longest), displayed(longest.signals, f"{signal}_ref")
+                axes.plot(*thinned(t, reference), color=REFERENCE, lw=1.6)
+            else:
+                axes.axhline(0.0, color=REFERENCE, lw=1.0)
+            for run, look in _looked(facts):
+                line(axes, _time(run), displayed(run.signals, signal), look, most=facts.points)
+            axes.set_xlim(0.0, max(run.duration for run in facts.runs))
+            pictures.append(pictured(axes, title))
+    return pictures
+
+
+def commands(facts: Facts) -> list[Picture]:
+    """Commands after their limits, the limits, and when one of them held a command."""
+    pictures = []
+    for name, title, unit in COMMANDS:
+        with panel(title, unit, height=3.0) as axes:
+            for place, (run, look) in enumerate(_looked(facts)):
+                line(
+                    axes, _time(run), displayed(run.signals, f"{name}_cmd"), look, most=facts.points
+                )
+                held = run.signals[f"{name}_limited"].to_numpy() != 0.0
+                axes.broken_barh(
+                    _spans(_time(run), held),
+                    (LANE * (1.3 * place + 0.4), LANE),
+                    transform=axes.get_xaxis_transform(),
+                    color=on_white(look.colour),
+                )
+            levels(axes, *(limits_of(facts.runs[0].provenance.scenario, name) or ()))
+            axes.set_xlim(0.0, max(run.duration for run in facts.runs))
+            low, high = axes.get_ylim()
+            axes.set_ylim(low - LANE * (1.5 * len(facts.runs) + 1.0) * (high - low), high)
+            pictures.append(pictured(axes, title))
+    return pictures
+
+
+def paths(facts: Facts) -> list[Picture]:
+    """The paths in space, from above, and their heights."""
+    pictures = [_space(facts)]
+    pictures.append(_from_above(facts))
+    with panel("Height over the start", "height [m]") as axes:
+        for run, look in _looked(facts):
+            line(axes, _time(run), -run.signals["down"].to_numpy(), look, most=facts.points)
+        axes.set_xlim(0.0, max(run.duration for run in facts.runs))
+        pictures.append(pictured(axes, "Heights over time"))
+    return pictures
+
+
+def _from_above(facts: Facts) -> Picture:
+    """North up, or to the right where the flight is longer that way."""
+    points = np.vstack([run.signals[["north", "east"]].to_numpy() for run in facts.runs])
+    north, east = np.ptp(points, axis=0)
+    x, y = ("north", "east") if north > east else ("east", "north")
+    with panel("From above, start at the cross", f"{y} [m]", f"{x} [m]", height=3.0) as axes:
+        for run, look in _looked(facts):
+            line(
+                axes, run.signals[x].to_numpy(), run.signals[y].to_numpy(), look, most=facts.points
+            )
+        axes.plot(0.0, 0.0, "k+", ms=9)
+        axes.set_aspect("equal", adjustable="datalim")
+        if y == "east":
+            axes.invert_yaxis()
+        return pictured(axes, "Paths from above")
+
+
+def _space(facts: Facts) -> Picture:
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(RC):
+        figure = Figure(figsize=(PANEL[0], SPACE_HEIGHT))
+        axes: Any = figure.add_axes((0.0, 0.03, 0.94, 0.92), projection="3d")
+        points = [
+            run.signals[["north", "east", "down"]].to_numpy()[
+                :: len(run.signals) // facts.points + 1
+            ]
+            for run in facts.runs
+        ]
+        for own, (_, look) in zip(points, _looked(facts), strict=True):
+            north, east, down = own.T
+            dashes = {"ls": DASHES} if look.dashed else {}
+            axes.plot(east, north, -down, color=on_white(look.colour), lw=look.width, **dashes)
+        size = np.ptp(np.vstack(points), axis=0)[[1, 0, 2]]
+        axes.set_box_aspect(tuple(np.maximum(size, FLATTEST * size.max())), zoom=0.98)
+        axes.view_init(elev=24.0, azim=-60.0)
+        axes.locator_params(nbins=5)
+        for name, text in (("x", "east [m]"), ("y", "north [m]"), ("z", "height [m]")):
+            getattr(axes, f"set_{name}label")(text, labelpad=7.0)
+        axes.set_title("Paths in space", loc="left")
+        return Picture(uri=svg_uri(figure), alt="Paths of all runs in space")
+
+
+def _looked(facts: Facts) -> Iterator[tuple[Run, Look]]:
+    """Every run that flew with its look."""
+    for run in facts.runs:
+        yield run, facts.looks[run.label]
+
+
+def _time(run: Run) -> FloatArray:
+    return run.signals.index.to_numpy(dtype=float)
+
+
+def _spans(t: FloatArray, flag: np.ndarray) -> list[tuple[float, float]]:
+    """Start and length of every stretch in which `flag` is true; those too close are one."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(int)))
+    ends = np.append(t, t[-1])
+    spans: list[tuple[float, float]] = []
+    for start, end in zip(ends[edges[::2]], ends[edges[1::2]], strict=True):
+        if spans and start - sum(spans[-1]) < t[-1] / FINEST:
+            start = spans.pop()[0]
+        spans.append((float(start), float(end - start)))
+    return spans

@@ -1,0 +1,48 @@
+"""``flighttune report`` as a process."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+
+def report(*arguments, status=0):
+    """Run the command; return what it printed on stdout and on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-m", "flighttune", "report", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == status, done.stderr
+    return done.stdout, done.stderr
+
+
+def test_a_scenario_becomes_a_page_whose_headline_is_printed(tmp_path):
+    out = tmp_path / "sent" / "report.html"
+
+    shown, err = report("paper_as_printed", "-o", out, "--json")
+
+    found = json.loads(shown)
+    assert err == ""
+    assert found["report"] == str(out)
+    assert found["bytes"] == out.stat().st_size
+    questions = [answer["question"] for answer in found["headline"]]
+    assert questions == ["Does it converge?", "Is it certified?"]
+    assert out.read_text().startswith("<!doctype html>")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("nowhere",), "nowhere: the scenario must be a file or one of"),
+        (("paper", "-o", "report.pdf"), "report.pdf: --out must end in .html"),
+    ],
+)
+def test_what_cannot_be_reported_is_status_2_with_one_line(arguments, reason):
+    _, err = report(*arguments, status=2)
+
+    assert err.startswith(f"flighttune: {reason}")
+    assert err.count("\n") == 1

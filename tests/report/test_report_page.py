@@ -1,0 +1,143 @@
+"""The page: everything inside, every sentence from the runs, small enough to send."""
+
+import base64
+import dataclasses
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.comparison import Source
+from flighttune.errors import RecordingError
+from flighttune.metrics import channel_metrics
+from flighttune.report.facts import facts_of
+from flighttune.report.page import write_report
+
+LARGEST = 3_000_000
+"""Bytes of a page that can be sent."""
+
+ADDRESS = re.compile(r"""(?:src|href|xlink:href|action|data)\s*=\s*["']([^"']*)|url\(([^)]*)\)""")
+LOCAL = ("data:", "#")
+
+
+def test_nothing_on_the_page_points_outside_of_it(page):
+    pictures = [base64.b64decode(data).decode() for data in re.findall(r"base64,([^\"]+)", page)]
+
+    addresses = [one or other for text in (page, *pictures) for one, other in ADDRESS.findall(text)]
+
+    assert len(pictures) > 12
+    assert addresses
+    assert all(address.strip("'\"").startswith(LOCAL) for address in addresses)
+    assert "<script" not in page
+    assert "default-src 'none'; img-src data:" in page
+
+
+def test_the_page_is_small_enough_to_send(written):
+    assert written.path.stat().st_size < LARGEST
+
+
+def test_twelve_long_runs_are_still_small_enough(paper_source, tmp_path):
+    rng = np.random.default_rng(1)
+    law = paper_source.runs[0]
+    t = pd.Index(np.arange(30001) * 0.02, name="t")
+
+    def noisy(plant, name):
+        values = np.resize(law.signals.to_numpy(), (len(t), law.signals.shape[1]))
+        values = values + 0.3 * rng.standard_normal(values.shape)
+        signals = pd.DataFrame(values, index=t, columns=law.signals.columns)
+        made = dataclasses.replace(law.provenance, plant=plant, gains_name=name)
+        return dataclasses.replace(law, signals=signals, provenance=made)
+
+    runs = tuple(noisy(plant, f"set{i}") for plant in ("kinematic", "other") for i in range(6))
+
+    written = write_report(Source(name="twelve", runs=runs), tmp_path / "twelve.html")
+
+    assert written.path.stat().st_size < LARGEST
+
+
+def test_every_part_of_a_report_is_there(written, page):
+    assert written.sections == (
+        "Tracking",
+        "Commands and limits",
+        "Path",
+        "Certificate",
+        "From the law to the aircraft",
+    )
+    for part in ("Provenance", "How to reproduce", *written.sections):
+        assert f"<h2>{part}</h2>" in page
+
+
+def test_the_headline_answers_with_numbers_of_the_runs(written, flown_paper):
+    converges, certified, changed = written.answers
+    runs = {run.label: run for run in flown_paper.runs}
+    law, craft = runs["kinematic / tuned"], runs["jsbsim:aerosonde / tuned"]
+
+    settling = channel_metrics(law)["settling_s"]
+    said = next(line for line in converges.sentences if line.startswith(law.label))
+    assert f"χ after {settling['chi']:.1f} s" in said
+    rate = flown_paper.indicators["tuned"].R_K
+    assert any("tuned is certified for the linear law" in line for line in certified.sentences)
+    assert any(f"R_K {rate:.4f} 1/s" in line for line in certified.sentences)
+    paths = [run.signals[["north", "east", "down"]].to_numpy() for run in (law, craft)]
+    apart = np.linalg.norm(paths[1] - paths[0], axis=1).max()
+    said = next(line for line in changed.sentences if line.startswith("tuned, from kinematic"))
+    assert f"paths at most {apart:.1f} m apart" in said
+
+
+def test_the_figure_of_the_certificate_agrees_with_its_sentence(paper_source):
+    facts = facts_of(paper_source)
+
+    bounds = facts.bounds
+    assert bounds.keys() == {run.label for run in paper_source.runs}
+    assert bounds["kinematic / tuned"].t_broken is None
+    assert bounds["kinematic / paper"].t_broken is None
+
+
+def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
+    wicked = "<script>alert('1')</script> & co"
+
+    def named(run):
+        made = run.provenance
+        scenario = {**made.scenario, "title": wicked}
+        return dataclasses.replace(run, provenance=dataclasses.replace(made, scenario=scenario))
+
+    runs = tuple(named(run) for run in paper_source.runs if run.provenance.plant == "kinematic")
+    written = write_report(Source(name=wicked, runs=runs), tmp_path / "wicked.html")
+    text = written.path.read_text()
+
+    assert "<script>" not in text
+    assert "&lt;script&gt;alert" in text
+
+
+def test_a_run_that_never_flew_is_told_of(paper_source, tmp_path):
+    first = paper_source.runs[0]
+    made = dataclasses.replace(first.provenance, gains_name="strict", gains=None)
+    never = dataclasses.replace(
+        first, signals=first.signals.iloc[:0], status="no_gains", reason="I_K is 67 at least",
+        provenance=made,
+    )  # fmt: skip
+
+    written = write_report(Source(name="both", runs=(first, never)), tmp_path / "r.html")
+
+    assert written.answers[0].short == "1 of 2 runs"
+    assert "kinematic / strict did not fly: I_K is 67 at least." in written.answers[0].sentences
+
+
+def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp_path):
+    mixed = Source(name="mixed", runs=(*paper_source.runs, *printed_source.runs))
+
+    with pytest.raises(RecordingError, match=r"^mixed: the runs must be of one scenario"):
+        write_report(mixed, tmp_path / "never.html")
+    assert not (tmp_path / "never.html").exists()
+
+
+def test_without_an_aircraft_there_is_neither_gap_nor_change(printed_source, tmp_path):
+    written = write_report(printed_source, tmp_path / "printed.html")
+
+    assert [answer.question for answer in written.answers] == [
+        "Does it converge?",
+        "Is it certified?",
+    ]
+    assert "From the law to the aircraft" not in written.sections
+    assert any("rad/s²" in line for line in written.answers[1].sentences)

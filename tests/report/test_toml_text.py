@@ -1,0 +1,40 @@
+"""Scenarios written as TOML and read by Python's own reader."""
+
+import tomllib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flighttune.report.toml_text import toml_text
+from flighttune.scenario import load_scenario
+from flighttune.shipped import scenario_names
+
+TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
+SCALARS = st.one_of(
+    st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False), TEXT
+)
+VALUES = st.recursive(
+    SCALARS,
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(TEXT, inner, max_size=3)),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.dictionaries(TEXT, VALUES, max_size=4))
+def test_every_table_of_plain_values_comes_back_from_its_text(tables):
+    assert tomllib.loads(toml_text(tables)) == tables
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_shipped_scenario_comes_back_with_its_hash(name, tmp_path):
+    scenario = load_scenario(name)
+    path = tmp_path / "again.toml"
+    path.write_text(toml_text(scenario.as_dict()), encoding="utf-8")
+
+    assert load_scenario(path).sha256 == scenario.sha256
+
+
+def test_what_is_none_is_left_out():
+    assert toml_text({"a": None, "b": {"c": 1, "d": None}}) == "[b]\nc = 1\n"
