@@ -1,4 +1,4 @@
-"""What closing the loop costs: the paper's manoeuvre on JSBSim against bare integration steps.
+"""What closing the loop and weather cost: the paper's manoeuvre against bare integration steps.
 
 Run it with ``python benchmarks/bench_jsbsim.py``; ``--json`` prints one object. Exits with 1 where
 the ratio is above `HIGHEST_RATIO`. It is processor time, best of several, so that other work on the
@@ -7,6 +7,7 @@ machine does not count.
 
 import argparse
 import json
+import math
 import sys
 import time
 
@@ -17,6 +18,7 @@ from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
+from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
 from flighttune.scenario import load_scenario
 from flighttune.shipped import scenario_file
 from flighttune.simulate.loop import simulate
@@ -25,6 +27,23 @@ FDM_RATE_HZ = 200.0
 SECONDS = 60.0
 REPEATS = 7
 HIGHEST_RATIO = 1.5
+
+
+WEATHER = {
+    "still air": None,
+    "gust and turbulence": Weather(
+        gust=Gust(axis="right", peak=3.0, start=5.0, rise=2.0),
+        turbulence=Turbulence(severity=3, wind_20ft=7.7),
+    ),
+    "all weather": Weather(
+        wind=WindProfile(((0.0, (3.0, 2.0, 0.0)), (2000.0, (5.0, 4.0, 0.0)))),
+        gust=Gust(axis="right", peak=3.0, start=5.0, rise=2.0),
+        turbulence=Turbulence(severity=3, wind_20ft=7.7),
+        oscillation=OscillatingWind(
+            cosine=(0.0, 2.0, 0.0), cosine_omega=0.5, sine=(0.0, 0.0, 1.0), sine_omega=0.5
+        ),
+    ),
+}
 
 
 class TimedPlant(JSBSimPlant):
@@ -36,7 +55,7 @@ class TimedPlant(JSBSimPlant):
 
 
 def bare(condition: FlightCondition) -> float:
-    """Return the time of one integration step without anything around it, s."""
+    """Return the time of one integration step in still air without anything around it, s."""
     fdm = Fdm(load_aircraft("aerosonde"), FDM_RATE_HZ)
     trim(fdm, condition)
     run, steps = fdm.run, round(SECONDS * FDM_RATE_HZ)
@@ -46,7 +65,7 @@ def bare(condition: FlightCondition) -> float:
     return (time.process_time() - began) / steps
 
 
-def closed_loop() -> tuple[float, int]:
+def closed_loop(weather: Weather | None) -> tuple[float, int]:
     """Return the time of one integration step in the closed loop, s, and the signals recorded."""
     scenario = load_scenario(scenario_file("paper"))
     controller = MimoPI(
@@ -55,7 +74,7 @@ def closed_loop() -> tuple[float, int]:
         dt=1.0 / scenario.controller.rate_hz,
         anti_windup=scenario.controller.anti_windup,
     )
-    plant = TimedPlant(fdm_rate_hz=FDM_RATE_HZ)
+    plant = TimedPlant(fdm_rate_hz=FDM_RATE_HZ, weather=weather, seed=1)
     flown = simulate(
         plant, controller, scenario.followed(), condition=scenario.condition,
         duration=SECONDS, feed_forward=scenario.controller.feed_forward,
@@ -72,24 +91,32 @@ def main() -> int:
     as_json = parser.parse_args().json
 
     condition = load_scenario(scenario_file("paper")).condition
-    pairs = [(bare(condition), closed_loop()) for _ in range(REPEATS)]
-    bare_s = min(step for step, _ in pairs)
-    loop_s = min(step for _, (step, _) in pairs)
+    bare_s, signals = math.inf, 0
+    loop_s = dict.fromkeys(WEATHER, math.inf)
+    for _ in range(REPEATS):
+        bare_s = min(bare_s, bare(condition))
+        for name, weather in WEATHER.items():
+            took, signals = closed_loop(weather)
+            loop_s[name] = min(loop_s[name], took)
+    ratios = {name: took / bare_s for name, took in loop_s.items()}
     result = {
         "bare_us_a_step": bare_s * 1e6,
-        "closed_loop_us_a_step": loop_s * 1e6,
-        "ratio": loop_s / bare_s,
+        "closed_loop_us_a_step": {name: took * 1e6 for name, took in loop_s.items()},
+        "ratio": max(ratios.values()),
+        "ratios": ratios,
         "highest_ratio": HIGHEST_RATIO,
-        "signals": pairs[0][1][1],
+        "signals": signals,
     }
     if as_json:
         print(json.dumps(result))
     else:
         print(
-            f"bare run() {result['bare_us_a_step']:.2f} us a step, closed loop with "
-            f"{result['signals']} signals at 50 Hz {result['closed_loop_us_a_step']:.2f} us: "
-            f"ratio {result['ratio']:.2f} (at most {HIGHEST_RATIO})"
+            f"bare run() {bare_s * 1e6:.2f} us a step; closed loop with {signals} signals at 50 Hz:"
         )
+        for name, took in loop_s.items():
+            print(
+                f"  {name}: {took * 1e6:.2f} us, ratio {ratios[name]:.2f} (at most {HIGHEST_RATIO})"
+            )
     return 0 if result["ratio"] <= HIGHEST_RATIO else 1
 
 

@@ -44,12 +44,18 @@ class WindProfile:
 
     def at(self, h: float) -> NED:
         """Wind at height `h` (m above sea level), m/s, north, east and down."""
-        above = bisect_right(self.levels, h, key=lambda level: level[0])
+        if len(self.levels) == 1:
+            return self.levels[0][1]
+        above = bisect_right(self.levels, h, key=_height)
         if above in (0, len(self.levels)):
             return self.levels[max(above - 1, 0)][1]
         (h_0, (n_0, e_0, d_0)), (h_1, (n_1, e_1, d_1)) = self.levels[above - 1 : above + 1]
         share = (h - h_0) / (h_1 - h_0)
         return n_0 + share * (n_1 - n_0), e_0 + share * (e_1 - e_0), d_0 + share * (d_1 - d_0)
+
+
+def _height(level: tuple[float, NED]) -> float:
+    return level[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

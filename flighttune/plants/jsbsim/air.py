@@ -11,6 +11,9 @@ from flighttune.units import FT
 _AXES = {"ahead": "X", "right": "Y", "down": "Z"}
 _BODY_FRAME = 1.0
 _MODELS = {"milspec": 3.0, "tustin": 4.0}
+_REFRESH = 4
+"""Integration steps between two instants at which a changing wind is computed."""
+
 _NED = ("north", "east", "down")
 
 
@@ -106,14 +109,34 @@ def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Callable[[], bool]) -> Callab
 def _changing(
     fdm: Fdm, weather: Weather, rate: float, run: Callable[[], bool]
 ) -> Callable[[], bool]:
-    """Return a step that writes the wind of its end before it is flown."""
-    write, h_ft, k = wind_writer(fdm), fdm.reader("position/h-sl-ft"), 0
-    deterministic, ground = weather.deterministic, fdm.ground
+    """Return a step that writes the wind of its end before it is flown.
+
+    It is exact at instants `_REFRESH` steps apart, and linear in between.
+    """
+    north, east, down = (fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED)
+    h_ft, wind_at, ground = fdm.reader("position/h-sl-ft"), weather.deterministic, fdm.ground
+    k, left = 0, 0
+    n, e, d = (component / FT for component in wind_at(0.0, h_ft() * FT + ground))
+    n_step = e_step = d_step = 0.0
+    h_last = h_ft()
 
     def step() -> bool:
-        nonlocal k
-        k += 1
-        write(deterministic(k / rate, h_ft() * FT + ground))
+        nonlocal k, left, n, e, d, n_step, e_step, d_step, h_last
+        if not left:
+            h = h_ft()
+            h_ahead, h_last, left = 2.0 * h - h_last, h, _REFRESH
+            k += _REFRESH
+            ahead = wind_at(k / rate, h_ahead * FT + ground)
+            n_step = (ahead[0] / FT - n) / _REFRESH
+            e_step = (ahead[1] / FT - e) / _REFRESH
+            d_step = (ahead[2] / FT - d) / _REFRESH
+        left -= 1
+        n += n_step
+        e += e_step
+        d += d_step
+        north(n)
+        east(e)
+        down(d)
         return run()
 
     return step

@@ -1,0 +1,138 @@
+"""Flights to the edges of what the aircraft can do: each ends, or is refused, with its reason."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from flighttune.errors import InputError, TrimError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.aircraft import load_aircraft
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.plants.weather import Gust, Turbulence, Weather
+
+DEG = math.pi / 180.0
+RHO_1000 = 1.11164
+WEIGHT = 11.0 * 9.80665
+Q_PER_V2 = 0.5 * RHO_1000 * 0.55
+WEAK = 0.25
+"""Share of its thrust a weak engine gives: 30 N."""
+
+
+class WeakPlant(JSBSimPlant):
+    """The aerosonde with a weak engine."""
+
+    def __init__(self):
+        super().__init__("aerosonde", throttle_max=WEAK)
+
+
+def flown(plant, command, duration, dt=0.02, **condition):
+    """Fly `command` (a function of the signals now); return the signals and the stop."""
+    plant.start(FlightCondition(**{"V_a": 25.0} | condition))
+    rows, stop = [plant.observe()], None
+    for _ in range(round(duration / dt)):
+        stop = plant.advance(*command(dict(zip(plant.signals, rows[-1], strict=True))), dt)
+        rows.append(plant.observe())
+        if stop is not None:
+            break
+    return dict(zip(plant.signals, np.array(rows).T, strict=True)), stop
+
+
+def climbing_at(gamma):
+    return lambda now: (0.0, math.cos(gamma) + 2.0 * (gamma - now["gamma"]))
+
+
+def test_the_steepest_climb_of_a_weak_engine_is_that_of_its_thrust():
+    C_L = WEIGHT / (Q_PER_V2 * 25.0**2)
+    drag = Q_PER_V2 * 25.0**2 * (0.043 + 0.0232 * C_L**2)
+    steepest = math.asin((WEAK * 120.0 - drag) / WEIGHT)
+
+    WeakPlant().start(FlightCondition(V_a=25.0, gamma=steepest - 0.5 * DEG))
+    with pytest.raises(TrimError, match="full throttle has too little thrust"):
+        WeakPlant().start(FlightCondition(V_a=25.0, gamma=steepest + 0.5 * DEG))
+
+
+def test_a_climb_beyond_the_thrust_ends_too_slow_and_says_at_full_throttle():
+    signals, stop = flown(WeakPlant(), climbing_at(20.0 * DEG), 30.0)
+
+    assert stop.status == "left_envelope"
+    assert re.search(r"V_a must stay inside 15 to 45 m/s, got .* at full throttle\.", stop.reason)
+    assert np.max(signals["throttle"]) == pytest.approx(WEAK)
+    assert np.max(signals["thrust"]) == pytest.approx(WEAK * 120.0, rel=1e-6)
+
+
+def test_the_speed_integrator_does_not_wind_up_at_the_stop_of_a_weak_engine():
+    def command(now):
+        level = now["h"] > 1060.0 or command.back
+        command.back = level
+        return climbing_at(0.0 if level else 18.0 * DEG)(now)
+
+    command.back = False
+    signals, stop = flown(WeakPlant(), command, 40.0)
+
+    assert stop is None
+    assert np.min(signals["V_a"]) < 24.0, "the climb must have taken speed"
+    assert signals["V_a"][-250:] == pytest.approx(25.0, abs=0.3)
+    assert np.max(signals["V_a"]) < 26.5
+
+
+def test_a_slow_pull_stalls_at_the_lift_peak(fly):
+    # CL peaks at 1.5 (README): the load factor there, and not more, is reached.
+    flight = fly((0.0, 2.1), V_a=19.0, duration=5.0)
+
+    highest = 1.5 * Q_PER_V2 * 19.0**2 / WEIGHT
+    assert flight.stop.status == "left_envelope"
+    assert "alpha must stay inside" in flight.stop.reason
+    assert np.max(flight["n_z"]) < 1.05 * highest
+    assert np.max(flight["n_z"]) > 0.9 * highest
+
+
+def test_commanded_load_factor_is_clipped_to_what_the_aircraft_may(fly):
+    flight = fly(lambda now: (0.0, 9.0), V_a=30.0, duration=1.6)
+
+    assert np.max(flight["n_z"]) == pytest.approx(2.1, abs=0.1)
+
+
+@pytest.mark.parametrize("phi_deg", [60.0, -80.0])
+def test_recovery_from_a_bank_beyond_the_limits_is_refused(phi_deg):
+    with pytest.raises(InputError, match="`phi` must lie in -45 to 45 deg"):
+        JSBSimPlant().start(FlightCondition(V_a=25.0, phi=phi_deg * DEG))
+
+
+@pytest.mark.parametrize("phi_deg", [120.0, 180.0])
+def test_inverted_flight_is_no_condition_to_start_from(phi_deg):
+    with pytest.raises(InputError, match=r"`phi` must lie inside \+-pi/2"):
+        FlightCondition(V_a=25.0, phi=phi_deg * DEG)
+
+
+def test_a_roll_command_beyond_the_inverted_stays_a_bank_of_45_deg(fly):
+    flight = fly((math.pi, 1.3), duration=4.0)
+
+    assert flight.stop is None
+    assert np.max(flight["phi"]) == pytest.approx(45.0 * DEG, abs=2.0 * DEG)
+
+
+def test_a_gust_beyond_the_envelope_ends_the_flight_with_its_number(fly):
+    gust = Gust(axis="down", peak=-9.0, start=1.0, rise=0.1, hold=1.0)
+
+    flight = fly((0.0, 1.0), duration=4.0, weather=Weather(gust=gust))
+
+    assert flight.stop.status == "left_envelope"
+    assert re.search(r"(n_z|alpha) must stay inside .*, got", flight.stop.reason)
+    assert flight.t[-1] == pytest.approx(1.1, abs=0.15)
+
+
+def test_severe_turbulence_near_the_ground_ends_in_a_status(fly):
+    weather = Weather(turbulence=Turbulence(severity=7, wind_20ft=30.0))
+
+    flight = fly((0.0, 1.0), h=1510.0, ground=1500.0, duration=60.0, weather=weather, seed=3)
+
+    assert flight.stop.status in ("ground_contact", "left_envelope")
+    assert re.match(r"t = \d+\.\d{3} s: ", flight.stop.reason)
+
+
+@pytest.mark.parametrize("throttle_max", [0.0, -1.0, 1.5, math.nan])
+def test_an_upper_stop_of_the_throttle_lies_between_its_stops(throttle_max):
+    with pytest.raises(InputError, match="`throttle_max` must lie above 0 and up to 1, got"):
+        load_aircraft("aerosonde").with_throttle_max(throttle_max)
