@@ -23,8 +23,8 @@ FORMAT = "flighttune identified aircraft 1"
 
 FILE_NAME = "identified.json"
 
-DIGITS = 9
-"""Significant digits written: more than any flight gives."""
+DIGITS = 6
+"""Significant digits written: more than a flight gives, fewer than two machines differ in."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]

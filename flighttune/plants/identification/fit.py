@@ -25,7 +25,7 @@ START_SHAPES = (1.0, 0.7, 0.3), (2.0, 0.5, 1.0)
 FINEST = 1e-3
 """Distance between responses below which an order does not earn a further parameter."""
 
-LOWER = math.log(0.05), 0.0, math.log(0.1), math.log(1e-3)
+LOWER = math.log(0.05), 0.0, math.log(0.2), math.log(1e-3)
 UPPER = math.log(200.0), 1.0, math.log(5.0), math.log(10.0)
 """Of log frequency (rad/s), delay (s), log damping and log lag (s)."""
 

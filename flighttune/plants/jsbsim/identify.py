@@ -40,9 +40,10 @@ class AircraftIdentification:
 
 
 def design_speed(config: AircraftConfig) -> float:
-    """Airspeed (m/s) the inner loop was made for; the middle of the envelope if it does not say."""
+    """Airspeed (m/s) the inner loop was made for; the middle of the envelope if it says none."""
     low, high = config.envelope.V_a
-    return config.gains.get(DESIGN_SPEED, 0.5 * (low + high))
+    speed = config.gains.get(DESIGN_SPEED, 0.0)
+    return speed if low < speed < high else 0.5 * (low + high)
 
 
 def identify_aircraft(

@@ -50,9 +50,9 @@ class RigidBodyModel:
     Attributes
     ----------
     A, B : ndarray, shapes (n, n), (n, m)
-        In JSBSim's units.
+        In the units named.
     states, state_units, inputs, input_units : tuple of str
-        Names and units as JSBSim gives them (feet, radians, seconds).
+        Names, as JSBSim gives them, and units.
     modes : tuple of Mode
         Longitudinal ones first, the fastest of each plane first.
     """
@@ -95,23 +95,52 @@ def linearize(config: AircraftConfig, condition: FlightCondition) -> RigidBodyMo
     Notes
     -----
     JSBSim's ``FGLinearization``: differences about the trimmed state. The trim leaves the inner
-    loop disengaged, so that the surfaces stay where they are.
+    loop disengaged, so that the surfaces stay where they are. JSBSim looks for a steady engine
+    without end where it takes its time to settle; for such aircraft the differences are taken by
+    `flighttune.plants.jsbsim.differences`.
     """
+    from flighttune.plants.jsbsim.differences import (
+        CONTROL_UNITS,
+        CONTROLS,
+        STATE_UNITS,
+        STATES,
+        differences,
+    )
     from flighttune.plants.jsbsim.fdm import Fdm
     from flighttune.plants.jsbsim.trim import trim
 
     fdm = Fdm(config, RATE_HZ)
+    if fdm.engine_settles:
+        A, B = differences(fdm, condition)
+        return _model(A, B, STATES, STATE_UNITS, inputs=CONTROLS, input_units=CONTROL_UNITS)
     trim(fdm, condition)
     found = fdm.linearization()
-    states = tuple(found.x_names)
-    A = np.array(found.system_matrix, dtype=float)
-    return RigidBodyModel(
-        A=A,
-        B=np.array(found.input_matrix, dtype=float),
-        states=states,
-        state_units=tuple(found.x_units),
+    return _model(
+        np.array(found.system_matrix, dtype=float),
+        np.array(found.input_matrix, dtype=float),
+        tuple(found.x_names),
+        tuple(found.x_units),
         inputs=tuple(found.u_names),
         input_units=tuple(found.u_units),
+    )
+
+
+def _model(
+    A: FloatArray,
+    B: FloatArray,
+    states: tuple[str, ...],
+    state_units: tuple[str, ...],
+    *,
+    inputs: tuple[str, ...],
+    input_units: tuple[str, ...],
+) -> RigidBodyModel:
+    return RigidBodyModel(
+        A=A,
+        B=B,
+        states=states,
+        state_units=state_units,
+        inputs=inputs,
+        input_units=input_units,
         modes=(
             *longitudinal_modes(_plane(A, states, LONGITUDINAL)),
             *lateral_modes(_plane(A, states, LATERAL)),
@@ -133,13 +162,14 @@ def longitudinal_modes(A: FloatArray) -> tuple[Mode, ...]:
 def lateral_modes(A: FloatArray) -> tuple[Mode, ...]:
     """Modes of sideslip, roll, roll rate and yaw rate, A of shape (4, 4).
 
-    The faster pair is the dutch roll; of real eigenvalues the larger one is the roll mode.
+    The faster pair is the dutch roll; the largest real eigenvalue is the roll mode, the smallest
+    one the spiral.
     """
     eigenvalues = sorted(np.linalg.eigvals(A).tolist(), key=abs, reverse=True)
     pairs = [value for value in eigenvalues if _oscillates(value)]
     real = [value for value in eigenvalues if not _oscillates(value)]
     pair_names = ("dutch roll", "dutch roll", "roll-spiral", "roll-spiral")
-    real_names = ("roll", "spiral", "lateral", "lateral")
+    real_names = ("roll", *["lateral"] * (len(real) - 2), "spiral")
     return (*_once_a_pair(pair_names, pairs), *_once_a_pair(real_names, real))
 
 

@@ -44,8 +44,8 @@ DELAY_RECOVERED = 1e-3
 GOOD_FIT = 90.0
 """Share of the variance, in percent, asked of a flight that was not used."""
 
-SAME_FIT = 1e-4
-"""Relative difference between two identifications of one aircraft on two machines."""
+SAME_FIT, SAME_DELAY = 1e-3, 1e-4
+"""Differences between two identifications of one aircraft, relative and in s."""
 
 
 class SyntheticPlant:
@@ -234,17 +234,20 @@ def test_aerosonde_is_explained_on_a_whole_scenario(aerosonde, name):
         assert variance_explained(flown, model) > GOOD_FIT
 
 
-def test_identifying_again_gives_the_shipped_model(aerosonde):
-    shipped = load_identified("aerosonde").nearest(25.0, 0.0)
+@pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
+def test_identifying_again_gives_the_shipped_model(aircraft):
+    shipped = load_identified(aircraft).conditions[0]
 
-    again = aerosonde.identified.conditions[0]
+    again = identify_aircraft(aircraft).identified.conditions[0]
 
+    assert again.V_a == shipped.V_a
     for channel in ("phi", "n_z"):
         one, other = getattr(shipped, channel), getattr(again, channel)
         assert one.lag.order == other.lag.order
-        for value in ("natural_frequency", "damping", "lag", "delay"):
+        for value in ("natural_frequency", "damping", "lag"):
             assert getattr(one.lag, value) == pytest.approx(getattr(other.lag, value), rel=SAME_FIT)
-        assert one.fit_percent == pytest.approx(other.fit_percent, rel=SAME_FIT)
+        assert one.lag.delay == pytest.approx(other.lag.delay, abs=SAME_DELAY)
+        assert other.fit_percent > GOOD_FIT
 
 
 def test_conditions_without_steady_flight_are_left_out_and_named():
@@ -261,7 +264,7 @@ def test_the_file_reads_back_and_is_whole(aerosonde, tmp_path):
     found = load_identified(path)
 
     lag, other = found.conditions[0].phi.lag, aerosonde.identified.conditions[0].phi.lag
-    assert lag.natural_frequency == pytest.approx(other.natural_frequency, rel=1e-8)
+    assert lag.natural_frequency == pytest.approx(other.natural_frequency, rel=1e-5)
     assert [p.name for p in path.parent.iterdir()] == ["model.json"]
 
 
@@ -280,7 +283,7 @@ def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
     pade = (1.0 - s * h / 2.0) / (1.0 + s * h / 2.0)
     expected = -(9.80665 / 25.0) / s * pade * w**2 / (s**2 + 2.0 * z * w * s + w**2)
     assert model["inputs"] == ["phi_cmd", "n_z_cmd"]
-    assert response[0, 0] == pytest.approx(expected, rel=1e-6)
+    assert response[0, 0] == pytest.approx(expected, rel=1e-4)
     assert roll["bandwidth_rad_s"] == pytest.approx(12.2, abs=0.5)
 
 

@@ -8,12 +8,16 @@ import pytest
 from flighttune.errors import PlantError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.aircraft import load_aircraft
+from flighttune.plants.jsbsim.differences import CONTROLS, STATES, differences
+from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.linearize import lateral_modes, linearize, longitudinal_modes
 
 LEVEL = FlightCondition(V_a=25.0)
 ROLL_APPROXIMATION = 0.1
 """Relative difference of the roll mode from its one-degree-of-freedom approximation."""
 SHORT_PERIOD_APPROXIMATION = 0.05
+SAME_MODE = 1e-3
+"""Largest difference of an eigenvalue between two programs, 1/s."""
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +76,7 @@ def test_modes_without_oscillation_keep_their_place():
     A = np.diag([-5.0, -3.0, -0.1, 0.02])
 
     assert [m.name for m in longitudinal_modes(A)] == ["short period"] * 2 + ["phugoid"] * 2
-    assert [m.name for m in lateral_modes(A)] == ["roll", "spiral", "lateral", "lateral"]
+    assert [m.name for m in lateral_modes(A)] == ["roll", "lateral", "lateral", "spiral"]
 
 
 def test_roll_and_spiral_that_swing_together_are_named_so():
@@ -80,6 +84,27 @@ def test_roll_and_spiral_that_swing_together_are_named_so():
                       [0.0, 0.0, -0.2, 0.6], [0.0, 0.0, -0.6, -0.2]])  # fmt: skip
 
     assert [m.name for m in lateral_modes(pairs)] == ["dutch roll", "roll-spiral"]
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.3])
+def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
+    config, condition = load_aircraft("aerosonde"), FlightCondition(V_a=25.0, gamma=gamma)
+    A, B = differences(Fdm(config, 200.0), condition)
+
+    found = linearize(config, condition)
+
+    rows = [found.states.index(name) for name in STATES]
+    assert np.sort_complex(np.linalg.eigvals(A)) == pytest.approx(
+        np.sort_complex(np.linalg.eigvals(found.A[np.ix_(rows, rows)])), abs=SAME_MODE
+    )
+    assert B[STATES.index("P"), CONTROLS.index("aileron")] > 0.0
+    assert B[STATES.index("Q"), CONTROLS.index("elevator")] < 0.0
+
+
+def test_an_engine_that_takes_its_time_is_no_obstacle():
+    names = [m.name for m in linearize(load_aircraft("c172p"), FlightCondition(V_a=50.0)).modes]
+
+    assert names == ["short period", "phugoid", "dutch roll", "roll", "spiral"]
 
 
 def test_an_aircraft_without_an_engine_is_refused_and_the_process_lives(changed_aircraft):
