@@ -89,6 +89,7 @@ def _json(found: "Comparison", broken: list["Violation"], out: Path | None) -> d
             for pair in found.pairs
         ],
         "unpaired": list(found.unpaired),
+        "missing": list(found.missing),
         "violations": [
             {
                 "run_a": one.run_a,
@@ -109,6 +110,8 @@ def _print(found: "Comparison", broken: list["Violation"], out: Path | None) -> 
     for number, pair in enumerate(found.pairs):
         rows = found.metrics.loc[found.metrics["pair"] == number]
         _print_pair(pair, rows.to_dict(orient="records"))
+    for one in found.missing:
+        say(f"missing: {one}")
     for one in found.unpaired:
         say(f"no partner: {one}")
     for one in broken:

@@ -68,6 +68,8 @@ class Comparison:
         (a, b, same, or empty).
     unpaired : tuple of str
         Runs without a partner, as ``source: label``.
+    missing : tuple of str
+        What the sources recorded and cannot give.
     """
 
     comparable: bool
@@ -75,6 +77,7 @@ class Comparison:
     pairs: tuple[Pair, ...]
     metrics: pd.DataFrame
     unpaired: tuple[str, ...]
+    missing: tuple[str, ...] = ()
 
     @property
     def max_distance(self) -> float:
@@ -129,6 +132,7 @@ def compare(
         pairs=tuple(pairs),
         metrics=pd.DataFrame(rows, columns=list(COLUMNS)),
         unpaired=tuple(dict.fromkeys(unpaired)),
+        missing=tuple(line for source in (first, *rest) for line in source.missing),
     )
 
 

@@ -9,11 +9,13 @@ import pyarrow.parquet as pq
 
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight import fly
-from flighttune.recording.parquet import read_run
+from flighttune.recording.load import load_recording
 from flighttune.scenario.load import load_gains, load_scenario
 from flighttune.scenario.schema import GainsTable
 from flighttune.simulate.run import SIGNAL_UNITS, Run
 
+PARQUET = ".parquet"
+RECORDED = (PARQUET, ".rrd")
 GAINS_FILES = (".json", ".toml")
 
 
@@ -29,11 +31,14 @@ class Source:
         In the order of the scenario where it is known.
     units : mapping of str to str
         Units that a file states for its signals, where they are not those of `SIGNAL_UNITS`.
+    missing : tuple of str
+        What was recorded and cannot be had.
     """
 
     name: str
     runs: tuple[Run, ...]
     units: Mapping[str, str] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
 
 
 def load_source(name: str | Path) -> Source:
@@ -42,10 +47,9 @@ def load_source(name: str | Path) -> Source:
     Parameters
     ----------
     name : str or path-like
-        A run folder of ``flighttune fly``, a Parquet file of one run, a recording (.rrd) with its
-        runs beside it, or a scenario, which is flown. Behind an ``@`` a gain set, a plant or the
-        label of a run chooses among its runs; of a scenario also a file of gains, or a set it does
-        not list.
+        A run folder of ``flighttune fly``, a Parquet file of one run, a recording (.rrd), or a
+        scenario, which is flown. Behind an ``@`` a gain set, a plant or the label of a run chooses
+        among its runs; of a scenario also a file of gains, or a set it does not list.
 
     Returns
     -------
@@ -62,31 +66,18 @@ def load_source(name: str | Path) -> Source:
     name = str(name)
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     path = Path(place)
-    if path.is_dir():
-        return _chosen(name, _in_folder(path), choice)
-    if path.suffix == ".parquet":
-        return _chosen(name, [path], choice)
-    if path.suffix == ".rrd" and path.is_file():
-        return _chosen(name, _in_folder(path.parent), choice)
-    return Source(name=name, runs=_flown(place, choice))
-
-
-def _in_folder(folder: Path) -> list[Path]:
-    files = sorted(folder.glob("*.parquet"))
-    if not files:
-        raise RecordingError(f"{folder}: the folder must hold runs (*.parquet), got none.")
-    return files
-
-
-def _chosen(name: str, files: Sequence[Path], choice: str) -> Source:
-    found = _of_runs(name, [read_run(file) for file in files], choice)
+    if not (path.is_dir() or path.suffix.lower() in RECORDED):
+        return Source(name=name, runs=_flown(place, choice))
+    found = load_recording(path)
     units: dict[str, str] = {}
-    for file in files:
+    for file in [path] if path.suffix.lower() == PARQUET else path.glob(f"*{PARQUET}"):
         units |= _foreign_units(file)
-    return Source(name=name, runs=found.runs, units=units)
+    return Source(
+        name=name, runs=_chosen(name, found.runs, choice), units=units, missing=found.missing
+    )
 
 
-def _of_runs(name: str, runs: Sequence[Run], choice: str) -> Source:
+def _chosen(name: str, runs: Sequence[Run], choice: str) -> tuple[Run, ...]:
     names = [(run.provenance.gains_name, run.provenance.plant, run.label) for run in runs]
     kept = [run for run, known in zip(runs, names, strict=True) if not choice or choice in known]
     if not kept:
@@ -94,26 +85,7 @@ def _of_runs(name: str, runs: Sequence[Run], choice: str) -> Source:
         raise RecordingError(
             f"{name}: {choice or 'it'!r} must be a gain set, a plant or a run, got {known}."
         )
-    order = {run.label: place for place, run in enumerate(_in_order(kept))}
-    return Source(name=name, runs=tuple(sorted(kept, key=lambda run: order[run.label])))
-
-
-def _in_order(runs: Sequence[Run]) -> list[Run]:
-    """Runs plant by plant, gain set by gain set, as their scenario lists them."""
-
-    def place(run: Run) -> tuple[int, int]:
-        scenario, made = run.provenance.scenario, run.provenance
-        plants = [
-            f"{p['kind']}:{p['aircraft']}" if p.get("aircraft") else p.get("kind")
-            for p in scenario.get("plant", ())
-        ]
-        gains = [g if isinstance(g, str) else g.get("name") for g in scenario.get("gains", ())]
-        return (
-            plants.index(made.plant) if made.plant in plants else len(plants),
-            gains.index(made.gains_name) if made.gains_name in gains else len(gains),
-        )
-
-    return sorted(runs, key=place)
+    return tuple(kept)
 
 
 def _foreign_units(file: Path) -> dict[str, str]:

@@ -92,6 +92,8 @@ class Facts:
         One each aircraft run for which the ladder could be flown.
     without_gap : tuple of str
         Why not for the others.
+    missing : tuple of str
+        What was recorded and cannot be had.
     frontier : DataFrame
         R_K against I_K with the gains marked.
     """
@@ -107,6 +109,7 @@ class Facts:
     aircraft: Comparison | None
     gaps: tuple[ExplainedGap, ...]
     without_gap: tuple[str, ...]
+    missing: tuple[str, ...]
     frontier: pd.DataFrame
 
     @property
@@ -156,6 +159,7 @@ def facts_of(source: Source) -> Facts:
         aircraft=_aircraft(runs),
         gaps=gaps,
         without_gap=without,
+        missing=source.missing,
         frontier=frontier(
             tuning_problem(scenario),
             points=FRONTIER_POINTS,

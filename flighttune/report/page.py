@@ -171,6 +171,7 @@ def _page(facts: Facts, answers: Sequence[Answer], sections: Sequence[Section]) 
         runs=[{"label": run.label, "look": facts.looks[run.label]} for run in facts.runs],
         looks=facts.looks,
         without_gap=facts.without_gap,
+        missing=facts.missing,
         provenance=provenance_table(facts),
         scenario_text=scenario,
         first_gains=facts.gains[0].name if facts.gains else None,

@@ -15,8 +15,11 @@ from flighttune.comparison.measures import better, largest_distance
 from flighttune.comparison.overlay import overlaid, write_overlay
 from flighttune.comparison.pairing import manoeuvre, paired
 from flighttune.errors import InputError, RecordingError, ScenarioError
+from flighttune.flight import fly
 from flighttune.recording.check import check_recording
 from flighttune.recording.parquet import write_run
+from flighttune.recording.record import record
+from flighttune.scenario import load_scenario
 
 TRAPEZOID = 1e-3
 """Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
@@ -227,8 +230,20 @@ def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_
         load_source(f"{tmp_path}@K9")
 
 
+def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
+    flown = fly(load_scenario("paper_as_printed"))
+    files = record(flown, tmp_path, name="printed")
+    (signals,) = files.signals.values()
+
+    for found in (compare(files.recording, signals), compare(tmp_path, flown)):
+        assert found.comparable
+        assert found.missing == ()
+        assert found.max_distance == 0.0
+        assert set(found.metrics["better"]) <= {"same", ""}
+
+
 def test_what_cannot_be_found_is_said_path_first(tmp_path):
-    with pytest.raises(RecordingError, match=rf"^{tmp_path}: the folder must hold runs"):
+    with pytest.raises(RecordingError, match=rf"^{tmp_path}: the folder must hold a recording"):
         load_source(tmp_path)
     with pytest.raises(ScenarioError, match=r"^nowhere: the scenario must be a file or one of"):
         load_source("nowhere@paper")
