@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from flighttune.control.mimo_pi import MimoPI
     from flighttune.errors import FlightTuneError
     from flighttune.flight import FlownScenario, fly
+    from flighttune.gap.explain import Gap, explain_gap
     from flighttune.metrics import channel_metrics, flight_metrics
     from flighttune.outer_loop import certify_scenario, tune_scenario, tuning_problem
     from flighttune.plants.base import FlightCondition
@@ -50,6 +51,7 @@ _HOMES = {
     "errors": ("FlightTuneError",),
     "flight": ("FlownScenario", "fly"),
     "outer_loop": ("certify_scenario", "tune_scenario", "tuning_problem"),
+    "gap.explain": ("Gap", "explain_gap"),
     "metrics": ("channel_metrics", "flight_metrics"),
     "plants.base": ("FlightCondition",),
     "plants.jsbsim.plant": ("JSBSimPlant",),
@@ -73,6 +75,7 @@ __all__ = [
     "FlightCondition",
     "FlightTuneError",
     "FlownScenario",
+    "Gap",
     "Indicators",
     "JSBSimPlant",
     "KinematicPlant",
@@ -91,6 +94,7 @@ __all__ = [
     "channel_metrics",
     "closed_loop",
     "compare",
+    "explain_gap",
     "flight_metrics",
     "fly",
     "indicators",

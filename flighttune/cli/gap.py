@@ -159,7 +159,7 @@ def _verdict_json(verdict: "Verdict") -> dict[str, Any]:
     values = asdict(verdict)
     for name in ("tube", "reach"):
         values[f"{name}_rad"] = dict(zip(("chi", "gamma"), values.pop(name), strict=True))
-    return {**values, "sentence": verdict.sentence}
+    return {**values, "says_nothing": verdict.says_nothing, "sentence": verdict.sentence}
 
 
 def _rms(values: Any) -> float:

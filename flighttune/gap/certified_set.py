@@ -52,9 +52,15 @@ class Verdict:
     reach: tuple[float, float]
 
     @property
+    def says_nothing(self) -> bool:
+        """Whether the set is so wide that every flight is inside: half a circle, or to vertical."""
+        return self.tube[0] >= math.pi or self.tube[1] >= math.pi / 2.0
+
+    @property
     def sentence(self) -> str:
-        """``held`` or ``broken at t = ...``, or that the set was never entered."""
-        return "never entered" if self.t_entered is None else held_or_broken(self.t_broken)
+        """``held`` or ``broken at t = ...``, or that the set was never entered or says nothing."""
+        found = "never entered" if self.t_entered is None else held_or_broken(self.t_broken)
+        return f"{found}, but too wide to say anything" if self.says_nothing else found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ import pandas as pd
 
 from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.gains import PIGains
+from flighttune.control.linear_model import kinematic_model
 from flighttune.flight import FlownScenario
 from flighttune.gap.certified_set import LoopFlown, Verdict, loop_flown
 from flighttune.gap.inner_loop import LagSource
@@ -47,7 +48,8 @@ class Gap:
     verdict, settled : Verdict or None
         Of the whole flight, and of its second half alone.
     indicators : Indicators
-        Of the linear loop.
+        Of the kinematic law's loop about level flight on the first reference: the mismatch is
+        against that law, whatever model the gains were tuned on.
     """
 
     scenario: Scenario
@@ -116,7 +118,9 @@ def explain_gap(
     PlantError
         If the aircraft cannot be built.
     """
-    model = scenario.linear_model()
+    _, gamma = scenario.followed().sampled(np.zeros(1))
+    settings = scenario.flight
+    model = kinematic_model(V_a=settings.V_a_mps, gamma=float(gamma[0]), g=settings.g_mps2)
     A_K = closed_loop(model, gains)
     certified = indicators(A_K)
     aircraft = fly_aircraft(scenario, gains, name, progress=progress)

@@ -99,6 +99,12 @@ def test_all_rungs_fly_in_the_air_that_the_aircraft_met(windy_gap):
         )
 
 
+def test_a_set_wider_than_a_circle_says_so(windy_gap):
+    assert windy_gap.verdict.tube[0] > math.pi
+    assert windy_gap.verdict.says_nothing
+    assert windy_gap.verdict.sentence == "held, but too wide to say anything"
+
+
 def test_the_aircrafts_own_limits_hold_on_every_rung():
     gap = explain_gap(changed("paper", limits={}), PAPER_GAINS)
 
@@ -182,6 +188,7 @@ def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
 def test_the_ultimate_set_of_the_papers_manoeuvre_holds_and_the_way_into_it_does_not(paper_gap):
     assert paper_gap.verdict.held
     assert paper_gap.settled.held
+    assert not paper_gap.verdict.says_nothing
     assert paper_gap.settled.L_d < 0.2 * paper_gap.verdict.L_d
     limited = paper_gap.runs[-1].signals["n_z_limited"]
     assert limited.iloc[:10].all()
