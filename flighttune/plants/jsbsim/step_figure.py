@@ -1,6 +1,7 @@
 """Figure of an aircraft's inner loop: steps at its airspeeds, and the way into a bank."""
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,11 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flighttune.errors import InputError
+from flighttune.palette import HUES
 from flighttune.plants.jsbsim.aircraft import AircraftConfig
 from flighttune.plants.jsbsim.steps import FlownStep, StepCheck, fly_step
 from flighttune.units import DEG
 
-COLOURS = ("#1b9e77", "#264653", "#d95f02", "#7570b3", "#a6761d")
+COLOURS = tuple(strong for (strong, _), _ in HUES)
 BANK = 45.0 * DEG
 FILE_NAME = "step_responses.png"
 
@@ -60,9 +63,22 @@ def step_figure(config: AircraftConfig, checks: Sequence[StepCheck]) -> Figure:
 
 
 def draw_steps(config: AircraftConfig, checks: Sequence[StepCheck], folder: Path) -> Path:
-    """Write the figure into `folder` and return the file."""
-    file = folder / FILE_NAME
-    step_figure(config, checks).savefig(file, dpi=80)
+    """Write the figure into `folder`, whole or not at all, and return the file.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to.
+    TrimError
+        If there is no steady level flight at one of the airspeeds.
+    """
+    file, temporary = folder / FILE_NAME, folder / f".{FILE_NAME}.new"
+    drawing = step_figure(config, checks)
+    try:
+        drawing.savefig(temporary, format="png", dpi=80)
+        os.replace(temporary, file)
+    except OSError as error:
+        raise InputError(f"{file}: must be writable, got {error.strerror}.") from error
     return file
 
 
