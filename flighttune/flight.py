@@ -157,8 +157,8 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
 def _flights(
     scenario: Scenario, gain_sets: Mapping[str, PIGains | None], progress: Progress | None
 ) -> tuple[Run, ...]:
-    """Fly aircraft first: the other plants replay, gain set by gain set, the wind the first met."""
-    order = sorted(scenario.plant, key=lambda plant: plant.aircraft is None)
+    """In wind fly aircraft first: the others replay, gain set by gain set, what the first met."""
+    order = sorted(scenario.plant, key=lambda plant: scenario.windy and plant.aircraft is None)
     leader = order[0].label if scenario.windy and order[0].aircraft else None
     runs: dict[tuple[str, str], Run] = {}
     for plant in order:
