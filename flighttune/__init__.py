@@ -26,10 +26,13 @@ if TYPE_CHECKING:
     from flighttune.metrics import channel_metrics, flight_metrics
     from flighttune.outer_loop import certify_scenario, tune_scenario, tuning_problem
     from flighttune.plants.base import FlightCondition
+    from flighttune.plants.identification.file import load_identified, save_identified
+    from flighttune.plants.jsbsim.identify import identify_aircraft
     from flighttune.plants.jsbsim.plant import JSBSimPlant
     from flighttune.plants.kinematic import KinematicPlant
     from flighttune.recording.load import Recording, load_recording
     from flighttune.recording.record import record
+    from flighttune.report.page import Report, write_report
     from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
     from flighttune.simulate.reference import Reference
     from flighttune.simulate.run import Run
@@ -54,10 +57,13 @@ _HOMES = {
     "gap.explain": ("Gap", "explain_gap"),
     "metrics": ("channel_metrics", "flight_metrics"),
     "plants.base": ("FlightCondition",),
+    "plants.identification.file": ("load_identified", "save_identified"),
+    "plants.jsbsim.identify": ("identify_aircraft",),
     "plants.jsbsim.plant": ("JSBSimPlant",),
     "plants.kinematic": ("KinematicPlant",),
     "recording.load": ("Recording", "load_recording"),
     "recording.record": ("record",),
+    "report.page": ("Report", "write_report"),
     "scenario": ("Scenario", "load_gains", "load_scenario", "scenario_from"),
     "simulate.reference": ("Reference",),
     "simulate.run": ("Run",),
@@ -85,6 +91,7 @@ __all__ = [
     "PIGains",
     "Recording",
     "Reference",
+    "Report",
     "Run",
     "Scenario",
     "TuningProblem",
@@ -97,20 +104,24 @@ __all__ = [
     "explain_gap",
     "flight_metrics",
     "fly",
+    "identify_aircraft",
     "indicators",
     "indicators_batch",
     "kinematic_model",
     "load_certificate",
     "load_gains",
+    "load_identified",
     "load_recording",
     "load_scenario",
     "record",
     "save_certificate",
+    "save_identified",
     "scenario_from",
     "tune",
     "tune_scenario",
     "tuning_problem",
     "verify",
+    "write_report",
 ]
 
 

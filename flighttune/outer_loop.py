@@ -7,7 +7,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.certificates import Certification, certify
 from flighttune.control.envelope import Envelope
-from flighttune.control.gains import PIGains, paper_family
+from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
 from flighttune.scenario.schema import GainsTable, Scenario
@@ -150,10 +150,17 @@ def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
     Raises
     ------
     ScenarioError
-        If the scenario gives no ranges, or they do not contain the trim.
+        If the scenario gives no ranges, they do not contain the trim, or its model is not the
+        kinematic law alone: the ranges are of that law.
     """
     if scenario.envelope is None:
         raise ScenarioError(f"{scenario.title}: `envelope` must be given for a claim over one.")
+    states = scenario.linear_model().states
+    if len(states) != len(PAPER_GAINS.errors):
+        raise ScenarioError(
+            f"{scenario.title}: `model` of [tuning] must be the kinematic law without a lag for a "
+            f"claim over an envelope, got one with the states {', '.join(states)}."
+        )
     _, gamma = scenario.followed().sampled(np.zeros(1))
     trim = Envelope.at(
         V_a=scenario.flight.V_a_mps, gamma=float(gamma[0]), phi=0.0, n_z=float(np.cos(gamma[0]))

@@ -172,6 +172,16 @@ def test_the_loop_on_the_identified_model_is_certified():
     assert certify(scenario.linear_model(), gains).status == "certified"
 
 
+def test_a_claim_over_an_envelope_is_refused_where_the_model_has_a_lag():
+    ranges = {
+        "V_a_mps": [22.0, 28.0], "gamma_deg": [-9.0, 9.0], "phi_deg": [-9.0, 9.0], "n_z": [0.9, 1.1]
+    }  # fmt: skip
+    scenario = manoeuvre({"chi_deg": 5.0}, tuning={"model": "identified"}, envelope=ranges)
+
+    with pytest.raises(ScenarioError, match=r"`model` of \[tuning\] must be the kinematic law"):
+        certify_scenario(scenario, tune_scenario(scenario).gains, envelope=True)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

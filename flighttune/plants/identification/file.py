@@ -127,6 +127,12 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
 def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
     """Write an identified aircraft as JSON, under a temporary name until it is whole.
 
+    Parameters
+    ----------
+    aircraft : IdentifiedAircraft
+    path : str or Path
+        Its folder is made where there is none.
+
     Raises
     ------
     InputError
