@@ -14,6 +14,7 @@ import pandas as pd
 import rerun as rr
 
 from flighttune.control.gains import PAPER_GAINS
+from flighttune.recording.load import load_recording
 from flighttune.recording.names import TIMELINE
 from flighttune.recording.parquet import write_run
 from flighttune.recording.rrd import write_recording
@@ -21,7 +22,10 @@ from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 
 DT = 0.02
 REPEATS = 5
-LIMITS = {"limits": {"phi_deg": [-45.0, 45.0], "n_z": [-2.1, 2.1]}}
+SCENARIO = {
+    "flight": {"V_a_mps": 25.0, "g_mps2": 9.81},
+    "limits": {"phi_deg": [-45.0, 45.0], "n_z": [-2.1, 2.1]},
+}
 
 
 def made_up(gains_name: str, seconds: float) -> Run:
@@ -38,7 +42,7 @@ def made_up(gains_name: str, seconds: float) -> Run:
     for name in ("phi_limited", "n_z_limited"):
         signals[name] = (signals[name] > 0.2).astype(float)
     made = Provenance(
-        scenario=LIMITS,
+        scenario=SCENARIO,
         plant="jsbsim:aerosonde",
         gains_name=gains_name,
         gains=PAPER_GAINS,
@@ -89,6 +93,13 @@ def measured(folder: Path) -> dict[str, float]:
     found["steps_over_columns"] = found["steps_4x20s_s"] / found["columns_4x20s_s"]
     found["columns_600s_s"] = best(lambda: columns(long))
     found["columns_600s_MB"] = path.stat().st_size / 1e6
+    found["read_600s_s"] = best(lambda: load_recording(path))
+    half_an_hour = [made_up("gains", 1800.0)]
+    found["columns_1800s_s"] = best(lambda: columns(half_an_hour), repeats=2)
+    found["columns_1800s_MB"] = path.stat().st_size / 1e6
+    dozen = [made_up(f"gains{k}", 60.0) for k in range(12)]
+    found["columns_12x60s_s"] = best(lambda: columns(dozen), repeats=2)
+    found["columns_12x60s_MB"] = path.stat().st_size / 1e6
     run = folder / "bench.parquet"
     found["parquet_600s_s"] = best(lambda: write_run(long[0], run))
     found["parquet_600s_MB"] = run.stat().st_size / 1e6

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
+from flighttune.recording.airframe import span_of
 from flighttune.recording.cast import Member
 from flighttune.recording.mesh import SPAN
 
@@ -86,15 +87,22 @@ def quaternions(roll: FloatArray, pitch: FloatArray, heading: FloatArray) -> Flo
     )
 
 
-def enlargement(points: FloatArray) -> float:
+def widest(members: Sequence[Member]) -> float:
+    """Largest wing span of all aircraft, m."""
+    return max(span_of(member.run) for member in members)
+
+
+def enlargement(points: FloatArray, span: float = SPAN) -> float:
     """Factor by which aircraft are drawn larger than they are, a round number, at least 1
 
     Parameters
     ----------
     points : ndarray, shape (n, 3), m
         All positions flown.
+    span : float, m
+        Of the widest aircraft.
     """
-    wanted = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / SPAN
+    wanted = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
     return max(1.0, _round_below(wanted, FINELY_ROUND))
 
 

@@ -1,6 +1,7 @@
 """State timelines: a lane a run, in the colour and order of the runs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,8 @@ HELD = {1: "limit", 2: "rate"}
 """Value of a ``*_limited`` signal to what its lane says: magnitude or rate limit."""
 
 DIMMED = 0.6
+
+Style: TypeAlias = tuple[str, tuple[int, ...]]
 
 
 def log_lanes(stream: rr.RecordingStream, members: Sequence[Member]) -> None:
@@ -49,23 +52,54 @@ def _outcome(member: Member) -> str:
 
 
 def _log_phases(stream: rr.RecordingStream, members: Sequence[Member], command: str) -> None:
-    path = f"{PHASES}/{command}"
-    values = [f"{member.key} {word}" for member in members for word in HELD.values()]
-    dimmed = [tuple(round(DIMMED * part) for part in member.look.rgb) for member in members]
-    strong = [member.look.rgb for member in members]
+    style: dict[str, Style] = {}
+    lanes = []
+    for member in members:
+        dimmed = tuple(round(DIMMED * part) for part in member.look.rgb)
+        for word, colour in zip(HELD.values(), (member.look.rgb, dimmed), strict=True):
+            style[f"{member.key} {word}"] = (word, colour)
+        t, states = changes(member, f"{command}_limited")
+        words = [f"{member.key} {HELD[held]}" if held in HELD else "" for held in states.tolist()]
+        lanes.append((t, words))
+    log_timeline(stream, f"{PHASES}/{command}", lanes, style)
+
+
+def log_timeline(
+    stream: rr.RecordingStream,
+    path: str,
+    lanes: Sequence[tuple[FloatArray, Sequence[str]]],
+    styles: Mapping[str, Style],
+) -> None:
+    """Log lanes of states on one entity, which makes them compact.
+
+    Parameters
+    ----------
+    stream : RecordingStream
+    path : str
+        Entity.
+    lanes : sequence of (ndarray, sequence of str)
+        Times (s) at which the state of a lane begins or changes, and the states; empty for none.
+    styles : mapping of str to (str, (int, int, int))
+        Label and colour of each state; states of different lanes have different names.
+    """
     style = rr.StateConfiguration(
-        values=values,
-        labels=list(HELD.values()) * len(members),
-        colors=[colour for pair in zip(strong, dimmed, strict=True) for colour in pair],
+        values=list(styles),
+        labels=[label for label, _ in styles.values()],
+        colors=[colour for _, colour in styles.values()],
     )
     stream.log(path, style, static=True)
-    changed = [changes(member, f"{command}_limited") for member in members]
-    at = np.unique(np.concatenate([[0.0], *(t for t, _ in changed)]))
+    at = np.unique(np.concatenate([[0.0], *(t for t, _ in lanes)]))
     rows = []
-    for member, (t, states) in zip(members, changed, strict=True):
-        now = states[np.searchsorted(t, at, side="right") - 1]
-        rows.append([f"{member.key} {HELD[held]}" if held in HELD else "" for held in now.tolist()])
+    for t, states in lanes:
+        now = np.searchsorted(t, at, side="right") - 1
+        rows.append([states[k] if k >= 0 else "" for k in now.tolist()])
     _send(stream, path, at, rows)
+
+
+def runs_of_equal(t: FloatArray, values: np.ndarray) -> tuple[FloatArray, np.ndarray]:
+    """When a piecewise constant signal begins and changes, and to what."""
+    at = np.flatnonzero(np.diff(values, prepend=np.nan))
+    return t[at], values[at]
 
 
 def changes(member: Member, name: str) -> tuple[FloatArray, FloatArray]:
@@ -80,8 +114,8 @@ def changes(member: Member, name: str) -> tuple[FloatArray, FloatArray]:
     if name not in signals:
         return np.zeros(1), np.zeros(1)
     t, values = signals.index.to_numpy(dtype=float), signals[name].to_numpy(dtype=float)
-    at = np.flatnonzero(np.diff(values[:-1], prepend=np.nan))
-    return np.append(t[at], t[-1]), np.append(values[at], 0.0)
+    begun, states = runs_of_equal(t[:-1], values[:-1])
+    return np.append(begun, t[-1]), np.append(states, 0.0)
 
 
 def _send(

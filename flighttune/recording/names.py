@@ -13,6 +13,7 @@ TIMELINE = "flight_time"
 PAGE = "page"
 WORLD = "world"
 PATHS = f"{WORLD}/paths"
+TRAILS = f"{WORLD}/trails"
 SHADOWS = f"{WORLD}/shadows"
 AIRCRAFT = f"{WORLD}/aircraft"
 """Folder of frames that move with each aircraft and turn with its course."""
@@ -30,6 +31,15 @@ RECORD = "runs_flown"
 """The runs themselves, for reading back."""
 
 PHASES = "phases"
+CLAIMS = "claims"
+EVENTS = "events"
+PLANE = "plane"
+"""The complex plane."""
+
+GUARANTEE = f"{PLOTS}/guarantee"
+ABSCISSA = f"{PLOTS}/abscissa"
+DAMPING = f"{PLOTS}/damping"
+
 RUNS = "runs"
 """Lanes that name the runs in their colours."""
 

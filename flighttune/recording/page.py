@@ -4,13 +4,16 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from flighttune.control.gains import PIGains
 from flighttune.palette import hue_tells_gains
+from flighttune.recording.airframe import span_of
 from flighttune.recording.cast import cast, look_of
-from flighttune.recording.geometry import enlargement, flown, ground_grid
-from flighttune.recording.mesh import SPAN
+from flighttune.recording.certified import certified
+from flighttune.recording.geometry import enlargement, flown, ground_grid, widest
+from flighttune.recording.motion import WIND_TIMES, metres_per_mps
 from flighttune.simulate.run import Run
 
 SYMBOLS = {"phi": "φ", "n_z": "n_z", "chi": "χ", "gamma": "γ"}
@@ -31,6 +34,14 @@ TRACKING = {
     "saturation_s": ("at limits [s]", 1.0, 2),
 }
 """Columns of the metrics shown, their headings, factor to the unit in it, and decimals."""
+
+CERTIFICATE_NOTE = (
+    "s is the error and its rate (rad and rad/s), from the signals: exact increments over each "
+    "sample. The guarantee is the decaying exponential of R_K plus the ultimate bound for the "
+    "mismatch met in the second half of the flight (L_d bounds its derivative). It is about the "
+    "loop that is linear and free of limits: it begins anew where the reference moves and where a "
+    "limit lets go, and nothing is claimed while a limit holds a command."
+)
 
 UNITS = {"rad": ("deg", DEGREES), "mps": ("m/s", 1.0), "s": ("s", 1.0), "m": ("m", 1.0)}
 """Suffix of a column to the unit shown and the factor to it."""
@@ -71,6 +82,7 @@ def scenario_page(
         parts += ["## Tracking", _tracking(metrics)]
     if flight is not None and len(flight):
         parts += ["## Aircraft", _flight(flight)]
+    parts += _certificates(runs)
     parts += ["## Scenario", _scenario(scenario), *_made_with(runs)]
     parts += ["## How to read it", *_reading(runs)]
     return "\n\n".join(parts) + "\n"
@@ -152,6 +164,37 @@ def _flight(flight: pd.DataFrame) -> str:
     return table(["run", *headings], rows)
 
 
+def _certificates(runs: Sequence[Run]) -> list[str]:
+    rows = []
+    for run in runs:
+        claim = certified(run)
+        if claim is not None:
+            broken = "never" if claim.t_broken is None else f"{claim.t_broken:.2f}"
+            shares = (np.isfinite(claim.bound).mean(), claim.share_broken)
+            rows.append(
+                [
+                    run.label,
+                    number(claim.rate / 2.0, 4),
+                    number(claim.L_d, 4),
+                    number(claim.radius, 4),
+                    *(f"{100.0 * share:.1f}" for share in shares),
+                    broken,
+                ]
+            )
+    if not rows:
+        return []
+    headings = [
+        "run",
+        "decay [1/s]",
+        "L_d [rad/s²]",
+        "ultimate bound",
+        "claim holds for [% of time]",
+        "broken [% of those]",
+        "first broken [s]",
+    ]
+    return ["## Certificate", table(headings, rows), CERTIFICATE_NOTE]
+
+
 def _scenario(scenario: Mapping[str, Any]) -> str:
     rest = {key: value for key, value in scenario.items() if key not in ABOUT and key != "title"}
     return "\n".join(f"- **{key}**: {_plain(value)}" for key, value in rest.items() if value)
@@ -192,10 +235,19 @@ def _reading(runs: Sequence[Run]) -> list[str]:
         )
     if members:
         points = flown(members)
-        factor, spacing = enlargement(points), ground_grid(points)[1]
+        span = widest(members)
+        factor, spacing = enlargement(points, span), ground_grid(points)[1]
         notes.append(
-            f"Aircraft are drawn {factor:g} times their size: a span of {SPAN} m is shown as "
-            f"{factor * SPAN:g} m. Lines on the ground are {spacing:g} m apart, half as much "
+            f"Aircraft are drawn {factor:g} times their size: a span of {span:.3g} m is shown as "
+            f"{factor * span:.3g} m. Lines on the ground are {spacing:g} m apart, half as much "
             "below the lowest level flown; the paths have their shadows on it."
+        )
+        length = metres_per_mps(members[0], factor * span_of(members[0].run))
+        notes.append(
+            f"The arrow of an aircraft is its velocity over ground ({length:.3g} m per m/s), the "
+            f"white one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip is the "
+            "certified set: while the tip is inside, the errors of course and path angle are as "
+            "guaranteed. There is none while nothing is claimed. The thick piece of a path is the "
+            "last eighth of the flight."
         )
     return notes

@@ -57,8 +57,11 @@ class Plot:
         return (self.signal,) if self.thin is None else (self.signal, self.thin)
 
 
-CALM = "Disturbance"
+CALM = "Weather"
 """Tab that is left out in calm air."""
+
+CALMEST = 1e-6
+"""Wind (m/s) and disturbance (rad/s) below this are rounding."""
 
 ROOM = 0.04
 """Part of the range that an axis is longer at each end."""
@@ -76,6 +79,11 @@ COMMANDS_TAB = "Commands and limits"
 TUBES = {name: (f"{name}_tube_low", f"{name}_tube_high") for name in ("chi", "gamma")}
 """Certified tube around the reference of a channel, where a run has one."""
 
+LOAD_FACTOR = Plot(
+    "n_z", "Load factor n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z"
+)
+"""On two tabs, and logged once."""
+
 TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
         Plot("chi", "Course chi, reference grey", common="chi_ref", band=TUBES["chi"]),
@@ -85,7 +93,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
     ),
     COMMANDS_TAB: (
         Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
-        Plot("n_z", "Load factor n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z"),
+        LOAD_FACTOR,
     ),
     "Controller": (
         Plot("phi_unlimited", "Roll command before limits, limits red", limit="phi"),
@@ -95,8 +103,10 @@ TABS: dict[str, tuple[Plot, ...]] = {
     ),
     "Aircraft": (
         Plot("V_a", "Airspeed V_a"),
+        Plot("V_g", "Ground speed V_g"),
         Plot("alpha", "Angle of attack alpha"),
         Plot("beta", "Sideslip beta"),
+        LOAD_FACTOR,
         Plot("throttle", "Throttle"),
         Plot("aileron", "Aileron"),
         Plot("elevator", "Elevator"),
@@ -106,12 +116,16 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("q", "Pitch rate q"),
         Plot("r", "Yaw rate r"),
         Plot("n_y", "Side load factor n_y"),
+        Plot("thrust", "Thrust"),
     ),
     "Mismatch": (
         Plot("mismatch_chi", "Course rate flown minus that of the kinematic law"),
         Plot("mismatch_gamma", "Path-angle rate flown minus that of the kinematic law"),
     ),
     CALM: (
+        Plot("wind_north", "Wind towards north"),
+        Plot("wind_east", "Wind towards east"),
+        Plot("wind_down", "Wind down"),
         Plot("d_chi", "Disturbance of the course rate"),
         Plot("d_gamma", "Disturbance of the path-angle rate"),
     ),
@@ -122,12 +136,14 @@ TABS: dict[str, tuple[Plot, ...]] = {
 def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
     """Return the plots of each tab that at least one run has a signal for.
 
-    A disturbance that is zero throughout is not shown.
+    Wind and disturbance that are zero throughout are not shown.
     """
 
     def shows(tab: str, plot: Plot) -> bool:
         having = [run.signals[plot.signal] for run in runs if plot.signal in run.signals]
-        return any(bool(values.any()) for values in having) if tab == CALM else bool(having)
+        if tab != CALM:
+            return bool(having)
+        return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
 
     shown = {tab: tuple(plot for plot in plots if shows(tab, plot)) for tab, plots in TABS.items()}
     return {tab: plots for tab, plots in shown.items() if plots}

@@ -14,7 +14,12 @@ from flighttune.arrays import FloatArray
 from flighttune.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording.blueprint import blueprint
 from flighttune.recording.cast import Member, cast
+from flighttune.recording.certificate_tab import log_certificates
+from flighttune.recording.certified import certified
 from flighttune.recording.check import check_recording
+from flighttune.recording.eigenvalue_tab import log_eigenvalues
+from flighttune.recording.events import log_events
+from flighttune.recording.frozen_loop import frozen_loop
 from flighttune.recording.lanes import log_lanes
 from flighttune.recording.names import LIMITS, PAGE, PLOTS, REFERENCE, application, times
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
@@ -65,16 +70,22 @@ def _log(
 ) -> None:
     members = cast(runs)
     plots = shown_plots([member.run for member in members])
-    stream.save(part, default_blueprint=blueprint(members, plots))
+    claims = {m.key: found for m in members if (found := certified(m.run)) is not None}
+    loops = {m.key: found for m in members if (found := frozen_loop(m.run)) is not None}
+    stream.save(part, default_blueprint=blueprint(members, plots, claims=claims, loops=loops))
     stream.send_recording_name(title)
     stream.log(PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     log_record(stream, runs)
     if members:
-        log_scene(stream, members)
+        log_scene(stream, members, claims)
         log_lanes(stream, members)
-    for tab in plots.values():
-        for plot in tab:
-            _log_plot(stream, plot, members)
+        log_events(stream, members, claims)
+    if claims:
+        log_certificates(stream, members, claims)
+    if loops:
+        log_eigenvalues(stream, members, loops)
+    for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
+        _log_plot(stream, plot, members)
     stream.flush()
 
 

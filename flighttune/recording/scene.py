@@ -1,13 +1,15 @@
 """The 3D scene: paths, their shadows, and the aircraft of all runs in local NED."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
 
 from flighttune.arrays import FloatArray
 from flighttune.palette import NEUTRAL, rgb
+from flighttune.recording.airframe import span_of
 from flighttune.recording.cast import Member
+from flighttune.recording.certified import Certified
 from flighttune.recording.geometry import (
     attitudes,
     enlargement,
@@ -15,8 +17,10 @@ from flighttune.recording.geometry import (
     ground_grid,
     headings,
     positions,
+    widest,
 )
-from flighttune.recording.mesh import Mesh, aircraft_mesh
+from flighttune.recording.mesh import SPAN, Mesh, aircraft_mesh
+from flighttune.recording.motion import log_motion
 from flighttune.recording.names import AIRCRAFT, BODY, GROUND, PATHS, SHADOWS, WORLD, times
 from flighttune.recording.thinning import evenly
 
@@ -32,10 +36,20 @@ PALE = 0.55
 """How far the fuselage is mixed with white."""
 
 
-def log_scene(stream: rr.RecordingStream, members: Sequence[Member]) -> None:
-    """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
+def log_scene(
+    stream: rr.RecordingStream, members: Sequence[Member], claims: Mapping[str, Certified]
+) -> None:
+    """Log world axes (x north, y east, z down), paths and moving aircraft of all runs.
+
+    Parameters
+    ----------
+    stream : RecordingStream
+    members : sequence of Member
+    claims : mapping of str to Certified
+        By key of the member; those without one have no cone.
+    """
     points = flown(members)
-    factor = enlargement(points)
+    factor = enlargement(points, widest(members))
     lines, spacing = ground_grid(points)
     floor = float(lines[0][0, 2])
     mesh = aircraft_mesh()
@@ -43,7 +57,9 @@ def log_scene(stream: rr.RecordingStream, members: Sequence[Member]) -> None:
     _log_ground(stream, lines, spacing)
     for member in members:
         _log_path(stream, member, floor)
-        _log_aircraft(stream, member, mesh, factor)
+        span = span_of(member.run)
+        _log_aircraft(stream, member, mesh, factor * span / SPAN)
+        log_motion(stream, member, claims.get(member.key), width=factor * span)
 
 
 def _log_ground(stream: rr.RecordingStream, lines: list[FloatArray], spacing: float) -> None:

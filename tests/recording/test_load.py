@@ -125,7 +125,7 @@ def test_a_recording_cut_off_gives_what_there_is_and_says_what_is_missing(long_f
     second = replace(long_flight, provenance=replace(long_flight.provenance, gains_name="second"))
     whole = written([long_flight, second], tmp_path / "whole.rrd").read_bytes()
     path, seen = tmp_path / "cut.rrd", set()
-    for size in range(200_000, len(whole), 150_000):
+    for size in range(400_000, len(whole), 150_000):
         path.write_bytes(whole[:size])
         found = load_recording(path)
         assert found.missing[0] == "the end of the file is cut off"

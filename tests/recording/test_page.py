@@ -86,7 +86,7 @@ def test_the_scenario_is_there_without_brackets_of_python(page):
 
 
 def test_enlargement_and_units_are_stated(page):
-    assert "Aircraft are drawn 15 times their size: a span of 2.9 m is shown as 43.5 m." in page
+    assert "Aircraft are drawn 15 times their size: a span of 2.9 m is shown as 43.4 m." in page
     assert "Plots show angles in degrees; files keep radians." in page
 
 

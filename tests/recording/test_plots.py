@@ -74,5 +74,5 @@ def test_a_scenario_without_limits_has_none():
 
 
 def test_calm_air_has_no_tab_of_its_own(four_runs, in_sinusoid):
-    assert "Disturbance" not in shown_plots(four_runs)
-    assert "Disturbance" in shown_plots([*four_runs, in_sinusoid])
+    assert "Weather" not in shown_plots(four_runs)
+    assert "Weather" in shown_plots([*four_runs, in_sinusoid])

@@ -260,7 +260,7 @@ def test_tabs_are_those_that_have_something_to_show(contents, four_runs, in_sinu
     )
 
     assert calm >= {"Overview", "Tracking", "Commands and limits", "Controller", "Aircraft"}
-    assert windy - calm == {"Disturbance"}
+    assert windy - calm == {"Weather"}
 
 
 def test_with_no_run_flown_the_page_is_all_there_is(without_gains, tmp_path):

@@ -1,0 +1,175 @@
+"""What happened when: steps of the reference, limits, gusts, convergence, ends, broken claims."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+
+from flighttune.metrics import NO_STEP, channel_metrics
+from flighttune.recording.cast import Member
+from flighttune.recording.certified import Certified
+from flighttune.recording.lanes import HELD, runs_of_equal
+from flighttune.recording.names import EVENTS, times
+from flighttune.simulate.run import Run
+
+COMMANDS = {"phi": "roll", "n_z": "load-factor"}
+ANGLES = {"chi": "course", "gamma": "path angle"}
+PALE = 0.35
+MOST_HOLDS = 20
+"""Times that a command is told to be held by its limit; then only how often."""
+
+WIND_CHANGE = 0.5
+"""Least departure (m/s) of the wind from that of the start that is called a gust."""
+
+MEASURED = (
+    *("chi_err", "gamma_err", "gamma_ref"),
+    *("phi_cmd", "n_z_cmd", "phi_limited", "n_z_limited"),
+)
+"""What the measures of convergence are taken from."""
+
+WIND = ("wind_north", "wind_east", "wind_down")
+SORTS = {"end": "ERROR", "claim": "WARN", "limit": "WARN", "wind": "INFO", "track": "INFO"}
+"""Level in the log by the sort of event."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something at a time of a run.
+
+    Attributes
+    ----------
+    t : float, s
+    sort : str
+        Key of `SORTS`.
+    text : str
+    """
+
+    t: float
+    sort: str
+    text: str
+
+
+def events(run: Run, claim: Certified | None = None) -> list[Event]:
+    """All events of a run with at least two samples, in order of time."""
+    found = [
+        *_reference(run),
+        *_held(run),
+        *_gust(run),
+        *_converged(run),
+        *_claims(claim),
+    ]
+    if run.status != "completed":
+        text = f"{run.status.replace('_', ' ')}: {run.reason}"
+        found.append(Event(run.duration, "end", text))
+    return sorted(found, key=lambda event: event.t)
+
+
+def log_events(
+    stream: rr.RecordingStream, members: Sequence[Member], claims: Mapping[str, Certified]
+) -> None:
+    """Log the events of all runs in one list, in the colours of the runs.
+
+    The same change of wind is told of the first run that met it.
+    """
+    lines = [
+        (event, member)
+        for member in members
+        for event in events(member.run, claims.get(member.key))
+    ]
+    lines.sort(key=lambda line: line[0].t)
+    weather: set[Event] = set()
+    told = []
+    for event, member in lines:
+        if event.sort != "wind" or event not in weather:
+            told.append((event, member))
+        weather |= {event} if event.sort == "wind" else set()
+    if not told:
+        return
+    columns = rr.TextLog.columns(
+        text=[f"{member.run.label}: {event.text}" for event, member in told],
+        level=[SORTS[event.sort] for event, _ in told],
+        color=[_readable(member.look.rgb) for _, member in told],
+    )
+    when = times(pd.Index([event.t for event, _ in told]))
+    stream.send_columns(EVENTS, [when], columns)
+
+
+def _readable(colour: tuple[int, int, int]) -> tuple[int, ...]:
+    """The colour, light enough for small text on a dark ground."""
+    return tuple(round(part + PALE * (255 - part)) for part in colour)
+
+
+def _reference(run: Run) -> Iterator[Event]:
+    for angle, word in ANGLES.items():
+        name = f"{angle}_ref"
+        if name not in run.signals:
+            continue
+        t, values = _of(run, name)
+        start = run.signals[angle].to_numpy()[0]
+        slopes = np.diff(values)
+        steps = np.flatnonzero(np.abs(np.diff(slopes, prepend=slopes[:1])) > NO_STEP)
+        first = abs(values[0] - start) > NO_STEP
+        if first:
+            told = f"{word} reference {math.degrees(values[0]):.4g} deg"
+            yield Event(float(t[0]), "track", f"{told}, from {math.degrees(start):.4g} deg")
+        for k in steps[:MOST_HOLDS].tolist():
+            moved = math.degrees(values[k])
+            yield Event(float(t[k]), "track", f"{word} reference moves at {moved:.4g} deg")
+
+
+def _held(run: Run) -> Iterator[Event]:
+    for command, word in COMMANDS.items():
+        name = f"{command}_limited"
+        if name not in run.signals:
+            continue
+        t, states = runs_of_equal(*_of(run, name))
+        ends = np.append(t[1:], run.duration)
+        held = np.flatnonzero(states != 0.0)
+        for k in held[:MOST_HOLDS].tolist():
+            limit = "its rate limit" if HELD.get(int(states[k])) == "rate" else "its limit"
+            lasting = f"{ends[k] - t[k]:.2f} s"
+            yield Event(float(t[k]), "limit", f"{word} command held by {limit} for {lasting}")
+        if len(held) > MOST_HOLDS:
+            more = f"{word} command held {len(held) - MOST_HOLDS} times more, not listed"
+            yield Event(float(t[held[MOST_HOLDS]]), "limit", more)
+
+
+def _gust(run: Run) -> Iterator[Event]:
+    if not set(WIND) <= set(run.signals):
+        return
+    wind = run.signals[list(WIND)].to_numpy()
+    away = np.linalg.norm(wind - wind[0], axis=1)
+    t = run.signals.index.to_numpy(dtype=float)
+    if not away.max() > WIND_CHANGE:
+        return
+    begun, peak = int(np.argmax(away > WIND_CHANGE)), int(np.argmax(away))
+    yield Event(float(t[begun]), "wind", f"the wind has changed by {WIND_CHANGE:g} m/s")
+    yield Event(float(t[peak]), "wind", f"the wind is {away[peak]:.1f} m/s off that of the start")
+
+
+def _converged(run: Run) -> Iterator[Event]:
+    if not set(MEASURED) <= set(run.signals):
+        return
+    if not np.isfinite(run.signals[list(MEASURED)].to_numpy()).all():
+        return
+    measures = channel_metrics(run)
+    for angle, word in ANGLES.items():
+        t, error = _of(run, f"{angle}_err")
+        taken = float(measures.at[angle, "settling_s"])
+        if math.isfinite(taken):
+            begun = float(t[int(np.argmax(np.abs(error) > NO_STEP))])
+            told = f"{word} error within 5 % of its first for good, after {taken:.2f} s"
+            yield Event(begun + taken, "track", told)
+
+
+def _claims(claim: Certified | None) -> Iterator[Event]:
+    if claim is not None and claim.t_broken is not None:
+        share = f"{100.0 * claim.share_broken:.1f} % of the time it holds for"
+        yield Event(claim.t_broken, "claim", f"guarantee first broken; in all {share}")
+
+
+def _of(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:
+    return run.signals.index.to_numpy(dtype=float), run.signals[name].to_numpy(dtype=float)

@@ -1,0 +1,106 @@
+"""Twelve runs in wind in one recording: every tab, looked at without a screen."""
+
+import io
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.errors import RecordingError
+from flighttune.palette import looks
+from flighttune.recording.page import scenario_page
+from flighttune.recording.rrd import write_recording
+from flighttune.recording.screenshot import NEEDS_DRIVER, HeadlessViewer
+
+from .conftest import SCENARIO, fly
+
+DEMANDED = os.environ.get("CI", "").lower() == "true"
+FLAT = 3.0
+REFERENCE = Path(__file__).with_name("reference")
+SMALL = (160, 100)
+"""Size of a reference picture, pixels."""
+
+ALIKE = 6.0
+"""Mean difference (of 255) of a small picture from its reference that drivers may make."""
+
+TABS = (
+    "Overview",
+    "Tracking",
+    "Commands and limits",
+    "Controller",
+    "Aircraft",
+    "Weather",
+    "Certificate",
+    "Eigenvalues",
+    "Scenario and metrics",
+)
+
+
+def one(plant, number):
+    gains = PIGains(K_P=(0.7 + 0.1 * number) * PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
+    lag = 0.25 if plant != "kinematic" else 0.0
+    run = fly(plant, f"set{number}", gains, seconds=8.0, lag=lag)
+    t = run.signals.index.to_numpy()
+    wind = {"wind_north": 3.0 + np.sin(t), "wind_east": np.cos(t), "wind_down": 0.1 * np.sin(t)}
+    return replace(run, signals=run.signals.assign(**wind))
+
+
+@pytest.fixture(scope="module")
+def twelve():
+    return [one(plant, k) for k in range(6) for plant in ("kinematic", "jsbsim:aerosonde")]
+
+
+@pytest.fixture(scope="module")
+def viewer(twelve, tmp_path_factory):
+    path = tmp_path_factory.mktemp("crowd") / "crowd.rrd"
+    page = scenario_page(twelve, scenario=SCENARIO)
+    write_recording(twelve, path, page=page, title="Twelve runs")
+    try:
+        opened = HeadlessViewer(path)
+    except RecordingError as error:
+        if DEMANDED or NEEDS_DRIVER not in str(error):
+            raise
+        pytest.skip(str(error))
+    with opened:
+        yield opened
+
+
+def pixels(png):
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+
+
+def test_twelve_runs_have_twelve_colours(twelve):
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in twelve]
+
+    assert len({look.colour for look in looks(pairs).values()}) == 12
+
+
+@pytest.mark.parametrize("tab", TABS)
+def test_every_view_shows_something_and_nothing_is_complained_of(viewer, tab, tmp_path):
+    assert tuple(viewer.tabs) == TABS
+    for at in (0.0, 3.0, 8.0):
+        viewer.show(tab, at=at)
+        (tmp_path / f"window-{at:g}.png").write_bytes(viewer.picture())
+        for name, view in viewer.views(tab).items():
+            assert pixels(viewer.picture(view)).std() > FLAT, f"{name} is empty at {at} s"
+    assert viewer.complaints() == []
+
+
+@pytest.mark.parametrize("tab", ["Overview", "Certificate", "Eigenvalues"])
+def test_tabs_look_as_they_did(viewer, tab, tmp_path):
+    viewer.show(tab, at=3.0)
+    with Image.open(io.BytesIO(viewer.picture())) as picture:
+        small = picture.convert("RGB").resize(SMALL, Image.Resampling.BOX)
+    path = REFERENCE / f"{tab.lower()}.png"
+    if os.environ.get("FLIGHTTUNE_NEW_PICTURES"):
+        REFERENCE.mkdir(exist_ok=True)
+        small.save(path, optimize=True)
+    small.save(tmp_path / path.name)
+
+    with Image.open(path) as known:
+        apart = np.abs(np.asarray(small, dtype=int) - np.asarray(known.convert("RGB"), dtype=int))
+    assert apart.mean() < ALIKE

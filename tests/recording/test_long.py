@@ -1,0 +1,60 @@
+"""Long flights: what a recording of them weighs, and that nothing of them is lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.recording.load import load_recording
+from flighttune.recording.rrd import write_recording
+from flighttune.recording.thinning import MOST
+from flighttune.simulate.run import SIGNAL_UNITS
+
+from .conftest import fly
+from .test_rrd import Contents
+
+LARGEST = 30e6
+"""Bytes of 600 s at 50 Hz with 40 signals."""
+
+
+@pytest.fixture(scope="module")
+def ten_minutes():
+    """Signals that do not compress, on a flight of 600 s."""
+    run = fly("kinematic", "paper", PAPER_GAINS, seconds=2.0)
+    t = np.arange(30_001) * 0.02
+    names = list(SIGNAL_UNITS)[:40]
+    noise = 0.2 * np.random.default_rng(1).normal(size=(len(t), len(names)))
+    signals = pd.DataFrame(noise, columns=names, index=pd.Index(t, name="t"))
+    signals["V_a"] = 25.0
+    signals["north"], signals["east"], signals["down"] = 20.0 * t, 5.0 * t, -t
+    for name in ("phi_limited", "n_z_limited"):
+        signals[name] = (np.sin(t) > 0.9).astype(float)
+    return replace(run, signals=signals)
+
+
+@pytest.fixture(scope="module")
+def recording(ten_minutes, tmp_path_factory):
+    path = tmp_path_factory.mktemp("long") / "long.rrd"
+    write_recording([ten_minutes], path, page="# Long\n", title="Long")
+    return path
+
+
+def test_ten_minutes_stay_below_thirty_megabytes(recording):
+    assert recording.stat().st_size < LARGEST
+
+
+def test_ten_minutes_come_back_to_the_bit(recording, ten_minutes):
+    (run,) = load_recording(recording).runs
+
+    pd.testing.assert_frame_equal(run.signals, ten_minutes.signals, check_exact=True)
+
+
+def test_a_plot_of_ten_minutes_has_few_points_and_every_peak(recording, ten_minutes):
+    drawn = Contents(recording).values("/plots/alpha/kinematic_paper")[:, 0]
+    alpha = np.rad2deg(ten_minutes.signals["alpha"].to_numpy())
+
+    assert MOST <= len(drawn) <= 1.1 * MOST
+    assert drawn.min() == alpha.min()
+    assert drawn.max() == alpha.max()
