@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "flighttune"
 LAYERS = (
     "errors units palette",
     "arrays shipped",
-    "figures",
+    "figures notebook",
     "theory control",
     "plants",
     "simulate",

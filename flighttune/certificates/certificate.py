@@ -10,6 +10,7 @@ from flighttune.control.envelope import Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
+from flighttune.notebook import matrix, number, table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,3 +103,18 @@ class Certificate:
         if (self.claim.envelope is None) != (self.hull is None):
             raise InputError("`envelope` and `hull` must be given together.")
         object.__setattr__(self, "made_with", MappingProxyType(dict(self.made_with)))
+
+    def _repr_html_(self) -> str:
+        claim = self.claim
+        rows = [("rate", f"{number(claim.rate, 6)} 1/s; the norm falls at half of it or faster")]
+        if claim.radius is not None and claim.L_d is not None:
+            within = f"{number(claim.radius)} under a disturbance of rate {number(claim.L_d)}"
+            rows.append(("ultimate radius", within))
+        about = "the linear model alone" if claim.envelope is None else str(claim.envelope)
+        rows += [
+            ("holds for", about),
+            ("K_P", matrix(self.gains.K_P)),
+            ("K_I", matrix(self.gains.K_I)),
+            ("made with", ", ".join(f"{key}: {value}" for key, value in self.made_with.items())),
+        ]
+        return table("Certificate", rows)

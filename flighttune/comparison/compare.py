@@ -12,7 +12,11 @@ from flighttune.comparison.pairing import differences, paired, why_not
 from flighttune.comparison.source import Source, load_source
 from flighttune.errors import InputError
 from flighttune.flight import FlownScenario
+from flighttune.notebook import number, table
 from flighttune.simulate.run import Run
+
+SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
+"""Metrics shown in a notebook; `Comparison.metrics` has them all."""
 
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
 
@@ -83,6 +87,22 @@ class Comparison:
     def max_distance(self) -> float:
         """Largest distance of any pair, m; nan if there is none."""
         return max((pair.max_distance for pair in self.pairs), default=float("nan"))
+
+    def _repr_html_(self) -> str:
+        if not self.comparable:
+            return table("Comparison: not comparable", [("reason", self.reason)])
+        rows = [
+            (
+                f"{row['run_a']} | {row['run_b']}",
+                f"{row['channel']} {row['name']} [{row['unit']}]",
+                *(number(float(row[key])) for key in ("a", "b", "diff")),
+                {"a": "first", "b": "second"}.get(str(row["better"]), str(row["better"])),
+            )
+            for row in self.metrics.to_dict(orient="records")
+            if row["name"] in SHOWN
+        ]
+        title = f"Comparison: paths at most {number(self.max_distance)} m apart"
+        return table(title, rows, head=("runs", "metric", "first", "second", "change", "better"))
 
 
 def compare(

@@ -7,7 +7,9 @@ from typing import Any, Literal, TypeAlias
 import pandas as pd
 
 from flighttune.control.gains import PIGains
+from flighttune.notebook import matrix, number, table
 from flighttune.plants.base import StopStatus
+from flighttune.units import DEG
 
 RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim", "cut_off"] | StopStatus
 
@@ -131,3 +133,18 @@ class Run:
     def duration(self) -> float:
         """Time flown, s."""
         return float(self.signals.index[-1]) if len(self.signals) else 0.0
+
+    def _repr_html_(self) -> str:
+        made = self.provenance
+        ended = self.status + (f": {self.reason}" if self.reason else "")
+        rows = [
+            ("outcome", ended),
+            ("flown", f"{self.duration:g} s, {len(self.signals)} samples"),
+            ("signals", ", ".join(map(str, self.signals.columns))),
+        ]
+        if len(self.signals) and {"chi_err", "gamma_err"} <= set(self.signals):
+            chi, gamma = (float(self.signals[f"{n}_err"].iloc[-1]) / DEG for n in ("chi", "gamma"))
+            rows.insert(2, ("errors at the end", f"χ {number(chi)}°, γ {number(gamma)}°"))
+        if made.gains is not None:
+            rows.append(("gains", f"K_P {matrix(made.gains.K_P)}, K_I {matrix(made.gains.K_I)}"))
+        return table(self.label, rows)

@@ -9,6 +9,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.closed_loop import closed_loops
 from flighttune.control.gains import PIGains
+from flighttune.notebook import matrix, number, table
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.search_space import search_space
@@ -85,6 +86,20 @@ class TuningResult:
     starts: int
     agreeing: int
     wall_s: float
+
+    def _repr_html_(self) -> str:
+        rows = [
+            ("R_K", f"{number(self.R_K, 5)} 1/s"),
+            ("I_K", f"{number(self.I_K, 5)} s²"),
+            ("spectral abscissa", f"{number(self.spectral_abscissa, 5)} 1/s"),
+            ("binding", ", ".join(self.active) or "nothing"),
+            ("found by", f"{self.method}, {self.agreeing} of {self.starts} starts agree"),
+        ]
+        if self.gains is not None:
+            rows += [("K_P", matrix(self.gains.K_P)), ("K_I", matrix(self.gains.K_I))]
+        if self.reason:
+            rows.append(("reason", self.reason))
+        return table(f"Tuning: {self.status}", rows)
 
 
 def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:

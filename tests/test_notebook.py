@@ -1,0 +1,101 @@
+"""What a notebook shows of runs, tunings, certificates and comparisons; and the tour, run whole."""
+
+import dataclasses
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+import flighttune as ft
+from flighttune.notebook import number, table
+
+SMALL = 8_000
+"""Characters of what a value shows of itself."""
+
+TOUR = Path(__file__).parents[1] / "docs" / "tour.ipynb"
+LONGEST = 60.0
+"""Seconds the tour may take."""
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return ft.fly(ft.load_scenario("paper_as_printed"))
+
+
+@pytest.fixture(scope="module")
+def shown(flown):
+    """A value of each kind."""
+    scenario, (run,) = flown.scenario, flown.runs
+    tuning = ft.tune_scenario(scenario)
+    return {
+        "Run": run,
+        "TuningResult": tuning,
+        "Certificate": ft.certify_scenario(scenario, run.provenance.gains).certificate,
+        "Comparison": ft.compare(run, run),
+    }
+
+
+@pytest.mark.parametrize("kind", ["Run", "TuningResult", "Certificate", "Comparison"])
+def test_every_value_shows_a_small_table_that_is_sound(shown, kind):
+    text = shown[kind]._repr_html_()
+
+    assert type(shown[kind]).__name__ == kind
+    assert ET.fromstring(text).tag == "table"
+    assert len(text) < SMALL
+
+
+def test_what_is_shown_are_the_values(shown):
+    R_K = shown["TuningResult"].R_K
+    assert f"{R_K:.5g} 1/s" in shown["TuningResult"]._repr_html_()
+    assert f"{shown['Certificate'].claim.rate:.6g} 1/s" in shown["Certificate"]._repr_html_()
+    assert "20 s, 4001 samples" in shown["Run"]._repr_html_()
+    assert "at most 0 m apart" in shown["Comparison"]._repr_html_()
+
+
+def test_text_of_others_is_escaped(shown):
+    run = dataclasses.replace(shown["Run"], status="diverged", reason="<script>alert(1)</script>")
+
+    assert "<script>" not in run._repr_html_()
+    assert "&lt;script&gt;" in run._repr_html_()
+    assert "<b>&lt;b&gt;</b>" in table("<b>", [("a", "b & c")])
+
+
+def test_a_comparison_that_cannot_be_made_shows_why(shown):
+    run = shown["Run"]
+    scenario = {**run.provenance.scenario, "reference": {"chi_deg": 9.0, "gamma_deg": 0.0}}
+    other = dataclasses.replace(
+        run, provenance=dataclasses.replace(run.provenance, scenario=scenario)
+    )
+
+    assert "the manoeuvre must be the same" in ft.compare(run, other)._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.123456, "0.1235"), (float("nan"), "–"), (float("inf"), "∞")]
+)
+def test_numbers_without_a_value_are_a_dash(value, text):
+    assert number(value) == text
+
+
+def test_the_tour_runs_from_tune_to_gap_in_under_a_minute(tmp_path):
+    import time
+
+    nbclient = pytest.importorskip("nbclient", reason="nbclient is of the extra `dev`")
+    import nbformat
+
+    tour = nbformat.read(TOUR, as_version=4)
+    assert not any(cell.get("outputs") for cell in tour.cells), "the tour is kept without outputs"
+    started = time.perf_counter()
+    nbclient.NotebookClient(
+        tour, timeout=LONGEST, resources={"metadata": {"path": tmp_path}}
+    ).execute()
+    assert time.perf_counter() - started < LONGEST
+
+    code = [cell for cell in tour.cells if cell.cell_type == "code"]
+    errors = [out for cell in code for out in cell.outputs if out.output_type == "error"]
+    shown = [out.data for cell in code for out in cell.outputs if "data" in out]
+    assert errors == []
+    assert sum("text/html" in data for data in shown) >= 4
+    assert sum("image/png" in data for data in shown) >= 1
+    assert re.search(r"report\.html", tour.cells[-1].source + tour.cells[-2].source)
