@@ -23,6 +23,9 @@ COLOURS = tuple(strong for (strong, _), _ in HUES[:4])
 SYMBOLS = {"chi": "χ", "gamma": "γ"}
 NAMES = {"chi": "course", "gamma": "path angle"}
 INK = "#3C3C3C"
+MARGINS = {
+    "left": 0.05, "right": 0.99, "top": 0.91, "bottom": 0.055, "hspace": 0.45, "wspace": 0.19,
+}  # fmt: skip
 DEGREES = 180.0 / math.pi
 
 
@@ -48,8 +51,8 @@ def gap_figure(gap: Gap) -> Figure:
 
     if gap.ladder is None:
         raise InputError(f"`gap` must have a ladder to be drawn, got none: {gap.reason}")
-    figure = Figure(figsize=(15.0, 10.5), layout="constrained")
-    grid: Any = figure.add_gridspec(4, 3, width_ratios=(1.0, 1.0, 0.8))
+    figure = Figure(figsize=(15.0, 10.5))
+    grid: Any = figure.add_gridspec(4, 3, width_ratios=(1.0, 1.0, 0.8), **MARGINS)
     for column, channel in enumerate(SYMBOLS):
         axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
         _draw_rungs(axes[0], gap, channel)
@@ -64,7 +67,7 @@ def gap_figure(gap: Gap) -> Figure:
     title = f"{gap.scenario.title}; gains {gap.runs[-1].provenance.gains_name}"
     figure.legend(
         handles, labels, title=title, title_fontsize=12,
-        loc="outside upper center", ncols=5, frameon=False,
+        loc="upper center", ncols=5, frameon=False,
     )  # fmt: skip
     return figure
 
