@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from commands import answer, flighttune
 
 from flighttune.recording.parquet import read_run
 from flighttune.shipped import scenario_file
@@ -21,24 +22,6 @@ TABLE_2 = {
 }
 """R_K and I_K as Table 2 of arXiv 2411.13140 prints them; some cut off, some rounded."""
 LAST_DIGIT = 1e-4, 1e-3
-
-
-def flighttune(*arguments, status=0):
-    """Run a command; return what it printed on stdout and on stderr."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == status, done.stderr
-    return done.stdout, done.stderr
-
-
-def answer(*arguments, status=0):
-    """The JSON object a command prints."""
-    return json.loads(flighttune(*arguments, "--json", status=status)[0])
 
 
 @pytest.fixture(scope="module")

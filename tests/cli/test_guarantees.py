@@ -1,35 +1,16 @@
 """Certificates, frontiers and diagnoses from the command line."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pandas as pd
 import pytest
+from commands import answer, flighttune
 
 from flighttune.scenario import load_scenario
 
 PAPER_RADIUS = 0.0333
 """Invariant ellipsoid of K* under L_d = 0.015, to the digits given."""
-
-
-def flighttune(*arguments, status=0):
-    """Run a command; return what it printed on stdout and on stderr."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == status, done.stderr
-    return done.stdout, done.stderr
-
-
-def answer(*arguments, status=0):
-    """The JSON object a command prints."""
-    return json.loads(flighttune(*arguments, "--json", status=status)[0])
 
 
 @pytest.fixture(scope="module")
