@@ -14,6 +14,10 @@ UNSEEN = 2e-3
 """Norm of s (0.1 deg in an error) below which nothing counts as broken."""
 
 
+REFERENCE_MOVED = 1e-9
+"""A change of slope of the reference beyond this (rad a sample) starts the claim anew."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BoundFlown:
     """The norm of ``s = (e', e)`` over a flight, and what is guaranteed of it.
@@ -24,9 +28,11 @@ class BoundFlown:
     norm : ndarray, shape (n,), rad/s and rad
         Euclidean norm of the error rates and errors.
     guaranteed : ndarray, shape (n,)
-        Largest norm that the certified linear loop can have; nan before `t_free`.
-    t_free : float, s
-        The time from which no limit holds a command: the certificate knows none.
+        Largest norm that the certified linear loop can have; nan while a limit holds a command or
+        the reference changes its slope, of which the certificate knows nothing. It begins anew
+        after each.
+    t_free : float or None, s
+        When there first was a guarantee; None where there never was.
     t_broken : float or None, s
         When the norm was first above what is guaranteed.
     """
@@ -34,7 +40,7 @@ class BoundFlown:
     t: FloatArray
     norm: FloatArray
     guaranteed: FloatArray
-    t_free: float
+    t_free: float | None
     t_broken: float | None
 
 
@@ -44,7 +50,7 @@ def bound_flown(run: Run, certificate: Certificate) -> BoundFlown:
     Parameters
     ----------
     run : Run
-        Of at least two samples.
+        Of at least three samples.
     certificate : Certificate
         Of the chi/gamma loop, with four states.
 
@@ -59,20 +65,39 @@ def bound_flown(run: Run, certificate: Certificate) -> BoundFlown:
     errors = np.column_stack([np.unwrap(run.signals[f"{name}_err"]) for name in CHANNELS])
     s = np.hstack([np.gradient(errors, t, axis=0), errors])
     norm = np.linalg.norm(s, axis=1)
-    held = np.any([run.signals[f"{name}_limited"] != 0.0 for name in ("phi", "n_z")], axis=0)
-    last = np.flatnonzero(held)
-    first = min(int(last[-1]) + 2, len(t) - 1) if len(last) else 0
     Q, rate, radius = certificate.Q, certificate.claim.rate, certificate.claim.radius
-    start = math.sqrt(float(s[first] @ Q @ s[first]) / float(np.linalg.eigvalsh(Q)[0]))
-    guaranteed = start * np.exp(-0.5 * rate * (t - t[first]))
+    least = float(np.linalg.eigvalsh(Q)[0])
+    guaranteed = np.full(len(t), math.nan)
+    for first, end in stretches(_free(run)):
+        start = math.sqrt(float(s[first] @ Q @ s[first]) / least)
+        guaranteed[first:end] = start * np.exp(-0.5 * rate * (t[first:end] - t[first]))
     if radius is not None:
         guaranteed = np.maximum(guaranteed, radius)
-    guaranteed[:first] = math.nan
+    known = np.flatnonzero(np.isfinite(guaranteed))
     over = np.flatnonzero((norm > guaranteed) & (norm > UNSEEN))
     return BoundFlown(
         t=t,
         norm=norm,
         guaranteed=guaranteed,
-        t_free=float(t[first]),
+        t_free=float(t[known[0]]) if len(known) else None,
         t_broken=float(t[over[0]]) if len(over) else None,
     )
+
+
+def stretches(flag: np.ndarray) -> list[tuple[int, int]]:
+    """First and one past the last place of every stretch in which `flag` is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(int)))
+    return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _free(run: Run) -> np.ndarray:
+    """Where neither a limit nor a bend of the reference is within a sample."""
+    signals = run.signals
+    taken = np.any([signals[f"{name}_limited"] != 0.0 for name in ("phi", "n_z")], axis=0)
+    for name in CHANNELS:
+        bend = np.abs(np.diff(np.unwrap(signals[f"{name}_ref"]), n=2))
+        taken[1:-1] |= bend > REFERENCE_MOVED
+    near = taken.copy()
+    near[1:] |= taken[:-1]
+    near[:-1] |= taken[1:]
+    return ~near

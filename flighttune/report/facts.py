@@ -28,7 +28,7 @@ CONVERGED_AT_LEAST = np.deg2rad(0.5)
 """An error has converged where, over the last quarter of the flight, it stays within 5 % of its
 largest or within 0.5 deg."""
 
-FRONTIER_POINTS = 15
+FRONTIER_POINTS = 12
 TWELVE, FEW_RUNS = 12, 4
 
 

@@ -51,7 +51,7 @@ def _converges(facts: Facts) -> Answer:
     runs = facts.runs
     good = [run for run in runs if facts.convergence[run.label].converged]
     sentences = [_convergence(facts, run) for run in runs]
-    sentences += [f"{run.label} did not fly: {run.reason}." for run in facts.grounded]
+    sentences += [f"{run.label} did not fly: {_plain(run)}." for run in facts.grounded]
     count = len(runs) + len(facts.grounded)
     return Answer(
         question="Does it converge?",
@@ -63,13 +63,13 @@ def _converges(facts: Facts) -> Answer:
 
 def _convergence(facts: Facts, run: Run) -> str:
     found = facts.convergence[run.label]
-    chi, gamma = (value * DEG for value in found.residual)
+    chi, gamma = (_degrees(value) for value in found.residual)
     if run.status != "completed":
-        return f"{run.label} ended after {run.duration:.1f} s: {run.status}, {run.reason}."
+        return f"{run.label} ended after {run.duration:.1f} s: {_plain(run)}."
     if not found.converged:
         return (
-            f"{run.label} does not converge: over the last quarter χ still reaches {chi:.2g}° and "
-            f"γ {gamma:.2g}°."
+            f"{run.label} does not converge: over the last quarter χ still reaches {chi} and "
+            f"γ {gamma}."
         )
     settling = channel_metrics(run)["settling_s"].to_dict()
     times = [
@@ -79,7 +79,7 @@ def _convergence(facts: Facts, run: Run) -> str:
     ]
     return (
         f"{run.label} converges{': ' if times else ''}{', '.join(times)}; over the "
-        f"last quarter χ stays within {chi:.2g}° and γ within {gamma:.2g}°."
+        f"last quarter χ stays within {chi} and γ within {gamma}."
     )
 
 
@@ -87,26 +87,38 @@ def _certified(facts: Facts) -> Answer:
     good = [one for one in facts.gains if one.trim.status == "certified"]
     sentences = [_guarantee(one) for one in facts.gains]
     sentences += [_envelope(one) for one in facts.gains if one.envelope is not None]
-    broken = [
-        f"{label}, from t = {bound.t_broken:.1f} s"
-        for label, bound in facts.bounds.items()
-        if bound.t_broken is not None
-    ]
-    if broken:
-        sentences.append(
-            f"In flight ‖s‖ went above the guaranteed exponential: {'; '.join(broken)}."
-        )
-    elif facts.bounds:
-        sentences.append(
-            "In flight ‖s‖ stayed below the guaranteed exponential on every run, from the time "
-            "no limit held a command."
-        )
+    sentences += _held_to_it(facts)
     return Answer(
         question="Is it certified?",
         verdict=_share(len(good), len(facts.gains)),
         short=f"{len(good)} of {len(facts.gains)} gain sets",
         sentences=tuple(sentences),
     )
+
+
+def _held_to_it(facts: Facts) -> list[str]:
+    """What became of the guaranteed exponential in flight."""
+    known = {label: one for label, one in facts.bounds.items() if one.t_free is not None}
+    never = [label for label, one in facts.bounds.items() if one.t_free is None]
+    broken = [
+        f"{label}, from t = {one.t_broken:.1f} s"
+        for label, one in known.items()
+        if one.t_broken is not None
+    ]
+    lines = []
+    if broken:
+        lines.append(
+            "In flight ‖s‖ went above the guaranteed exponential, which knows no wind, lag or "
+            f"sampling: {'; '.join(broken)}."
+        )
+    elif known:
+        lines.append(
+            "In flight ‖s‖ stayed below the guaranteed exponential wherever no limit held a command"
+            f" on {', '.join(known)}."
+        )
+    if never:
+        lines.append(f"Limits held commands to the end on {', '.join(never)}: nothing to compare.")
+    return lines
 
 
 def _guarantee(one: GainFacts) -> str:
@@ -195,6 +207,15 @@ def _held(gap: ExplainedGap) -> str:
 
 def _percent(law: float, flown: float) -> str:
     return f" ({100.0 * (flown / law - 1.0):+.0f} %)" if law > 0.0 else ""
+
+
+def _degrees(value: float) -> str:
+    degrees = value * DEG
+    return f"{degrees:.2g}°" if degrees < 100.0 else f"{degrees:.0f}°"
+
+
+def _plain(run: Run) -> str:
+    return f"{run.status.replace('_', ' ')}, {run.reason.rstrip('.')}"
 
 
 def _share(good: int, count: int) -> Verdict:

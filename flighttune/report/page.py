@@ -133,9 +133,9 @@ def _sections(facts: Facts) -> list[Section]:
             id="certificate",
             title="Certificate",
             note="s holds the error rates and the errors. The certificate is about the linear law "
-            "without limits: the dashed line starts where no limit holds a command any more, and a "
-            "red cross marks where a flight rose above it. Nothing can lie above the curve of "
-            "R_K against I_K.",
+            "in still air, without lag or limits, under a reference that does not bend: the dashed "
+            "line is there where that is so, and a red cross marks where a flight rose above it. "
+            "Nothing can lie above the curve of R_K against I_K.",
             pictures=[*certificate_panels(facts), *frontier_panel(facts)],
             tables=[gains_table(facts)],
         ),

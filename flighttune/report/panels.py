@@ -21,6 +21,7 @@ from flighttune.figures import (
 )
 from flighttune.palette import Look
 from flighttune.recording.plots import displayed, limits_of
+from flighttune.report.bound import stretches
 from flighttune.report.facts import Facts
 from flighttune.simulate.run import Run
 
@@ -183,10 +184,10 @@ def _time(run: Run) -> FloatArray:
 
 def _spans(t: FloatArray, flag: np.ndarray) -> list[tuple[float, float]]:
     """Start and length of every stretch in which `flag` is true; those too close are one."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(int)))
     ends = np.append(t, t[-1])
     spans: list[tuple[float, float]] = []
-    for start, end in zip(ends[edges[::2]], ends[edges[1::2]], strict=True):
+    for first, stop in stretches(flag):
+        start, end = ends[first], ends[stop]
         if spans and start - sum(spans[-1]) < t[-1] / FINEST:
             start = spans.pop()[0]
         spans.append((float(start), float(end - start)))

@@ -20,7 +20,7 @@ DT = 0.01
 MODEL = kinematic_model(V_a=25.0, gamma=np.deg2rad(15.0), g=9.81)
 
 
-def made_up(errors, *, limited=0.0, status="completed"):
+def made_up(errors, *, limited=0.0, moved=0.0, status="completed"):
     t = np.arange(len(errors)) * DT
     signals = pd.DataFrame(
         {
@@ -28,6 +28,8 @@ def made_up(errors, *, limited=0.0, status="completed"):
             "gamma_err": errors[:, 1],
             "phi_limited": np.where(t < limited, 2.0, 0.0),
             "n_z_limited": 0.0,
+            "chi_ref": np.where(t < moved, 0.0, 0.5),
+            "gamma_ref": 0.0,
         },
         index=pd.Index(t, name="t"),
     )
@@ -89,6 +91,25 @@ def test_nothing_is_guaranteed_while_a_limit_holds_a_command(certificate, linear
     assert found.t_free == pytest.approx(3.0, abs=2.0 * DT)
     assert np.isnan(found.guaranteed[found.t < found.t_free]).all()
     assert np.isfinite(found.guaranteed[found.t >= found.t_free]).all()
+
+
+def test_the_bound_begins_anew_where_the_reference_moves(certificate, linear_flight):
+    n = len(linear_flight)
+    errors = np.vstack([linear_flight[: n // 2, 2:], linear_flight[:, 2:]])
+
+    found = bound_flown(made_up(errors, moved=n // 2 * DT), certificate)
+
+    assert found.t_broken is None
+    jump = n // 2
+    assert np.isnan(found.guaranteed[jump - 1 : jump + 1]).all()
+    assert found.guaranteed[jump + 3] > 5.0 * found.guaranteed[jump - 4]
+
+
+def test_where_limits_hold_to_the_end_nothing_is_guaranteed(certificate, linear_flight):
+    found = bound_flown(made_up(linear_flight[:, 2:], limited=1e3), certificate)
+
+    assert found.t_free is None
+    assert found.t_broken is None
 
 
 def test_under_a_disturbance_the_bound_does_not_go_below_the_certified_radius(linear_flight):

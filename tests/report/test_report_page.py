@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flighttune.comparison import Source
+from flighttune.comparison import Source, load_source
 from flighttune.errors import RecordingError
 from flighttune.metrics import channel_metrics
 from flighttune.report.facts import facts_of
@@ -94,6 +94,23 @@ def test_the_figure_of_the_certificate_agrees_with_its_sentence(paper_source):
     assert bounds["kinematic / paper"].t_broken is None
 
 
+@pytest.mark.parametrize("name", ["level_turn", "paper_as_printed"])
+def test_the_law_itself_never_breaks_its_certificate(name):
+    runs = load_source(f"{name}@K2").runs
+    law = tuple(run for run in runs if run.provenance.plant == "kinematic")
+
+    bounds = facts_of(Source(name=name, runs=law)).bounds
+
+    assert [bound.t_broken for bound in bounds.values()] == [None]
+
+
+def test_a_flight_that_limits_hold_to_the_end_is_said_to_prove_nothing(tmp_path):
+    written = write_report("paper_printed_limits", tmp_path / "limits.html")
+
+    certified = written.answers[1].sentences
+    assert certified[-1].startswith("Limits held commands to the end on kinematic / paper")
+
+
 def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
     wicked = "<script>alert('1')</script> & co"
 
@@ -121,7 +138,10 @@ def test_a_run_that_never_flew_is_told_of(paper_source, tmp_path):
     written = write_report(Source(name="both", runs=(first, never)), tmp_path / "r.html")
 
     assert written.answers[0].short == "1 of 2 runs"
-    assert "kinematic / strict did not fly: I_K is 67 at least." in written.answers[0].sentences
+    assert (
+        "kinematic / strict did not fly: no gains, I_K is 67 at least."
+        in written.answers[0].sentences
+    )
 
 
 def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp_path):
