@@ -6,12 +6,15 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.certificates import Certification, certify
+from flighttune.control.closed_loop import closed_loop
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tuning_table import TUNED, TUNED_IDENTIFIED, TuningModel
+from flighttune.theory.common import CommonQ, common_Q
+from flighttune.theory.indicators import scaled
 from flighttune.tuning.envelope import LargestEnvelope, largest_envelope
 from flighttune.tuning.problem import TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
@@ -211,6 +214,37 @@ def certify_scenario(
         L_d=L_d,
         scenario_sha256=scenario.sha256,
     )
+
+
+def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
+    """The rate that one Q proves at every condition identified, and for every mixture of them.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Says which aircraft, controller rate and schedule; its `robust` does not matter.
+    gains : PIGains
+
+    Returns
+    -------
+    CommonQ
+        In the units of state of `identified_problems`; rate 0 where there is no common Q.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no identified model, or the conditions have lags of different order.
+    """
+    everywhere = scenario.tuning.model_copy(update={"robust": True})
+    models = scenario.model_copy(update={"tuning": everywhere}).identified_models()
+    orders = sorted({len(one.model.states) for one in models})
+    if len(orders) > 1:
+        raise InputError(
+            f"`identified` must have lags of one order at every condition for a common Q, got "
+            f"models of {' and '.join(map(str, orders))} states."
+        )
+    loops = [scaled(closed_loop(one.model, gains), one.scaling) for one in models]
+    return common_Q(np.array(loops))
 
 
 def largest_certified(scenario: Scenario, gains: PIGains) -> LargestEnvelope:

@@ -5,9 +5,15 @@ import pytest
 
 from flighttune.certificates import certify, verify
 from flighttune.control.closed_loop import closed_loop
+from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import ScenarioError
 from flighttune.flight import fly
-from flighttune.outer_loop import certify_scenario, identified_problems, tune_scenario
+from flighttune.outer_loop import (
+    certify_scenario,
+    identified_problems,
+    identified_rate,
+    tune_scenario,
+)
 from flighttune.plants.identification.file import load_identified
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.shipped import aircraft_folder
@@ -18,6 +24,7 @@ ON_THE_AIRCRAFT = 0.45
 ON_THE_LAW = 2.0
 STILL = np.deg2rad(0.1)
 """Root mean square of roll and errors over the last 5 s of a flight without oscillation, rad."""
+ROUNDING = 1e-7
 NOTHING_ASKED = 0.01
 """ITAE, rad s^2, below which a channel was not asked to move."""
 
@@ -170,6 +177,22 @@ def test_the_loop_on_the_identified_model_is_certified():
     assert found.status == "certified"
     assert verify(found.certificate).valid
     assert certify(scenario.linear_model(), gains).status == "certified"
+
+
+def test_one_q_proves_a_rate_at_every_condition_identified():
+    scenario = manoeuvre(UNUSED["left"])
+    gains = tune_scenario(scenario, "identified").gains
+    tuned, printed = identified_rate(scenario, gains), identified_rate(scenario, PAPER_GAINS)
+
+    worst = identified_problems(manoeuvre(UNUSED["left"], robust=True))
+    for one in worst:
+        loop = closed_loop(one.model, gains)
+        A = loop * (one.scaling / one.scaling[:, None])
+        decay = A.T @ tuned.Q + tuned.Q @ A + np.eye(len(A))
+        assert np.linalg.eigvalsh(decay).max() < ROUNDING
+    assert 0.0 < np.linalg.eigvalsh(tuned.Q)[0]
+    assert tuned.R == pytest.approx(1.0 / np.linalg.eigvalsh(tuned.Q)[-1])
+    assert tuned.R > 5.0 * printed.R
 
 
 def test_a_claim_over_an_envelope_is_refused_where_the_model_has_a_lag():
