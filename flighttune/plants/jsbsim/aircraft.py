@@ -1,203 +1,28 @@
 """An aircraft's folder: its ``aircraft.toml``, read once and checked."""
 
-import math
 import tomllib
 from pathlib import Path
 from typing import Annotated, Self
 
-import numpy as np
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    PrivateAttr,
-    ValidationError,
-    model_validator,
-)
+from pydantic import Field, PrivateAttr, ValidationError
 
-from flighttune.control.limits import Limits
 from flighttune.errors import InputError, ScenarioError
+from flighttune.plants.jsbsim.aircraft_tables import (
+    Actuators,
+    AircraftTable,
+    Channels,
+    CommandLimits,
+    Design,
+    Envelope,
+    Finite,
+    LimitProperties,
+    PropertyName,
+    Wrapping,
+)
 from flighttune.shipped import aircraft_folder
 
-_LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
-PROPERTY_NAME = rf"^{_LEVEL}(/{_LEVEL})*$"
-"""Names JSBSim takes; it ends the process over any other."""
 
-
-def _rising(interval: tuple[float, float]) -> tuple[float, float]:
-    if not interval[0] < interval[1]:
-        raise ValueError("must be [lower, upper] with lower < upper")
-    return interval
-
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[Finite, Field(gt=0.0)]
-FromDegrees = Annotated[Finite, AfterValidator(math.radians)]
-Interval = Annotated[tuple[Finite, Finite], AfterValidator(_rising)]
-IntervalFromDegrees = Annotated[tuple[FromDegrees, FromDegrees], AfterValidator(_rising)]
-PropertyName = Annotated[str, Field(pattern=PROPERTY_NAME)]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
-
-
-class Envelope(_Table):
-    """Where the model holds: leaving it ends a flight.
-
-    Attributes
-    ----------
-    alpha, theta : tuple of two floats, rad
-        Angle of attack; pitch attitude.
-    V_a : tuple of two floats, m/s
-        Airspeed.
-    n_z : tuple of two floats, 1
-        Load factor.
-    """
-
-    alpha: IntervalFromDegrees = Field(alias="alpha_deg")
-    theta: IntervalFromDegrees = Field(alias="theta_deg")
-    V_a: Interval = Field(alias="V_a_mps")
-    n_z: Interval
-
-    @model_validator(mode="after")
-    def _flies_forward(self) -> Self:
-        if not self.V_a[0] > 1.0:
-            raise ValueError("`V_a_mps` must begin above 1 m/s")
-        return self
-
-
-class CommandLimits(_Table):
-    """What the inner loop clips its commands to.
-
-    Attributes
-    ----------
-    phi : tuple of two floats, rad
-        Roll command.
-    phi_rate : float, rad/s
-        Its rate.
-    n_z : tuple of two floats, 1
-        Load-factor command.
-    n_z_rate : float, 1/s
-        Its rate.
-    """
-
-    phi: IntervalFromDegrees = Field(alias="phi_deg")
-    phi_rate: Annotated[Positive, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
-    n_z: Interval
-    n_z_rate: Positive = Field(alias="n_z_rate_per_s")
-
-    def limits(self) -> Limits:
-        """The limits of (phi, n_z) as the controller takes them."""
-        (phi_min, phi_max), (n_z_min, n_z_max) = self.phi, self.n_z
-        rate = np.array([self.phi_rate, self.n_z_rate])
-        return Limits(
-            lower=np.array([phi_min, n_z_min]),
-            upper=np.array([phi_max, n_z_max]),
-            rate_lower=-rate,
-            rate_upper=rate,
-        )
-
-
-class Actuators(_Table):
-    """Travel of surfaces (rad) and throttle (1), lower and upper stop."""
-
-    aileron: IntervalFromDegrees = Field(alias="aileron_deg")
-    elevator: IntervalFromDegrees = Field(alias="elevator_deg")
-    rudder: IntervalFromDegrees = Field(alias="rudder_deg")
-    throttle: Interval
-
-
-class Channels(_Table):
-    """JSBSim properties by which the plant talks to the aircraft; the key says the unit."""
-
-    phi_cmd_rad: PropertyName
-    n_z_cmd: PropertyName
-    V_a_cmd_mps: PropertyName
-    engaged: PropertyName
-    aileron_trim_rad: PropertyName
-    elevator_trim_rad: PropertyName
-    rudder_trim_rad: PropertyName
-    throttle_trim: PropertyName
-    aileron_law_rad: PropertyName
-    elevator_law_rad: PropertyName
-    rudder_law_rad: PropertyName
-    throttle_law: PropertyName
-    aileron_rad: PropertyName
-    elevator_rad: PropertyName
-    rudder_rad: PropertyName
-    throttle: PropertyName
-    thrust_lbf: PropertyName
-
-    @property
-    def trimmed(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of trim property and of the inner loop's output that adds to it."""
-        return (
-            (self.aileron_trim_rad, self.aileron_law_rad),
-            (self.elevator_trim_rad, self.elevator_law_rad),
-            (self.rudder_trim_rad, self.rudder_law_rad),
-            (self.throttle_trim, self.throttle_law),
-        )
-
-
-class LimitProperties(_Table):
-    """JSBSim properties that take the command limits, in rad and s."""
-
-    phi_min: PropertyName
-    phi_max: PropertyName
-    phi_rate: PropertyName
-    n_z_min: PropertyName
-    n_z_max: PropertyName
-    n_z_rate: PropertyName
-    throttle_max: PropertyName
-
-
-class Wrapping(_Table):
-    """How an aircraft of JSBSim's own set is flown.
-
-    Attributes
-    ----------
-    systems : tuple of str
-        System files put in front of its flight control, in this order; paths from the folder.
-    engine_settles : float, s
-        Time the engine takes from any state to a steady one; 0 where JSBSim knows the steady state.
-    """
-
-    systems: tuple[str, ...]
-    engine_settles: Annotated[Finite, Field(ge=0.0)] = Field(alias="engine_settles_s", default=0.0)
-
-
-class Design(_Table):
-    """What ``flighttune design`` makes the gains of the inner loop for.
-
-    Attributes
-    ----------
-    V_a, h : float, m/s and m
-        Steady level flight that the airframe is linearised about.
-    V_a_shown : tuple of float, m/s
-        Airspeeds at which the steps are flown.
-    roll, n_z, speed : float, rad/s
-        Bandwidth of roll, of load factor and of airspeed.
-    roll_t90, n_z_t90 : float, s
-        Longest time to 90 % of the step.
-    roll_overshoot, n_z_overshoot : float, 1
-        Largest overshoot as a share of the step.
-    """
-
-    V_a: Positive = Field(alias="V_a_mps")
-    h: Positive = Field(alias="h_m")
-    V_a_shown: tuple[Positive, ...] = Field(alias="V_a_shown_mps", min_length=1)
-    roll: Positive = Field(alias="roll_rad_s")
-    n_z: Positive = Field(alias="n_z_rad_s")
-    speed: Positive = Field(alias="speed_rad_s")
-    roll_t90: Positive = Field(alias="roll_t90_s")
-    n_z_t90: Positive = Field(alias="n_z_t90_s")
-    roll_overshoot: Positive
-    n_z_overshoot: Positive
-
-
-class AircraftConfig(_Table):
+class AircraftConfig(AircraftTable):
     """One aircraft as its ``aircraft.toml`` describes it, in SI and radians.
 
     Attributes

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim.aircraft import Design
+from flighttune.plants.jsbsim.aircraft_tables import Design
 from flighttune.plants.jsbsim.airframe import Airframe
 from flighttune.units import G_0
 

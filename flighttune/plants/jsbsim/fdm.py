@@ -10,7 +10,8 @@ from pathlib import Path
 import jsbsim
 
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim.aircraft import PROPERTY_NAME, AircraftConfig
+from flighttune.plants.jsbsim.aircraft import AircraftConfig
+from flighttune.plants.jsbsim.aircraft_tables import PROPERTY_NAME
 from flighttune.plants.jsbsim.log import one_line, quiet
 from flighttune.plants.jsbsim.wrapping import model_folders
 
