@@ -17,8 +17,8 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.identification.model import FlownModel
 from flighttune.plants.kinematic import G_PAPER
 from flighttune.plants.weather import Weather, WindProfile
-from flighttune.scenario.identified import all_models, nearest_model
 from flighttune.scenario.expect_table import ExpectTable
+from flighttune.scenario.identified import all_models, nearest_model
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.reference_table import ReferenceTable
 from flighttune.scenario.table import (
@@ -37,6 +37,7 @@ from flighttune.scenario.weather_table import (
     GustTable,
     TurbulenceTable,
     WindTable,
+    check_air,
 )
 from flighttune.simulate.reference import Reference
 from flighttune.units import DEG
@@ -173,28 +174,14 @@ class Scenario(Table):
                     raise ValueError(
                         f"`{key}` of [[expect]] must be one of {', '.join(labels)}, got {wanted!r}"
                     )
-        self._check_air()
+        aircraft = any(p.kind == "jsbsim" for p in self.plant)
+        check_air(self.disturbance, self.wind, self.gust or self.turbulence, aircraft=aircraft)
         if self.flight.duration_s * self.controller.rate_hz < 2.0:
             raise ValueError(
                 "`duration_s` of [flight] must be at least two samples of the controller, "
                 f"got {self.flight.duration_s} s at {self.controller.rate_hz} Hz"
             )
         return self
-
-    def _check_air(self) -> None:
-        aircraft = any(p.kind == "jsbsim" for p in self.plant)
-        if self.disturbance and aircraft and not self.disturbance.as_wind:
-            raise ValueError(
-                "`disturbance` must be absent where a plant is jsbsim, or have `as_wind`: the "
-                "sinusoid is a term of the kinematic law"
-            )
-        for name in ("gust", "turbulence"):
-            if getattr(self, name) and not aircraft:
-                raise ValueError(
-                    f"`{name}` must be absent without a jsbsim plant: the others replay its wind"
-                )
-        if self.wind and self.wind.level and not aircraft:
-            raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
 
     @property
     def windy(self) -> bool:

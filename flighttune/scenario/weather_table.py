@@ -134,6 +134,42 @@ class DisturbanceTable(Table):
         )
 
 
+def check_air(
+    disturbance: DisturbanceTable | None,
+    wind: WindTable | None,
+    unsteady: GustTable | TurbulenceTable | None,
+    *,
+    aircraft: bool,
+) -> None:
+    """Refuse air that the plants of a scenario cannot fly in.
+
+    Parameters
+    ----------
+    disturbance, wind, unsteady
+        Tables of the scenario; `unsteady` is its gust or turbulence.
+    aircraft : bool
+        Whether one of its plants is a jsbsim one.
+
+    Raises
+    ------
+    ValueError
+        If a sinusoid of the kinematic law is to disturb an aircraft, or nobody meets the wind that
+        the others replay.
+    """
+    if disturbance and aircraft and not disturbance.as_wind:
+        raise ValueError(
+            "`disturbance` must be absent where a plant is jsbsim, or have `as_wind`: the "
+            "sinusoid is a term of the kinematic law"
+        )
+    if unsteady and not aircraft:
+        name = "gust" if isinstance(unsteady, GustTable) else "turbulence"
+        raise ValueError(
+            f"`{name}` must be absent without a jsbsim plant: the others replay its wind"
+        )
+    if wind and wind.level and not aircraft:
+        raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
+
+
 def _blowing(speed: float, from_deg: float, down: float) -> NED:
     """Velocity of air that comes from `from_deg`, clockwise from north."""
     return -speed * math.cos(from_deg * DEG), -speed * math.sin(from_deg * DEG), down
