@@ -149,7 +149,8 @@ def thinned(x: FloatArray, y: FloatArray, most: int = MOST_POINTS) -> tuple[Floa
     Returns
     -------
     x, y : ndarray
-        Of each of `most` / 2 stretches the lowest and the highest point; all where there are fewer.
+        Of each of `most` / 2 stretches the lowest and the highest point, and a nan where there is
+        one; all where there are fewer.
     """
     if len(x) <= most:
         return x, y
@@ -159,6 +160,8 @@ def thinned(x: FloatArray, y: FloatArray, most: int = MOST_POINTS) -> tuple[Floa
         stretch = y[start:end]
         if np.isfinite(stretch).any():
             kept |= {start + int(np.nanargmin(stretch)), start + int(np.nanargmax(stretch))}
+        if np.isnan(stretch).any():
+            kept.add(start + int(np.argmax(np.isnan(stretch))))
     order = np.array(sorted(kept))
     return x[order], y[order]
 

@@ -58,6 +58,15 @@ def test_a_thinned_line_keeps_its_peaks_and_its_ends():
     assert (np.diff(x) > 0.0).all()
 
 
+def test_a_thinned_line_keeps_its_gaps():
+    t = np.linspace(0.0, 600.0, 30001)
+    y = np.where((t > 100.0) & (t < 101.0), np.nan, 1.0)
+
+    x, values = thinned(t, y)
+
+    assert np.isnan(values[(x > 99.0) & (x < 102.0)]).any()
+
+
 def test_a_short_line_is_drawn_as_it_is():
     t = np.linspace(0.0, 1.0, 100)
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flighttune.figures import INK
+from flighttune.figures import RC as COMMON
 from flighttune.palette import HUES, LIMIT, NEUTRAL, looks
 from flighttune.paper.parameters import STAR, TABLE_2, TABLE_3
 from flighttune.recording.whole_file import whole_file
@@ -13,9 +15,6 @@ from flighttune.recording.whole_file import whole_file
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-INK = "#222222"
-"""What is printed, and K*."""
 
 GREY = NEUTRAL
 RED = LIMIT
@@ -60,22 +59,16 @@ SERIES: dict[str, dict[str, Any]] = {
 """Marks of each channel where a measure is drawn over something."""
 
 RC: dict[Any, Any] = {
+    **COMMON,
     "font.size": 8.5,
     "axes.titlesize": 9,
-    "axes.titlelocation": "left",
     "axes.labelsize": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#E4E4E4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
     "legend.fontsize": 8,
-    "legend.frameon": False,
     "lines.linewidth": 1.4,
     "lines.markersize": 4.5,
-    "svg.hashsalt": "flighttune",
 }
+"""The common style, a little smaller: many panels stand together."""
+
 DPI = 150
 
 

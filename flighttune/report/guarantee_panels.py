@@ -14,6 +14,9 @@ STEP_STYLES = ((":", 1.5), ("--", 1.5), ("-", 1.8))
 FLOOR = 1e-4
 """Lower end of the logarithmic axis of ``||s||``."""
 
+LEGEND_ROOM = 0.24
+"""Part of an axis that is added for a legend of two lines."""
+
 NAMES = {"chi": "course", "gamma": "path angle"}
 
 
@@ -79,7 +82,9 @@ def _steps(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
         whole = getattr(gap.ladder.whole, channel) * DEG
         axes.plot(t, whole, color=INK, lw=0.9, label="all of it")
         axes.set_xlim(0.0, t[-1])
-        axes.legend(fontsize=8)
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + LEGEND_ROOM * (high - low))
+        axes.legend(loc="upper right", ncols=2, fontsize=8, borderaxespad=0.1)
         return pictured(axes, title)
 
 

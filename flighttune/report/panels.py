@@ -163,9 +163,11 @@ def _space(facts: Facts) -> Picture:
             dashes = {"ls": DASHES} if look.dashed else {}
             axes.plot(east, north, -down, color=on_white(look.colour), lw=look.width, **dashes)
         size = np.ptp(np.vstack(points), axis=0)[[1, 0, 2]]
-        axes.set_box_aspect(tuple(np.maximum(size, FLATTEST * size.max())), zoom=0.98)
+        edges = np.maximum(size / size.max(), FLATTEST)
+        axes.set_box_aspect(tuple(edges), zoom=0.98)
         axes.view_init(elev=24.0, azim=-60.0)
-        axes.locator_params(nbins=5)
+        for axis, edge in zip("xyz", edges, strict=True):
+            axes.locator_params(axis=axis, nbins=round(2 + 3 * edge))
         for name, text in (("x", "east [m]"), ("y", "north [m]"), ("z", "height [m]")):
             getattr(axes, f"set_{name}label")(text, labelpad=7.0)
         axes.set_title("Paths in space", loc="left")
