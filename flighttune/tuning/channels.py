@@ -70,7 +70,7 @@ def assembled(parts: list[tuple[Channel, FloatArray]], shape: tuple[int, int]) -
     p = shape[1] // 2
     for channel, own in parts:
         columns = np.concatenate([channel.errors, p + channel.errors])
-        K[np.ix_(channel.inputs, columns)] = own
+        K[channel.inputs[:, None], columns] = own
     return K
 
 
@@ -93,9 +93,9 @@ def _part(
     return replace(
         problem,
         model=LinearModel(
-            A=model.A[np.ix_(states, states)],
-            B=model.B[np.ix_(states, inputs)],
-            C=model.C[np.ix_(errors, states)],
+            A=model.A[states[:, None], states],
+            B=model.B[states[:, None], inputs],
+            C=model.C[errors[:, None], states],
             states=tuple(model.states[i] for i in states),
             inputs=tuple(model.inputs[i] for i in inputs),
             errors=tuple(model.errors[i] for i in errors),
@@ -103,7 +103,7 @@ def _part(
         limits=limits,
         x_0=None if problem.x_0 is None else problem.x_0[errors],
         scaling=scaling[np.concatenate([states, n + errors])],
-        K_min=K_min[np.ix_(inputs, columns)],
-        K_max=K_max[np.ix_(inputs, columns)],
-        K_fixed=K_fixed[np.ix_(inputs, columns)],
+        K_min=K_min[inputs[:, None], columns],
+        K_max=K_max[inputs[:, None], columns],
+        K_fixed=K_fixed[inputs[:, None], columns],
     )
