@@ -1,10 +1,9 @@
 """``flighttune compare`` as a process: answers, exit statuses and one-line reasons."""
 
 import json
-import subprocess
-import sys
 
 import pytest
+from commands import flighttune
 
 from flighttune.recording.check import check_recording
 
@@ -14,15 +13,7 @@ ROW = {"name", "channel", "a", "b", "diff", "better"}
 
 def compare(*arguments, status=0):
     """Run the command; return what it printed on stdout and on stderr."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", "compare", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == status, done.stderr
-    return done.stdout, done.stderr
+    return flighttune("compare", *arguments, status=status)
 
 
 def test_the_answer_has_every_metric_of_every_pair(tmp_path):

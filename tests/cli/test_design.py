@@ -3,22 +3,11 @@
 import json
 import math
 import shutil
-import subprocess
-import sys
 
 import pytest
+from commands import flighttune
 
 from flighttune.shipped import aircraft_folder
-
-
-def flighttune(*arguments, status=0):
-    """Run a command; return what it printed on stdout and on stderr."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", *map(str, arguments)],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-    assert done.returncode == status, done.stderr
-    return done.stdout, done.stderr
 
 
 @pytest.fixture

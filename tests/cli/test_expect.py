@@ -5,18 +5,15 @@ import subprocess
 import sys
 
 import pytest
+from commands import flighttune
 
 from flighttune.shipped import scenario_file
 
 
 def fly(scenario, out, *, status):
     """Fly a scenario; return the JSON object and what stands on stderr."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", "fly", str(scenario), "--out", str(out), "--json"],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-    assert done.returncode == status, done.stderr
-    return json.loads(done.stdout), done.stderr
+    shown, err = flighttune("fly", scenario, "--out", out, "--json", status=status)
+    return json.loads(shown), err
 
 
 def test_an_expected_end_is_a_success(tmp_path):

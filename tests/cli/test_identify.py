@@ -2,43 +2,25 @@
 
 import json
 import os
-import subprocess
-import sys
-import time
 
 import pytest
+from commands import flighttune
 from matplotlib.image import imread
 
 from flighttune.plants.identification.file import load_identified
 
-LONGEST_S = 10.0
 GOOD_FIT = 90.0
-
-
-def flighttune(*arguments, status=0, cwd=None):
-    """Run a command; return what it printed on stdout and on stderr."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        cwd=cwd,
-    )
-    assert done.returncode == status, done.stderr
-    return done.stdout, done.stderr
 
 
 @pytest.fixture(scope="module")
 def aerosonde(tmp_path_factory):
     out = tmp_path_factory.mktemp("identified") / "aerosonde.json"
-    began = time.perf_counter()
     printed, _ = flighttune("identify", "aerosonde", "--out", out, "--json")
-    return json.loads(printed), out, time.perf_counter() - began
+    return json.loads(printed), out
 
 
 def test_identify_answers_for_each_channel(aerosonde):
-    found, out, _ = aerosonde
+    found, out = aerosonde
 
     for channel in ("phi", "n_z"):
         fitted = found["channels"][channel]
@@ -49,10 +31,6 @@ def test_identify_answers_for_each_channel(aerosonde):
     assert found["model"] == str(out)
 
 
-def test_identify_takes_less_than_ten_seconds(aerosonde):
-    assert aerosonde[2] < LONGEST_S
-
-
 def test_the_airframes_modes_stand_beside_it(aerosonde):
     names = [mode["name"] for mode in aerosonde[0]["modes"]]
 
@@ -60,7 +38,7 @@ def test_the_airframes_modes_stand_beside_it(aerosonde):
 
 
 def test_the_model_file_can_be_tuned_on(aerosonde, tmp_path):
-    found, out, _ = aerosonde
+    found, out = aerosonde
     scenario = tmp_path / "mine.toml"
     scenario.write_text(
         'title = "mine"\n[flight]\nV_a_mps = 25.0\n[reference]\nchi_deg = 10.0\ngamma_deg = 0.0\n'
@@ -76,7 +54,7 @@ def test_the_model_file_can_be_tuned_on(aerosonde, tmp_path):
 
 
 def test_the_figure_is_drawn_beside_the_model(aerosonde):
-    found, out, _ = aerosonde
+    found, out = aerosonde
 
     assert found["figure"] == str(out.with_suffix(".png"))
     assert imread(found["figure"]).std() > 0.05

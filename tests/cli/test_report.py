@@ -1,23 +1,14 @@
 """``flighttune report`` as a process."""
 
 import json
-import subprocess
-import sys
 
 import pytest
+from commands import flighttune
 
 
 def report(*arguments, status=0):
     """Run the command; return what it printed on stdout and on stderr."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", "report", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == status, done.stderr
-    return done.stdout, done.stderr
+    return flighttune("report", *arguments, status=status)
 
 
 def test_a_scenario_becomes_a_page_whose_headline_is_printed(tmp_path):
