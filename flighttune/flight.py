@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Protocol
 
 import pandas as pd
 
@@ -67,7 +68,28 @@ class FlownScenario:
         return {**channels, "flight": self.flight.loc[run.label].to_dict()}
 
 
-def fly(scenario: Scenario, *, progress: Progress | None = None) -> FlownScenario:
+class Watcher(Protocol):
+    """Who looks on while a scenario is flown.
+
+    Attributes
+    ----------
+    stopped : bool
+        Whether no other run shall begin.
+    """
+
+    @property
+    def stopped(self) -> bool:
+        """Whether no other run shall begin."""
+        ...
+
+    def watch(self, plant: Plant, label: str) -> Plant:
+        """The plant of a run, wrapped so that it is seen."""
+        ...
+
+
+def fly(
+    scenario: Scenario, *, progress: Progress | None = None, watcher: Watcher | None = None
+) -> FlownScenario:
     """Fly every gain set of a scenario on each of its plants.
 
     Parameters
@@ -76,6 +98,8 @@ def fly(scenario: Scenario, *, progress: Progress | None = None) -> FlownScenari
         What to fly.
     progress : callable, optional
         Told how far each run is.
+    watcher : Watcher, optional
+        Sees every plant while it flies, and may stop the flights.
 
     Returns
     -------
@@ -92,7 +116,7 @@ def fly(scenario: Scenario, *, progress: Progress | None = None) -> FlownScenari
     names = [entry if isinstance(entry, str) else entry.name for entry in scenario.gains]
     gain_sets = {name: gain_set(scenario, name, tuning) for name in names}
     model = scenario.linear_model()
-    runs = _flights(scenario, gain_sets, progress)
+    runs = _flights(scenario, gain_sets, progress, watcher)
     flown = [run for run in runs if len(run.signals) > 1]
     return FlownScenario(
         scenario=scenario,
@@ -155,7 +179,10 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
 
 
 def _flights(
-    scenario: Scenario, gain_sets: Mapping[str, PIGains | None], progress: Progress | None
+    scenario: Scenario,
+    gain_sets: Mapping[str, PIGains | None],
+    progress: Progress | None,
+    watcher: Watcher | None,
 ) -> tuple[Run, ...]:
     """In wind fly aircraft first: the others replay, gain set by gain set, what the first met."""
     order = sorted(scenario.plant, key=lambda plant: scenario.windy and plant.aircraft is None)
@@ -174,9 +201,22 @@ def _flights(
                     gains_name=name,
                 )
                 continue
+            if watcher is not None and watcher.stopped and gains is not None:
+                runs[plant.label, name] = unflown(
+                    scenario,
+                    gains,
+                    "interrupted",
+                    "the flights were stopped before this one began",
+                    plant_label=plant.label,
+                    gains_name=name,
+                )
+                continue
+            flown = plant_of(plant, scenario, _wind_of(scenario, led))
+            if watcher is not None:
+                flown = watcher.watch(flown, f"{plant.label} / {name}")
             runs[plant.label, name] = fly_once(
                 scenario,
-                plant_of(plant, scenario, _wind_of(scenario, led)),
+                flown,
                 gains,
                 plant_label=plant.label,
                 gains_name=name,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,22 +30,34 @@ def fly(
         Path | None, typer.Option(help="Folder of the recording; by default runs/NAME.")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the recording in the viewer.")] = False,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", help="Show the flights in the viewer; Ctrl-C ends them, and keeps them."
+        ),
+    ] = False,
+    pace: Annotated[
+        str, typer.Option(help="With --live: seconds of flight a second, or max.")
+    ] = "1",
     as_json: JsonOption = False,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
+    from flighttune.cli.live import pace_of, watched
     from flighttune.flight import fly as fly_scenario
     from flighttune.recording.record import record
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     folder = out if out is not None else Path("runs") / Path(scenario).stem
-    with progress_bar() as progress:
-        flown = fly_scenario(loaded, progress=progress)
-    files = record(flown, folder, name=Path(scenario).stem)
-    if as_json:
-        print_json(_flown_json(flown, files.recording, files.signals))
-    else:
-        _print_flown(flown, files.recording)
+    seen = watched(loaded, pace=pace_of(pace), quiet=as_json) if live else nullcontext()
+    with seen as watcher:
+        with progress_bar() as progress:
+            flown = fly_scenario(loaded, progress=progress, watcher=watcher)
+        files = record(flown, folder, name=Path(scenario).stem)
+        if as_json:
+            print_json(_flown_json(flown, files.recording, files.signals))
+        else:
+            _print_flown(flown, files.recording)
     if view:
         _open(files.recording)
     if flown.missed:

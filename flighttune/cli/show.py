@@ -83,6 +83,11 @@ def say(line: str) -> None:
     print(line)
 
 
+def tell(line: str) -> None:
+    """Print one line on stderr, for someone who watches."""
+    print(line, file=sys.stderr)
+
+
 def fail(reason: str, status: int) -> NoReturn:
     """Print the reason in one line on stderr and exit with `status`."""
     print(f"flighttune: {' '.join(reason.split())}", file=sys.stderr)

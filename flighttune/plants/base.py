@@ -7,7 +7,7 @@ from typing import Literal, Protocol, TypeAlias
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 
-StopStatus: TypeAlias = Literal["diverged", "ground_contact", "left_envelope"]
+StopStatus: TypeAlias = Literal["diverged", "ground_contact", "left_envelope", "interrupted"]
 
 COMMON_SIGNALS = ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down")
 """Signals every plant shows first, in this order: SI, rad, position in local NED from the start."""

@@ -103,12 +103,13 @@ def _log_aircraft(stream: rr.RecordingStream, member: Member, mesh: Mesh, factor
         vertex_positions=mesh.vertices * factor,
         vertex_normals=mesh.normals,
         triangle_indices=mesh.triangles,
-        vertex_colors=_paint(mesh, member.look.rgb),
+        vertex_colors=paint(mesh, member.look.rgb),
     )
     stream.log(f"{frame}/{BODY}", shape, static=True)
 
 
-def _paint(mesh: Mesh, rgb: tuple[int, int, int]) -> np.ndarray:
+def paint(mesh: Mesh, rgb: tuple[int, int, int]) -> np.ndarray:
+    """Colours of the corners: wing and tail in that of the run, the rest pale."""
     strong = np.array(rgb, dtype=float)
     pale: FloatArray = strong + (255.0 - strong) * PALE
     return np.where(mesh.accent[:, None], strong, pale).round().astype(np.uint8)

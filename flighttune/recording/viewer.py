@@ -75,6 +75,7 @@ class ViewerProcess:
             stdin=subprocess.DEVNULL,
             stdout=self._said,
             stderr=subprocess.STDOUT,
+            start_new_session=True,  # a Ctrl-C is for the command that started it
         )
         try:
             self._await(wait_for or port)
