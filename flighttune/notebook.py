@@ -6,7 +6,7 @@ from html import escape
 
 from flighttune.arrays import FloatArray
 
-CELL = "text-align:left;vertical-align:top"
+CELL = "text-align:left"
 
 
 def table(title: str, rows: Iterable[Sequence[str]], *, head: Sequence[str] = ()) -> str:

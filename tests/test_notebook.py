@@ -2,9 +2,12 @@
 
 import dataclasses
 import re
+import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import nbclient
+import nbformat
 import pytest
 
 import flighttune as ft
@@ -53,6 +56,13 @@ def test_what_is_shown_are_the_values(shown):
     assert "at most 0 m apart" in shown["Comparison"]._repr_html_()
 
 
+def test_many_pairs_are_not_all_shown(shown):
+    text = ft.compare(*[shown["Run"]] * 10)._repr_html_()
+
+    assert len(text) < SMALL
+    assert "6 more pairs" in text
+
+
 def test_text_of_others_is_escaped(shown):
     run = dataclasses.replace(shown["Run"], status="diverged", reason="<script>alert(1)</script>")
 
@@ -79,11 +89,6 @@ def test_numbers_without_a_value_are_a_dash(value, text):
 
 
 def test_the_tour_runs_from_tune_to_gap_in_under_a_minute(tmp_path):
-    import time
-
-    nbclient = pytest.importorskip("nbclient", reason="nbclient is of the extra `dev`")
-    import nbformat
-
     tour = nbformat.read(TOUR, as_version=4)
     assert not any(cell.get("outputs") for cell in tour.cells), "the tour is kept without outputs"
     started = time.perf_counter()

@@ -18,6 +18,9 @@ from flighttune.simulate.run import Run
 SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
 """Metrics shown in a notebook; `Comparison.metrics` has them all."""
 
+MOST_PAIRS = 3
+"""Pairs shown in a notebook."""
+
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
 
 
@@ -91,7 +94,7 @@ class Comparison:
     def _repr_html_(self) -> str:
         if not self.comparable:
             return table("Comparison: not comparable", [("reason", self.reason)])
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (
                 f"{row['run_a']} | {row['run_b']}",
                 f"{row['channel']} {row['name']} [{row['unit']}]",
@@ -99,8 +102,10 @@ class Comparison:
                 {"a": "first", "b": "second"}.get(str(row["better"]), str(row["better"])),
             )
             for row in self.metrics.to_dict(orient="records")
-            if row["name"] in SHOWN
+            if row["name"] in SHOWN and int(row["pair"]) < MOST_PAIRS
         ]
+        if len(self.pairs) > MOST_PAIRS:
+            rows.append((f"{len(self.pairs) - MOST_PAIRS} more pairs in `metrics`", *[""] * 5))
         title = f"Comparison: paths at most {number(self.max_distance)} m apart"
         return table(title, rows, head=("runs", "metric", "first", "second", "change", "better"))
 
