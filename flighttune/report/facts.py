@@ -29,6 +29,9 @@ CONVERGED_AT_LEAST = np.deg2rad(0.5)
 largest or within 0.5 deg."""
 
 FRONTIER_POINTS = 12
+MOST_SAMPLES = 6_000
+"""Of an aircraft run for which the ladder is flown: beyond, a report would take minutes."""
+
 TWELVE, FEW_RUNS = 12, 4
 
 
@@ -232,6 +235,12 @@ def _gaps(
     aircraft = next((p.label for p in scenario.plant if p.kind == "jsbsim"), None)
     for run in runs:
         if run.provenance.plant == aircraft:
+            if len(run.signals) > MOST_SAMPLES:
+                without.append(
+                    f"{run.label}: {len(run.signals)} samples are more than {MOST_SAMPLES}; "
+                    "flighttune gap flies the ladder of any flight."
+                )
+                continue
             try:
                 found.append(explained_gap(scenario, run))
             except FlightTuneError as error:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flighttune.figures import FAINT, INK, PANEL, RC, line, panel, svg_uri
+from flighttune.figures import FAINT, INK, PANEL, RC, line, panel, svg_uri, thinned
 from flighttune.palette import LIMIT
 from flighttune.report.explained import ExplainedGap
 from flighttune.report.facts import Facts
@@ -80,7 +80,7 @@ def _steps(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
             values = getattr(step, channel) * DEG
             line(axes, t, values, look, ls=style, lw=width, label=step.adds)
         whole = getattr(gap.ladder.whole, channel) * DEG
-        axes.plot(t, whole, color=INK, lw=0.9, label="all of it")
+        axes.plot(*thinned(t, whole), color=INK, lw=0.9, label="all of it")
         axes.set_xlim(0.0, t[-1])
         low, high = axes.get_ylim()
         axes.set_ylim(low, high + LEGEND_ROOM * (high - low))
@@ -100,7 +100,8 @@ def _tube(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
         if gap.loop is not None and gap.verdict is not None:
             column = list(SYMBOLS).index(channel)
             tube = gap.loop.tube()[:, column] * DEG
-            axes.fill_between(gap.loop.t, -tube, tube, color=LIMIT, alpha=FAINT, lw=0.0)
+            times, half = thinned(gap.loop.t, tube)
+            axes.fill_between(times, -half, half, color=LIMIT, alpha=FAINT, lw=0.0)
             width = gap.verdict.tube[column] * DEG
             for side in (-width, width):
                 axes.axhline(side, color=LIMIT, lw=1.0, ls=(0, (4, 2)))

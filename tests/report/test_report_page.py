@@ -11,7 +11,7 @@ import pytest
 from flighttune.comparison import Source, load_source
 from flighttune.errors import RecordingError
 from flighttune.metrics import channel_metrics
-from flighttune.report.facts import facts_of
+from flighttune.report.facts import MOST_SAMPLES, facts_of
 from flighttune.report.page import write_report
 
 LARGEST = 3_000_000
@@ -109,6 +109,22 @@ def test_a_flight_that_limits_hold_to_the_end_is_said_to_prove_nothing(tmp_path)
 
     certified = written.answers[1].sentences
     assert certified[-1].startswith("Limits held commands to the end on kinematic / paper")
+
+
+def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(paper_source, tmp_path):
+    craft = paper_source.runs[2]
+    rows = 2 * MOST_SAMPLES
+    signals = pd.DataFrame(
+        np.resize(craft.signals.to_numpy(), (rows, craft.signals.shape[1])),
+        index=pd.Index(np.arange(rows) * 0.02, name="t"),
+        columns=craft.signals.columns,
+    )
+    long = Source(name="long", runs=(dataclasses.replace(craft, signals=signals),))
+
+    written = write_report(long, tmp_path / "long.html")
+
+    assert "From the law to the aircraft" not in written.sections
+    assert f"{craft.label}: {rows} samples are more than" in written.path.read_text()
 
 
 def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
