@@ -27,8 +27,8 @@ WIND_TIMES = 4.0
 REACH = 1.5
 """Length of the velocity arrow at the start over the width of the aircraft as drawn."""
 
-WIDEST = math.radians(75.0)
-"""Certified errors beyond this are drawn as this."""
+WIDEST = math.radians(45.0)
+"""Where the certified errors are beyond this there is no ring: it would say nothing."""
 
 CORNERS = 32
 WIND_COLOUR = (235, 235, 235)
@@ -113,8 +113,8 @@ def _log_cone(
     """A ring at the tip of the velocity arrow: inside it the errors are as certified."""
     t = signals.index.to_numpy(dtype=float)
     nearest = np.clip(np.searchsorted(claim.t, t), 0, len(claim.t) - 1)
-    widths = np.minimum(claim.angles[nearest], WIDEST)
-    claimed = np.isfinite(widths).all(axis=1)
+    widths = claim.angles[nearest]
+    claimed = (widths <= WIDEST).all(axis=1)
     chi, chi_ref, gamma_ref = (
         signals[name].to_numpy(dtype=float) for name in ("chi", "chi_ref", "gamma_ref")
     )

@@ -188,7 +188,7 @@ def _certificates(runs: Sequence[Run]) -> list[str]:
         "decay [1/s]",
         "L_d [rad/s²]",
         "ultimate bound",
-        "claim holds for [% of time]",
+        "claimed [% of time]",
         "broken [% of those]",
         "first broken [s]",
     ]
@@ -247,7 +247,8 @@ def _reading(runs: Sequence[Run]) -> list[str]:
             f"The arrow of an aircraft is its velocity over ground ({length:.3g} m per m/s), the "
             f"white one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip is the "
             "certified set: while the tip is inside, the errors of course and path angle are as "
-            "guaranteed. There is none while nothing is claimed. The thick piece of a path is the "
+            "guaranteed. There is none while nothing is claimed, or no "
+            "less than 45 deg. The thick piece of a path is the "
             "last eighth of the flight."
         )
     return notes

@@ -9,7 +9,7 @@ from flighttune.recording.airframe import span_of
 from flighttune.recording.certified import certified
 from flighttune.recording.events import MOST_HOLDS, events
 from flighttune.recording.mesh import SPAN
-from flighttune.recording.motion import MOST, REACH, WIND_TIMES
+from flighttune.recording.motion import MOST, REACH, WIDEST, WIND_TIMES
 from flighttune.recording.rrd import write_recording
 
 from .test_rrd import Contents
@@ -132,7 +132,7 @@ def test_the_tip_of_the_arrow_is_in_the_ring_where_the_errors_are_as_certified(c
     tips = contents.values(f"{frame}/velocity", "Arrows3D:vectors")[:, 0]
     claim = certified(gusty(four_runs[0]))
     kept = np.unique(np.linspace(0, 1000, MOST).astype(int))
-    claimed = np.isfinite(claim.bound)[np.minimum(kept, 999)]
+    claimed = (claim.angles <= WIDEST).all(axis=1)[np.minimum(kept, 999)]
 
     assert [bool(ring) for ring in rings] == claimed.tolist()
     for k in np.flatnonzero(claimed)[::50].tolist():
