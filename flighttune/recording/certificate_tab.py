@@ -41,9 +41,11 @@ def log_certificates(
     claims : mapping of str to Certified
         By key of the member; those without one are left out.
     """
+    folders = _folders(members)
     for member in members:
         if member.key in claims:
-            _log_run(stream, member, claims[member.key])
+            folder = folders[member.run.provenance.gains_name]
+            _log_run(stream, member, claims[member.key], folder)
     styles: dict[str, tuple[str, tuple[int, ...]]] = {}
     lanes = []
     for member in members:
@@ -65,9 +67,14 @@ def log_certificates(
         log_timeline(stream, CLAIMS, lanes, styles)
 
 
-def _log_run(stream: rr.RecordingStream, member: Member, claim: Certified) -> None:
+def _folders(members: Sequence[Member]) -> dict[str, str]:
+    """Where the lines of each gain set are."""
+    names = dict.fromkeys(member.run.provenance.gains_name for member in members)
+    return {name: f"{GUARANTEE}/{k:02d}_{plain_name(name)}" for k, name in enumerate(names)}
+
+
+def _log_run(stream: rr.RecordingStream, member: Member, claim: Certified, folder: str) -> None:
     look, label = member.look, member.run.label
-    folder = f"{GUARANTEE}/{plain_name(member.run.provenance.gains_name)}"
     t, drawn = claim.t, _logarithms(claim)
     kept = peaks(drawn)
     path = f"{folder}/{member.key}"
@@ -105,9 +112,10 @@ def certificate_tab(
     high = float(np.nanmax(drawn))
     low = max(float(np.nanmin(drawn)), high - DECADES)
     room = ROOM * max(high - low, 1.0)
+    folders = _folders(members)
     return [
         rrb.TimeSeriesView(
-            origin=f"{GUARANTEE}/{plain_name(name)}",
+            origin=folders[name],
             name=f"{name}: log10 |s|, guarantee thin, ultimate bound wide",
             axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
             axis_y=rrb.ScalarAxis(range=(low - room, high + room)),

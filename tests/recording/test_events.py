@@ -148,3 +148,31 @@ def test_events_are_in_the_recording_and_a_shared_gust_once(contents):
     assert sum("the wind is 4.0 m/s off" in text for text in told) == 1
     assert any(text.startswith("jsbsim:aerosonde / tuned: roll command held") for text in told)
     assert contents.nanoseconds("/events").tolist() == sorted(contents.nanoseconds("/events"))
+
+
+def test_the_certificate_is_drawn_in_decades_and_where_it_is_broken(contents, four_runs):
+    entity = "/plots/guarantee/00_paper/kinematic_paper"
+    claim = certified(gusty(four_runs[0]))
+    size, bound = contents.values(entity).T
+
+    assert size == pytest.approx(np.log10(np.maximum(claim.size, 1e-6)))
+    assert np.array_equal(np.isnan(bound), np.isnan(claim.bound))
+    lanes = contents.timed["/claims"]["StateChange:state"].to_pylist()
+    assert {state.rpartition(" ")[2] for row in lanes for state in row} <= {
+        "holds",
+        "claim",
+        "broken",
+        "",
+    }
+
+
+def test_gain_sets_whose_names_look_alike_have_views_of_their_own(four_runs, tmp_path):
+    alike = [
+        replace(run, provenance=replace(run.provenance, gains_name=name))
+        for run, name in zip(four_runs[:2], ("K*", "K+"), strict=True)
+    ]
+    write_recording(alike, tmp_path / "alike.rrd", page="", title="Alike")
+    timed = Contents(tmp_path / "alike.rrd").timed
+
+    folders = {path.split("/")[3] for path in timed if path.startswith("/plots/guarantee/")}
+    assert folders == {"00_K", "01_K"}
