@@ -13,7 +13,7 @@ from flighttune.errors import FlightTuneError, RecordingError
 from flighttune.figures import MOST_POINTS
 from flighttune.outer_loop import certify_scenario, tuning_problem
 from flighttune.palette import Look, looks, many_looks
-from flighttune.report.bound import BoundFlown, bound_flown
+from flighttune.recording.certified import Certified, certified
 from flighttune.report.explained import ExplainedGap, explained_gap
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
@@ -87,7 +87,7 @@ class Facts:
     convergence : mapping of str to Convergence
         By label.
     gains : tuple of GainFacts
-    bounds : mapping of str to BoundFlown
+    bounds : mapping of str to Certified
         By label; without runs whose gains have no certificate.
     aircraft : Comparison or None
         Each gain set on the first plant that is no aircraft against the first aircraft.
@@ -108,7 +108,7 @@ class Facts:
     looks: dict[str, Look]
     convergence: dict[str, Convergence]
     gains: tuple[GainFacts, ...]
-    bounds: dict[str, BoundFlown]
+    bounds: dict[str, Certified]
     aircraft: Comparison | None
     gaps: tuple[ExplainedGap, ...]
     without_gap: tuple[str, ...]
@@ -144,7 +144,6 @@ def facts_of(source: Source) -> Facts:
     known = looks(pairs) if len(set(pairs)) <= TWELVE else many_looks(pairs)
     gains = _gains(scenario, runs)
     gaps, without = _gaps(scenario, runs)
-    certified = {one.name: one.trim.certificate for one in gains}
     return Facts(
         name=source.name,
         scenario=scenario,
@@ -153,12 +152,7 @@ def facts_of(source: Source) -> Facts:
         looks={run.label: known[pair] for run, pair in zip(source.runs, pairs, strict=True)},
         convergence={run.label: convergence(run) for run in runs},
         gains=gains,
-        bounds={
-            run.label: bound_flown(run, certificate)
-            for run in runs
-            if (certificate := certified.get(run.provenance.gains_name)) is not None
-            and len(certificate.Q) == 4
-        },
+        bounds={run.label: one for run in runs if (one := certified(run)) is not None},
         aircraft=_aircraft(runs),
         gaps=gaps,
         without_gap=without,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flighttune.figures import FAINT, INK, PANEL, RC, line, panel, svg_uri, thinned
+from flighttune.figures import FAINT, INK, PANEL, RC, line, on_white, panel, svg_uri, thinned
 from flighttune.palette import LIMIT
 from flighttune.report.explained import ExplainedGap
 from flighttune.report.facts import Facts
@@ -14,6 +14,8 @@ STEP_STYLES = ((":", 1.5), ("--", 1.5), ("-", 1.8))
 FLOOR = 1e-4
 """Lower end of the logarithmic axis of ``||s||``."""
 
+TINY = 1e-9
+
 LEGEND_ROOM = 0.24
 """Part of an axis that is added for a legend of two lines."""
 
@@ -21,7 +23,7 @@ NAMES = {"chi": "course", "gamma": "path angle"}
 
 
 def certificate_panels(facts: Facts) -> list[Picture]:
-    """The norm of s against the guaranteed exponential, a panel a gain set."""
+    """The norm of s against what is guaranteed, a panel a gain set."""
     pictures = []
     for one in facts.gains:
         own = [run for run in facts.runs if run.provenance.gains_name == one.name]
@@ -30,15 +32,15 @@ def certificate_panels(facts: Facts) -> list[Picture]:
             continue
         title = f"{one.name}: ‖s‖, and dashed what is guaranteed"
         with panel(title, "‖(e′, e)‖ [rad/s, rad]", height=3.1) as axes:
-            for run, bound in drawn:
+            for run, one in drawn:
                 look = facts.looks[run.label]
-                line(axes, bound.t, np.maximum(bound.norm, 1e-9), look, ls="-", most=facts.points)
-                line(
-                    axes, bound.t, bound.guaranteed, look, ls=(0, (5, 3)), lw=1.2, most=facts.points
-                )
-                if bound.t_broken is not None:
-                    at = float(np.interp(bound.t_broken, bound.t, bound.norm))
-                    axes.plot(bound.t_broken, at, "x", color=LIMIT, ms=9, mew=2.2)
+                line(axes, one.t, np.maximum(one.size, TINY), look, ls="-", most=facts.points)
+                line(axes, one.t, one.bound, look, ls=(0, (5, 3)), lw=1.2, most=facts.points)
+                if one.radius > 0.0:
+                    axes.axhline(one.radius, color=on_white(look.colour), lw=1.1, ls=":")
+                if one.t_broken is not None:
+                    at = float(np.interp(one.t_broken, one.t, one.size))
+                    axes.plot(one.t_broken, at, "x", color=LIMIT, ms=9, mew=2.2)
             axes.set_yscale("log")
             axes.set_ylim(bottom=FLOOR)
             axes.set_xlim(0.0, max(run.duration for run, _ in drawn))

@@ -97,24 +97,25 @@ def _certified(facts: Facts) -> Answer:
 
 
 def _held_to_it(facts: Facts) -> list[str]:
-    """What became of the guaranteed exponential in flight."""
-    known = {label: one for label, one in facts.bounds.items() if one.t_free is not None}
-    never = [label for label, one in facts.bounds.items() if one.t_free is None]
+    """What became of the guarantee in flight."""
+    known = {label: one for label, one in facts.bounds.items() if np.isfinite(one.bound).any()}
+    never = [label for label in facts.bounds if label not in known]
     broken = [
         f"{label}, from t = {one.t_broken:.1f} s"
         for label, one in known.items()
         if one.t_broken is not None
     ]
+    held = [label for label, one in known.items() if one.t_broken is None]
     lines = []
     if broken:
         lines.append(
-            "In flight ‖s‖ went above the guaranteed exponential, which knows no wind, lag or "
-            f"sampling: {'; '.join(broken)}."
+            "In flight ‖s‖ went above the guaranteed exponential plus ultimate bound: "
+            f"{'; '.join(broken)}."
         )
-    elif known:
+    if held:
         lines.append(
-            "In flight ‖s‖ stayed below the guaranteed exponential wherever no limit held a command"
-            f" on {', '.join(known)}."
+            "In flight ‖s‖ stayed below the guaranteed exponential plus ultimate bound, wherever "
+            f"no limit held a command: {', '.join(held)}."
         )
     if never:
         lines.append(f"Limits held commands to the end on {', '.join(never)}: nothing to compare.")

@@ -132,10 +132,11 @@ def _sections(facts: Facts) -> list[Section]:
         Section(
             id="certificate",
             title="Certificate",
-            note="s holds the error rates and the errors. The certificate is about the linear law "
-            "in still air, without lag or limits, under a reference that does not bend: the dashed "
-            "line is there where that is so, and a red cross marks where a flight rose above it. "
-            "Nothing can lie above the curve of R_K against I_K.",
+            note="s holds the error rates and the errors. Guaranteed of it, dashed, is the "
+            "exponential of the linear law plus the ultimate bound, dotted, of the mismatch that "
+            "the second half of the flight shows, as in the recording; not while a limit holds a "
+            "command, and anew where the reference bends. A red cross marks where a flight first "
+            "rose above it. Nothing can lie above the curve of R_K against I_K.",
             pictures=[*certificate_panels(facts), *frontier_panel(facts)],
             tables=[gains_table(facts)],
         ),

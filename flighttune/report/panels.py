@@ -21,7 +21,6 @@ from flighttune.figures import (
 )
 from flighttune.palette import Look
 from flighttune.recording.plots import displayed, limits_of
-from flighttune.report.bound import stretches
 from flighttune.report.facts import Facts
 from flighttune.simulate.run import Run
 
@@ -188,9 +187,15 @@ def _spans(t: FloatArray, flag: np.ndarray) -> list[tuple[float, float]]:
     """Start and length of every stretch in which `flag` is true; those too close are one."""
     ends = np.append(t, t[-1])
     spans: list[tuple[float, float]] = []
-    for first, stop in stretches(flag):
+    for first, stop in _stretches(flag):
         start, end = ends[first], ends[stop]
         if spans and start - sum(spans[-1]) < t[-1] / FINEST:
             start = spans.pop()[0]
         spans.append((float(start), float(end - start)))
     return spans
+
+
+def _stretches(flag: np.ndarray) -> list[tuple[int, int]]:
+    """First and one past the last place of every stretch in which `flag` is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(int)))
+    return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
