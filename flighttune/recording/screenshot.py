@@ -110,7 +110,7 @@ class HeadlessViewer:
     @property
     def tabs(self) -> dict[str, str]:
         """Name of each tab and its place in the layout."""
-        return {self._name(place): place for place in self._tabs()["contents"]}
+        return {self._name(place): place for place in _inside(self._tabs())}
 
     def _tabs(self) -> dict[str, Any]:
         for parts in self._layout.values():
@@ -131,7 +131,7 @@ class HeadlessViewer:
             if _key(place).startswith("/view/"):
                 found[self._name(place)] = place.rpartition("/")[2]
             else:
-                pending += self._layout[_key(place)]["ContainerBlueprint"]["contents"]
+                pending += _inside(self._layout[_key(place)]["ContainerBlueprint"])
         return found
 
     def show(self, tab: str | None = None, *, at: float | None = None) -> None:
@@ -204,6 +204,12 @@ class HeadlessViewer:
 def _key(place: str) -> str:
     """Key of a part of the layout: the viewer refers to parts with and without a first slash."""
     return f"/{place.lstrip('/')}"
+
+
+def _inside(container: dict[str, Any]) -> list[str]:
+    """Parts of a container; the viewer gives a single one without a list."""
+    contents = container["contents"]
+    return [contents] if isinstance(contents, str) else list(contents)
 
 
 def screenshot(

@@ -153,6 +153,19 @@ def test_a_tab_that_is_not_there_gives_one_line(viewer):
 
 
 @pytest.mark.usefixtures("viewer")
+def test_a_single_run_and_a_page_alone_can_be_looked_at(four_runs, without_gains, tmp_path):
+    for runs, tab, count in (([four_runs[0]], "Certificate", 2), ([without_gains], None, 1)):
+        path = tmp_path / f"{len(runs[0].signals)}.rrd"
+        write_recording(runs, path, page="# Page\n", title="Few")
+        with HeadlessViewer(path) as opened:
+            shown = tab or next(iter(opened.tabs))
+            opened.show(shown)
+
+            assert len(opened.views(shown)) == count
+            assert opened.complaints() == []
+
+
+@pytest.mark.usefixtures("viewer")
 def test_a_picture_for_the_readme_is_small(recording, tmp_path):
     screenshot(recording, tmp_path / "flight.png", at=4.4, size=(1200, 800))
 
