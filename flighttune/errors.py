@@ -4,7 +4,8 @@ FlightTuneError
 ├── InputError (ValueError)      a value the caller gave cannot be used
 │   ├── ShapeError               ... because of its array shape
 │   ├── ScenarioError            ... and it came from a scenario file: names file and key
-│   └── RecordingError           ... and it came from a recording or run folder
+│   ├── RecordingError           ... and it came from a recording or run folder
+│   └── OutputError              ... because the file to write cannot be written
 ├── PlantError (RuntimeError)    the simulated aircraft failed
 │   └── TrimError                ... to reach the steady flight asked for
 └── SolverError (RuntimeError)   an optimiser broke down (infeasible is a status)
@@ -28,7 +29,11 @@ class ScenarioError(InputError):
 
 
 class RecordingError(InputError):
-    """A recording or run folder cannot be read or written."""
+    """A recording or run folder cannot be read."""
+
+
+class OutputError(InputError):
+    """A file cannot be written; what stood there before still does."""
 
 
 class PlantError(FlightTuneError, RuntimeError):

@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "flighttune"
 LAYERS = (
     "errors units palette",
-    "arrays shipped",
+    "arrays shipped whole_file",
     "figures notebook",
     "theory control",
     "plants",

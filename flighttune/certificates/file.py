@@ -1,7 +1,6 @@
 """Certificates as JSON: written whole or not at all, read with one-line complaints."""
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ from flighttune.control.envelope import Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
+from flighttune.whole_file import whole_file
 
 FORMAT = "flighttune certificate 1"
 """Readers refuse what they do not know."""
@@ -27,20 +27,21 @@ Tables = dict[str, Any]
 def save_certificate(certificate: Certificate, path: str | Path) -> None:
     """Write a certificate as JSON, under a temporary name until it is whole.
 
+    Parameters
+    ----------
+    certificate : Certificate
+    path : path-like
+        File to write or replace; its folder is made where there is none.
+
     Raises
     ------
-    InputError
-        If the folder cannot be written to.
+    OutputError
+        If the file cannot be written.
     """
     path = Path(path)
     text = json.dumps(certificate_tables(certificate), indent=2, allow_nan=False) + "\n"
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"{path}: the certificate must be writable: {error.strerror}.") from error
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def load_certificate(path: str | Path) -> Certificate:

@@ -1,6 +1,5 @@
 """Commands that find gains: the best ones, and what each radius would allow."""
 
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -91,6 +90,7 @@ def frontier(
     from flighttune.scenario import load_scenario
     from flighttune.tuning.frontier import frontier as frontier_table
     from flighttune.tuning.frontier_figure import frontier_figure
+    from flighttune.whole_file import whole_file
 
     loaded = load_scenario(scenario)
     names = [entry if isinstance(entry, str) else entry.name for entry in loaded.gains]
@@ -98,11 +98,11 @@ def frontier(
     marked = {**paper_family(), **{name: gains for name, gains in own.items() if gains is not None}}
     table = frontier_table(tuning_problem(loaded), points=points, marked=marked)
     folder = out if out is not None else Path("runs") / Path(scenario).stem
-    folder.mkdir(parents=True, exist_ok=True)
     csv, png = folder / "frontier.csv", folder / "frontier.png"
-    _replaced(csv, lambda part: table.to_csv(part, index=False))
-    figure = frontier_figure(table)
-    _replaced(png, lambda part: figure.savefig(part, dpi=160, format="png"))
+    with whole_file(csv) as part:
+        table.to_csv(part, index=False)
+    with whole_file(png) as part:
+        frontier_figure(table).savefig(part, dpi=160, format="png")
     columns = ("I_K", "R_K", "spectral_abscissa")
     numbers = zip(*(table[column].to_numpy().tolist() for column in columns), strict=True)
     rows = [
@@ -186,9 +186,3 @@ def _print_diagnosis(why: "Diagnosis") -> None:
             else "no factor alone would be enough"
         )
         say(f"limit {one.name}: {alone}; without it I_K {one.smallest_I_K_without:.2f}")
-
-
-def _replaced(path: Path, write: Any) -> None:
-    part = path.with_name(f".{path.name}.part")
-    write(part)
-    os.replace(part, path)

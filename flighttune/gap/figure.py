@@ -12,6 +12,7 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.gap.explain import Gap
 from flighttune.palette import HUES, LIMIT, NEUTRAL
+from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,13 +82,8 @@ def save_gap_figure(gap: Gap, path: Path, *, dpi: int = 110) -> None:
         If the file cannot be written, or there is no ladder.
     """
     figure = gap_figure(gap)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as part:
         figure.savefig(part, dpi=dpi, format=path.suffix.removeprefix(".") or "png")
-        part.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: the figure must be writable: {error.strerror}.") from error
 
 
 def _draw_rungs(axes: Axes, gap: Gap, channel: str) -> None:

@@ -14,7 +14,7 @@ from flighttune.paper.page import page_text
 from flighttune.paper.record import write_families
 from flighttune.paper.study import Study
 from flighttune.paper.style import save
-from flighttune.recording.whole_file import whole_file
+from flighttune.whole_file import whole_file
 
 RECORDED = {"fig8", "fig11"}
 """Items with which the families are recorded."""

@@ -10,7 +10,7 @@ from flighttune.figures import INK
 from flighttune.figures import RC as COMMON
 from flighttune.palette import HUES, LIMIT, NEUTRAL, looks
 from flighttune.paper.parameters import STAR, TABLE_2, TABLE_3
-from flighttune.recording.whole_file import whole_file
+from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ import pyarrow.parquet as pq
 
 from flighttune.errors import RecordingError
 from flighttune.recording.description import FORMAT, described_run, description, signal_table
-from flighttune.recording.whole_file import whole_file
 from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.whole_file import whole_file
 
 METADATA_KEY = b"flighttune.run"
 

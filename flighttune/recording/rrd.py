@@ -26,8 +26,8 @@ from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
 from flighttune.recording.record_columns import log_record
 from flighttune.recording.scene import log_scene
 from flighttune.recording.thinning import peaks
-from flighttune.recording.whole_file import whole_file
 from flighttune.simulate.run import Run
+from flighttune.whole_file import whole_file
 
 FAINT = 150
 """Opacity of thin lines, of 255."""

@@ -12,7 +12,7 @@ from flighttune.errors import RecordingError
 from flighttune.recording.check import check_recording
 from flighttune.recording.names import TIMELINE
 from flighttune.recording.viewer import LOCAL, ViewerProcess, free_port
-from flighttune.recording.whole_file import whole_file
+from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerState

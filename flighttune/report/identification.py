@@ -9,8 +9,8 @@ import numpy.typing as npt
 from flighttune.palette import HUES, NEUTRAL
 from flighttune.plants.identification.excitation import DT
 from flighttune.plants.identification.identify import Identification
-from flighttune.recording.whole_file import whole_file
 from flighttune.units import DEG
+from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

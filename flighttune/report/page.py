@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from flighttune.comparison import Source, load_source
 from flighttune.figures import on_white
-from flighttune.recording.whole_file import whole_file
 from flighttune.report.facts import Facts, facts_of
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel, gap_panels
 from flighttune.report.headline import Answer, headline
@@ -22,6 +21,7 @@ from flighttune.report.tables import (
     tracking_table,
 )
 from flighttune.report.toml_text import toml_text
+from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from jinja2 import Template

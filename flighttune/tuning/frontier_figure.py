@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
 from flighttune.control.gains import PAPER_EPSILON
@@ -35,8 +36,8 @@ def frontier_figure(table: pd.DataFrame) -> "Figure":
     axes = figure.add_subplot()
     colour = HUES[0][0][0]
     axes.plot(along["I_K"], along["R_K"], color=colour, lw=2.0, label="largest R_K found for I_K")
-    for row in marks.itertuples(index=False):
-        name, I_K, R_K, within = str(row.name), float(row.I_K), float(row.R_K), row.within_limits
+    columns = (np.asarray(marks[key]) for key in ("name", "I_K", "R_K", "within_limits"))
+    for name, I_K, R_K, within in zip(*columns, strict=True):
         if not R_K > 0.0:
             continue
         own = name not in PAPER_NAMES

@@ -160,6 +160,7 @@ class _Constraints:
         return float(slope @ z), slope
 
     def values(self, z: FloatArray) -> FloatArray:
+        """``c(z)``, nowhere below zero where z is feasible."""
         k, (top, bottom, sigma_floor, factor) = z[:-4], z[-4:]
         largest, smallest, sigma = self.logs(k)[0].reshape(3, -1)
         room = self._fixed_room + factor * self._relaxed_room - self._program.space.G @ k
@@ -170,6 +171,7 @@ class _Constraints:
         return np.concatenate(parts)
 
     def slopes(self, z: FloatArray) -> FloatArray:
+        """Jacobian of `values`."""
         k, G = z[:-4], self._program.space.G
         slopes = self.logs(k)[1]
         n = len(slopes) // 3

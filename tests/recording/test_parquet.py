@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from flighttune.control.gains import PIGains
-from flighttune.errors import RecordingError
+from flighttune.errors import OutputError, RecordingError
 from flighttune.recording.parquet import METADATA_KEY, read_run, write_run
 
 
@@ -95,7 +95,7 @@ def test_a_scenario_that_json_cannot_hold_leaves_the_old_file_alone(four_runs, t
 def test_a_folder_that_is_a_file_gives_one_line(four_runs, tmp_path):
     (tmp_path / "file").write_text("not a folder")
 
-    with pytest.raises(RecordingError, match=r"file/run\.parquet: must be writable, got .*"):
+    with pytest.raises(OutputError, match=r"file/run\.parquet: must be writable, got .*"):
         write_run(four_runs[0], tmp_path / "file" / "run.parquet")
 
 

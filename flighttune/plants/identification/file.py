@@ -1,14 +1,13 @@
 """Identified aircraft as JSON files: units in the keys, written whole or not at all."""
 
 import json
-import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flighttune.control.inner_loop import InnerLag
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import ScenarioError
 from flighttune.plants.identification.model import (
     IdentifiedAircraft,
     IdentifiedChannel,
@@ -17,6 +16,7 @@ from flighttune.plants.identification.model import (
 )
 from flighttune.shipped import aircraft_folder
 from flighttune.units import DEG, G_0
+from flighttune.whole_file import whole_file
 
 FORMAT = "flighttune identified aircraft 1"
 """Readers refuse what they do not know."""
@@ -135,19 +135,13 @@ def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
 
     Raises
     ------
-    InputError
-        If the folder cannot be written to.
+    OutputError
+        If the file cannot be written.
     """
     path = Path(path)
     text = json.dumps(identified_tables(aircraft), indent=2, allow_nan=False) + "\n"
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"{path}: the model must be writable: {error.strerror}.") from error
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def load_identified(source: str | Path) -> IdentifiedAircraft:

@@ -1,6 +1,5 @@
 """A new inner loop for an aircraft: derivatives, gains, flown steps, and the file they go into."""
 
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from flighttune.plants.jsbsim.airframe import airframe
 from flighttune.plants.jsbsim.design import inner_loop_gains
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.steps import StepCheck, check_steps
+from flighttune.whole_file import whole_file
 
 FDM_RATE_HZ = 200.0
 NO_GAIN = 1e-9
@@ -92,9 +92,5 @@ def write_gains(file: Path, gains: dict[str, float]) -> None:
         text, count = line.subn(rf"\g<1>{value!r}", text)
         if count != 1:
             raise InputError(f"{file}: [gains] must have one line `{name}`, got {count}.")
-    temporary = file.with_name(f".{file.name}.new")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, file)
-    except OSError as error:
-        raise InputError(f"{file}: must be writable, got {error.strerror}.") from error
+    with whole_file(file) as part:
+        part.write_text(text, encoding="utf-8")

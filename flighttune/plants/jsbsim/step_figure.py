@@ -1,7 +1,6 @@
 """Figure of an aircraft's inner loop: steps at its airspeeds, and the way into a bank."""
 
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,11 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flighttune.errors import InputError
 from flighttune.palette import HUES
 from flighttune.plants.jsbsim.aircraft import AircraftConfig
 from flighttune.plants.jsbsim.steps import FlownStep, StepCheck, fly_step
 from flighttune.units import DEG
+from flighttune.whole_file import whole_file
 
 COLOURS = tuple(strong for (strong, _), _ in HUES)
 BANK = 45.0 * DEG
@@ -67,18 +66,15 @@ def draw_steps(config: AircraftConfig, checks: Sequence[StepCheck], folder: Path
 
     Raises
     ------
-    InputError
-        If the folder cannot be written to.
+    OutputError
+        If the file cannot be written.
     TrimError
         If there is no steady level flight at one of the airspeeds.
     """
-    file, temporary = folder / FILE_NAME, folder / f".{FILE_NAME}.new"
+    file = folder / FILE_NAME
     drawing = step_figure(config, checks)
-    try:
-        drawing.savefig(temporary, format="png", dpi=80)
-        os.replace(temporary, file)
-    except OSError as error:
-        raise InputError(f"{file}: must be writable, got {error.strerror}.") from error
+    with whole_file(file) as part:
+        drawing.savefig(part, format="png", dpi=80)
     return file
 
 

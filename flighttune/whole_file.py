@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from flighttune.errors import RecordingError
+from flighttune.errors import OutputError
 
 
 @contextmanager
@@ -24,7 +24,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    RecordingError
+    OutputError
         If the folder or the file cannot be written.
     """
     part = path.with_name(f".{path.stem}-{uuid.uuid4().hex}{path.suffix}")
@@ -33,7 +33,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         yield part
         part.replace(path)
     except OSError as error:
-        raise RecordingError(f"{path}: must be writable, got {error}.") from error
+        raise OutputError(f"{path}: must be writable, got {error}.") from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
