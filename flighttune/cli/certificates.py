@@ -24,14 +24,14 @@ def certify(
     scenario: ScenarioArgument,
     gains: GainsOption = None,
     envelope: Annotated[
-        bool, typer.Option("--envelope", help="Claim the rate over the scenario's [envelope].")
+        bool, typer.Option("--envelope", help="Claim the rate over the scenario's envelope.")
     ] = False,
     L_d: Annotated[
         float | None,
         typer.Option(
             "--L-d",
             help="Bound of the disturbance's derivative in rad/s^2, for a claim on the ultimate "
-            "radius; by default that of the scenario's [disturbance].",
+            "radius; by default that of the scenario's disturbance.",
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Write a certificate to this file.")] = None,

@@ -87,7 +87,11 @@ def list_shipped(as_json: JsonOption = False) -> None:
     say(f"aircraft: {', '.join(aircraft_names())}")
 
 
-def view(path: Annotated[Path, typer.Argument(help="A recording, or the folder of one.")]) -> None:
+def view(
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH", help="A recording, or the folder of one.")
+    ],
+) -> None:
     """Open a recording in the Rerun viewer."""
     _open(path)
 

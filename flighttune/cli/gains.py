@@ -22,7 +22,7 @@ def tune(
         typer.Option(help="By default what the scenario says, else gradient."),
     ] = None,
     envelope: Annotated[
-        bool, typer.Option("--envelope", help="Maximise the rate over the scenario's [envelope].")
+        bool, typer.Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def reproduce(
     items: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[ITEM]...", help="Figures and tables by name; all by default."),
+        typer.Argument(metavar="[ITEM ...]", help="Figures and tables by name; all by default."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of figures, tables and page.")] = Path(
         "runs/reproduce"

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 def refly(
     recording: Annotated[
         Path,
-        typer.Argument(help="A recording, the folder of one, or a Parquet file of one run."),
+        typer.Argument(
+            metavar="RECORDING",
+            help="A recording, the folder of one, or a Parquet file of one run.",
+        ),
     ],
     as_json: JsonOption = False,
 ) -> None:
