@@ -14,6 +14,7 @@ from flighttune.shipped import scenario_names
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted((ROOT / "scenarios").glob("*.py"))
 LONGEST_SCRIPT = 40
+LAST_DIGIT = 0.006
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +77,23 @@ def test_the_table_of_scenarios_says_what_their_headers_say():
     text = (ROOT / "scenarios/README.md").read_text()
     for name in scenario_names():
         assert f"| `{name}.toml` | {load_scenario(name).title} |" in text
+
+
+def test_the_table_of_the_readme_is_what_the_demo_shows(flown):
+    text = (ROOT / "README.md").read_text().split("<!-- demo:begin -->")[1]
+    shown = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in text.split("<!-- demo:end -->")[0].strip().splitlines()[2:]
+    ]
+    demo = flown["paper"]
+    assert [row[:2] for row in shown] == [
+        [run.provenance.plant, run.provenance.gains_name] for run in demo.runs
+    ]
+    for row, run in zip(shown, demo.runs, strict=True):
+        found = demo.indicators[run.provenance.gains_name]
+        assert row[2:4] == [f"{found.R_K:.4f}", f"{found.I_K:.3f}"]
+        measured = demo.metrics.loc[run.label]
+        overshoot = np.rad2deg(measured["MO_rad"])
+        wanted = [measured["ITAE"], overshoot, measured["settling_s"]]
+        numbers = [column[channel] for column in wanted for channel in ("chi", "gamma")]
+        assert [float(cell) for cell in row[4:]] == pytest.approx(numbers, abs=LAST_DIGIT)
