@@ -90,6 +90,13 @@ def channel_metrics(run: Run) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index", columns=list(METRICS), dtype=float)
 
 
+def has_step(run: Run, channel: str) -> bool:
+    """Whether the first error of a channel, 0.1 deg or more, is a step that can settle."""
+    error = run.signals[f"{channel}_err"].to_numpy()
+    away = np.flatnonzero(np.abs(error) > NO_STEP)
+    return bool(len(away)) and abs(float(error[away[0]])) >= SMALLEST_STEP
+
+
 def flight_metrics(run: Run) -> dict[str, float]:
     """What the whole aircraft did, as far as the plant shows it.
 

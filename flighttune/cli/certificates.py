@@ -1,5 +1,6 @@
 """Commands that say what is guaranteed of gains, and check what others say."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -153,12 +154,19 @@ def _print_indicators(name: str, found: "Indicators") -> None:
 
 def _say_certification(made: "Certification", envelope: bool, out: Path | None) -> None:
     where = "over the envelope" if envelope else "at the trim"
+    import numpy as np
+
     if made.certificate is None:
         say(f"no certificate {where}: {made.reason}")
         return
     claim = made.certificate.claim
     checks = 0 if made.verification is None else len(made.verification.checks)
     radius = "" if claim.radius is None else f", ultimate radius {claim.radius:.5f} rad"
-    say(f"proven {where}: rate {claim.rate:.5f} 1/s{radius} ({checks} exact checks)")
+    spread = math.sqrt(float(np.linalg.cond(made.certificate.Q)))
+    say(
+        f"proven {where}: s'Qs falls at {claim.rate:.5f} 1/s, so the norm of s at "
+        f"{claim.rate / 2.0:.5f} 1/s from at most {spread:.2f} times its start{radius} "
+        f"({checks} exact checks)"
+    )
     if out is not None:
         say(f"certificate: {out}   (check it with: flighttune verify {out})")

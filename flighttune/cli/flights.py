@@ -22,12 +22,16 @@ from flighttune.errors import RecordingError
 
 if TYPE_CHECKING:
     from flighttune.flight import FlownScenario
+    from flighttune.simulate.run import Run
 
 
 def fly(
     scenario: ScenarioArgument,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the recording; by default runs/NAME.")
+        Path | None,
+        typer.Option(
+            help="Folder of the recording; by default runs/NAME, with --live runs/NAME-live."
+        ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open the recording in the viewer.")] = False,
     live: Annotated[
@@ -48,12 +52,13 @@ def fly(
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
-    folder = out if out is not None else Path("runs") / Path(scenario).stem
+    name = Path(scenario).stem
+    folder = out if out is not None else Path("runs") / (f"{name}-live" if live else name)
     seen = watched(loaded, pace=pace_of(pace), quiet=as_json) if live else nullcontext()
     with seen as watcher:
         with progress_bar() as progress:
             flown = fly_scenario(loaded, progress=progress, watcher=watcher)
-        files = record(flown, folder, name=Path(scenario).stem)
+        files = record(flown, folder, name=name)
         if as_json:
             print_json(_flown_json(flown, files.recording, files.signals))
         else:
@@ -152,7 +157,7 @@ def _print_flown(flown: "FlownScenario", recording: Path) -> None:
                 "-" if found is None else f"{found.R_K:.4f}",
                 "-" if found is None else f"{found.I_K:.3f}",
                 *(
-                    _cell(flown, run.label, channel, key, unit)
+                    _cell(flown, run, channel, key, unit)
                     for key, unit in (
                         ("ITAE", 1.0),
                         ("MO_rad", 180.0 / math.pi),
@@ -171,11 +176,18 @@ def _print_flown(flown: "FlownScenario", recording: Path) -> None:
         "R_K in 1/s and I_K in s² hold for the kinematic law; ITAE in rad s², maximum overshoot MO "
         "in deg, settling to 5 % in s"
     )
+    for run in flown.runs:
+        if run.status != "completed":
+            say(f"{run.label}: {run.status.replace('_', ' ')}: {run.reason}")
     say(f"recording: {recording}   (open it with: flighttune view {recording})")
 
 
-def _cell(flown: "FlownScenario", label: str, channel: str, key: str, unit: float) -> str:
-    if (label, channel) not in flown.metrics.index:
+def _cell(flown: "FlownScenario", run: "Run", channel: str, key: str, unit: float) -> str:
+    from flighttune.metrics import has_step
+
+    if (run.label, channel) not in flown.metrics.index:
         return "-"
-    value = float(flown.metrics.at[(label, channel), key]) * unit
-    return f"{value:.2f}" if math.isfinite(value) else "never"
+    value = float(flown.metrics.at[(run.label, channel), key]) * unit
+    if math.isfinite(value):
+        return f"{value:.2f}"
+    return "never" if has_step(run, channel) else "-"

@@ -83,7 +83,8 @@ def say_margins(margins: "LoopMargins | None") -> None:
         return
     for one in margins.channels:
         say(
-            f"margins of {one.channel}: gain x{one.gain_decrease:.2f} to x{one.gain_increase:.2f}, "
+            f"margins of {one.channel}: gain {_factor(one.gain_decrease)} to "
+            f"{_factor(one.gain_increase)}, "
             f"phase {math.degrees(one.phase_margin):.0f} deg, delay {one.delay_margin:.3f} s"
         )
     say(
@@ -91,3 +92,9 @@ def say_margins(margins: "LoopMargins | None") -> None:
         f"{math.degrees(margins.disk_phase):.0f} deg, delay {margins.delay_margin:.3f} s, "
         f"first-order lag {margins.lag_margin:.3f} s"
     )
+
+
+def _factor(value: float) -> str:
+    if value == 0.0:
+        return "x0"
+    return f"x{value:.2f}" if math.isfinite(value) else "any"

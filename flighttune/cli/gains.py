@@ -132,6 +132,7 @@ def _tune_envelope(scenario: "Scenario", source: str, as_json: bool) -> None:
     trim, envelope = trim_and_envelope(scenario)
     g = scenario.flight.g_mps2
     found = tune_over_envelope(tuning_problem(scenario), envelope, trim, g=g)
+    margins = margins_of(scenario.linear_model(), found.gains)
     if as_json:
         print_json(
             {
@@ -144,6 +145,7 @@ def _tune_envelope(scenario: "Scenario", source: str, as_json: bool) -> None:
                 "R_envelope_bound": found.R_bound,
                 "factor": found.factor,
                 "wall_s": found.wall_s,
+                "margins": margins_json(margins),
             }
         )
     else:
@@ -152,6 +154,7 @@ def _tune_envelope(scenario: "Scenario", source: str, as_json: bool) -> None:
             f"{found.R_K:.4f}, I_K {found.I_K:.3f} ({found.wall_s:.1f} s)",
             found.gains,
         )
+        say_margins(margins)
     if found.status != "found":
         fail(f"{source}: {found.reason}", NO)
 

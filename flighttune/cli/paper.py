@@ -32,12 +32,16 @@ def reproduce(
         print_json(made.as_dict())
         return
     counts = Counter(finding.verdict for finding in made.findings)
-    print_table(
-        ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS),
-        ("claim", "verdict", "the paper says", "holds", "expected", "computed"),
-        [(f.claim.id, f.verdict, f.claim.text, *_cells(f)) for f in made.findings],
-    )
-    say("holds: comparisons that agree; expected and computed are of the first that does not")
+    verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
+    if items:
+        say(f"claims: {verdicts}; they stand on the page")
+    else:
+        print_table(
+            verdicts,
+            ("claim", "verdict", "the paper says", "holds", "expected", "computed"),
+            [(f.claim.id, f.verdict, f.claim.text, *_cells(f)) for f in made.findings],
+        )
+        say("holds: comparisons that agree; expected and computed are of the first that does not")
     say(f"page: {made.page}")
     if made.recording is not None:
         say(f"recording: {made.recording}   (open it with: flighttune view {made.recording})")

@@ -26,7 +26,7 @@ def frontier_figure(table: pd.DataFrame) -> "Figure":
     Returns
     -------
     matplotlib.figure.Figure
-        I_K on a logarithmic axis; nothing can lie above the curve. A mark that breaks the input
+        Nothing can lie above the curve. A mark that breaks the input
         limits is hollow, one without a stable loop is left out.
     """
     from matplotlib.figure import Figure
@@ -46,15 +46,10 @@ def frontier_figure(table: pd.DataFrame) -> "Figure":
         axes.annotate(
             "K*" if name == "paper" else name,
             (I_K, R_K),
-            xytext=(-TWIN_SHIFT if own else TWIN_SHIFT, -4),
-            ha="right" if own else "left",
+            xytext=(TWIN_SHIFT, -12 if own else -4),
             textcoords="offset points",
             fontsize=9,
         )
-    axes.set_xscale("log")
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter("{x:g}")
-    axes.tick_params(axis="x", which="both", labelsize=9)
     axes.set_xlabel("I_K, size of the ultimate set, in s²")
     axes.set_ylabel("R_K, guaranteed rate, in 1/s")
     axes.set_ylim(bottom=0.0)
