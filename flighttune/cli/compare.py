@@ -12,6 +12,7 @@ from flighttune.errors import InputError
 if TYPE_CHECKING:
     from flighttune.comparison import Comparison, Pair, Violation
 
+DEGREES = 180.0 / math.pi
 BETTER = {"a": "A", "b": "B", "same": "same", "": ""}
 
 
@@ -127,21 +128,21 @@ def _print_pair(pair: "Pair", rows: list[dict[Any, Any]]) -> None:
         say(f"not the same: {key}: {one} and {other}")
     if pair.durations[0] != pair.durations[1]:
         say(f"flown for {pair.durations[0]:g} and {pair.durations[1]:g} s, compared over the less")
-    cells = [
-        (
-            row["channel"],
-            row["name"],
-            row["unit"],
-            *(_cell(float(row[key])) for key in ("a", "b", "diff")),
-            BETTER[row["better"]],
-        )
-        for row in rows
-    ]
+    cells = []
+    for row in rows:
+        name, unit, factor = _shown(row["name"], row["unit"])
+        values = (_cell(float(row[key]) * factor) for key in ("a", "b", "diff"))
+        cells.append((row["channel"], name, unit, *values, BETTER[row["better"]]))
     print_table(
         f"paths are {pair.max_distance:.3f} m apart at most, at {pair.t_max_distance:.2f} s",
         ("channel", "metric", "unit", "A", "B", "B - A", "better"),
         cells,
     )
+
+
+def _shown(name: str, unit: str) -> tuple[str, str, float]:
+    """Name and unit of a metric in the table and the factor to it: angles are in deg."""
+    return (name.removesuffix("_rad"), "deg", DEGREES) if unit == "rad" else (name, unit, 1.0)
 
 
 def _cell(value: float) -> str:

@@ -58,6 +58,11 @@ def why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
     for one in (a, b):
         for signal, unit in one.units.items():
             return f"{one.name}: `{signal}` must have the unit of the other side, got {unit!r}."
+    for one, other in ((a, b), (b, a)):
+        several = not one.chosen and len(one.gain_sets) > 1
+        if several and set(one.gain_sets) != set(other.gain_sets):
+            choices = ", ".join(f"{one.name}@{gains}" for gains in one.gain_sets)
+            return f"{between}: {one.name} has several gain sets, name one of {choices}."
     if not pairs:
         labels = " | ".join(", ".join(run.label for run in side.runs) for side in (a, b))
         return f"{between}: a run must have a partner of the same plant or gains, got {labels}."

@@ -33,12 +33,20 @@ class Source:
         Units that a file states for its signals, where they are not those of `SIGNAL_UNITS`.
     missing : tuple of str
         What was recorded and cannot be had.
+    chosen : bool
+        Whether the gains were chosen; False for a scenario flown without an ``@``.
     """
 
     name: str
     runs: tuple[Run, ...]
     units: Mapping[str, str] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
+    chosen: bool = True
+
+    @property
+    def gain_sets(self) -> tuple[str, ...]:
+        """Names of the gains flown, each once."""
+        return tuple(dict.fromkeys(run.provenance.gains_name for run in self.runs))
 
 
 def load_source(name: str | Path) -> Source:
@@ -67,7 +75,7 @@ def load_source(name: str | Path) -> Source:
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     path = Path(place)
     if not (path.is_dir() or path.suffix.lower() in RECORDED):
-        return Source(name=name, runs=_flown(place, choice))
+        return Source(name=name, runs=_flown(place, choice), chosen=bool(choice))
     found = load_recording(path)
     units: dict[str, str] = {}
     for file in [path] if path.suffix.lower() == PARQUET else path.glob(f"*{PARQUET}"):

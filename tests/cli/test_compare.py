@@ -1,6 +1,8 @@
 """``flighttune compare`` as a process: answers, exit statuses and one-line reasons."""
 
 import json
+import math
+import re
 
 import pytest
 from commands import flighttune
@@ -59,6 +61,30 @@ def test_another_manoeuvre_is_status_2_and_says_why():
     assert found["max_distance_m"] is None
     assert "the manoeuvre must be the same" in found["reason"]
     assert found["reason"] in err
+
+
+def test_angles_are_shown_in_degrees_and_given_in_radians():
+    shown, _ = compare("paper_as_printed@paper", "paper_as_printed@K1")
+    given, _ = compare("paper_as_printed@paper", "paper_as_printed@K1", "--json")
+
+    rows = json.loads(given)["metrics"]
+    row = next(one for one in rows if (one["channel"], one["name"]) == ("chi", "ST_rad"))
+    assert row["unit"] == "rad"
+    cells = [f"{math.degrees(row[key]):.4f}" for key in ("a", "b", "diff")]
+    assert re.search(rf"chi\W+ST\W+deg\W+{cells[0]}\W+{cells[1]}[^-\d]+{cells[2]}", shown)
+    assert "_rad" not in shown
+
+
+def test_all_gain_sets_of_a_scenario_are_held_against_the_same_ones_only():
+    shown, _ = compare("paper", "paper", "--json")
+    assert len(json.loads(shown)["pairs"]) == 4
+
+    for sides in (("paper", "paper@tuned"), ("paper@tuned", "paper")):
+        out, err = compare(*sides, status=2)
+        assert out == ""
+        assert err.count("\n") == 1
+        assert "paper has several gain sets, name one of paper@" in err
+        assert {"paper@paper", "paper@tuned"} <= set(re.findall(r"paper@\w+", err))
 
 
 @pytest.mark.parametrize(
