@@ -41,6 +41,7 @@ def report(
                         "question": answer.question,
                         "verdict": answer.verdict,
                         "short": answer.short,
+                        "criterion": answer.criterion,
                         "sentences": list(answer.sentences),
                     }
                     for answer in written.answers
@@ -51,6 +52,8 @@ def report(
         return
     for answer in written.answers:
         say(f"{answer.question} {answer.short}")
+        if answer.criterion:
+            say(f"  {answer.criterion}")
         for sentence in answer.sentences:
             say(f"  {sentence}")
     say(f"report: {written.path}")

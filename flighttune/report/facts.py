@@ -28,6 +28,9 @@ CONVERGED_AT_LEAST = np.deg2rad(0.5)
 """An error has converged where, over the last quarter of the flight, it stays within 5 % of its
 largest or within 0.5 deg."""
 
+LATE = 0.75
+"""Part of the flight after which its last quarter begins."""
+
 FRONTIER_POINTS = 12
 MOST_SAMPLES = 6_000
 """Of an aircraft run for which the ladder is flown: beyond, a report would take minutes."""
@@ -45,10 +48,13 @@ class Convergence:
         The flight was completed, and both errors came down.
     residual : tuple of float, rad
         Largest errors of course and path angle over the last quarter of the flight.
+    allowed : tuple of float, rad
+        What they may be at most in a run that converged.
     """
 
     converged: bool
     residual: tuple[float, float]
+    allowed: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,15 +174,13 @@ def facts_of(source: Source) -> Facts:
 def convergence(run: Run) -> Convergence:
     """Whether the errors of a run came down; see `CONVERGED_AT_LEAST`."""
     t = run.signals.index.to_numpy(dtype=float)
-    late = t >= 0.75 * t[-1]
-    residual, small = [], []
-    for channel in ("chi", "gamma"):
-        error = np.abs(run.signals[f"{channel}_err"].to_numpy())
-        residual.append(float(error[late].max()))
-        small.append(residual[-1] <= max(CONVERGED_PART * error.max(), CONVERGED_AT_LEAST))
+    errors = np.abs(run.signals[["chi_err", "gamma_err"]].to_numpy())
+    residual = errors[t >= LATE * t[-1]].max(axis=0)
+    allowed = np.maximum(CONVERGED_PART * errors.max(axis=0), CONVERGED_AT_LEAST)
     return Convergence(
-        converged=run.status == "completed" and all(small),
-        residual=(residual[0], residual[1]),
+        converged=run.status == "completed" and bool((residual <= allowed).all()),
+        residual=(float(residual[0]), float(residual[1])),
+        allowed=(float(allowed[0]), float(allowed[1])),
     )
 
 

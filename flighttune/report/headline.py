@@ -9,13 +9,18 @@ import numpy as np
 from flighttune.comparison import Pair
 from flighttune.metrics import channel_metrics
 from flighttune.report.explained import ExplainedGap
-from flighttune.report.facts import Facts, GainFacts
+from flighttune.report.facts import CONVERGED_AT_LEAST, CONVERGED_PART, LATE, Facts, GainFacts
 from flighttune.simulate.run import Run
 
 Verdict: TypeAlias = Literal["yes", "no", "partly", "none"]
 
 DEG = 180.0 / math.pi
 SYMBOLS = {"chi": "χ", "gamma": "γ"}
+CRITERION = (
+    "A run converges if it was completed and over the last quarter of its time both errors stay "
+    f"within {100.0 * CONVERGED_PART:.0f} % of their largest, or within "
+    f"{CONVERGED_AT_LEAST * DEG:.1f}°."
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,12 +36,15 @@ class Answer:
         The answer in a few words.
     sentences : tuple of str
         With numbers.
+    criterion : str
+        What the verdict goes by; empty where the sentences say it.
     """
 
     question: str
     verdict: Verdict
     short: str
     sentences: tuple[str, ...]
+    criterion: str = ""
 
 
 def headline(facts: Facts) -> tuple[Answer, ...]:
@@ -58,6 +66,7 @@ def _converges(facts: Facts) -> Answer:
         verdict=_share(len(good), count),
         short=f"{len(good)} of {count} runs",
         sentences=tuple(sentences),
+        criterion=CRITERION,
     )
 
 
@@ -66,12 +75,16 @@ def _convergence(facts: Facts, run: Run) -> str:
     chi, gamma = (_degrees(value) for value in found.residual)
     if run.status != "completed":
         return f"{run.label} ended after {run.duration:.1f} s: {_plain(run)}."
-    if not found.converged:
-        return (
-            f"{run.label} does not converge: over the last quarter χ still reaches {chi} and "
-            f"γ {gamma}."
-        )
     settling = channel_metrics(run)["settling_s"].to_dict()
+    if not found.converged:
+        allowed_chi, allowed_gamma = (_degrees(value) for value in found.allowed)
+        settled = ", ".join(_settled(SYMBOLS[str(one)], value) for one, value in settling.items())
+        return (
+            f"{run.label} does not converge: over the last quarter, from {LATE * run.duration:.1f} "
+            f"s on, the error of χ still reaches {chi} ({allowed_chi} are allowed) and that of "
+            f"γ {gamma} ({allowed_gamma}); for good within 5 % of the first error, the settling "
+            f"time: {settled}."
+        )
     times = [
         f"{SYMBOLS[str(channel)]} after {value:.1f} s"
         for channel, value in settling.items()
@@ -81,6 +94,10 @@ def _convergence(facts: Facts, run: Run) -> str:
         f"{run.label} converges{': ' if times else ''}{', '.join(times)}; over the "
         f"last quarter χ stays within {chi} and γ within {gamma}."
     )
+
+
+def _settled(symbol: str, settling: float) -> str:
+    return f"{symbol} after {settling:.2f} s" if math.isfinite(settling) else f"{symbol} never"
 
 
 def _certified(facts: Facts) -> Answer:
@@ -128,6 +145,7 @@ def _guarantee(one: GainFacts) -> str:
         return f"{one.name} is not certified: {one.trim.reason}"
     claim = certificate.claim
     proven = 0 if one.trim.verification is None else len(one.trim.verification.checks)
+    growth = math.ceil(10.0 * math.sqrt(np.linalg.cond(certificate.Q))) / 10.0
     ball = (
         ""
         if claim.radius is None
@@ -136,7 +154,8 @@ def _guarantee(one: GainFacts) -> str:
     )
     return (
         f"{one.name} is certified for the linear law at the trim: R_K {claim.rate:.4f} 1/s, so "
-        f"‖s‖ falls at {0.5 * claim.rate:.3f} 1/s or faster{ball} ({proven} checks proven exactly)."
+        f"‖s‖ falls at {0.5 * claim.rate:.3f} 1/s or faster from at most "
+        f"{growth:.1f} times its start{ball} ({proven} checks proven exactly)."
     )
 
 
@@ -199,10 +218,11 @@ def _held(gap: ExplainedGap) -> str:
     name = gap.run.provenance.gains_name
     if gap.verdict is None:
         return f"With {name} there is no certified set to hold against the aircraft."
+    chi, gamma = (_degrees(width) for width in gap.verdict.tube)
     return (
         f"With {name} the aircraft differs from the law by a disturbance of rate up to "
-        f"{gap.verdict.L_d:.2f} rad/s²; the ultimate set certified for "
-        f"that: {gap.verdict.sentence}."
+        f"{gap.verdict.L_d:.2f} rad/s²; the ultimate set certified for that, errors within {chi} "
+        f"of χ and {gamma} of γ: {gap.verdict.sentence}."
     )
 
 

@@ -42,3 +42,4 @@ def test_a_run_converged_if_the_last_quarter_is_within_5_percent_or_half_a_degre
 
     assert found.converged is converged
     assert found.residual == pytest.approx((last, last))
+    assert found.allowed == pytest.approx([max(0.05 * first, np.deg2rad(0.5))] * 2)

@@ -86,6 +86,30 @@ def test_the_headline_answers_with_numbers_of_the_runs(written, flown_paper):
     assert f"paths at most {apart:.1f} m apart" in said
 
 
+def test_a_flight_that_does_not_converge_is_told_why(written, flown_paper, page):
+    converges = written.answers[0]
+    (late,) = (line for line in converges.sentences if "does not converge" in line)
+    (run,) = (run for run in flown_paper.runs if late.startswith(f"{run.label} "))
+
+    assert "within 5 % of their largest, or within 0.5°" in converges.criterion
+    assert converges.criterion in page
+    assert "over the last quarter, from 15.0 s on" in late
+    for symbol, channel in (("χ", "chi"), ("γ", "gamma")):
+        settling = channel_metrics(run)["settling_s"][channel]
+        assert f"{symbol} after {settling:.2f} s" in late
+        largest = np.rad2deg(run.signals[f"{channel}_err"].abs().max())
+        assert f"({0.05 * largest:.2g}°" in late
+
+
+def test_the_bound_of_a_certificate_has_the_factor_it_starts_from(written, paper_source):
+    said = written.answers[1].sentences
+    for one in facts_of(paper_source).gains:
+        growth = np.sqrt(np.linalg.cond(one.trim.certificate.Q))
+        (line,) = (line for line in said if line.startswith(f"{one.name} is certified"))
+        times = float(re.search(r"at most ([\d.]+) times its start", line).group(1))
+        assert growth <= times < growth + 0.1 + 1e-9
+
+
 def test_the_figure_of_the_certificate_agrees_with_its_sentence(paper_source):
     facts = facts_of(paper_source)
 
