@@ -123,6 +123,8 @@ def certificate_from(tables: Any) -> Certificate:
     )
     claim, model = _table(tables, "claim"), _table(tables, "model")
     gains, evidence = _table(tables, "gains"), _table(tables, "evidence")
+    if tables.get("units") != UNITS:
+        raise InputError("`units` must be those of this format: nothing is converted.")
     _known(claim, {"rate_per_s", "radius", "disturbance_rate_bound", "envelope"}, "claim.")
     _known(model, {"A", "B", "C", "states", "inputs", "errors"}, "model.")
     _known(gains, {"K_P", "K_I"}, "gains.")
@@ -140,7 +142,7 @@ def certificate_from(tables: Any) -> Certificate:
             ),
             Q=evidence["Q"],
             W=evidence.get("W"),
-            multiplier=_optional(evidence.get("multiplier_per_s")),
+            multiplier=_optional("evidence.multiplier_per_s", evidence.get("multiplier_per_s")),
             hull=_hull(evidence.get("polytope")),
             made_with={str(key): str(name) for key, name in tables.get("made_with", {}).items()},
             scenario_sha256=tables.get("scenario_sha256"),
@@ -158,18 +160,18 @@ def _claim(tables: Tables) -> Claim:
     if envelope is not None:
         _known(envelope, {"V_a_mps", "gamma_rad", "phi_rad", "n_z", "g_mps2"}, "claim.envelope.")
     return Claim(
-        rate=float(tables["rate_per_s"]),
-        radius=_optional(tables.get("radius")),
-        L_d=_optional(tables.get("disturbance_rate_bound")),
+        rate=_number("claim.rate_per_s", tables["rate_per_s"]),
+        radius=_optional("claim.radius", tables.get("radius")),
+        L_d=_optional("claim.disturbance_rate_bound", tables.get("disturbance_rate_bound")),
         envelope=None
         if envelope is None
         else Envelope(
-            V_a=_range(envelope["V_a_mps"]),
-            gamma=_range(envelope["gamma_rad"]),
-            phi=_range(envelope["phi_rad"]),
-            n_z=_range(envelope["n_z"]),
+            V_a=_range("claim.envelope.V_a_mps", envelope["V_a_mps"]),
+            gamma=_range("claim.envelope.gamma_rad", envelope["gamma_rad"]),
+            phi=_range("claim.envelope.phi_rad", envelope["phi_rad"]),
+            n_z=_range("claim.envelope.n_z", envelope["n_z"]),
         ),
-        g=None if envelope is None else float(envelope["g_mps2"]),
+        g=None if envelope is None else _number("claim.envelope.g_mps2", envelope["g_mps2"]),
     )
 
 
@@ -178,7 +180,9 @@ def _hull(tables: Tables | None) -> JacobianHull | None:
         return None
     _known(tables, {"factor", "lower", "upper"}, "evidence.polytope.")
     return JacobianHull(
-        factor=_range(tables["factor"]), lower=tables["lower"], upper=tables["upper"]
+        factor=_range("evidence.polytope.factor", tables["factor"]),
+        lower=tables["lower"],
+        upper=tables["upper"],
     )
 
 
@@ -197,13 +201,20 @@ def _known(tables: Any, keys: set[str], where: str) -> None:
         raise InputError(f"`{where}{unknown[0]}` must not be there: the key is unknown.")
 
 
-def _range(values: Any) -> tuple[float, float]:
-    low, high = values
-    return float(low), float(high)
+def _number(key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"`{key}` must be a number, got {value!r}.")
+    return float(value)
 
 
-def _optional(value: Any) -> float | None:
-    return None if value is None else float(value)
+def _range(key: str, values: Any) -> tuple[float, float]:
+    if not isinstance(values, list) or len(values) != 2:
+        raise InputError(f"`{key}` must be [low, high], got {values!r}.")
+    return _number(key, values[0]), _number(key, values[1])
+
+
+def _optional(key: str, value: Any) -> float | None:
+    return None if value is None else _number(key, value)
 
 
 def _no_constant(name: str) -> float:

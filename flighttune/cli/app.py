@@ -59,3 +59,10 @@ def main() -> None:
         if "--debug" in sys.argv:
             raise
         fail(str(error), COULD_NOT_RUN)
+    except Exception as error:
+        if "--debug" in sys.argv:
+            raise
+        what = f"{type(error).__name__}: {error}"
+        fail(
+            f"a fault of flighttune: {what} (its traceback: flighttune --debug ...)", COULD_NOT_RUN
+        )

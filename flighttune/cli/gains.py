@@ -8,6 +8,10 @@ import typer
 
 from flighttune.cli.gain_sets import gains_json, margins_json, margins_of, say_margins
 from flighttune.cli.show import NO, JsonOption, ScenarioArgument, fail, print_json, print_table, say
+from flighttune.errors import InputError
+
+ENVELOPE_STARTS = 2
+"""Climbs over an envelope, besides the one from the gains tuned at the trim."""
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
@@ -32,6 +36,8 @@ def tune(
     from flighttune.tuning.diagnosis import diagnosis
 
     loaded = load_scenario(scenario)
+    if envelope and method is not None:
+        raise InputError("--method: must be absent with --envelope, which has a method of its own.")
     if envelope:
         _tune_envelope(loaded, scenario, as_json)
         return
@@ -128,11 +134,14 @@ def frontier(
 def _tune_envelope(scenario: "Scenario", source: str, as_json: bool) -> None:
     from flighttune.outer_loop import trim_and_envelope, tuning_problem
     from flighttune.tuning.envelope import tune_over_envelope
+    from flighttune.tuning.result import assessment
 
     trim, envelope = trim_and_envelope(scenario)
     g = scenario.flight.g_mps2
-    found = tune_over_envelope(tuning_problem(scenario), envelope, trim, g=g)
+    problem = tuning_problem(scenario)
+    found = tune_over_envelope(problem, envelope, trim, g=g, starts=ENVELOPE_STARTS)
     margins = margins_of(scenario.linear_model(), found.gains)
+    at_trim = None if found.gains is None else assessment(problem, found.gains.K)
     if as_json:
         print_json(
             {
@@ -141,6 +150,9 @@ def _tune_envelope(scenario: "Scenario", source: str, as_json: bool) -> None:
                 **gains_json(found.gains),
                 "R_K": found.R_K,
                 "I_K": found.I_K,
+                "spectral_abscissa": None if at_trim is None else at_trim.spectral_abscissa,
+                "active": [] if at_trim is None else list(at_trim.active),
+                "starts": ENVELOPE_STARTS,
                 "R_envelope": found.R,
                 "R_envelope_bound": found.R_bound,
                 "factor": found.factor,

@@ -42,6 +42,10 @@ class Check:
     margin: float
     exact: bool
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "margin", float(self.margin))
+        object.__setattr__(self, "exact", bool(self.exact))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:

@@ -323,7 +323,7 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
     [
         (("evidence", "Q"), [[1.0]], r"`Q` must have shape \(4, 4\)"),
         (("evidence", "Q"), "many", "must be numbers"),
-        (("claim", "rate_per_s"), None, "must be numbers"),
+        (("claim", "rate_per_s"), None, r"`claim\.rate_per_s` must be a number, got None"),
         (("claim", "envelope"), 3, r"`claim\.envelope` must be an object"),
         (("evidence", "polytope"), None, "`envelope` and `hull` must be given together"),
         (("evidence", "W"), None, "`radius`, `W` and `multiplier` must be given together"),

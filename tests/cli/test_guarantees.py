@@ -79,6 +79,32 @@ def test_over_the_envelope_the_printed_gains_reach_less_far_than_the_tuned():
     assert printed["largest_factor"] < tuned["largest_factor"]
 
 
+def test_a_radius_over_the_envelope_is_larger_than_at_the_trim(certificate):
+    over = answer("certify", "paper_as_printed", "--envelope")["certificate"]
+
+    assert over["status"] == "certified"
+    assert over["radius"] > certificate[0]["certificate"]["radius"]
+    assert all(check["exact"] is True for check in over["checks"])
+
+
+def test_a_certificate_in_other_units_or_with_words_for_numbers_is_refused(certificate, tmp_path):
+    for key, change in (("units", "1/min"), ("claim", "0.1")):
+        tables = json.loads(certificate[1].read_text())
+        tables[key]["rate_per_s"] = change
+        path = tmp_path / f"{key}.json"
+        path.write_text(json.dumps(tables))
+
+        _, err = flighttune("verify", path, status=2)
+
+        assert key in err
+
+
+def test_an_envelope_has_a_method_of_its_own():
+    _, err = flighttune("tune", "paper", "--envelope", "--method", "genetic", status=2)
+
+    assert "--method" in err
+
+
 def test_an_envelope_must_stand_in_the_scenario():
     _, err = flighttune("certify", "level_turn", "--envelope", status=2)
 
@@ -96,6 +122,7 @@ def test_tune_over_the_envelope_is_no_worse_there_than_tuning_at_the_trim():
     at_trim = answer("certify", "paper", "--envelope", "--gains", "tuned")["envelope"]
 
     assert found["status"] == "found"
+    assert {"spectral_abscissa", "active", "starts", "margins"} <= found.keys()
     assert found["R_envelope"] >= at_trim["R_K"] - 1e-5
     assert found["I_K"] <= 5.0 + 1e-6
 
