@@ -89,7 +89,7 @@ def reading(gap: Gap) -> str:
             f"The mismatch reaches {gap.mismatch.bound:.2f} rad/s, its derivative "
             f"L_d = {gap.mismatch.L_d:.2f} rad/s². The set for it lets the course be off by "
             f"{whole.tube[0] * DEGREES:.0f} deg (exact for the linear loop: "
-            f"{whole.reach[0] * DEGREES:.0f} deg): {whole.sentence}, and wide. In "
+            f"{whole.reach[0] * DEGREES:.0f} deg): {whole.sentence}. In "
             f"the second half of the flight L_d is {settled.L_d:.3f} rad/s² and the set ends at "
             f"{settled.tube[0] * DEGREES:.1f} deg: {settled.sentence}"
             + (f", entered at {settled.t_entered:.1f} s." if settled.t_entered else "."),

@@ -169,7 +169,6 @@ def _rms(values: Any) -> float:
 def _print(found: "Gap") -> None:
     if found.ladder is None:
         return
-    flown = found.flown().metrics
     ladder, gains = found.ladder, found.runs[-1].provenance.gains_name
 
     def cells(metrics: Any, shape: str) -> list[str]:
@@ -181,22 +180,25 @@ def _print(found: "Gap") -> None:
 
     first, last = found.runs[0], found.runs[-1]
     rows: list[tuple[str, ...]] = [
-        (first.provenance.plant, "-", "-", *cells(flown.loc[first.label], ".2f"))
+        (first.provenance.plant, "-", "-", *cells(ladder.known_metrics(first), ".2f"))
     ]
     for step in (*ladder.steps, ladder.whole):
         adds = step.adds if step is ladder.whole else f"+ {step.adds}"
         apart = [f"{_rms(values) * DEGREES:.2f}" for values in (step.chi, step.gamma)]
         rows.append((adds, *apart, *cells(step.metrics, "+.2f")))
-    rows.append((last.provenance.plant, "-", "-", *cells(flown.loc[last.label], ".2f")))
+    rows.append((last.provenance.plant, "-", "-", *cells(ladder.known_metrics(last), ".2f")))
     header = (
         "plant, or step to the next", "Δχ rms", "Δγ rms", "ITAE χ", "ITAE γ", "MO χ", "MO γ",
-        "ST χ", "ST γ", "limited χ", "limited γ",
+        "ST χ", "ST γ", "held χ", "held γ",
     )  # fmt: skip
     print_table(f"{found.scenario.title}; gains {gains}", header, rows)
     say(
-        "a step is upper minus lower plant; differences, MO and ST in deg, ITAE in rad s², time at "
-        f"limits in s; sum of the steps against the whole: {ladder.residual:.0e}"
+        "a step is upper minus lower plant; differences, MO and ST in deg, ITAE in rad s², time "
+        f"held by limits in s; sum of the steps against the whole: {ladder.residual:.0e}"
     )
+    if ladder.failed:
+        why = "; ".join(f"{plant} {reason}" for plant, reason in ladder.failed.items())
+        say(f"no metrics of, from or to a rung that failed: {why}")
     _say_lags(found)
     _say_mismatch(found)
 

@@ -20,7 +20,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 
 
 def print_table(title: str, header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    """Print a titled table; columns of numbers stand to the right."""
+    """Print a titled table; columns of numbers stand to the right, and are never cut."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -34,6 +34,7 @@ def print_table(title: str, header: tuple[str, ...], rows: list[tuple[str, ...]]
         )
     for row in rows:
         table.add_row(*map(Text, row))
+    console.width = max(console.width, console.measure(table).minimum)
     console.print(Text(title))
     console.print(table)
 

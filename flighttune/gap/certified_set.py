@@ -17,6 +17,12 @@ ROUNDING = 1e-6
 REFERENCE_MOVED = 1e-9
 """A change of slope of the reference beyond this (rad a sample) starts the claim anew."""
 
+TOO_WIDE = 0.5
+"""Part of the largest change asked for from which a set is too wide to say anything."""
+
+NEVER_TOO_WIDE = math.radians(5.0)
+"""Width that says something of any flight, also of one that nothing is asked of."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
@@ -40,6 +46,9 @@ class Verdict:
         Largest errors of course and of flight-path angle in the ellipsoid.
     reach : tuple of float, rad
         The exact ones: largest errors that the linear loop can be pushed to; never above `tube`.
+    asked : float, rad
+        Largest change of course or of flight-path angle asked for in the flight: from where it
+        began to the reference.
     """
 
     held: bool
@@ -50,11 +59,17 @@ class Verdict:
     radius: float
     tube: tuple[float, float]
     reach: tuple[float, float]
+    asked: float
 
     @property
     def says_nothing(self) -> bool:
-        """Whether the set is so wide that every flight is inside: half a circle, or to vertical."""
-        return self.tube[0] >= math.pi or self.tube[1] >= math.pi / 2.0
+        """Whether hardly a flight would be outside.
+
+        The set lets an error be more than half of the largest change asked for (and more than 5
+        deg), half a circle of course, or a path to the vertical.
+        """
+        all_of_it = self.tube[0] >= math.pi or self.tube[1] >= math.pi / 2.0
+        return all_of_it or max(self.tube) > max(TOO_WIDE * self.asked, NEVER_TOO_WIDE)
 
     @property
     def sentence(self) -> str:
@@ -85,6 +100,10 @@ class LoopFlown:
         Invariant ellipsoid for L_d = 1.
     reach : ndarray, shape (2,), rad
         Largest errors that the loop can be pushed to for L_d = 1.
+    errors : ndarray, shape (n, 2), rad
+        Of course and flight-path angle, as flown.
+    asked : float, rad
+        Largest change asked for; see `Verdict`.
     """
 
     t: FloatArray
@@ -94,6 +113,8 @@ class LoopFlown:
     strength: FloatArray
     unit: Ellipsoid
     reach: FloatArray
+    errors: FloatArray
+    asked: float
 
     def verdict(self, t_from: float = 0.0) -> Verdict:
         """Whether the set of the mismatch from `t_from` (s) on holds from there on."""
@@ -120,6 +141,7 @@ class LoopFlown:
             radius=self.unit.radius * L_d,
             tube=(float(widths[0]), float(widths[1])),
             reach=(float(self.reach[0]) * L_d, float(self.reach[1]) * L_d),
+            asked=self.asked,
         )
 
     def _at(self, k: int) -> float:
@@ -135,6 +157,15 @@ class LoopFlown:
     def promise_sentence(self) -> str:
         """``held``, or when `level` first exceeded what was promised."""
         return held_or_broken(self.t_promise_broken())
+
+    def t_error_outside(self, column: int) -> float | None:
+        """When the error of course (0) or path angle (1) first was outside of `tube`, s, or None.
+
+        The error alone may stay inside after the norm of s, with its rates, has left.
+        """
+        outside = np.abs(self.errors[:, column]) > self.tube()[:, column] * (1.0 + ROUNDING)
+        late = np.flatnonzero(outside & ~self.moved)
+        return self._at(late[0]) if len(late) else None
 
     def tube(self) -> FloatArray:
         """Largest errors of course and path angle that are promised, shape (n, 2), rad."""
@@ -177,10 +208,12 @@ def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> Loo
     """
     unit = invariant_ellipsoid(A_K, E, L_d=1.0)
     errors = run.signals[["chi_err", "gamma_err"]].to_numpy()
-    refs = np.diff(run.signals[["chi_ref", "gamma_ref"]].to_numpy(), axis=0)
+    references = run.signals[["chi_ref", "gamma_ref"]].to_numpy()
+    refs = np.diff(references, axis=0)
     dt = np.diff(run.signals.index.to_numpy(dtype=float))
     error_rates = refs / dt[:, None] - found.rates
-    s = np.column_stack([error_rates, errors[:-1] + 0.5 * dt[:, None] * error_rates])
+    middle = errors[:-1] + 0.5 * dt[:, None] * error_rates
+    s = np.column_stack([error_rates, middle])
     level = np.einsum("ti,ij,tj->t", s, np.linalg.inv(unit.W), s)
     strength = np.linalg.norm(found.d_dot, axis=1)
     moved = np.abs(np.diff(refs, axis=0, prepend=refs[:1])).max(axis=1) > REFERENCE_MOVED
@@ -197,4 +230,6 @@ def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> Loo
         strength=strength,
         unit=unit,
         reach=ReachableSet.of(A_K, E, L_d=1.0).peak_gain(slice(2, 4)).channels,
+        errors=middle,
+        asked=float(np.abs(references - references[0] + errors[0]).max()),
     )

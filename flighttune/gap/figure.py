@@ -10,6 +10,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
+from flighttune.gap.certified_set import LoopFlown
 from flighttune.gap.explain import Gap
 from flighttune.palette import HUES, LIMIT, NEUTRAL
 from flighttune.whole_file import whole_file
@@ -128,14 +129,29 @@ def _draw_tube(axes: Axes, gap: Gap, channel: str) -> None:
     ultimate = gap.verdict.tube[column] * DEGREES
     for side in (-ultimate, ultimate):
         axes.axhline(side, color=LIMIT, lw=1.0, ls=(0, (4, 2)))
-    promise = gap.loop.promise_sentence
-    title = f"Error. Dashed: ultimate set, {gap.verdict.sentence}\nRed: promised tube, {promise}"
+    title = f"Error. Dashed: ultimate set, {gap.verdict.sentence}\n{_promise(gap.loop, column)}"
     _dress(axes, title, f"e_{SYMBOLS[channel]} [deg]")
+
+
+def _promise(loop: LoopFlown, column: int) -> str:
+    """What became of the promised tube: s, which has rates too, may leave where an error stays."""
+    t_s, t_error = loop.t_promise_broken(), loop.t_error_outside(column)
+    if t_s is None:
+        return "Red: promised tube, held"
+    error = "never" if t_error is None else f"at {t_error:.2f} s"
+    return f"Red: promised; ‖s‖ with rates left at {t_s:.2f} s, this error {error}"
 
 
 def _draw_itae(axes: Axes, gap: Gap, channel: str) -> None:
     """A bar for the paper's law, one for what each step adds, one for the aircraft."""
     assert gap.ladder is not None
+    title = f"ITAE of the {NAMES[channel]}"
+    if gap.ladder.failed:
+        lines = [f"{plant} {why}" for plant, why in gap.ladder.failed.items()]
+        text = "\n".join(["none:", *lines])
+        axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
+        _dress(axes, title, "ITAE [rad s²]")
+        return
     steps = [float(np.asarray(s.metrics.at[channel, "ITAE"])) for s in gap.ladder.steps]
     metrics = gap.flown().metrics["ITAE"]
     first, last = (
@@ -155,7 +171,7 @@ def _draw_itae(axes: Axes, gap: Gap, channel: str) -> None:
     for i, level in enumerate(ends):
         axes.plot([i - 0.31, i + 1.31], [level, level], color=INK, lw=0.7)
     axes.margins(y=0.12)
-    _dress(axes, f"ITAE of the {NAMES[channel]}", "ITAE [rad s²]")
+    _dress(axes, title, "ITAE [rad s²]")
 
 
 def _dress(axes: Axes, title: str, unit: str) -> None:

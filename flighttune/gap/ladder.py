@@ -1,5 +1,6 @@
 """The same law flown up a ladder of plants, and what each step adds to the difference."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -25,6 +26,9 @@ from flighttune.simulate.run import Run
 LEAST_SAMPLES = 12
 """A rung that flew less says nothing."""
 
+REFERENCE_STEP = math.radians(5.0)
+"""A course reference that moves by more between two samples may wrap the error by itself."""
+
 WIND = ("wind_north", "wind_east", "wind_down")
 
 
@@ -41,9 +45,10 @@ class Step:
     chi, gamma : ndarray, shape (n,), rad
         Upper minus lower at every sample.
     metrics : DataFrame
-        Upper minus lower; index ``chi``, ``gamma`` and columns as `channel_metrics`.
+        Upper minus lower; index ``chi``, ``gamma`` and columns as `channel_metrics`. NaN where one
+        of the two failed; see `Ladder.failed`.
     flight : Series
-        Upper minus lower of `flight_metrics` that both have.
+        Upper minus lower of `flight_metrics` that both have; NaN as in `metrics`.
     """
 
     lower: str
@@ -77,8 +82,20 @@ class Ladder:
     whole: Step
 
     @property
+    def failed(self) -> dict[str, str]:
+        """Why a rung has no metrics, by plant, lowest first; empty where all flew to the end."""
+        return {run.provenance.plant: why for run in self.runs if (why := _failure(run))}
+
+    def known_metrics(self, run: Run) -> pd.DataFrame:
+        """`channel_metrics` of a rung, all NaN where it failed."""
+        return channel_metrics(run) * (math.nan if _failure(run) else 1.0)
+
+    @property
     def residual(self) -> float:
-        """Largest difference between the sum of the steps and the whole; rounding, or an error."""
+        """Largest difference between the sum of the steps and the whole; rounding, or an error.
+
+        Of metrics where the whole has them.
+        """
         parts = [
             sum((getattr(step, name) for step in self.steps), np.zeros(1))
             - getattr(self.whole, name)
@@ -87,7 +104,7 @@ class Ladder:
         for name in ("metrics", "flight"):
             added = sum(getattr(step, name).to_numpy(dtype=float) for step in self.steps)
             parts.append(added - getattr(self.whole, name).to_numpy(dtype=float))
-        return max(float(np.nanmax(np.abs(part))) for part in parts)
+        return max(float(np.max(np.abs(part[np.isfinite(part)]), initial=0.0)) for part in parts)
 
 
 def fly_aircraft(
@@ -193,15 +210,30 @@ def _ladder(runs: Sequence[Run], inner_loop: InnerLoop) -> Ladder:
 def _step(lower: Run, upper: Run, adds: str) -> Step:
     below, above = pd.Series(flight_metrics(lower)), pd.Series(flight_metrics(upper))
     shared = [name for name in below.index if name in ("V_a_dev_mps", "n_z_min", "n_z_max")]
+    known = math.nan if _failure(lower) or _failure(upper) else 1.0
     return Step(
         lower=lower.provenance.plant,
         upper=upper.provenance.plant,
         adds=adds,
         chi=(upper.signals["chi"] - lower.signals["chi"]).to_numpy(),
         gamma=(upper.signals["gamma"] - lower.signals["gamma"]).to_numpy(),
-        metrics=channel_metrics(upper) - channel_metrics(lower),
-        flight=(above - below).loc[shared],
+        metrics=known * (channel_metrics(upper) - channel_metrics(lower)),
+        flight=known * (above - below).loc[shared],
     )
+
+
+def _failure(run: Run) -> str:
+    """Why the metrics of a run tell nothing; empty where they do.
+
+    A course error that jumps by more than half a turn while the reference does not was wrapped: the
+    flight went around, and its overshoot is that of the wrapping. Who stopped a flight by hand
+    still has a good one.
+    """
+    if run.status not in ("completed", "cut_off"):
+        return f"ended early ({run.status.replace('_', ' ')})"
+    jumps, moved = (np.abs(np.diff(run.signals[f"chi_{one}"].to_numpy())) for one in ("err", "ref"))
+    wrapped = (jumps > math.pi) & (moved < REFERENCE_STEP)
+    return "diverged (course error past 180 deg)" if wrapped.any() else ""
 
 
 def _aircraft(scenario: Scenario) -> PlantTable:

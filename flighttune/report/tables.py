@@ -111,13 +111,13 @@ def gap_table(facts: Facts) -> PageTable:
     """ITAE from the paper's law to the aircraft, step by step."""
     rows, labels = [], []
     for gap in facts.gaps:
-        law = channel_metrics(gap.ladder.runs[0])["ITAE"].to_dict()
+        law = gap.ladder.known_metrics(gap.ladder.runs[0])["ITAE"].to_dict()
         for channel, symbol in SYMBOLS.items():
             steps = [float(s.metrics["ITAE"].to_dict()[channel]) for s in gap.ladder.steps]
             first = float(law[channel])
             name = f"{gap.run.provenance.gains_name}, {symbol}"
-            parts = (f"{step:+.2f}" for step in steps)
-            rows.append((name, f"{first:.2f}", *parts, f"{first + sum(steps):.2f}"))
+            parts = (f"{step:+.2f}" if math.isfinite(step) else "–" for step in steps)
+            rows.append((name, number(first, 2), *parts, number(first + sum(steps), 2)))
             labels.append(gap.run.label)
     steps = facts.gaps[0].ladder.steps if facts.gaps else ()
     head = ("gains, channel", "paper's law", *(f"+ {step.adds}" for step in steps), "aircraft")

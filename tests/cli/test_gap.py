@@ -96,6 +96,21 @@ def test_gains_that_have_no_certificate_are_a_no(in_process, tmp_path):
     assert "level_turn" in err
 
 
+def test_rungs_that_fell_give_no_metrics_and_no_cell_is_cut(in_process, tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    path = tmp_path / "wild.toml"
+    path.write_text("K_P = [[-1.0, 0.0], [0.0, -1.0]]\nK_I = [[-1.0, 0.0], [0.0, -1.0]]\n")
+
+    status, out, _ = in_process("gap", "paper", "--gains", path, "--out", tmp_path)
+
+    assert status == 1
+    assert "…" not in out
+    (line,) = (line for line in out.splitlines() if line.startswith("no metrics of, from or to"))
+    assert "kinematic ended early (left envelope)" in line
+    (whole,) = (line for line in out.splitlines() if "all of it" in line)
+    assert {cell.strip() for cell in whole.split("│")[4:-1]} == {"-"}
+
+
 def test_a_scenario_without_aircraft_cannot_be_explained(in_process, tmp_path):
     status, out, err = in_process("gap", "paper_as_printed", "--out", tmp_path)
 

@@ -1,6 +1,7 @@
 """The ladder: one law on four plants, and parts that add up to the whole."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,6 +106,33 @@ def test_a_set_wider_than_a_circle_says_so(windy_gap):
     assert windy_gap.verdict.sentence == "held, but too wide to say anything"
 
 
+def test_a_set_wider_than_half_of_what_was_asked_for_says_so_and_held_stays(paper_gap):
+    verdict = paper_gap.verdict
+
+    assert verdict.asked == pytest.approx(math.radians(60.0))
+    assert math.radians(30.0) < max(verdict.tube) < math.pi / 2.0
+    assert verdict.held
+    assert verdict.says_nothing
+    assert verdict.sentence == "held, but too wide to say anything"
+    narrow = replace(verdict, tube=(math.radians(29.0), math.radians(29.0)))
+    assert not narrow.says_nothing
+    assert not replace(narrow, asked=0.0, tube=(math.radians(4.0),) * 2).says_nothing
+
+
+def test_the_figure_tells_s_that_left_the_tube_from_an_error_that_did_not(paper_gap):
+    loop = paper_gap.loop
+    tubes = [axes for axes in gap_figure(paper_gap).axes if "Red" in axes.get_title(loc="left")]
+
+    assert len(tubes) == 2
+    for column, axes in enumerate(tubes):
+        t, title = loop.t_error_outside(column), axes.get_title(loc="left")
+        assert f"‖s‖ with rates left at {loop.t_promise_broken():.2f} s" in title
+        assert ("this error never" if t is None else f"this error at {t:.2f} s") in title
+        inside = np.abs(loop.errors[:, column]) <= loop.tube()[:, column]
+        at = np.searchsorted(loop.t, loop.t_promise_broken())
+        assert inside[at] == (t is None or t > loop.t_promise_broken())
+
+
 def test_the_aircrafts_own_limits_hold_on_every_rung():
     gap = explain_gap(changed("paper", limits={}), PAPER_GAINS)
 
@@ -126,6 +154,34 @@ def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
     assert gap.indicators.status == "unstable"
     assert gap.verdict is None
     assert gap_figure(gap).axes
+
+
+def test_a_rung_that_failed_has_no_metrics_and_gives_none_to_its_steps(paper_gap):
+    wild = PIGains(K_P=-PAPER_GAINS.K_P, K_I=-PAPER_GAINS.K_I)
+
+    ladder = explain_gap(load_scenario("paper"), wild, name="wild").ladder
+
+    assert paper_gap.ladder.failed == {}
+    assert ladder.failed["kinematic"] == "ended early (left envelope)"
+    for run in ladder.runs:
+        known = ladder.known_metrics(run)["ITAE"].notna().all()
+        assert known == (run.provenance.plant not in ladder.failed)
+    for step in (*ladder.steps, ladder.whole):
+        failed = {step.lower, step.upper} & ladder.failed.keys()
+        assert step.metrics.isna().all(axis=None) == bool(failed)
+        assert np.isfinite(step.chi).all()
+
+
+def test_a_course_error_that_goes_around_is_no_overshoot(paper_gap):
+    run = paper_gap.ladder.runs[0]
+    around = np.linspace(0.0, 2.0 * math.pi, len(run.signals))
+    wrapped = (around + math.pi) % (2.0 * math.pi) - math.pi
+    spun = replace(run, signals=run.signals.assign(chi_err=wrapped))
+    hand = replace(run, status="cut_off", reason="stopped")
+
+    ladder = replace(paper_gap.ladder, runs=(spun, hand, *paper_gap.ladder.runs[2:]))
+
+    assert ladder.failed == {"kinematic": "diverged (course error past 180 deg)"}
 
 
 def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
@@ -188,7 +244,7 @@ def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
 def test_the_ultimate_set_of_the_papers_manoeuvre_holds_and_the_way_into_it_does_not(paper_gap):
     assert paper_gap.verdict.held
     assert paper_gap.settled.held
-    assert not paper_gap.verdict.says_nothing
+    assert not paper_gap.settled.says_nothing
     assert paper_gap.settled.L_d < 0.2 * paper_gap.verdict.L_d
     limited = paper_gap.runs[-1].signals["n_z_limited"]
     assert limited.iloc[:10].all()
