@@ -6,9 +6,25 @@ from pathlib import Path
 from flighttune.errors import RecordingError
 from flighttune.recording.names import APPLICATION
 
+MAGIC = b"RRF2"
+"""What every Rerun file (0.41) begins with."""
+
+
+def check_kind(path: Path) -> None:
+    """Make sure that a file begins like a recording.
+
+    Raises
+    ------
+    RecordingError
+        If it does not.
+    """
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise RecordingError(f"{path}: must be a recording (.rrd), got a file of another kind.")
+
 
 def check_recording(path: str | Path, *, whole: bool = False) -> None:
-    """Make sure that `path` is a recording written by flighttune.
+    """Make sure that `path` is a recording written by flighttune, and read all of it once.
 
     Parameters
     ----------
@@ -20,8 +36,8 @@ def check_recording(path: str | Path, *, whole: bool = False) -> None:
     Raises
     ------
     RecordingError
-        If there is no such file, it is empty, cut off in the middle, not from Rerun, or written by
-        another program.
+        If there is no such file, it is empty, cut off in the middle, damaged anywhere, not from
+        Rerun, or written by another program.
     """
     from rerun.chunk import RrdReader
     from rerun.error_utils import RerunWarning
@@ -32,10 +48,15 @@ def check_recording(path: str | Path, *, whole: bool = False) -> None:
         raise RecordingError(f"{path}: must be a recording (.rrd), got {what}.")
     if path.stat().st_size == 0:
         raise RecordingError(f"{path}: must be a recording (.rrd), got an empty file.")
+    check_kind(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error" if whole else "ignore", RerunWarning)
-            recordings = RrdReader(path).recordings()
+            reader = RrdReader(path)
+            recordings = reader.recordings()
+            for store in (*recordings, *reader.blueprints()):
+                for _ in reader.stream(store=store):
+                    pass
     except (RuntimeError, ValueError, RerunWarning) as error:
         line = str(error).splitlines()[0].split(f"{path}: ")[-1].rstrip(".")
         raise RecordingError(f"{path}: must be a sound recording (.rrd), got: {line}.") from error

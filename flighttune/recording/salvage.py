@@ -8,8 +8,8 @@ import struct
 from pathlib import Path
 
 from flighttune.errors import RecordingError
+from flighttune.recording.check import check_kind
 
-MAGIC = b"RRF2"
 HEADER = 12
 FRAME = struct.Struct("<QQ")
 END, LAST_KIND = 0, 3
@@ -24,9 +24,8 @@ def whole_messages(path: Path) -> bytes:
         If it does not begin like a recording, is damaged otherwise than by a cut, or holds no whole
         message.
     """
+    check_kind(path)
     data = path.read_bytes()
-    if data[: len(MAGIC)] != MAGIC:
-        raise RecordingError(f"{path}: must be a recording (.rrd), got a file of another kind.")
     end = HEADER
     while end + FRAME.size <= len(data):
         kind, length = FRAME.unpack_from(data, end)

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,9 +16,11 @@ from rerun.error_utils import strict_mode
 from flighttune.errors import RecordingError
 from flighttune.palette import looks
 from flighttune.recording.check import check_recording
+from flighttune.recording.load import load_recording
 from flighttune.recording.names import TIMELINE
 from flighttune.recording.plots import TABS, shown_plots
 from flighttune.recording.rrd import write_recording
+from flighttune.recording.view import view
 
 FLOAT32_POSITION = 1e-4
 """Positions are float32 in Rerun: 0.03 mm at 500 m, m."""
@@ -335,7 +338,7 @@ def test_a_recording_cut_off_is_refused_in_one_line(recording, tmp_path):
 
 @pytest.mark.parametrize(
     ("data", "words"),
-    [(b"", "got an empty file"), (b"hello, world" * 20, "must be a sound recording")],
+    [(b"", "got an empty file"), (b"hello, world" * 20, "got a file of another kind")],
     ids=["empty", "foreign"],
 )
 def test_what_is_no_recording_is_refused(tmp_path, data, words):
@@ -347,6 +350,30 @@ def test_what_is_no_recording_is_refused(tmp_path, data, words):
         check_recording(tmp_path / "none.rrd")
     with pytest.raises(RecordingError, match="got a folder"):
         check_recording(tmp_path)
+
+
+@pytest.mark.parametrize("refuse", [check_recording, load_recording, partial(view, web=True)])
+def test_a_damaged_recording_is_refused_in_one_line_whoever_reads_it(recording, refuse, tmp_path):
+    path, data = tmp_path / "bad.rrd", bytearray(recording.read_bytes())
+    data[2000:2500] = b"\xff" * 500
+    path.write_bytes(data)
+
+    with pytest.raises(RecordingError, match=r"bad\.rrd: must be a sound recording") as caught:
+        refuse(path)
+
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("data", [b"", b"hello, world" * 20], ids=["empty", "foreign"])
+def test_what_is_no_recording_is_refused_in_the_same_words_whoever_reads_it(data, tmp_path):
+    path, said = tmp_path / "odd.rrd", []
+    path.write_bytes(data)
+    for refuse in (check_recording, load_recording, view):
+        with pytest.raises(RecordingError) as caught:
+            refuse(path)
+        said.append(str(caught.value))
+
+    assert len(set(said)) == 1
 
 
 def test_a_recording_of_another_program_is_refused(tmp_path):
