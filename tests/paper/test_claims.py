@@ -10,11 +10,12 @@ from flighttune.paper.claims import CLAIMS, findings
 from flighttune.paper.claims.base import VERDICTS, Check, Claim, judged
 from flighttune.paper.study import Study, rank_correlation
 
-PEAK_TIME = 5.24
+PEAK_TIME, PEAK_TIME_GAMMA = 5.24, 2.69
 R_K, I_K = 0.4599, 4.9162
 BEST_R_K = 0.51393
 SMALLEST_I_K = 67.15
 LAST_DIGIT = 1e-4
+ERRORS = ("chi", "gamma", "chi_dot", "gamma_dot")
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,60 @@ def test_the_peak_time_is_not_reproduced(found):
 
     assert found["peak-time"].verdict == "not reproduced"
     assert check.computed == pytest.approx(PEAK_TIME, abs=0.005)
+
+
+def test_the_peak_time_of_the_path_angle_has_a_row_of_its_own_and_is_reproduced(found):
+    (check,) = found["peak-time-gamma"].checks
+
+    assert found["peak-time-gamma"].verdict == "reproduced"
+    assert check.computed == pytest.approx(PEAK_TIME_GAMMA, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("claim", "measure", "channels"),
+    [
+        ("lower-ITAE", "ITAE", ERRORS),
+        ("lower-MS", "|MS|", (*ERRORS, "s_chi", "s_gamma")),
+        ("lower-ST", "ST", (*ERRORS, "s_chi", "s_gamma")),
+    ],
+)
+def test_lower_is_checked_on_every_error_the_sentence_names(found, claim, measure, channels):
+    assert "lower ITAE, MS and ST for all errors e_χ, e_γ, ė_χ, ė_γ" in found[claim].claim.text
+    assert list(found[claim].expected) == [
+        f"{measure} of {channel} lower with higher R_K" for channel in channels
+    ]
+
+
+def test_a_mean_below_zero_does_not_count_as_the_lower_one(study, found):
+    signed = study.of_gains("chi", "MS_rad")
+    by_channel = dict(zip((*ERRORS, "s_chi", "s_gamma"), found["lower-MS"].checks, strict=True))
+
+    highest, lowest = signed.iloc[0], signed.iloc[-1]
+    assert lowest < 0.0 < highest < abs(lowest)
+    assert found["lower-MS"].verdict == "partly"
+    assert {name: check.computed for name, check in by_channel.items()} == {
+        "chi": "4 of 6 steps",
+        "gamma": "6 of 6 steps",
+        "chi_dot": "5 of 6 steps",
+        "gamma_dot": "5 of 6 steps",
+        "s_chi": "5 of 6 steps",
+        "s_gamma": "6 of 6 steps",
+    }
+
+
+def test_ITAE_falls_with_the_frequency_except_in_course_under_the_strongest_disturbance(
+    study, found
+):
+    changes = [check.computed for check in found["decreasing-ITAE"].checks]
+    ends = [
+        (row.iloc[-1] - row.iloc[0]) / row.iloc[0]
+        for L_d in (0.1, 0.3)
+        for row in (study.of_disturbances(c, "ITAE").loc[L_d] for c in ("chi", "gamma"))
+    ]
+
+    assert found["decreasing-ITAE"].verdict == "partly"
+    assert changes == pytest.approx(ends)  # of three equally spaced points: the outer two
+    assert [change < 0.0 for change in changes] == [True, True, False, True]
 
 
 def test_the_overshoots_are_reproduced(found):

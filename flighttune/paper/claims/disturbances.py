@@ -77,6 +77,18 @@ def insensitive_ITAE(study: Study) -> Iterator[Check]:
             yield Check(what, f"≤ {NOT_SIGNIFICANT:g}", rise, rise <= NOT_SIGNIFICANT)
 
 
+def decreasing_ITAE(study: Study) -> Iterator[Check]:
+    """For L_d = 0.1 and 0.3, a straight line through ITAE over omega_d falls."""
+    for L_d in (0.1, 0.3):
+        for channel in ("chi", "gamma"):
+            row = study.of_disturbances(channel, "ITAE").loc[L_d]
+            omega = row.index.to_numpy(dtype=float)
+            slope = np.polyfit(omega, row.to_numpy(), 1)[0]
+            change = float(slope * np.ptp(omega) / row.iloc[0])
+            what = f"relative change of ITAE of e_{channel} along a line over ω_d, L_d = {L_d:g}"
+            yield Check(what, "< 0", change, change < 0.0)
+
+
 def rising_MS(study: Study) -> Iterator[Check]:
     """MS rises with omega_d and L_d."""
     for channel in ("s_chi", "s_gamma"):
@@ -154,6 +166,12 @@ CLAIMS = (
         "for L_d = 0.1 and 0.3 no significant rise of ITAE with ω_d",
         "Fig. 10 (a)",
         insensitive_ITAE,
+    ),
+    _claim(
+        "decreasing-ITAE",
+        "for L_d = 0.1 and 0.3 “there is even a decreasing trend” of ITAE with ω_d",
+        "Fig. 10 (a)",
+        decreasing_ITAE,
     ),
     _claim(
         "rising-MS", "increasing ω_d and L_d enhances the impact on MS", "Fig. 10 (b)", rising_MS

@@ -40,10 +40,16 @@ def overshoot_gamma(study: Study) -> Iterator[Check]:
 
 
 def peak_time(study: Study) -> Iterator[Check]:
-    """The later of both peaks."""
+    """The later of both peaks, which is the maximum the sentence speaks of."""
     peaks = {channel: study.flights[STAR].peak(channel)[1] for channel in ("chi", "gamma")}
     last = max(peaks, key=lambda channel: peaks[channel])
     yield Check(f"largest PT, that of e_{last} [s]", "< 4", peaks[last], peaks[last] < 4.0)
+
+
+def peak_time_gamma(study: Study) -> Iterator[Check]:
+    """The peak of the path-angle error alone."""
+    peak = study.flights[STAR].peak("gamma")[1]
+    yield Check("PT of e_gamma [s]", "< 4", peak, peak < 4.0)
 
 
 def _rates(flight: PaperFlight) -> np.ndarray:
@@ -104,6 +110,12 @@ CLAIMS = (
         text="their maximum peak time is less than 4 s",
         where=f"{WHERE}, Fig. 5",
         checks=peak_time,
+    ),
+    Claim(
+        id="peak-time-gamma",
+        text="their maximum peak time is less than 4 s: that of e_gamma by itself",
+        where=f"{WHERE}, Fig. 5 (b)",
+        checks=peak_time_gamma,
     ),
     Claim(
         id="commands-in-range",
