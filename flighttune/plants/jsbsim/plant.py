@@ -29,9 +29,11 @@ _STEP_SHARE = 1e-6
 _GUARD_INTERVAL = 0.02
 """Longest time flown between two looks at the state, s."""
 
-_LARGEST_SEED = 2**31 - 1
+LARGEST_SEED = 2**31 - 1
+"""Largest seed that JSBSim takes."""
 
-_DEEPEST_GROUND, _HIGHEST_GROUND = 500.0, 6000.0
+DEEPEST_GROUND, HIGHEST_GROUND = 500.0, 6000.0
+"""How far below and above sea level the ground may lie, m."""
 
 _N_Z = COMMON_SIGNALS.index("n_z")
 
@@ -91,12 +93,11 @@ class JSBSimPlant:
     ) -> None:
         if not (math.isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
             raise InputError(f"`fdm_rate_hz` must be positive, got {fdm_rate_hz}.")
-        if not 0 <= seed <= _LARGEST_SEED:
-            raise InputError(f"`seed` must lie in 0 to {_LARGEST_SEED}, got {seed}.")
-        if not -_DEEPEST_GROUND <= ground <= _HIGHEST_GROUND:
+        if not 0 <= seed <= LARGEST_SEED:
+            raise InputError(f"`seed` must lie in 0 to {LARGEST_SEED}, got {seed}.")
+        if not -DEEPEST_GROUND <= ground <= HIGHEST_GROUND:
             raise InputError(
-                f"`ground` must lie in {-_DEEPEST_GROUND:g} to {_HIGHEST_GROUND:g} m, "
-                f"got {ground} m."
+                f"`ground` must lie in {-DEEPEST_GROUND:g} to {HIGHEST_GROUND:g} m, got {ground} m."
             )
         known = isinstance(aircraft, AircraftConfig)
         config = aircraft if known else load_aircraft(aircraft)

@@ -11,6 +11,7 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.start_check import start_faults
 from flighttune.units import DEG, FT, G_0
 
 _SIDESLIP_SEARCHED = 10.0 * DEG
@@ -257,22 +258,8 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
 
 
 def _check_condition(fdm: Fdm, condition: FlightCondition) -> None:
-    config = fdm.config
-    if not condition.h > fdm.ground:
-        raise InputError(
-            f"`h` must be above the ground at {fdm.ground:g} m, got {condition.h:g} m."
-        )
-    watched = (
-        ("V_a", condition.V_a, config.envelope.V_a, 1.0, " m/s"),
-        ("phi", condition.phi, config.limits.phi, DEG, " deg"),
-        ("n_z", condition.n_z_start, config.limits.n_z, 1.0, ""),
-    )
-    for name, value, (low, high), unit, symbol in watched:
-        if not low <= value <= high:
-            raise InputError(
-                f"`{name}` must lie in {low / unit:g} to {high / unit:g}{symbol} "
-                f"({config.file}), got {value / unit:g}{symbol}."
-            )
+    for name, fault in start_faults(fdm.config, condition, fdm.ground):
+        raise InputError(f"`{name}` {fault}.")
 
 
 def _described(condition: FlightCondition) -> str:
