@@ -18,6 +18,7 @@ from flighttune.plants.base import Plant
 from flighttune.plants.kinematic import KinematicPlant
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.wind import WindRecord
+from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.schema import TUNED, Scenario
 from flighttune.simulate.run import Run
@@ -109,9 +110,12 @@ def fly(
 
     Raises
     ------
+    ScenarioError
+        If an aircraft does not exist, or the start or limits of the scenario lie outside it.
     PlantError
         If an aircraft cannot be built.
     """
+    check_aircraft(scenario, scenario.title)
     tuning = tune_scenario(scenario) if TUNED in scenario.gains else None
     names = [entry if isinstance(entry, str) else entry.name for entry in scenario.gains]
     gain_sets = {name: gain_set(scenario, name, tuning) for name in names}

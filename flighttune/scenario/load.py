@@ -1,21 +1,17 @@
 """Files to values, and what is wrong with them in one line that names file and key."""
 
-import difflib
 import json
 import tomllib
-from collections.abc import Iterable
-from itertools import takewhile
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
 
 from flighttune.control.gains import PIGains
 from flighttune.errors import ScenarioError
+from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.schema import GainsTable, Scenario
-
-UNION_TAGS = {"step", "ramp", "doublet", "str", "float", "constrained-float", "GainsTable"}
+from flighttune.scenario.sentence import mistakes
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -36,10 +32,13 @@ def load_scenario(path: str | Path) -> Scenario:
     Raises
     ------
     ScenarioError
-        If the file cannot be read, or a key is unknown, missing or impossible.
+        If the file cannot be read, a key is unknown, missing or impossible, or an aircraft does not
+        exist or cannot start where it shall.
     """
     path = _existing(path)
-    return _validated(Scenario, _toml(path), str(path))
+    scenario = _validated(Scenario, _toml(path), str(path))
+    check_aircraft(scenario, str(path))
+    return scenario
 
 
 def scenario_from(tables: dict[str, Any]) -> Scenario:
@@ -123,78 +122,4 @@ def _validated(model: type[Model], tables: dict[str, Any], source: str) -> Model
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        problems = error.errors(include_url=False)
-        problems.sort(key=_telling, reverse=True)
-        places: dict[tuple[int | str, ...], ErrorDetails] = {}
-        for problem in problems:
-            places.setdefault(_place(problem), problem)
-        first = _sentence(next(iter(places.values())), model)
-        more = f" ({len(places) - 1} more)" if len(places) > 1 else ""
-        raise ScenarioError(f"{source}: {first}{more}") from None
-
-
-def _keys(problem: ErrorDetails) -> tuple[str, ...]:
-    return tuple(part for part in problem["loc"] if isinstance(part, str) and not _is_tag(part))
-
-
-def _telling(problem: ErrorDetails) -> tuple[int, bool]:
-    """Of the readings of a union the one that fits best fails deepest; a typo explains a gap."""
-    return len(problem["loc"]), problem["type"] == "extra_forbidden"
-
-
-def _place(problem: ErrorDetails) -> tuple[int | str, ...]:
-    """Where the file is wrong: all readings of a union fail at one place."""
-    untagged = takewhile(lambda part: not (isinstance(part, str) and _is_tag(part)), problem["loc"])
-    return tuple(untagged)
-
-
-def _sentence(problem: ErrorDetails, model: type[BaseModel]) -> str:
-    keys = _keys(problem)
-    key = keys[-1] if keys else ""
-    table = f"[{'.'.join(keys[:-1])}] " if len(keys) > 1 else ""
-    got = problem.get("input")
-    kind = problem["type"]
-    if kind == "extra_forbidden":
-        known = _known_keys(model, keys[:-1])
-        close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-        hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(known)}."
-        return f"{table}`{key}` is not a known key; {hint}"
-    if kind == "missing":
-        return f"{table}`{key}` must be given."
-    message = problem["msg"]
-    if kind == "value_error":
-        message = message.removeprefix("Value error, ")
-        if message.startswith("`"):
-            return f"{table}{message}."
-        return f"{table}`{key}` {message}, got {got!r}."
-    if kind == "union_tag_invalid" or kind == "union_tag_not_found":
-        return f"{table}`{key}` must have a `shape` of step, ramp or doublet, got {got!r}."
-    message = message.replace("Input should be", "must be").replace("should have", "must have")
-    message = message.removeprefix("List ").removeprefix("String ").split(" after validation")[0]
-    if kind == "model_type":
-        message = "must be a table"
-    return f"{table}`{key}` {message}, got {got!r}."
-
-
-def _is_tag(part: str) -> bool:
-    """Whether `part` is how pydantic names a member of a union, not a key of the file."""
-    return part in UNION_TAGS or "[" in part
-
-
-def _known_keys(model: type[BaseModel], keys: Iterable[str]) -> list[str]:
-    for key in keys:
-        for candidate in _tables_of(model, key):
-            model = candidate
-    return list(model.model_fields)
-
-
-def _tables_of(model: type[BaseModel], key: str) -> list[type[BaseModel]]:
-    field = model.model_fields.get(key)
-    found: list[type[BaseModel]] = []
-    pending = [field.annotation] if field else []
-    while pending:
-        kind = pending.pop()
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            found.append(kind)
-        pending.extend(getattr(kind, "__args__", ()))
-    return found
+        raise ScenarioError(f"{source}: {mistakes(error, model)}") from None

@@ -58,6 +58,22 @@ class ReferenceTable(Table):
     chi_deg: Finite | list[SegmentTable]
     gamma_deg: Inclination | list[SegmentTable]
 
+    def check_starts(self, duration_s: float) -> None:
+        """Refuse segments that would begin when a flight of `duration_s` is over.
+
+        Raises
+        ------
+        ValueError
+            If there is one; the message names table and key.
+        """
+        for key, segments in (("chi_deg", self.chi_deg), ("gamma_deg", self.gamma_deg)):
+            for segment in segments if isinstance(segments, list) else ():
+                if segment.start_s >= duration_s:
+                    raise ValueError(
+                        f"[reference.{key}] `start_s` must lie before the end of the flight "
+                        f"(`duration_s` of [flight], {duration_s:g} s), got {segment.start_s:g} s"
+                    )
+
     def reference(self, *, chi_deg: float, gamma_deg: float) -> Reference:
         """The reference in s and rad, for a flight that starts at `chi_deg` and `gamma_deg`."""
         chi, chi_segments = _channel(self.chi_deg, chi_deg)

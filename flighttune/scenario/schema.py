@@ -23,11 +23,13 @@ from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.reference_table import ReferenceTable
 from flighttune.scenario.table import (
     Finite,
+    Ground,
     Inclination,
     Inclinations,
     Matrix,
     Positive,
     Range,
+    Seed,
     Speeds,
     Table,
 )
@@ -53,7 +55,7 @@ class FlightTable(Table):
     phi_deg: Inclination = 0.0
     n_z: Finite | None = None
     duration_s: Positive = 20.0
-    ground_m: Finite = 0.0
+    ground_m: Ground = 0.0
     g_mps2: Positive = G_PAPER
 
 
@@ -140,7 +142,7 @@ class Scenario(Table):
     title: Annotated[str, Field(min_length=1)]
     verifies: str = ""
     source: str = ""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     gains: list[str | GainsTable] = Field(default_factory=lambda: ["paper", TUNED], min_length=1)
     flight: FlightTable
     reference: ReferenceTable
@@ -181,6 +183,7 @@ class Scenario(Table):
                 "`duration_s` of [flight] must be at least two samples of the controller, "
                 f"got {self.flight.duration_s} s at {self.controller.rate_hz} Hz"
             )
+        self.reference.check_starts(self.flight.duration_s)
         return self
 
     @property

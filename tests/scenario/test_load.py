@@ -91,7 +91,9 @@ WRONG = [
     ("flight", {"gamma_deg": 95.0}, r"`gamma_deg` must be less than 90, got 95\.0"),
     ("flight", {"duration_s": 0.01}, r"`duration_s` of \[flight\] must be at least two samples"),
     ("limits", {"phi_deg": [45.0, -45.0]}, r"must be a range \[low, high\] with low below high"),
-    ("limits", {"phi_deg": [45.0]}, r"\[limits\] `phi_deg` must have at least 2 items"),
+    ("limits", {"phi_deg": [45.0]}, r"`phi_deg` must be a range \[low, high\], got \[45\.0\]"),
+    ("limits", {"phi_deg": 45.0}, r"\[limits\] `phi_deg` must be a range \[low, high\], got 45\.0"),
+    ("limits", {"phi_rate_dps": [3.0]}, r"`phi_rate_dps` must be a range \[low, high\], got"),
     ("limits", {"phi_rate_dps": -3.0}, r"\[limits\] `phi_rate_dps` must be greater than 0"),
     ("limits", {"phi_rate_dps": [3.0, 5.0]}, r"must be a range of rates that holds zero"),
     ("controller", {"anti_windup": "clamp"}, r"must be 'none', 'conditional' or 'back_calc"),
@@ -99,6 +101,11 @@ WRONG = [
     ("reference", {"chi_deg": "north"}, r"\[reference\] `chi_deg` must be a valid"),
     ("reference", {"chi_deg": [{"shape": "jump"}]}, r"`shape` of step, ramp or doublet"),
     ("reference", {"chi_deg": [{"shape": "step"}]}, r"`change_deg` must be given"),
+    (
+        "reference",
+        {"gamma_deg": [{"shape": "step", "start_s": 99.0, "change_deg": 5.0}]},
+        r"\[reference\.gamma_deg\] `start_s` must lie before the end of the flight .*, got 99 s\.$",
+    ),
     ("tuning", {"I_star": -1.0}, r"\[tuning\] `I_star` must be greater than 0, got -1\.0"),
     ("tuning", {"model": "guess"}, r"\[tuning\] `model` must be 'kinematic'"),
     (None, {"gains": ["papr"]}, r"`gains` must name tuned, paper, .* got 'papr'"),
@@ -158,12 +165,29 @@ def test_a_missing_key_is_named(tables):
         scenario_from(tables)
 
 
-def test_several_mistakes_are_counted(tables):
+def test_several_mistakes_are_told_in_one_line(tables):
     tables["flight"]["V_a_mps"] = -1.0
+    tables["limits"]["phi_deg"] = 45.0
     tables["seed"] = -1
 
-    with pytest.raises(ScenarioError, match=r"\(1 more\)$"):
+    with pytest.raises(ScenarioError) as caught:
         scenario_from(tables)
+
+    assert str(caught.value) == (
+        "scenario: [flight] `V_a_mps` must be greater than 0, got -1.0; "
+        "[limits] `phi_deg` must be a range [low, high], got 45.0; "
+        "`seed` must be greater than or equal to 0, got -1."
+    )
+
+
+def test_of_many_mistakes_five_are_told_and_the_rest_counted(tables):
+    tables["flight"].update({f"key{i}": i for i in range(8)})
+
+    with pytest.raises(ScenarioError, match=r"; and 3 more\.$") as caught:
+        scenario_from(tables)
+
+    assert str(caught.value).count("is not a known key") == 5
+    assert "\n" not in str(caught.value)
 
 
 def test_a_file_that_is_not_there_lists_the_shipped_ones():

@@ -1,0 +1,86 @@
+"""A scenario its aircraft cannot start is refused with file, table and key."""
+
+import pytest
+
+from flighttune.cli import main
+from flighttune.errors import ScenarioError
+from flighttune.flight import fly
+from flighttune.scenario import load_scenario, scenario_from
+
+SCENARIO = """
+title = "Straight on"
+gains = ["paper"]
+flight = {{ V_a_mps = 25.0, duration_s = 1.0{flight} }}
+reference = {{ chi_deg = 0.0, gamma_deg = 0.0 }}
+limits = {{ {limits} }}
+plant = [{{ kind = "jsbsim", aircraft = "{aircraft}" }}]
+"""
+
+OUTSIDE = [
+    ({"flight": ", h_m = -500.0"}, r"\[flight\] `h_m` must be above the ground at 0 m, got -500 m"),
+    ({"flight": ", ground_m = 2e3"}, r"\[flight\] `h_m` must be above the ground at 2000 m"),
+    ({"flight": ", ground_m = 9e3"}, r"\[flight\] `ground_m` must be less than or equal to 6000"),
+    ({"flight": ", phi_deg = 50.0"}, r"\[flight\] `phi_deg` must lie in -45 to 45 deg .*, got 50"),
+    ({"flight": ", n_z = 9.0"}, r"\[flight\] `n_z` must lie in .*aircraft\.toml\), got 9"),
+    ({"aircraft": "boeing"}, r"\[plant\] `aircraft` must be one of .*aerosonde.*, got 'boeing'"),
+    ({"aircraft": "my/boeing"}, r"\[plant\] `aircraft` must be one that can be read: .*boeing"),
+    ({"limits": "phi_deg = [50.0, 60.0]"}, r"\[limits\] `phi_deg` must overlap -45 to 45 deg"),
+    ({"limits": "n_z = [20.0, 30.0]"}, r"\[limits\] `n_z` must overlap"),
+]
+
+
+def text(*, flight="", limits="", aircraft="aerosonde"):
+    return SCENARIO.format(flight=flight, limits=limits, aircraft=aircraft)
+
+
+@pytest.mark.parametrize(("change", "message"), OUTSIDE)
+def test_what_an_aircraft_cannot_start_names_file_and_key(change, message, tmp_path):
+    path = tmp_path / "outside.toml"
+    path.write_text(text(**change))
+
+    with pytest.raises(ScenarioError, match=message) as caught:
+        load_scenario(path)
+
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_fly_prints_one_line_with_every_mistake(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "fast.toml"
+    path.write_text(text(flight=", h_m = -500.0").replace("25.0", "250.0"))
+    monkeypatch.setattr("sys.argv", ["flighttune", "fly", str(path)])
+
+    with pytest.raises(SystemExit) as ended:
+        main()
+
+    (line,) = capsys.readouterr().err.splitlines()
+    assert ended.value.code == 2
+    assert line.startswith(f"flighttune: {path}: [flight] `h_m` must be above the ground at 0 m")
+    assert "; [flight] `V_a_mps` must lie in 15 to 45 m/s (" in line
+    assert line.endswith("got 250 m/s.")
+
+
+def test_a_scenario_made_in_python_is_refused_by_its_title_when_it_is_flown():
+    scenario = scenario_from(
+        {
+            "title": "Too fast",
+            "gains": ["paper"],
+            "flight": {"V_a_mps": 250.0},
+            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+            "plant": [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
+        }
+    )
+
+    with pytest.raises(
+        ScenarioError, match=r"^Too fast: \[flight\] `V_a_mps` must lie in 15 to 45"
+    ):
+        fly(scenario)
+
+
+def test_no_steady_flight_is_a_status_and_no_mistake_of_the_file(tmp_path):
+    path = tmp_path / "dive.toml"
+    path.write_text(text(flight=", gamma_deg = -30.0"))
+
+    (run,) = fly(load_scenario(path)).runs
+
+    assert run.status == "no_trim"
