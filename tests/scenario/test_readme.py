@@ -1,0 +1,93 @@
+"""scenarios/README.md: its table of keys is the schema's, and its example flies."""
+
+import json
+import re
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from flighttune.flight import fly
+from flighttune.scenario import Scenario, load_scenario
+
+PAGE = (Path(__file__).parents[2] / "scenarios" / "README.md").read_text(encoding="utf-8")
+ROWS = dict(re.findall(r"^\| (\(top\)|`\[.*\]`) \| (.*) \|$", PAGE, re.MULTILINE))
+LONGEST_EXAMPLE = 20
+
+
+def row_of(table):
+    (found,) = (row for names, row in ROWS.items() if f"[{table}]" in names or names == table)
+    return found
+
+
+def leaves(annotation):
+    """What a field may hold, out of whatever unions and lists it stands in."""
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        return [annotation]
+    parts = getattr(annotation, "__args__", ())
+    return [leaf for part in parts for leaf in leaves(part)] if parts else [annotation]
+
+
+def is_table(leaf):
+    return isinstance(leaf, type) and issubclass(leaf, BaseModel)
+
+
+def keys_of(model, table):
+    for key, field in model.model_fields.items():
+        held = leaves(field.annotation)
+        if not all(is_table(leaf) or leaf is types.NoneType for leaf in held):
+            yield table, key, field
+        for part in filter(is_table, held):
+            yield from keys_of(part, key if table == "(top)" else f"{table}.{key}")
+
+
+KEYS = list(keys_of(Scenario, "(top)"))
+
+
+@pytest.mark.parametrize(("table", "key", "field"), KEYS, ids=[f"{t}-{k}" for t, k, _ in KEYS])
+def test_every_key_stands_in_the_row_of_its_table_with_its_default(table, key, field):
+    default = field.get_default(call_default_factory=True)
+    if default is PydanticUndefined:
+        shown = f"**`{key}`**"
+    else:
+        shown = f"`{key}`" if default is None else f"`{key} = {json.dumps(default)}`"
+
+    assert shown in row_of(table)
+
+
+def test_the_keys_are_those_of_every_table():
+    assert len({table for table, _, _ in KEYS}) == len(ROWS) + 1  # two channels share a row
+
+
+@pytest.fixture
+def example(tmp_path):
+    (text,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    assert len(text.splitlines()) < LONGEST_EXAMPLE
+    path = tmp_path / "example.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_example_to_copy_flies_to_its_reference_on_both_plants(example):
+    runs = fly(load_scenario(example)).runs
+
+    assert [run.status for run in runs] == ["completed", "completed"]
+    for run in runs:
+        last = run.signals.iloc[-1]
+        assert np.rad2deg(last[["chi", "gamma"]].to_numpy(float)) == pytest.approx(
+            [30.0, 5.0], abs=1.0
+        )
+
+
+def test_without_feed_forward_the_aircraft_sinks_first(example):
+    level = example.read_text().replace("gamma_deg = 5.0", "gamma_deg = 0.0")
+    lowest = {}
+    for setting in ("true", "false"):
+        example.write_text(level.replace("feed_forward = true", f"feed_forward = {setting}"))
+        (_, run) = fly(load_scenario(example)).runs
+        lowest[setting] = run.signals["h"].iloc[0] - run.signals["h"].min()
+
+    assert lowest["false"] > 3.0 * lowest["true"]
