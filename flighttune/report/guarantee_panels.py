@@ -95,7 +95,7 @@ def _tube(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
     name = gap.run.provenance.gains_name
     title = f"{name}: error on the aircraft"
     if gap.loop is not None and gap.verdict is not None:
-        title += f"; ultimate set dashed, {gap.verdict.sentence}"
+        title += f"; dashed set {gap.verdict.sentence.removesuffix(' to say anything')}"
     with panel(title, rf"$e_\{channel}$ [deg]") as axes:
         t = signals.index.to_numpy(dtype=float)
         line(axes, t, signals[f"{channel}_err"].to_numpy() * DEG, look)
