@@ -1,8 +1,8 @@
 """What closing the loop and weather cost: the paper's manoeuvre against bare integration steps.
 
 Run it with ``python benchmarks/bench_jsbsim.py``; ``--json`` prints one object. Exits with 1 where
-the ratio is above `HIGHEST_RATIO`. It is processor time, best of several, so that other work on the
-machine does not count.
+a ratio is above its limit in `HIGHEST_RATIO`. It is processor time, best of several, so that other
+work on the machine does not count.
 """
 
 import argparse
@@ -26,7 +26,8 @@ from flighttune.simulate.loop import simulate
 FDM_RATE_HZ = 200.0
 SECONDS = 60.0
 REPEATS = 7
-HIGHEST_RATIO = 1.5
+HIGHEST_RATIO = {"still air": 1.5, "gust and turbulence": 1.5, "all weather": 1.6}
+"""Wind that changes with height and oscillates is two more sources to add up at every step."""
 
 
 WEATHER = {
@@ -115,9 +116,10 @@ def main() -> int:
         )
         for name, took in loop_s.items():
             print(
-                f"  {name}: {took * 1e6:.2f} us, ratio {ratios[name]:.2f} (at most {HIGHEST_RATIO})"
+                f"  {name}: {took * 1e6:.2f} us, ratio {ratios[name]:.2f} "
+                f"(at most {HIGHEST_RATIO[name]})"
             )
-    return 0 if result["ratio"] <= HIGHEST_RATIO else 1
+    return 0 if all(ratio <= HIGHEST_RATIO[name] for name, ratio in ratios.items()) else 1
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from flighttune.control.margins import loop_margins
 from flighttune.tuning.diagnosis import diagnosis
 from flighttune.tuning.frontier import frontier
 from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.result import TuningResult
 from flighttune.tuning.tune import Method, tune
 
 SEEDS = range(10)
@@ -44,8 +45,18 @@ def problems() -> dict[str, TuningProblem]:
     }
 
 
-def over_seeds(problem: TuningProblem) -> dict[str, dict[str, float | str]]:
-    """Median time, and the worst and best R_K, over the seeds; the methods take turns."""
+def spread_of_R_K(results: list[TuningResult]) -> dict[str, float | None]:
+    """The worst and best R_K of those that are feasible; None if none is."""
+    feasible = [one.R_K for one in results if one.status == "optimal"]
+    return {
+        "R_K_worst": min(feasible, default=None),
+        "R_K_best": max(feasible, default=None),
+        "feasible": len(feasible),
+    }
+
+
+def over_seeds(problem: TuningProblem) -> dict[str, dict[str, float | str | None]]:
+    """Median time and spread of R_K over the seeds; the methods take turns."""
     found = {method: [] for method in METHODS}
     for seed in SEEDS:
         for method in METHODS:
@@ -54,8 +65,7 @@ def over_seeds(problem: TuningProblem) -> dict[str, dict[str, float | str]]:
         method: {
             "status": "/".join(sorted({one.status for one in results})),
             "median_s": float(np.median([one.wall_s for one in results])),
-            "R_K_worst": min(one.R_K for one in results),
-            "R_K_best": max(one.R_K for one in results),
+            **spread_of_R_K(results),
         }
         for method, results in found.items()
     }
@@ -101,9 +111,13 @@ def main() -> None:
         print(problem)
         for method, row in methods.items():
             ratio = row["median_s"] / methods["gradient"]["median_s"]
-            print(
-                f"  {method + ', ' + row['status']:32}{row['median_s']:8.3f}{ratio:12.1f}"
+            spread = (
                 f"{row['R_K_worst']:12.6f}{row['R_K_best']:10.6f}"
+                if row["feasible"]
+                else f"{'no feasible gains':>22}"
+            )
+            print(
+                f"  {method + ', ' + row['status']:32}{row['median_s']:8.3f}{ratio:12.1f}{spread}"
             )
     for name, took in found["seconds"].items():
         print(f"{name:34}{took:8.3f}")
