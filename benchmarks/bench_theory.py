@@ -149,7 +149,7 @@ def draw(table: dict[int, dict[str, float]], path: Path) -> None:
         axes.semilogy(list(table), [row[name] for row in table.values()], "o-", label=name)
     axes.set(xlabel="states of the closed loop", ylabel="time a loop, µs", title="R_K and I_K")
     axes.grid(alpha=0.3)
-    axes.legend()
+    axes.legend(loc="lower right", frameon=False)
     figure.savefig(path, dpi=150)
 
 
