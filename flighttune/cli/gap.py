@@ -157,6 +157,7 @@ def _mismatch_json(found: "Gap") -> dict[str, Any] | None:
 
 def _verdict_json(verdict: "Verdict") -> dict[str, Any]:
     values = asdict(verdict)
+    values["asked_rad"] = values.pop("asked")
     for name in ("tube", "reach"):
         values[f"{name}_rad"] = dict(zip(("chi", "gamma"), values.pop(name), strict=True))
     return {**values, "says_nothing": verdict.says_nothing, "sentence": verdict.sentence}
