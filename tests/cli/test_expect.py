@@ -58,5 +58,5 @@ def test_a_start_that_the_aircraft_refuses_is_one_line(tmp_path):
     )  # fmt: skip
 
     assert done.returncode == 2
-    assert "`phi` must lie in -45 to 45 deg" in done.stderr
+    assert "[flight] `phi_deg` must lie in -45 to 45 deg" in done.stderr
     assert done.stderr.count("\n") == 1
