@@ -11,6 +11,7 @@ from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
+from flighttune.plants.identification.model import FlownModel
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tuning_table import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.theory.common import CommonQ, common_Q
@@ -40,8 +41,18 @@ def tuning_problem(scenario: Scenario) -> TuningProblem:
     settings = scenario.tuning
     if settings.model == "identified":
         return identified_problems(scenario)[0]
-    scaling = None if settings.state_scaling is None else np.array(settings.state_scaling)
-    return _problem(scenario, scenario.linear_model(), scaling, settings.I_star)
+    return _problem(scenario, scenario.linear_model(), tuning_scaling(scenario), settings.I_star)
+
+
+def tuning_scaling(scenario: Scenario) -> FloatArray | None:
+    """Units of state in which R_K is maximised, shape (n + p,); None where they are plain.
+
+    Of the first condition where [tuning] says ``robust``.
+    """
+    settings = scenario.tuning
+    if settings.model == "identified":
+        return scenario.identified_models()[0].scaling
+    return None if settings.state_scaling is None else np.array(settings.state_scaling)
 
 
 def identified_problems(scenario: Scenario) -> tuple[TuningProblem, ...]:
@@ -187,7 +198,8 @@ def certify_scenario(
         Its hash goes into the certificate.
     gains : PIGains
     envelope : bool
-        Claim the rate for every flight inside the scenario's ranges.
+        Claim the rate for every flight inside the scenario's ranges; where [tuning] names the
+        identified model, at every condition identified and for every mixture of their loops.
     L_d : float, rad/s^2, optional
         Bound of the disturbance's derivative; by default that of the scenario's sinusoid, if any.
 
@@ -198,20 +210,23 @@ def certify_scenario(
     Raises
     ------
     ScenarioError
-        If an envelope is asked for and the scenario gives none.
+        If an envelope is asked for and the scenario gives none, or its model is the kinematic law
+        behind a lag; or if there is no identified model.
     InputError
-        If `L_d` is not positive, or the model is not the kinematic law's while an envelope is
-        asked for.
+        If `L_d` is not positive, or the conditions identified have lags of different order.
     """
     if L_d is None and scenario.disturbance is not None:
         L_d = scenario.disturbance.sinusoid().rate_bound or None
-    ranges = trim_and_envelope(scenario)[1] if envelope else None
+    identified = envelope and scenario.tuning.model == "identified"
+    ranges = trim_and_envelope(scenario)[1] if envelope and not identified else None
+    everywhere = _identified_everywhere(scenario) if identified else ()
     return certify(
         scenario.linear_model(),
         gains,
         envelope=ranges,
-        g=scenario.flight.g_mps2 if envelope else None,
+        g=None if ranges is None else scenario.flight.g_mps2,
         L_d=L_d,
+        conditions=[((one.V_a, one.gamma), one.model) for one in everywhere],
         scenario_sha256=scenario.sha256,
     )
 
@@ -228,13 +243,21 @@ def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
     Returns
     -------
     CommonQ
-        In the units of state of `identified_problems`; rate 0 where there is no common Q.
+        In the units of state of `identified_problems`; rate 0 where there is no common Q. A
+        certificate (`certify_scenario` with ``envelope``) is in plain units.
 
     Raises
     ------
     InputError, ScenarioError
         If there is no identified model, or the conditions have lags of different order.
     """
+    models = _identified_everywhere(scenario)
+    loops = [scaled(closed_loop(one.model, gains), one.scaling) for one in models]
+    return common_Q(np.array(loops))
+
+
+def _identified_everywhere(scenario: Scenario) -> tuple[FlownModel, ...]:
+    """The identified models of every condition of the file, all of one order."""
     everywhere = scenario.tuning.model_copy(update={"robust": True})
     models = scenario.model_copy(update={"tuning": everywhere}).identified_models()
     orders = sorted({len(one.model.states) for one in models})
@@ -243,8 +266,7 @@ def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
             f"`identified` must have lags of one order at every condition for a common Q, got "
             f"models of {' and '.join(map(str, orders))} states."
         )
-    loops = [scaled(closed_loop(one.model, gains), one.scaling) for one in models]
-    return common_Q(np.array(loops))
+    return models
 
 
 def largest_certified(scenario: Scenario, gains: PIGains) -> LargestEnvelope:

@@ -1,12 +1,21 @@
 """Gains tuned on the identified aircraft, flown: the paper's manoeuvre and others not used."""
 
+import json
+
 import numpy as np
 import pytest
 
-from flighttune.certificates import certify, verify
+from flighttune.certificates import (
+    certificate_from,
+    certify,
+    load_certificate,
+    save_certificate,
+    verify,
+)
+from flighttune.certificates.file import certificate_tables
 from flighttune.control.closed_loop import closed_loop
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.errors import ScenarioError
+from flighttune.errors import InputError, ScenarioError
 from flighttune.flight import fly
 from flighttune.outer_loop import (
     certify_scenario,
@@ -195,14 +204,77 @@ def test_one_q_proves_a_rate_at_every_condition_identified():
     assert tuned.R > 5.0 * printed.R
 
 
-def test_a_claim_over_an_envelope_is_refused_where_the_model_has_a_lag():
+@pytest.fixture(scope="module")
+def everywhere():
+    scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
+    return certify_scenario(scenario, tune_scenario(scenario).gains, envelope=True).certificate
+
+
+def test_a_certificate_proves_one_rate_at_every_condition_identified(everywhere, tmp_path):
+    identified = load_identified("aerosonde").conditions
+    save_certificate(everywhere, tmp_path / "c.json")
+    again = load_certificate(tmp_path / "c.json")
+    names = [check.name for check in verify(again).checks]
+
+    assert verify(again).valid
+    assert certificate_tables(again) == certificate_tables(everywhere)
+    assert again.claim.conditions == tuple((one.V_a, one.gamma) for one in identified)
+    assert sum("A' Q + Q A + I <= 0 at vertex" in name for name in names) == len(identified)
+    for model in again.models:
+        A_K = closed_loop(model, again.gains)
+        decay = A_K.T @ again.Q + again.Q @ A_K + np.eye(len(A_K))
+        assert np.linalg.eigvalsh(decay).max() < 0.0
+        assert again.claim.rate < indicators(A_K).R_K
+    assert "every mixture" in again.claim.place
+
+
+@pytest.mark.parametrize("number", [0, 7, 11])
+def test_a_model_changed_at_one_condition_breaks_the_proof(everywhere, number):
+    tables = json.loads(json.dumps(certificate_tables(everywhere)))
+    tables["models"][number]["A"][0][2] *= 3.0
+
+    found = verify(certificate_from(tables))
+
+    assert not found.valid
+    assert "A' Q + Q A + I <= 0 at vertex" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda tables: tables["models"].pop(), "one a condition, got 11 models and 12"),
+        (lambda tables: tables["claim"]["conditions"].pop(), "`claim.holds` must be"),
+        (lambda tables: tables["claim"].update(holds="always"), "`claim.holds` must be"),
+        (lambda tables: tables["claim"].update(conditions=[]), "`claim.holds` must be"),
+        (lambda tables: tables["models"][0].pop("B"), "`B` must be given"),
+        (lambda tables: tables["models"][0].update(D=[]), r"`models\[\].D` must not be there"),
+    ],
+)
+def test_a_file_whose_conditions_do_not_fit_is_refused(everywhere, change, message):
+    tables = json.loads(json.dumps(certificate_tables(everywhere)))
+    change(tables)
+
+    with pytest.raises(InputError, match=message):
+        certificate_from(tables)
+
+
+def test_the_radius_is_proven_at_every_condition_too():
+    scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
+
+    found = certify_scenario(scenario, tune_scenario(scenario).gains, envelope=True, L_d=0.015)
+
+    assert found.status == "certified"
+    assert found.certificate.claim.radius > 0.0
+
+
+def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
     ranges = {
         "V_a_mps": [22.0, 28.0], "gamma_deg": [-9.0, 9.0], "phi_deg": [-9.0, 9.0], "n_z": [0.9, 1.1]
     }  # fmt: skip
-    scenario = manoeuvre({"chi_deg": 5.0}, tuning={"model": "identified"}, envelope=ranges)
+    scenario = manoeuvre({"chi_deg": 5.0}, tuning={"lag_rad_s": [4.0, 8.0]}, envelope=ranges)
 
     with pytest.raises(ScenarioError, match=r"`model` of \[tuning\] must be the kinematic law"):
-        certify_scenario(scenario, tune_scenario(scenario).gains, envelope=True)
+        certify_scenario(scenario, PAPER_GAINS, envelope=True)
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,9 @@ class Claim:
         Where the Jacobian of the chi/gamma law may be, at every instant; None: the model alone.
     g : float, m/s^2, or None
         Acceleration of gravity; goes with `envelope`.
+    conditions : tuple of (V_a, gamma), m/s and rad
+        Where it holds besides the model: with the model stated for each, and every mixture of
+        their loops. Empty: the model alone, or the envelope.
     """
 
     rate: float
@@ -36,6 +39,7 @@ class Claim:
     L_d: float | None = None
     envelope: Envelope | None = None
     g: float | None = None
+    conditions: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("rate", "radius", "L_d", "g"):
@@ -45,6 +49,24 @@ class Claim:
         for one, other in (("radius", "L_d"), ("envelope", "g")):
             if (getattr(self, one) is None) != (getattr(self, other) is None):
                 raise InputError(f"`{one}` and `{other}` must be given together.")
+        if not all(V_a > 0.0 and math.isfinite(V_a + gamma) for V_a, gamma in self.conditions):
+            raise InputError("`conditions` must be positive airspeeds and finite angles.")
+        if self.conditions and self.envelope is not None:
+            raise InputError("`conditions` must be empty with `envelope`.")
+
+    @property
+    def place(self) -> str:
+        """Where the claim holds, in words."""
+        if self.envelope is not None:
+            return f"over the envelope {self.envelope}"
+        if not self.conditions:
+            return "at the trim"
+        speeds, climbs = zip(*self.conditions, strict=True)
+        return (
+            f"at {len(self.conditions)} identified conditions (V_a {min(speeds):g}..{max(speeds):g}"
+            f" m/s, gamma {math.degrees(min(climbs)):g}..{math.degrees(max(climbs)):g} deg) and for"
+            " every mixture of their loops"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,6 +86,8 @@ class Certificate:
     multiplier : float, 1/s, or None
     hull : JacobianHull or None
         Contains the Jacobians of the envelope.
+    models : tuple of LinearModel
+        Those of the claim's conditions, in their order.
     made_with : mapping of str to str
         Versions of flighttune and of the solvers.
     scenario_sha256 : str or None
@@ -77,6 +101,7 @@ class Certificate:
     W: FloatArray | None = None
     multiplier: float | None = None
     hull: JacobianHull | None = None
+    models: tuple[LinearModel, ...] = ()
     made_with: Mapping[str, str] = field(default_factory=dict)
     scenario_sha256: str | None = None
 
@@ -102,6 +127,16 @@ class Certificate:
             raise InputError(f"`multiplier` must be finite, got {self.multiplier}.")
         if (self.claim.envelope is None) != (self.hull is None):
             raise InputError("`envelope` and `hull` must be given together.")
+        if len(self.models) != len(self.claim.conditions):
+            raise InputError(
+                f"`models` must be one a condition, got {len(self.models)} models and "
+                f"{len(self.claim.conditions)} conditions."
+            )
+        for one in self.models:
+            if (one.states, one.inputs, one.errors) != (
+                self.model.states, self.model.inputs, self.model.errors
+            ):  # fmt: skip
+                raise InputError("`models` must have the states, inputs and errors of `model`.")
         object.__setattr__(self, "made_with", MappingProxyType(dict(self.made_with)))
 
     def _repr_html_(self) -> str:
@@ -110,7 +145,8 @@ class Certificate:
         if claim.radius is not None and claim.L_d is not None:
             within = f"{number(claim.radius)} under a disturbance of rate {number(claim.L_d)}"
             rows.append(("ultimate radius", within))
-        about = "the linear model alone" if claim.envelope is None else str(claim.envelope)
+        alone = claim.envelope is None and not claim.conditions
+        about = "the linear model alone" if alone else claim.place
         rows += [
             ("holds for", about),
             ("K_P", matrix(self.gains.K_P)),

@@ -14,9 +14,14 @@ from flighttune.theory.exact import Interval, Rationals, cosine, exact, product,
 
 
 def vertex_matrices(
-    model: LinearModel, gains: PIGains, hull: JacobianHull | None
+    model: LinearModel,
+    gains: PIGains,
+    hull: JacobianHull | None,
+    models: Sequence[LinearModel] = (),
 ) -> tuple[Rationals, ...]:
-    """A_K at every vertex of the polytope, or of the model alone, without rounding.
+    """A_K at every vertex of the polytope, or of the model and `models`, without rounding.
+
+    Loops that are the same are one vertex.
 
     Returns
     -------
@@ -24,7 +29,12 @@ def vertex_matrices(
         ``[[A + B K_P C, B K_I], [C, 0]]``, assembled in rational arithmetic.
     """
     if hull is None:
-        return (_closed_loop(exact(model.A), exact(model.B), exact(model.C), gains),)
+        distinct: list[Rationals] = []
+        for one in (model, *models):
+            loop = _closed_loop(exact(one.A), exact(one.B), exact(one.C), gains)
+            if not any(np.array_equal(loop, other) for other in distinct):
+                distinct.append(loop)
+        return tuple(distinct)
     box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
     factors = sorted({Fraction(end) for end in hull.factor})
     return tuple(

@@ -77,7 +77,7 @@ def certificate_tables(certificate: Certificate) -> Tables:
             "envelope": None,
         },
         "units": UNITS,
-        "model": {name: getattr(model, name).tolist() for name in ("A", "B", "C")}
+        "model": _matrices(model)
         | {name: list(getattr(model, name)) for name in ("states", "inputs", "errors")},
         "gains": {"K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()},
         "evidence": {
@@ -102,7 +102,17 @@ def certificate_tables(certificate: Certificate) -> Tables:
             "lower": certificate.hull.lower.tolist(),
             "upper": certificate.hull.upper.tolist(),
         }
+    if claim.conditions:
+        tables["claim"]["conditions"] = [
+            {"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in claim.conditions
+        ]
+        tables["claim"]["holds"] = claim.place
+        tables["models"] = [_matrices(one) for one in certificate.models]
     return tables
+
+
+def _matrices(model: LinearModel) -> Tables:
+    return {name: getattr(model, name).tolist() for name in ("A", "B", "C")}
 
 
 def certificate_from(tables: Any) -> Certificate:
@@ -117,7 +127,7 @@ def certificate_from(tables: Any) -> Certificate:
         raise InputError(f"`format` must be {FORMAT!r}.")
     _known(
         tables,
-        {"format", "claim", "units", "model", "gains", "evidence", "made_with"}
+        {"format", "claim", "units", "model", "models", "gains", "evidence", "made_with"}
         | {"scenario_sha256"},
         "",
     )
@@ -125,7 +135,11 @@ def certificate_from(tables: Any) -> Certificate:
     gains, evidence = _table(tables, "gains"), _table(tables, "evidence")
     if tables.get("units") != UNITS:
         raise InputError("`units` must be those of this format: nothing is converted.")
-    _known(claim, {"rate_per_s", "radius", "disturbance_rate_bound", "envelope"}, "claim.")
+    _known(
+        claim,
+        {"rate_per_s", "radius", "disturbance_rate_bound", "envelope", "conditions", "holds"},
+        "claim.",
+    )
     _known(model, {"A", "B", "C", "states", "inputs", "errors"}, "model.")
     _known(gains, {"K_P", "K_I"}, "gains.")
     _known(evidence, {"Q", "W", "multiplier_per_s", "polytope"}, "evidence.")
@@ -144,6 +158,7 @@ def certificate_from(tables: Any) -> Certificate:
             W=evidence.get("W"),
             multiplier=_optional("evidence.multiplier_per_s", evidence.get("multiplier_per_s")),
             hull=_hull(evidence.get("polytope")),
+            models=tuple(_model(one, names) for one in _list("models", tables.get("models"))),
             made_with={str(key): str(name) for key, name in tables.get("made_with", {}).items()},
             scenario_sha256=tables.get("scenario_sha256"),
         )
@@ -159,7 +174,7 @@ def _claim(tables: Tables) -> Claim:
     envelope = tables.get("envelope")
     if envelope is not None:
         _known(envelope, {"V_a_mps", "gamma_rad", "phi_rad", "n_z", "g_mps2"}, "claim.envelope.")
-    return Claim(
+    claim = Claim(
         rate=_number("claim.rate_per_s", tables["rate_per_s"]),
         radius=_optional("claim.radius", tables.get("radius")),
         L_d=_optional("claim.disturbance_rate_bound", tables.get("disturbance_rate_bound")),
@@ -172,7 +187,27 @@ def _claim(tables: Tables) -> Claim:
             n_z=_range("claim.envelope.n_z", envelope["n_z"]),
         ),
         g=None if envelope is None else _number("claim.envelope.g_mps2", envelope["g_mps2"]),
+        conditions=tuple(
+            _condition(one) for one in _list("claim.conditions", tables.get("conditions"))
+        ),
     )
+    place = claim.place if claim.conditions else None
+    if tables.get("holds") != place:
+        raise InputError(f"`claim.holds` must be {place!r}, as the conditions say.")
+    return claim
+
+
+def _condition(tables: Any) -> tuple[float, float]:
+    _known(tables, {"V_a_mps", "gamma_rad"}, "claim.conditions[].")
+    return (
+        _number("claim.conditions[].V_a_mps", tables["V_a_mps"]),
+        _number("claim.conditions[].gamma_rad", tables["gamma_rad"]),
+    )
+
+
+def _model(tables: Any, names: dict[str, tuple[str, ...]]) -> LinearModel:
+    _known(tables, {"A", "B", "C"}, "models[].")
+    return LinearModel(A=tables["A"], B=tables["B"], C=tables["C"], **names)
 
 
 def _hull(tables: Tables | None) -> JacobianHull | None:
@@ -191,6 +226,13 @@ def _table(tables: Tables, key: str) -> Tables:
     if not isinstance(table, dict):
         raise InputError(f"`{key}` must be an object.")
     return table
+
+
+def _list(key: str, values: Any) -> list[Any]:
+    """The list of a key; empty where it is not given."""
+    if not isinstance(values, list | None):
+        raise InputError(f"`{key}` must be a list, got {values!r}.")
+    return values or []
 
 
 def _known(tables: Any, keys: set[str], where: str) -> None:

@@ -1,6 +1,7 @@
 """Making certificates: solvers propose, the exact checks decide."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Literal
@@ -23,6 +24,8 @@ from flighttune.theory.indicators import indicators
 from flighttune.theory.lmi import solver_versions
 
 Ellipsoid = tuple[FloatArray, float]
+Condition = tuple[tuple[float, float], LinearModel]
+"""Airspeed (m/s) and flight-path angle (rad), and the model there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,6 +56,7 @@ def certify(
     g: float | None = None,
     L_d: float | None = None,
     hull: Hull = "speed",
+    conditions: Sequence[Condition] = (),
     scenario_sha256: str | None = None,
 ) -> Certification:
     """Certify the rate of gains, and the ultimate radius for a disturbance bound.
@@ -70,6 +74,9 @@ def certify(
         Bound on the norm of the disturbance's derivative; without one only the rate is claimed.
     hull : "entries" or "speed"
         The polytope drawn around the envelope's Jacobians; see `jacobian_hull`.
+    conditions : sequence of ((V_a, gamma), model), optional
+        Claim the same at these, behind the same gains, and for every mixture of their loops; not
+        together with an envelope.
     scenario_sha256 : str, optional
         Kept in the certificate.
 
@@ -82,17 +89,21 @@ def certify(
     Raises
     ------
     InputError
-        If the channels do not fit, a bound is not positive, or an envelope comes without `g`.
+        If the channels or the states of the models do not fit, a bound is not positive, or an
+        envelope comes without `g` or with conditions.
     """
+    models = tuple(model for _, model in conditions)
     if (envelope is None) != (g is None):
         raise InputError("`envelope` and `g` must be given together.")
+    if any(one.states != model.states for one in models):
+        raise InputError("`conditions` must have models with the states of `model`.")
     polytope = None
     if envelope is None or g is None:
-        loops = closed_loop(model, gains)[None]
+        loops = _distinct([closed_loop(one, gains) for one in (model, *models)])
     else:
         polytope = jacobian_hull(envelope, g=g, hull=hull)
         loops = vertex_loops(envelope, gains, g=g, hull=hull)
-    vertices = vertex_matrices(model, gains, polytope)
+    vertices = vertex_matrices(model, gains, polytope, models)
     Q, reason = _Q(loops)
     proven = None if Q is None else provable_rate(vertices, Q)
     if proven is None:
@@ -109,6 +120,7 @@ def certify(
             L_d=L_d,
             envelope=envelope,
             g=g,
+            conditions=tuple(condition for condition, _ in conditions),
         ),
         model=model,
         gains=gains,
@@ -116,7 +128,8 @@ def certify(
         W=None if ellipsoid is None else ellipsoid[0],
         multiplier=None if ellipsoid is None else ellipsoid[1],
         hull=polytope,
-        made_with={"flighttune": version("flighttune"), **_solvers(envelope is not None)},
+        models=models,
+        made_with={"flighttune": version("flighttune"), **_solvers(len(loops) > 1)},
         scenario_sha256=scenario_sha256,
     )
     verification = verify(certificate)
@@ -125,6 +138,12 @@ def certify(
     return Certification(
         status="certified", reason="", certificate=certificate, verification=verification
     )
+
+
+def _distinct(loops: Sequence[FloatArray]) -> FloatArray:
+    """Loops stacked in order, the same ones once."""
+    _, first = np.unique(np.array(loops), axis=0, return_index=True)
+    return np.array(loops)[np.sort(first)]
 
 
 def _Q(loops: FloatArray) -> tuple[FloatArray | None, str]:
@@ -138,7 +157,9 @@ def _Q(loops: FloatArray) -> tuple[FloatArray | None, str]:
 def _ellipsoid(loops: FloatArray, E: FloatArray, L_d: float) -> tuple[Ellipsoid | None, str]:
     if len(loops) > 1:
         common = common_ellipsoid(loops, E, L_d=L_d)
-        return None if common.W is None else (common.W, common.multiplier), common.reason
+        if common.W is None:
+            return None, common.reason
+        return ((common.W + common.W.T) / 2.0, common.multiplier), ""  # symmetric to the last bit
     single = invariant_ellipsoid(loops[0], E, L_d=L_d, room=1e-6)
     return (single.W, single.multiplier), ""
 

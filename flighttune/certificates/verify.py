@@ -21,7 +21,7 @@ def verify(certificate: Certificate | str | Path) -> Verification:
     -------
     Verification
         Valid if every inequality is proven in rational arithmetic. The loops are assembled from
-        the stated model, gains and polytope, so that there is no other matrix to believe in.
+        the stated models, gains and polytope, so that there is no other matrix to believe in.
 
     Raises
     ------
@@ -34,7 +34,9 @@ def verify(certificate: Certificate | str | Path) -> Verification:
     checks: list[Check] = []
     if claim.envelope is not None and certificate.hull is not None and claim.g is not None:
         checks += coverage_checks(certificate.model, claim.envelope, certificate.hull, g=claim.g)
-    vertices = vertex_matrices(certificate.model, certificate.gains, certificate.hull)
+    vertices = vertex_matrices(
+        certificate.model, certificate.gains, certificate.hull, certificate.models
+    )
     checks += rate_checks(vertices, certificate.Q, rate=claim.rate)
     if (
         claim.radius is not None

@@ -16,6 +16,8 @@ from flighttune.cli.gain_sets import (
 )
 from flighttune.cli.show import NO, JsonOption, ScenarioArgument, fail, print_json, print_table, say
 
+EIGENVALUES_A_LINE = 4
+
 if TYPE_CHECKING:
     from flighttune.certificates import Certification, Verification
     from flighttune.theory.indicators import Indicators
@@ -25,7 +27,12 @@ def certify(
     scenario: ScenarioArgument,
     gains: GainsOption = None,
     envelope: Annotated[
-        bool, typer.Option("--envelope", help="Claim the rate over the scenario's envelope.")
+        bool,
+        typer.Option(
+            "--envelope",
+            help="Claim the rate over the scenario's envelope; with the identified model: at every "
+            "condition identified.",
+        ),
     ] = False,
     L_d: Annotated[
         float | None,
@@ -43,7 +50,7 @@ def certify(
     Exit status 1 if the loop is unstable or the certificate is refused.
     """
     from flighttune.control.closed_loop import closed_loop
-    from flighttune.outer_loop import certify_scenario, largest_certified
+    from flighttune.outer_loop import certify_scenario, largest_certified, tuning_scaling
     from flighttune.scenario import load_scenario
     from flighttune.theory.indicators import indicators
 
@@ -51,8 +58,11 @@ def certify(
     name, chosen = chosen_gains(loaded, gains)
     model = loaded.linear_model()
     found = indicators(closed_loop(model, chosen))
+    scaling = tuning_scaling(loaded)
+    in_tune = None if scaling is None else indicators(closed_loop(model, chosen), scaling=scaling)
     made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d)
-    reach = largest_certified(loaded, chosen) if envelope else None
+    identified = loaded.tuning.model == "identified"
+    reach = largest_certified(loaded, chosen) if envelope and not identified else None
     if out is not None and made.certificate is not None:
         from flighttune.certificates import save_certificate
 
@@ -63,6 +73,7 @@ def certify(
         print_json(
             {
                 **_indicators_json(found),
+                "scaled": None if in_tune is None else _scaled_json(in_tune),
                 "gains": name,
                 **gains_json(chosen),
                 "margins": margins_json(margins),
@@ -74,8 +85,12 @@ def certify(
         )
     else:
         _print_indicators(name, found)
+        _say_units(in_tune, robust=identified and loaded.tuning.robust)
         say_margins(margins)
-        _say_certification(made, envelope, out)
+        asked = "at the trim"
+        if envelope:
+            asked = "at every condition identified" if identified else "over the envelope"
+        _say_certification(made, asked, out)
         if reach is not None:
             say(f"largest certified envelope: {reach.factor:.3f} times the scenario's")
     if found.status != "stable":
@@ -114,10 +129,15 @@ def _indicators_json(found: "Indicators") -> dict[str, Any]:
         "reason": found.reason,
         "R_K": found.R_K,
         "I_K": found.I_K,
+        "scaling": found.scaling.tolist(),
         "spectral_abscissa": found.spectral_abscissa,
         "eigenvalues": [[value.real, value.imag] for value in found.eigenvalues.tolist()],
         "Q": None if found.Q is None else found.Q.tolist(),
     }
+
+
+def _scaled_json(found: "Indicators") -> dict[str, Any]:
+    return {"R_K": found.R_K, "I_K": found.I_K, "scaling": found.scaling.tolist()}
 
 
 def _checks_json(found: "Verification") -> list[dict[str, Any]]:
@@ -132,6 +152,10 @@ def _certification_json(made: "Certification", out: Path | None) -> dict[str, An
         "rate": None if claim is None else claim.rate,
         "radius": None if claim is None else claim.radius,
         "L_d": None if claim is None else claim.L_d,
+        "holds": None if claim is None else claim.place,
+        "conditions": []
+        if claim is None
+        else [{"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in claim.conditions],
         "checks": [] if made.verification is None else _checks_json(made.verification),
         "file": str(out) if out is not None and claim is not None else None,
     }
@@ -140,26 +164,33 @@ def _certification_json(made: "Certification", out: Path | None) -> dict[str, An
 def _print_indicators(name: str, found: "Indicators") -> None:
     print_table(
         f"{name}: {found.status}",
-        ("R_K [1/s]", "I_K [s²]", "spectral abscissa [1/s]", "eigenvalues [1/s]"),
-        [
-            (
-                f"{found.R_K:.4f}",
-                f"{found.I_K:.4f}",
-                f"{found.spectral_abscissa:.4f}",
-                "  ".join(f"{value:.3f}" for value in found.eigenvalues),
-            )
-        ],
+        ("R_K [1/s]", "I_K [s²]", "spectral abscissa [1/s]"),
+        [(f"{found.R_K:.4f}", f"{found.I_K:.4f}", f"{found.spectral_abscissa:.4f}")],
+    )
+    values = [f"{value:.3f}" for value in found.eigenvalues]
+    for start in range(0, len(values), EIGENVALUES_A_LINE):
+        head = "eigenvalues [1/s]:" if start == 0 else " " * len("eigenvalues [1/s]:")
+        say("  ".join([head, *values[start : start + EIGENVALUES_A_LINE]]))
+
+
+def _say_units(in_tune: "Indicators | None", *, robust: bool) -> None:
+    if in_tune is None:
+        say("units of state: plain, as in `tune`")
+        return
+    say(
+        f"units of state: plain; in the scaled ones of `tune` R_K is {in_tune.R_K:.5f}, "
+        f"I_K {in_tune.I_K:.4f}{' here, `tune` has the worst condition' if robust else ''}"
     )
 
 
-def _say_certification(made: "Certification", envelope: bool, out: Path | None) -> None:
-    where = "over the envelope" if envelope else "at the trim"
+def _say_certification(made: "Certification", asked: str, out: Path | None) -> None:
     import numpy as np
 
     if made.certificate is None:
-        say(f"no certificate {where}: {made.reason}")
+        say(f"no certificate {asked}: {made.reason}")
         return
     claim = made.certificate.claim
+    where = claim.place if claim.conditions else asked
     checks = 0 if made.verification is None else len(made.verification.checks)
     radius = "" if claim.radius is None else f", ultimate radius {claim.radius:.5f} rad"
     spread = math.sqrt(float(np.linalg.cond(made.certificate.Q)))

@@ -31,7 +31,7 @@ def tune(
     as_json: JsonOption = False,
 ) -> None:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
-    from flighttune.outer_loop import tune_scenario, tuning_problem
+    from flighttune.outer_loop import tune_scenario, tuning_problem, tuning_scaling
     from flighttune.scenario import load_scenario
     from flighttune.tuning.diagnosis import diagnosis
 
@@ -47,6 +47,8 @@ def tune(
     result = tune_scenario(loaded)
     optimal = result.status == "optimal"
     margins = margins_of(loaded.linear_model(), result.gains) if optimal else None
+    scaling = tuning_scaling(loaded)
+    n, _, p = loaded.linear_model().shape
     why = diagnosis(tuning_problem(loaded)) if result.status == "infeasible" else None
     if as_json:
         print_json(
@@ -56,6 +58,7 @@ def tune(
                 **gains_json(result.gains),
                 "R_K": result.R_K,
                 "I_K": result.I_K,
+                "scaling": [1.0] * (n + p) if scaling is None else scaling.tolist(),
                 "spectral_abscissa": result.spectral_abscissa,
                 "active": list(result.active),
                 "starts": result.starts,
@@ -74,6 +77,11 @@ def tune(
         say(
             f"binding: {', '.join(result.active) or 'nothing'}; {result.method}, "
             f"{result.starts} starts, {result.wall_s:.2f} s"
+        )
+        say(
+            "units of state: plain, as in `certify`"
+            if scaling is None
+            else "units of state: scaled by [tuning]; `certify` says R_K in plain ones too"
         )
         say_margins(margins)
         if why is not None:

@@ -106,10 +106,14 @@ class FlownModel:
         States (chi, gamma, lags), inputs (phi, n_z) commands, errors (chi, gamma).
     scaling : ndarray, shape (n + 2,)
         As `flighttune.control.inner_loop.inner_loop_scaling`.
+    V_a, gamma : float, m/s and rad
+        Airspeed and flight-path angle of the law.
     """
 
     model: LinearModel
     scaling: FloatArray
+    V_a: float
+    gamma: float
 
 
 def flown_model(
@@ -146,8 +150,14 @@ def flown_model(
         If a value cannot be used.
     """
     V_a = condition.V_a if V_a is None else V_a
-    law = kinematic_model(V_a=V_a, gamma=condition.gamma if gamma is None else gamma, g=g)
+    gamma = condition.gamma if gamma is None else gamma
+    law = kinematic_model(V_a=V_a, gamma=gamma, g=g)
     if schedule_speed is not None:
         law = replace(law, B=law.B * (V_a / schedule_speed))
     lags = [lag.delayed(hold) for lag in condition.lags]
-    return FlownModel(model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags))
+    return FlownModel(
+        model=with_inner_loop(law, lags),
+        scaling=inner_loop_scaling(law, lags),
+        V_a=V_a,
+        gamma=gamma,
+    )
