@@ -148,6 +148,7 @@ def _mismatch_json(found: "Gap") -> dict[str, Any] | None:
         "bound": found.mismatch.bound,
         "held": verdict and verdict.held,
         "t_broken": verdict and verdict.t_broken,
+        "says_nothing": verdict and verdict.says_nothing,
         "verdict": verdict and _verdict_json(verdict),
         "settled": found.settled and _verdict_json(found.settled),
         "approach": loop
