@@ -79,8 +79,8 @@ def certify(
                 "margins": margins_json(margins),
                 "certificate": _certification_json(made, out),
                 "envelope": None
-                if reach is None
-                else {"R_K": claimed, "largest_factor": reach.factor},
+                if not envelope
+                else {"R_K": claimed, "largest_factor": None if reach is None else reach.factor},
             }
         )
     else:

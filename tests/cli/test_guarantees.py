@@ -8,6 +8,7 @@ import pytest
 from commands import answer, flighttune
 
 from flighttune.scenario import load_scenario
+from flighttune.shipped import scenario_file
 
 PAPER_RADIUS = 0.0333
 """Invariant ellipsoid of K* under L_d = 0.015, to the digits given."""
@@ -109,6 +110,49 @@ def test_an_envelope_must_stand_in_the_scenario():
     _, err = flighttune("certify", "level_turn", "--envelope", status=2)
 
     assert "`envelope` must be given" in err
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    text = scenario_file("paper_identified").read_text()
+    path = tmp_path_factory.mktemp("identified") / "identified.toml"
+    lines = [line for line in text.splitlines() if not line.startswith(("model ", "I_star"))]
+    path.write_text("\n".join(lines).replace("[tuning]", '[tuning]\nmodel = "identified"'))
+    return path
+
+
+def test_a_certificate_over_every_condition_identified(identified, tmp_path):
+    out = tmp_path / "c.json"
+
+    found = answer(
+        "certify", identified, "--gains", "tuned_identified", "--envelope", "--out", out
+    )  # fmt: skip
+
+    assert found["certificate"]["status"] == "certified"
+    assert len(found["certificate"]["conditions"]) == 12
+    assert found["envelope"] == {"R_K": found["certificate"]["rate"], "largest_factor": None}
+    assert found["envelope"]["R_K"] < found["R_K"]
+    assert answer("verify", out)["valid"]
+
+
+def test_tune_and_certify_say_their_units_of_state_and_agree_in_the_same_ones(identified):
+    tuned, certified = answer("tune", identified), answer("certify", identified, "--gains", "tuned")
+
+    assert set(certified["scaling"]) == {1.0} != set(tuned["scaling"])
+    assert certified["scaled"]["scaling"] == tuned["scaling"]
+    assert certified["scaled"]["R_K"] == pytest.approx(tuned["R_K"])
+    assert answer("tune", "paper")["scaling"] == [1.0] * 4
+    assert answer("certify", "paper")["scaled"] is None
+    assert "units of state: scaled" in flighttune("tune", identified)[0]
+
+
+def test_the_table_of_a_loop_of_many_states_can_be_read(identified):
+    out, _ = flighttune("certify", identified, "--gains", "tuned_identified")
+
+    rate = answer("certify", identified, "--gains", "tuned_identified")["R_K"]
+    assert f"{rate:.4f}" in out
+    assert "units of state: plain; in the scaled ones" in out
+    assert out.index("spectral abscissa") < out.index("eigenvalues [1/s]:")
 
 
 def test_certify_shows_the_lag_at_which_the_printed_gains_lose_stability():
