@@ -1,5 +1,6 @@
 """Whether a file is a recording of ours, before anything is done with it."""
 
+import textwrap
 import warnings
 from pathlib import Path
 
@@ -8,6 +9,16 @@ from flighttune.recording.names import APPLICATION
 
 MAGIC = b"RRF2"
 """What every Rerun file (0.41) begins with."""
+
+
+LONGEST_REASON = 160
+"""Characters of what a library says about a file that are repeated."""
+
+
+def brief(text: object) -> str:
+    """The first line of `text`, cut to what a reader takes in."""
+    first = next(iter(str(text).splitlines()), "no reason")
+    return textwrap.shorten(first, LONGEST_REASON, placeholder=" ...").rstrip(".")
 
 
 def check_kind(path: Path) -> None:
@@ -58,9 +69,9 @@ def check_recording(path: str | Path, *, whole: bool = False) -> None:
                 for _ in reader.stream(store=store):
                     pass
     except (RuntimeError, ValueError, RerunWarning) as error:
-        line = str(error).splitlines()[0].split(f"{path}: ")[-1].rstrip(".")
-        raise RecordingError(f"{path}: must be a sound recording (.rrd), got: {line}.") from error
+        reason = brief(str(error).split(f"{path}: ")[-1])
+        raise RecordingError(f"{path}: must be a sound recording (.rrd), got: {reason}.") from error
     programs = {entry.application_id for entry in recordings}
     if not any(name == APPLICATION or name.startswith(f"{APPLICATION}-") for name in programs):
-        got = ", ".join(sorted(programs)) or "nothing"
+        got = brief(", ".join(sorted(programs)) or "nothing")
         raise RecordingError(f"{path}: must be a recording of flighttune, got one of {got}.")

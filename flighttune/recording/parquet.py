@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flighttune.errors import RecordingError
+from flighttune.recording.check import brief
 from flighttune.recording.description import FORMAT, described_run, description, signal_table
 from flighttune.simulate.run import SIGNAL_UNITS, Run
 from flighttune.whole_file import whole_file
@@ -101,8 +102,9 @@ def _read_table(path: Path) -> pa.Table:
     try:
         return pq.ParquetFile(path, page_checksum_verification=True).read()
     except (pa.ArrowException, OSError) as error:
-        line = str(error).splitlines()[0].rstrip(".")
-        raise RecordingError(f"{path}: must be a sound Parquet file, got: {line}.") from error
+        raise RecordingError(
+            f"{path}: must be a sound Parquet file, got: {brief(error)}."
+        ) from error
 
 
 def _what_is(path: Path) -> str:

@@ -15,7 +15,7 @@ from rerun.chunk import RrdReader
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import RecordingError
-from flighttune.recording.check import check_recording
+from flighttune.recording.check import brief, check_recording
 from flighttune.recording.description import FORMAT, described_run, signal_table
 from flighttune.recording.names import RECORD, TIMELINE
 from flighttune.recording.salvage import whole_messages
@@ -60,7 +60,7 @@ def recorded_runs(path: Path) -> tuple[tuple[Run, ...], tuple[str, ...]]:
         if isinstance(error, RecordingError):
             raise
         raise RecordingError(
-            f"{path}: must describe complete runs, got {type(error).__name__}: {error}."
+            f"{path}: must describe complete runs, got {type(error).__name__}: {brief(error)}."
         ) from error
     return tuple(runs), tuple(missing)
 
@@ -93,8 +93,8 @@ def _contents(file: Path, path: Path) -> tuple[list[dict[str, Any]], Columns]:
             elif chunk.entity_path == f"/{RECORD}":
                 told = [json.loads(text) for text in batch.column(RUNS)[0].as_py()]
     except (RuntimeError, ValueError, KeyError, pa.ArrowException) as error:
-        line = str(error).splitlines()[0].replace(f"{file}: ", "").split("{")[0].strip(" .")
-        raise RecordingError(f"{path}: must be a sound recording (.rrd), got: {line}.") from error
+        reason = brief(str(error).replace(f"{file}: ", "").split("{")[0])
+        raise RecordingError(f"{path}: must be a sound recording (.rrd), got: {reason}.") from error
     if not told:
         raise RecordingError(f"{path}: must hold runs to read back, got none.")
     for pieces in columns.values():
@@ -114,7 +114,9 @@ def _run(
     run = described_run(found, signals)
     if len(rows) == samples:
         if zlib.crc32(rows.tobytes()) != found["crc32"]:
-            raise RecordingError(f"{path}: must hold the signals written, got others: {run.label}.")
+            raise RecordingError(
+                f"{path}: must hold the signals written, got others: {brief(run.label)}."
+            )
         return run, None
     told = f" up to t = {run.duration:g} s" if len(rows) else ""
     lost = f"{run.label}: {len(rows)} of {samples} samples are there{told}"
