@@ -43,11 +43,12 @@ PAGE_TAB = "Scenario and metrics"
 FIRST_TAB_PLOTS = ("chi_err", "gamma_err")
 """Plots beside the scene."""
 
-OVERVIEW_SHARES = (5, 3, 3, 3)
+OVERVIEW_SHARES = (9, 8, 8, 7)
 """Heights of what stands beside the scene: camera, two errors, events."""
 
-HEIGHT, HEADER, LANE = 900.0, 62.0, 24.0
-"""Height of a tab, of a title with time axis and of one lane, in points, for sharing out."""
+HEIGHT, HEADER, LANE = 780.0, 72.0, 24.0
+"""Height of a tab in a window of 900, of a title with time axis, and of one lane; in points, for
+sharing out."""
 
 
 def blueprint(
@@ -118,7 +119,7 @@ def _overview(members: Sequence[Member], plots: Mapping[str, Sequence[Plot]]) ->
         rrb.Vertical(
             chase, *(_plot(plot, runs) for plot in beside), happened, row_shares=OVERVIEW_SHARES
         ),
-        column_shares=[3, 2],
+        column_shares=[4, 3],
         name="Overview",
     )
 

@@ -2,17 +2,18 @@
 
 import io
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
 from flighttune.flight import fly
+from flighttune.gap.explain import explain_gap
 from flighttune.palette import LIMIT, NEUTRAL, looks, rgb
-from flighttune.recording.page import scenario_page
 from flighttune.recording.plots import TABS
+from flighttune.recording.record import record
 from flighttune.recording.rrd import write_recording
 from flighttune.recording.screenshot import NEEDS_DRIVER, HeadlessViewer, screenshot
 from flighttune.scenario import load_scenario
@@ -35,29 +36,52 @@ LARGEST_PICTURE = 400_000
 NEVER_HIDDEN = {"Course chi, reference grey [deg]", "Course error [deg]", "Path angle error [deg]"}
 SCENE = "Paths and aircraft"
 
-NOT_IN_CALM_FLIGHT = ("Weather", "Mismatch")
-"""Tabs whose signals a flight in calm air does not have."""
-
 EVERY_TAB = ["Overview", *TABS, "Certificate", "Eigenvalues", "Scenario and metrics"]
+IN_CALM_FLIGHT = [tab for tab in EVERY_TAB if tab not in ("Weather", "Mismatch")]
+IN_TURBULENCE = [tab for tab in EVERY_TAB if tab != "Mismatch"]
+ON_A_LADDER = [tab for tab in EVERY_TAB if tab != "Weather"]
+
+SMALL_WINDOW = 1400, 900
+LANE_HEIGHT = 18
+"""Pixels of a lane that is whole."""
+
+LANE_SHADE = 0.785
+"""How much darker the viewer draws a lane than its colour."""
+
+LANES = {
+    "Overview": "Runs: name and colour",
+    "Tracking": "Runs: name and colour",
+    "Commands and limits": "Roll command held by a limit",
+    "Aircraft": "Runs: name and colour",
+    "Certificate": "Guarantee: holds, broken (red) or no claim (grey: limit or new reference)",
+    "Scenario and metrics": "Runs: name and colour",
+}
 
 
 @pytest.fixture(scope="module")
 def flown():
-    return fly(load_scenario(Path(__file__).parents[2] / "scenarios" / "paper.toml"))
+    return fly(load_scenario("paper"))
 
 
 @pytest.fixture(scope="module")
 def recording(flown, tmp_path_factory):
-    page = scenario_page(
-        flown.runs,
-        scenario=flown.scenario.as_dict(),
-        indicators={name: (found.R_K, found.I_K) for name, found in flown.indicators.items()},
-        metrics=flown.metrics,
-        flight=flown.flight,
-    )
-    path = tmp_path_factory.mktemp("viewer") / "paper.rrd"
-    write_recording(flown.runs, path, page=page, title=flown.scenario.title)
-    return path
+    return record(flown, tmp_path_factory.mktemp("viewer"), name="paper").recording
+
+
+@pytest.fixture(scope="module")
+def in_turbulence(viewer, tmp_path_factory):
+    flown = fly(load_scenario("turbulent_climb"))
+    files = record(flown, tmp_path_factory.mktemp("turbulence"))
+    with HeadlessViewer(files.recording) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def on_a_ladder(viewer, tmp_path_factory):
+    found = explain_gap(load_scenario("paper"), PAPER_GAINS, name="paper")
+    files = record(found.flown(), tmp_path_factory.mktemp("ladder"))
+    with HeadlessViewer(files.recording) as opened:
+        yield opened
 
 
 @pytest.fixture(scope="module")
@@ -85,17 +109,12 @@ def test_it_opens_at_the_start(viewer):
 
 
 def test_the_tabs_are_in_order(viewer):
-    calm = [tab for tab in EVERY_TAB if tab not in NOT_IN_CALM_FLIGHT]
-
-    assert list(viewer.tabs) == calm
+    assert list(viewer.tabs) == IN_CALM_FLIGHT
 
 
 @pytest.mark.parametrize("at", [0.0, 4.4, 20.0])
-@pytest.mark.parametrize("tab", EVERY_TAB)
+@pytest.mark.parametrize("tab", IN_CALM_FLIGHT)
 def test_no_view_is_empty_and_nothing_is_complained_of(viewer, tab, at, flown, tmp_path):
-    if tab in NOT_IN_CALM_FLIGHT:
-        assert tab not in viewer.tabs
-        return
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in flown.runs]
 
     viewer.show(tab, at=at)
@@ -112,6 +131,42 @@ def test_no_view_is_empty_and_nothing_is_complained_of(viewer, tab, at, flown, t
             assert count(picture, NEUTRAL) >= FEWEST_PIXELS
         if "limits red" in name:
             assert count(picture, LIMIT) >= FEWEST_PIXELS
+
+
+def assert_drawn_at_three_times(viewer, tab, folder):
+    for at in (0.0, 4.4, 20.0):
+        viewer.show(tab, at=at)
+        (folder / f"window-{at:g}.png").write_bytes(viewer.picture())
+        for name, view in viewer.views(tab).items():
+            assert pixels(viewer.picture(view)).std() > FLAT, f"{name} is empty at {at} s"
+    assert viewer.complaints() == []
+
+
+@pytest.mark.parametrize("tab", IN_TURBULENCE)
+def test_no_view_of_a_flight_in_turbulence_is_empty(in_turbulence, tab, tmp_path):
+    assert list(in_turbulence.tabs) == IN_TURBULENCE
+    assert_drawn_at_three_times(in_turbulence, tab, tmp_path)
+
+
+@pytest.mark.parametrize("tab", ON_A_LADDER)
+def test_no_view_of_a_ladder_to_the_aircraft_is_empty(on_a_ladder, tab, tmp_path):
+    assert list(on_a_ladder.tabs) == ON_A_LADDER
+    assert_drawn_at_three_times(on_a_ladder, tab, tmp_path)
+
+
+@pytest.mark.usefixtures("viewer")
+def test_in_a_small_window_every_run_has_its_lane_whole(recording, flown, tmp_path):
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in flown.runs]
+    with HeadlessViewer(recording, size=SMALL_WINDOW) as opened:
+        for tab, view in LANES.items():
+            opened.show(tab, at=0.0)
+            (tmp_path / f"{tab}.png").write_bytes(opened.picture())
+            picture = pixels(opened.picture(opened.views(tab)[view]))
+            for pair, look in looks(pairs).items():
+                shade = LANE_SHADE * np.array(look.rgb)
+                drawn = np.abs(picture - shade).max(axis=2) <= SAME_COLOUR
+                height = int(drawn.sum(axis=0).max())
+                assert height >= LANE_HEIGHT, f"{pair} is cut off on {tab}: {height} pixels"
 
 
 def test_the_aircraft_move_in_both_cameras(viewer):
