@@ -102,13 +102,17 @@ def view(
 
 
 def _open(path: Path) -> None:
+    from flighttune.cli.live import terminated_like_ctrl_c
     from flighttune.recording.view import view as open_viewer
 
-    with open_viewer(_recording_in(path)) as viewer:
+    with (
+        terminated_like_ctrl_c(),
+        open_viewer(_recording_in(path)) as viewer,
+        suppress(KeyboardInterrupt),
+    ):
         if viewer.url:
             say(f"no screen here; open {viewer.url} in a browser on this machine, Ctrl-C ends it")
-        with suppress(KeyboardInterrupt):
-            viewer.wait()
+        viewer.wait()
 
 
 def _recording_in(path: Path) -> Path:

@@ -54,7 +54,7 @@ def watched(scenario: "Scenario", *, pace: float | None, quiet: bool) -> Iterato
     from flighttune.recording.live import LiveSession
     from flighttune.recording.live_viewer import stream_url, waiting_viewer
 
-    with waiting_viewer() as viewer:
+    with terminated_like_ctrl_c(), waiting_viewer() as viewer:
         if viewer.url and quiet:
             tell(f"no screen here; open {viewer.url} in a browser on this machine")
         elif viewer.url:
@@ -82,3 +82,13 @@ def ctrl_c(first: Callable[[], object]) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def terminated_like_ctrl_c() -> Iterator[None]:
+    """Treat SIGTERM in the block as Ctrl-C, so that what the block opened is closed."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -97,6 +97,11 @@ class ViewerProcess:
         raise RecordingError(f"the Rerun viewer must answer within {START_TIMEOUT:g} s.")
 
     @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    @property
     def ended(self) -> bool:
         """Whether it runs no more; a viewer that broke off may need a moment for it."""
         try:
