@@ -27,6 +27,9 @@ SAME_PICTURE = 1.5
 """Mean difference of grey levels (of 255) between two pictures that show the same; a shift by one
 pixel makes 5, a missing line 3."""
 
+BROWSER_ITSELF = "not an origin"
+"""Who the log of the browser names for requests that no page made."""
+
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
 TELL = """<script>addEventListener("load", () => setTimeout(() => {
   const page = document.documentElement;
@@ -71,6 +74,28 @@ def test_every_picture_is_shown(told, page):
 
     assert len(sizes) == page.count("<img ")
     assert min(sizes) > 300
+
+
+def asked_by_the_page(chromium, page, log):
+    """Addresses that a page asks for outside its file; the browser itself has no origin."""
+    chromium(f"--log-net-log={log}", "--dump-dom", page)
+    told = json.loads(log.read_text(encoding="utf-8"))
+    kind = told["constants"]["logSourceType"]["URL_REQUEST"]
+    asked = [
+        event["params"]
+        for event in told["events"]
+        if event["source"]["type"] == kind and "initiator" in event.get("params", {})
+    ]
+    urls = {params["url"] for params in asked if params["initiator"] != BROWSER_ITSELF}
+    return {url for url in urls if not url.startswith(("file:", "data:"))}
+
+
+def test_no_request_leaves_the_machine(chromium, written, tmp_path):
+    outside = "http://127.0.0.1:9/outside.png"
+    (tmp_path / "outside.html").write_text(f'<img src="{outside}">', encoding="utf-8")
+
+    assert asked_by_the_page(chromium, tmp_path / "outside.html", tmp_path / "a.json") == {outside}
+    assert asked_by_the_page(chromium, written.path, tmp_path / "b.json") == set()
 
 
 def screenshot(chromium, page, path, *, width, height):
