@@ -12,6 +12,8 @@ from flighttune.errors import ShapeError
 class PIGains:
     """Gains of ``u = K_P e + K_I xi`` with ``d(xi)/dt = e``, m inputs and p errors.
 
+    Two of them are equal if all numbers and channel names are.
+
     Attributes
     ----------
     K_P : ndarray, shape (m, p), input unit per error unit
@@ -36,6 +38,19 @@ class PIGains:
                     f"`{name}` must have shape {shape} (inputs, errors), got {gain.shape}."
                 )
             object.__setattr__(self, name, gain)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, PIGains):
+            return NotImplemented
+        return (
+            (self.inputs, self.errors) == (other.inputs, other.errors)
+            and np.array_equal(self.K_P, other.K_P)
+            and np.array_equal(self.K_I, other.K_I)
+        )
+
+    def __hash__(self) -> int:
+        numbers = (*self.K_P.ravel().tolist(), *self.K_I.ravel().tolist())
+        return hash((self.inputs, self.errors, numbers))
 
     @property
     def K(self) -> FloatArray:

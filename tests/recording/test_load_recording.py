@@ -96,6 +96,8 @@ def test_a_folder_and_a_parquet_file_give_the_same(recording, four_runs, tmp_pat
     assert len(load_recording(tmp_path).runs) == 6
     assert_same(load_recording(tmp_path)["kinematic / paper"], four_runs[0])
     assert_same(load_recording(path).runs[0], four_runs[0])
+    assert load_recording(path).runs[0].provenance == four_runs[0].provenance
+    assert load_recording(tmp_path).runs[0].provenance == four_runs[0].provenance
 
 
 def test_a_folder_without_its_recording_gives_what_parquet_has_in_order(four_runs, tmp_path):
