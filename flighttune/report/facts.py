@@ -206,7 +206,7 @@ def _gains(scenario: Scenario, runs: Sequence[Run]) -> tuple[GainFacts, ...]:
             gains=gains,
             trim=certify_scenario(scenario, gains),
             envelope=certify_scenario(scenario, gains, envelope=True)
-            if scenario.envelope
+            if scenario.envelope and scenario.tuning.model == "kinematic"  # the law's ranges
             else None,
         )
         for name, gains in sets.items()
