@@ -1,10 +1,12 @@
 """What a recording costs: columns against one call a step, and a long flight.
 
-Run it with ``python benchmarks/bench_recording.py``; ``--json`` prints one object.
+Run it with ``python benchmarks/bench_recording.py``; ``--json`` prints one object. Exit status 1 if
+a limit is not kept.
 """
 
 import argparse
 import json
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -22,6 +24,9 @@ from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 
 DT = 0.02
 REPEATS = 5
+LIMITS = {"columns_600s_s": 1.0, "columns_600s_MB": 30.0}
+"""Most that 600 s at 50 Hz with every signal (40 or more) may cost: s and MB."""
+
 SCENARIO = {
     "flight": {"V_a_mps": 25.0, "g_mps2": 9.81},
     "limits": {"phi_deg": [-45.0, 45.0], "n_z": [-2.1, 2.1]},
@@ -107,7 +112,7 @@ def measured(folder: Path) -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure, print, and hold against the limits."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     wanted = parser.parse_args()
@@ -115,9 +120,13 @@ def main() -> None:
         found = measured(Path(folder))
     if wanted.json:
         print(json.dumps(found))
-        return
-    for name, value in found.items():
-        print(f"{name:22s} {value:10.3f}")
+    else:
+        for name, value in found.items():
+            print(f"{name:22s} {value:10.3f}")
+    over = [name for name, limit in LIMITS.items() if found[name] > limit]
+    for name in over:
+        print(f"{name} must be at most {LIMITS[name]:g}, got {found[name]:.3f}", file=sys.stderr)
+    sys.exit(1 if over else 0)
 
 
 if __name__ == "__main__":
