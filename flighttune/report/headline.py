@@ -16,6 +16,12 @@ Verdict: TypeAlias = Literal["yes", "no", "partly", "none"]
 
 DEG = 180.0 / math.pi
 SYMBOLS = {"chi": "χ", "gamma": "γ"}
+LEAST_COMPARED = 0.05
+"""ITAE from which on a percentage says something, rad s^2."""
+
+LEAST_DEGREES = 0.001
+"""Smallest angle that is told, deg; smaller ones are within it."""
+
 CRITERION = (
     "A run converges if it was completed and over the last quarter of its time both errors stay "
     f"within {100.0 * CONVERGED_PART:.0f} % of their largest, or within "
@@ -227,11 +233,14 @@ def _held(gap: ExplainedGap) -> str:
 
 
 def _percent(law: float, flown: float) -> str:
-    return f" ({100.0 * (flown / law - 1.0):+.0f} %)" if law > 0.0 else ""
+    """The change where the numbers beside it, of two decimals, can tell one."""
+    return f" ({100.0 * (flown / law - 1.0):+.0f} %)" if law >= LEAST_COMPARED else ""
 
 
 def _degrees(value: float) -> str:
     degrees = value * DEG
+    if degrees < LEAST_DEGREES:
+        return f"{LEAST_DEGREES:g}°"
     return f"{degrees:.2g}°" if degrees < 100.0 else f"{degrees:.0f}°"
 
 

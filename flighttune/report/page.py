@@ -31,6 +31,13 @@ MOST_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
 
+CURVE = "Nothing can lie above the curve of R_K against I_K."
+NO_CURVE = (
+    "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
+    "scenario's tuning."
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
     """A part of the page.
@@ -108,6 +115,7 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
 
 
 def _sections(facts: Facts) -> list[Section]:
+    curve = frontier_panel(facts)
     sections = [
         Section(
             id="tracking",
@@ -136,8 +144,8 @@ def _sections(facts: Facts) -> list[Section]:
             "exponential of the linear law plus the ultimate bound, dotted, of the mismatch that "
             "the second half of the flight shows, as in the recording; not while a limit holds a "
             "command, and anew where the reference bends. A red cross marks where a flight first "
-            "rose above it. Nothing can lie above the curve of R_K against I_K.",
-            pictures=[*certificate_panels(facts), *frontier_panel(facts)],
+            f"rose above it. {CURVE if curve else NO_CURVE}",
+            pictures=[*certificate_panels(facts), *curve],
             tables=[gains_table(facts)],
         ),
     ]

@@ -11,9 +11,12 @@ import pytest
 from flighttune.comparison import Source, load_source
 from flighttune.errors import RecordingError
 from flighttune.metrics import channel_metrics
+from flighttune.outer_loop import tuning_problem
 from flighttune.report.facts import MOST_SAMPLES, facts_of
 from flighttune.report.headline import headline
 from flighttune.report.page import write_report
+from flighttune.scenario import load_scenario
+from flighttune.tuning.frontier import frontier
 
 LARGEST = 3_000_000
 """Bytes of a page that can be sent."""
@@ -203,3 +206,38 @@ def test_without_an_aircraft_there_is_neither_gap_nor_change(printed_source, tmp
     ]
     assert "From the law to the aircraft" not in written.sections
     assert any("rad/s²" in line for line in written.answers[1].sentences)
+
+
+def test_changes_of_next_to_nothing_have_no_percentage_and_no_tiny_angles(paper_source):
+    facts = facts_of(paper_source)
+    assert " %)" in " ".join(headline(facts)[2].sentences)
+    table = facts.aircraft.metrics.copy()
+    rows = table["name"] == "ITAE"
+    table.loc[rows, ["a", "b"]] = [0.001, 0.0014]
+    still = {
+        label: dataclasses.replace(one, converged=True, residual=(2e-9, 0.0))
+        for label, one in facts.convergence.items()
+    }
+    small = dataclasses.replace(
+        facts, convergence=still, aircraft=dataclasses.replace(facts.aircraft, metrics=table)
+    )
+
+    converges, _, changed = headline(small)
+
+    assert "ITAE of χ 0.00 → 0.00 rad s², overshoot" in changed.sentences[0]
+    assert "%)" not in changed.sentences[0]
+    assert all("χ stays within 0.001° and γ within 0.001°" in one for one in converges.sentences)
+
+
+def test_without_a_frontier_the_page_says_why(paper_source, monkeypatch, tmp_path):
+    def marks_alone(*_, marked, **__):
+        return frontier(tuning_problem(paper), points=2, marked=marked).query("name != 'frontier'")
+
+    paper = load_scenario("paper")
+    monkeypatch.setattr("flighttune.report.facts.frontier", marks_alone)
+
+    written = write_report(paper_source, tmp_path / "without.html")
+
+    page = written.path.read_text(encoding="utf-8")
+    assert "There is no curve of R_K against I_K: no stable gains were found" in page
+    assert "Nothing can lie above" not in page
