@@ -4,8 +4,8 @@ The paper (arXiv 2411.13140, section 4.3) asks a semidefinite program for R_K: t
 lambda_max(Q) with ``A_K' Q + Q A_K + I <= 0``. No solver is needed. Every feasible Q is bounded
 below, in the order of symmetric matrices, by the solution Q0 of the equation, so that
 ``R_K = 1 / lambda_max(Q0)``. The minimiser need not be unique (it is for K*, and wherever the top
-eigenvector of Q0 excites every mode; it is not for decoupled loops), and I_K depends on which one is
-taken; the numbers of the paper's Table 2 come from Q0, the smallest, and so do those given here.
+eigenvector of Q0 excites every mode; it is not for decoupled loops), and I_K depends on which one
+is taken; the numbers of the paper's Table 2 come from Q0, the smallest, and so do those given here.
 """
 
 from dataclasses import dataclass
