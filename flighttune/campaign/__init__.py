@@ -1,0 +1,1 @@
+"""Many flights of one scenario, dispersed: planned, flown, kept, and what they tell."""

@@ -1,0 +1,153 @@
+"""How sure a share or a percentile of many flights is."""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import bdtr, betaincinv, ndtri
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+
+CONFIDENCE = 0.95
+
+
+def wilson(
+    successes: npt.ArrayLike, n: npt.ArrayLike, confidence: float = CONFIDENCE
+) -> tuple[FloatArray, FloatArray]:
+    r"""Wilson's score interval of the probability behind a count of successes.
+
+    Parameters
+    ----------
+    successes, n : array_like of int, shape (...), 1
+        Successes, and trials they are of.
+    confidence : float, 1
+        Between 0 and 1.
+
+    Returns
+    -------
+    lo, hi : ndarray, shape (...), 1
+        0 and 1 where there are no trials.
+
+    Raises
+    ------
+    InputError
+        If a count is negative or above its trials, or `confidence` is not between 0 and 1.
+
+    Notes
+    -----
+    With ``z`` the normal quantile of ``(1 + confidence) / 2`` and ``p = successes / n``:
+    ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n)``, from [1]_.
+
+    References
+    ----------
+    .. [1] E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
+       J. Am. Stat. Assoc. 22 (1927) 209-212.
+    """
+    k, trials = _counts(successes, n)
+    z2 = float(ndtri(0.5 + 0.5 * _confidence(confidence))) ** 2
+    m = np.maximum(trials, 1.0)
+    middle = (k + 0.5 * z2) / (m + z2)
+    half = np.sqrt(z2) / (m + z2) * np.sqrt(k * (m - k) / m + 0.25 * z2)
+    lo = np.where(k == 0.0, 0.0, middle - half)
+    hi = np.where(k == trials, 1.0, middle + half)
+    return _known(trials, lo, hi)
+
+
+def clopper_pearson(
+    successes: npt.ArrayLike, n: npt.ArrayLike, confidence: float = CONFIDENCE
+) -> tuple[FloatArray, FloatArray]:
+    """Clopper and Pearson's interval, which never covers less often than it says.
+
+    Parameters
+    ----------
+    successes, n : array_like of int, shape (...), 1
+        Successes, and trials they are of.
+    confidence : float, 1
+        Between 0 and 1.
+
+    Returns
+    -------
+    lo, hi : ndarray, shape (...), 1
+        0 and 1 where there are no trials.
+
+    Raises
+    ------
+    InputError
+        If a count is negative or above its trials, or `confidence` is not between 0 and 1.
+
+    Notes
+    -----
+    Quantiles of beta distributions, as in [1]_.
+
+    References
+    ----------
+    .. [1] C. J. Clopper, E. S. Pearson, "The use of confidence or fiducial limits illustrated in
+       the case of the binomial", Biometrika 26 (1934) 404-413.
+    """
+    k, trials = _counts(successes, n)
+    tail = 0.5 - 0.5 * _confidence(confidence)
+    lo = np.where(k == 0.0, 0.0, betaincinv(np.maximum(k, 0.5), trials - k + 1.0, tail))
+    hi = np.where(k == trials, 1.0, betaincinv(k + 1.0, np.maximum(trials - k, 0.5), 1.0 - tail))
+    return _known(trials, lo, hi)
+
+
+def quantile_interval(
+    values: npt.ArrayLike, q: float, confidence: float = CONFIDENCE
+) -> tuple[float, float]:
+    """Interval of a quantile by order statistics, whatever the distribution.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        Independent values of one distribution, without NaN.
+    q : float, 1
+        Between 0 and 1.
+    confidence : float, 1
+        Between 0 and 1.
+
+    Returns
+    -------
+    lo, hi : float
+        Two of the values; minus or plus infinity where there are too few to bound that side.
+
+    Raises
+    ------
+    InputError
+        If `q` or `confidence` is not between 0 and 1.
+
+    Notes
+    -----
+    The number of values below the quantile is binomial: ``lo`` is the largest order statistic that
+    is above the quantile with a probability of at most ``(1 - confidence) / 2``, ``hi`` the
+    smallest that is below it. The interval therefore covers at least as often as it says.
+    """
+    if not 0.0 < q < 1.0:
+        raise InputError(f"`q` must be between 0 and 1, got {q}.")
+    tail = 0.5 - 0.5 * _confidence(confidence)
+    ordered = np.sort(np.asarray(values, dtype=float))
+    n = len(ordered)
+    if not n:
+        return -np.inf, np.inf
+    at_most = bdtr(np.arange(n), n, q)
+    below = int(np.sum(at_most <= tail))
+    above = int(np.sum(at_most < 1.0 - tail)) + 1
+    lo = float(ordered[below - 1]) if below else -np.inf
+    hi = float(ordered[above - 1]) if above <= n else np.inf
+    return lo, hi
+
+
+def _counts(successes: npt.ArrayLike, n: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    k, trials = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(n, dtype=float))
+    if not np.all((k >= 0.0) & (k <= trials)):
+        raise InputError(f"`successes` must be 0 to `n`, got {successes} of {n}.")
+    return k, trials
+
+
+def _confidence(confidence: float) -> float:
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"`confidence` must be between 0 and 1, got {confidence}.")
+    return confidence
+
+
+def _known(trials: FloatArray, lo: FloatArray, hi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The bounds, and all of 0 to 1 where there are no trials."""
+    return np.where(trials > 0.0, lo, 0.0), np.where(trials > 0.0, hi, 1.0)
