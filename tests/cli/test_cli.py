@@ -8,20 +8,10 @@ import sys
 import numpy as np
 import pytest
 from commands import answer, flighttune
+from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 
 from flighttune.recording.parquet import read_run
 from flighttune.shipped import scenario_file
-
-TABLE_2 = {
-    "K1": (0.7742, 7.873),
-    "K2": (0.6754, 6.057),
-    "K3": (0.5913, 5.312),
-    "K4": (0.3626, 5.207),
-    "K5": (0.2849, 6.161),
-    "K6": (0.2192, 8.258),
-}
-"""R_K and I_K as Table 2 of arXiv 2411.13140 prints them; some cut off, some rounded."""
-LAST_DIGIT = 1e-4, 1e-3
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +86,9 @@ def test_tune_says_no_to_the_printed_limits_and_which_bind():
 def test_certify_gives_the_papers_table(name):
     found = answer("certify", "paper", "--gains", name)
 
-    assert found["R_K"] == pytest.approx(TABLE_2[name][0], abs=LAST_DIGIT[0])
-    assert found["I_K"] == pytest.approx(TABLE_2[name][1], abs=LAST_DIGIT[1])
+    _, R_K, I_K = TABLE_2[name]
+    assert found["R_K"] == pytest.approx(R_K, abs=LAST_DIGIT_R)
+    assert found["I_K"] == pytest.approx(I_K, abs=LAST_DIGIT_I)
     assert found["status"] == "stable"
 
 

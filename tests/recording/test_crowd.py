@@ -7,19 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pictures import FLAT, opened_recording, pixels
 from PIL import Image
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.errors import RecordingError
 from flighttune.palette import looks
 from flighttune.recording.page import scenario_page
 from flighttune.recording.rrd import write_recording
-from flighttune.recording.screenshot import NEEDS_DRIVER, HeadlessViewer
 
 from .conftest import SCENARIO, fly
 
-DEMANDED = os.environ.get("CI", "").lower() == "true"
-FLAT = 3.0
 REFERENCE = Path(__file__).with_name("reference")
 SMALL = (160, 100)
 """Size of a reference picture, pixels."""
@@ -59,18 +56,8 @@ def viewer(twelve, tmp_path_factory):
     path = tmp_path_factory.mktemp("crowd") / "crowd.rrd"
     page = scenario_page(twelve, scenario=SCENARIO)
     write_recording(twelve, path, page=page, title="Twelve runs")
-    try:
-        opened = HeadlessViewer(path)
-    except RecordingError as error:
-        if DEMANDED or NEEDS_DRIVER not in str(error):
-            raise
-        pytest.skip(str(error))
-    with opened:
+    with opened_recording(path) as opened:
         yield opened
-
-
-def pixels(png):
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
 
 
 def test_twelve_runs_have_twelve_colours(twelve):

@@ -1,11 +1,11 @@
 """Flights streamed while they are flown: into a viewer without a window, paced, stopped."""
 
-import os
 import time
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from pictures import DEMANDED
 from PIL import Image
 
 from flighttune.errors import InputError, RecordingError
@@ -17,7 +17,6 @@ from flighttune.recording.screenshot import NEEDS_DRIVER, NO_GRAPHICS
 from flighttune.recording.viewer import ViewerProcess, free_port
 from flighttune.scenario import load_scenario, scenario_from
 
-DEMANDED = os.environ.get("CI", "").lower() == "true"
 FLAT = 3.0
 SLOW_MACHINE = 1.5
 """Seconds that pacing may be late."""

@@ -1,10 +1,8 @@
 """The recording as the viewer draws it, without a screen: no complaint, and no view empty."""
 
-import io
-import os
-
 import numpy as np
 import pytest
+from pictures import FLAT, opened_recording, pixels
 from PIL import Image
 
 from flighttune.control.gains import PAPER_GAINS
@@ -15,14 +13,8 @@ from flighttune.palette import LIMIT, NEUTRAL, looks, rgb
 from flighttune.recording.plots import TABS
 from flighttune.recording.record import record
 from flighttune.recording.rrd import write_recording
-from flighttune.recording.screenshot import NEEDS_DRIVER, HeadlessViewer, screenshot
+from flighttune.recording.screenshot import HeadlessViewer, screenshot
 from flighttune.scenario import load_scenario
-
-DEMANDED = os.environ.get("CI", "").lower() == "true"
-"""Whether a machine that cannot draw fails the test instead of skipping it."""
-
-FLAT = 3.0
-"""Standard deviation of the pixels of a view that shows nothing but its ground."""
 
 SAME_COLOUR = 14
 """Largest difference of a channel (of 255) between a colour and a pixel drawn in it."""
@@ -86,18 +78,8 @@ def on_a_ladder(viewer, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def viewer(recording):
-    try:
-        opened = HeadlessViewer(recording)
-    except RecordingError as error:
-        if DEMANDED or NEEDS_DRIVER not in str(error):
-            raise
-        pytest.skip(str(error))
-    with opened:
+    with opened_recording(recording) as opened:
         yield opened
-
-
-def pixels(png):
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
 
 
 def count(picture, colour):

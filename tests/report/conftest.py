@@ -1,11 +1,11 @@
 """One flown scenario and its page, and chromium without a screen to look at it."""
 
-import os
 import shutil
 import subprocess
 import tempfile
 
 import pytest
+from pictures import DEMANDED
 
 from flighttune.comparison import Source, load_source
 from flighttune.flight import fly
@@ -13,7 +13,6 @@ from flighttune.recording.record import record
 from flighttune.report.page import write_report
 from flighttune.scenario import load_scenario
 
-DEMANDED = os.environ.get("CI", "").lower() == "true"
 """Whether a machine without chromium fails a test instead of skipping it."""
 
 QUIET = (

@@ -1,0 +1,38 @@
+"""Pictures of recordings in the headless viewer, and what is looked at in them."""
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from flighttune.errors import RecordingError
+from flighttune.recording.screenshot import NEEDS_DRIVER, HeadlessViewer
+
+DEMANDED = os.environ.get("CI", "").lower() == "true"
+"""Whether a machine that cannot draw fails the test instead of skipping it."""
+
+FLAT = 3.0
+"""Standard deviation of the pixels of a view that shows nothing but its ground."""
+
+
+@contextmanager
+def opened_recording(path: Path) -> Iterator[HeadlessViewer]:
+    """The viewer with the recording at `path`; the test is skipped where nothing can be drawn."""
+    try:
+        opened = HeadlessViewer(path)
+    except RecordingError as error:
+        if DEMANDED or NEEDS_DRIVER not in str(error):
+            raise
+        pytest.skip(str(error))
+    with opened:
+        yield opened
+
+
+def pixels(png: bytes) -> np.ndarray:
+    """Red, green and blue of a picture, shape (rows, columns, 3)."""
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)

@@ -1,0 +1,14 @@
+"""Numbers as the paper prints them, arXiv 2411.13140."""
+
+TABLE_2 = {
+    "K1": (-4.0, 0.7742, 7.873),
+    "K2": (-2.0, 0.6754, 6.057),
+    "K3": (-1.0, 0.5913, 5.312),
+    "K4": (0.5, 0.3626, 5.207),
+    "K5": (0.8, 0.2849, 6.161),
+    "K6": (1.0, 0.2192, 8.258),
+}
+"""Table 2: epsilon, R_K and I_K by name of the gains."""
+
+LAST_DIGIT_R, LAST_DIGIT_I = 1e-4, 1e-3
+"""One unit of the last digit: the table cuts some figures and rounds others."""
