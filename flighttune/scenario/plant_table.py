@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from flighttune.control.inner_loop import InnerLag
+from flighttune.scenario.airframe_table import AirframeTable
 from flighttune.scenario.table import NotNegative, Positive, Table
 
 LAG_KEYS = ("roll", "n_z")
@@ -22,6 +23,7 @@ class PlantTable(Table):
     kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim"]
     aircraft: Annotated[str, Field(min_length=1)] | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    airframe: AirframeTable | None = None
     roll_lag_rad_s: Positive | None = None
     roll_damping: Positive | None = None
     roll_delay_s: NotNegative | None = None
@@ -33,14 +35,15 @@ class PlantTable(Table):
     def _aircraft_of_jsbsim(self) -> "PlantTable":
         if (self.kind == "jsbsim") != (self.aircraft is not None):
             raise ValueError("`aircraft` must be given with kind jsbsim, and only there")
-        if self.throttle_max is not None and self.aircraft is None:
-            raise ValueError("`throttle_max` must be given with kind jsbsim only")
+        for key in ("throttle_max", "airframe"):
+            if getattr(self, key) is not None and self.aircraft is None:
+                raise ValueError(f"`{key}` must be given with kind jsbsim only")
         return self
 
     @model_validator(mode="after")
     def _lag_of_point_mass(self) -> "PlantTable":
         lagged = self.kind == "point_mass_lag"
-        given = self.model_fields_set - {"kind", "aircraft", "throttle_max"}
+        given = self.model_fields_set - {"kind", "aircraft", "throttle_max", "airframe"}
         if given and not lagged:
             raise ValueError(f"`{min(given)}` must be given with kind point_mass_lag only")
         for key in LAG_KEYS:

@@ -21,6 +21,7 @@ from flighttune.scenario.expect_table import ExpectTable
 from flighttune.scenario.identified import all_models, nearest_model
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.reference_table import ReferenceTable
+from flighttune.scenario.sensors_table import SensorsTable
 from flighttune.scenario.table import (
     Finite,
     Ground,
@@ -153,6 +154,7 @@ class Scenario(Table):
     wind: WindTable | None = None
     gust: GustTable | None = None
     turbulence: TurbulenceTable | None = None
+    sensors: SensorsTable | None = None
     envelope: EnvelopeTable | None = None
     expect: list[ExpectTable] = Field(default_factory=list)
     plant: Annotated[list[PlantTable], Field(min_length=1)]

@@ -1,0 +1,90 @@
+"""Imperfect sensors: the controller sees course, climb and airspeed with an error."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+
+SENSED = ("chi", "gamma", "V_a")
+"""Signals that the controller sees through sensors, in the order of every array of them."""
+
+MEASURED = tuple(f"{name}_meas" for name in SENSED)
+"""Names of the same signals as the controller saw them."""
+
+_STREAM = 0x5E45
+"""Of the seed's children, the one sensors draw from: one of its own children a signal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensors:
+    """Bias and noise on (chi, gamma, V_a) as the controller sees them.
+
+    Attributes
+    ----------
+    bias : tuple of three floats, rad, rad, m/s
+        Measured minus true value, on the whole flight.
+    noise_sd : tuple of three floats, rad, rad, m/s
+        Standard deviation of the noise, not negative.
+    time_constant : float, s
+        Of the noise, a first-order Gauss-Markov sequence; 0 for white noise.
+    seed : int
+        The noise is a function of it alone, the same whatever else is drawn from that seed.
+
+    Raises
+    ------
+    InputError
+        If a value cannot be used.
+    """
+
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    noise_sd: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    time_constant: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, values in (("bias", self.bias), ("noise_sd", self.noise_sd)):
+            if len(values) != len(SENSED) or not all(map(math.isfinite, values)):
+                raise InputError(f"`{name}` must be {len(SENSED)} finite numbers, got {values}.")
+        if min(self.noise_sd) < 0.0:
+            raise InputError(f"`noise_sd` must not be negative, got {self.noise_sd}.")
+        if not (math.isfinite(self.time_constant) and self.time_constant >= 0.0):
+            raise InputError(f"`time_constant` must not be negative, got {self.time_constant} s.")
+        if self.seed < 0:
+            raise InputError(f"`seed` must not be negative, got {self.seed}.")
+
+    def errors(self, samples: int, dt: float) -> FloatArray:
+        """Measured minus true value at each sample.
+
+        Parameters
+        ----------
+        samples : int
+            Samples of the flight, the first at its start.
+        dt : float, s
+            Sample time.
+
+        Returns
+        -------
+        ndarray, shape (samples, 3), rad, rad, m/s
+            The same bits for the same seed; a longer flight begins as a shorter one does.
+        """
+        found = np.empty((samples, len(SENSED)))
+        for j, (bias, sd) in enumerate(zip(self.bias, self.noise_sd, strict=True)):
+            found[:, j] = bias + sd * self._noise(j, samples, dt) if sd else bias
+        return found
+
+    def _noise(self, signal: int, samples: int, dt: float) -> FloatArray:
+        """Noise of unit variance."""
+        stream = np.random.SeedSequence(self.seed, spawn_key=(_STREAM, signal))
+        white = np.random.default_rng(stream).standard_normal(samples)
+        if not self.time_constant:
+            return white
+        from scipy.signal import lfilter
+
+        kept = math.exp(-dt / self.time_constant)
+        fresh = math.sqrt(1.0 - kept * kept)
+        begun = white[0]  # stationary from the first sample on
+        rest, _ = lfilter([fresh], [1.0, -kept], white[1:], zi=[kept * begun])
+        return np.concatenate(([begun], rest))
