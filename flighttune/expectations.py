@@ -3,10 +3,8 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
-
-from flighttune.metrics import channel_metrics, flight_metrics
-from flighttune.scenario.expect_table import Bounds, in_rad
+from flighttune.metrics import measures
+from flighttune.scenario.expect_table import Bounds, ExpectTable, in_rad
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
@@ -32,37 +30,53 @@ def missed_expectations(scenario: Scenario, runs: Sequence[Run]) -> tuple[str, .
     )
 
 
-def _missed_by(scenario: Scenario, run: Run) -> Iterator[str]:
+def missed(
+    tables: Sequence[ExpectTable],
+    status: str,
+    reason: str,
+    measured: Mapping[str, Mapping[str, float]],
+) -> tuple[str, ...]:
+    """Return a sentence for each expectation that one run does not meet.
+
+    Parameters
+    ----------
+    tables : sequence of ExpectTable
+        Those that mean the run. Where none names a status it must be completed.
+    status, reason : str
+        How the run ended.
+    measured : mapping
+        Its `measures`, empty where there are none.
+    """
+    expected = [t.status for t in tables if t.status] or ["completed"]
+    if status not in expected:
+        wanted = "" if expected == ["completed"] else f", must be {' or '.join(expected)}"
+        return (f"{status}{wanted}: {reason or 'flown to its end'}",)
+    return tuple(
+        sentence
+        for table in tables
+        for bounds, word, sense in (
+            (table.at_most, "at most", 1.0),
+            (table.at_least, "at least", -1.0),
+        )
+        for sentence in _outside(measured, bounds, word, sense)
+    )
+
+
+def _missed_by(scenario: Scenario, run: Run) -> tuple[str, ...]:
     made_by = run.provenance
     tables = [t for t in scenario.expect if t.meant(made_by.plant, made_by.gains_name)]
-    expected = [t.status for t in tables if t.status] or ["completed"]
-    if run.status not in expected:
-        wanted = "" if expected == ["completed"] else f", must be {' or '.join(expected)}"
-        yield f"{run.status}{wanted}: {run.reason or 'flown to its end'}"
-        return
-    measures = _measures(run) if any(t.at_most or t.at_least for t in tables) else {}
-    for table in tables:
-        yield from _outside(measures, table.at_most, "at most", 1.0)
-        yield from _outside(measures, table.at_least, "at least", -1.0)
+    bounded = any(t.at_most or t.at_least for t in tables)
+    return missed(tables, run.status, run.reason, measures(run) if bounded else {})
 
 
 def _outside(
-    measures: Mapping[str, Mapping[str, float]], bounds: Bounds, word: str, sense: float
+    measured: Mapping[str, Mapping[str, float]], bounds: Bounds, word: str, sense: float
 ) -> Iterator[str]:
     for subject, limits in bounds.items():
         for name, bound in limits.items():
-            got = measures.get(subject, {}).get(in_rad(name), math.nan)
+            got = measured.get(subject, {}).get(in_rad(name), math.nan)
             got = got / DEG if name.endswith("_deg") else got
             beyond = sense * (got - bound)
             if not beyond <= 0.0:
                 missed = f"missed by {beyond:.3g}" if math.isfinite(beyond) else "there is no value"
                 yield f"{subject}.{name} must be {word} {bound:g}, got {got:.4g} ({missed})"
-
-
-def _measures(run: Run) -> dict[str, dict[str, float]]:
-    if len(run.signals) < 2:
-        return {}
-    measures = channel_metrics(run).to_dict(orient="index")
-    for channel, of_channel in measures.items():
-        of_channel["peak_rad"] = float(np.max(np.abs(run.signals[f"{channel}_err"].to_numpy())))
-    return {**{str(c): dict(m) for c, m in measures.items()}, "flight": flight_metrics(run)}

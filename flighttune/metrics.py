@@ -1,6 +1,7 @@
 """How well a run followed its reference: the paper's measures and the usual step measures."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -74,20 +75,33 @@ def channel_metrics(run: Run) -> pd.DataFrame:
 
     ITAE, PT, MO, MS and ST are those of arXiv 2411.13140, section 5.2, which names them in words.
     """
+    columns = {str(name): run.signals[name].to_numpy() for name in run.signals}
     t = run.signals.index.to_numpy(dtype=float)
-    rows = {}
-    for channel, command in CHANNELS.items():
-        error = run.signals[f"{channel}_err"].to_numpy()
-        steady = np.cos(run.signals["gamma_ref"].to_numpy()) if command == "n_z" else 0.0
-        effort = run.signals[f"{command}_cmd"].to_numpy() - steady
-        limited = run.signals[f"{command}_limited"].to_numpy() != 0.0
-        rows[channel] = {
-            **_integral_measures(t, error),
-            **_step_measures(t, error),
-            "effort_rms": math.sqrt(float(np.mean(effort**2))),
-            "saturation_s": _time_true(t, limited),
-        }
+    rows = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
     return pd.DataFrame.from_dict(rows, orient="index", columns=list(METRICS), dtype=float)
+
+
+def measures(run: Run) -> dict[str, dict[str, float]]:
+    """Everything that is measured of a run, as numbers.
+
+    Parameters
+    ----------
+    run : Run
+
+    Returns
+    -------
+    dict
+        ``chi`` and ``gamma``: `channel_metrics` and ``peak_rad``, the largest magnitude of the
+        error; ``flight``: `flight_metrics`. Empty for a run of fewer than two samples.
+    """
+    if len(run.signals) < 2:
+        return {}
+    t, table = run.signals.index.to_numpy(dtype=float), np.asfortranarray(run.signals.to_numpy())
+    columns = {str(name): table[:, i] for i, name in enumerate(run.signals.columns)}
+    found = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
+    for channel, of_channel in found.items():
+        of_channel["peak_rad"] = float(np.max(np.abs(columns[f"{channel}_err"])))
+    return {**found, "flight": _flight_measures(columns)}
 
 
 def has_step(run: Run, channel: str) -> bool:
@@ -106,16 +120,33 @@ def flight_metrics(run: Run) -> dict[str, float]:
         ``V_a_dev_mps``, the largest deviation of airspeed from the start; ``n_z_min``, ``n_z_max``;
         ``alpha_max_rad``, the largest magnitude of angle of attack, where the plant has one.
     """
-    signals = run.signals
-    V_a, n_z = signals["V_a"].to_numpy(), signals["n_z"].to_numpy()
-    measures = {
+    return _flight_measures({str(name): run.signals[name].to_numpy() for name in run.signals})
+
+
+def _flight_measures(columns: Mapping[str, FloatArray]) -> dict[str, float]:
+    V_a, n_z = columns["V_a"], columns["n_z"]
+    found = {
         "V_a_dev_mps": float(np.max(np.abs(V_a - V_a[0]))),
         "n_z_min": float(np.min(n_z)),
         "n_z_max": float(np.max(n_z)),
     }
-    if "alpha" in signals:
-        measures["alpha_max_rad"] = float(np.max(np.abs(signals["alpha"].to_numpy())))
-    return measures
+    if "alpha" in columns:
+        found["alpha_max_rad"] = float(np.max(np.abs(columns["alpha"])))
+    return found
+
+
+def _channel_measures(
+    t: FloatArray, columns: Mapping[str, FloatArray], channel: str
+) -> dict[str, float]:
+    command, error = CHANNELS[channel], columns[f"{channel}_err"]
+    steady = np.cos(columns["gamma_ref"]) if command == "n_z" else 0.0
+    effort = columns[f"{command}_cmd"] - steady
+    return {
+        **_integral_measures(t, error),
+        **_step_measures(t, error),
+        "effort_rms": math.sqrt(float(np.mean(effort**2))),
+        "saturation_s": _time_true(t, columns[f"{command}_limited"] != 0.0),
+    }
 
 
 def _integral_measures(t: FloatArray, error: FloatArray) -> dict[str, float]:
@@ -161,7 +192,8 @@ def _first_below(t: FloatArray, left: FloatArray, level: float) -> float:
     k = int(below[0])
     if k == 0:
         return float(t[0])
-    return float(np.interp(level, [left[k], left[k - 1]], [t[k], t[k - 1]]))
+    after, before, t_after = float(left[k]), float(left[k - 1]), float(t[k])
+    return (float(t[k - 1]) - t_after) / (before - after) * (level - after) + t_after
 
 
 def _time_true(t: FloatArray, flag: np.ndarray) -> float:

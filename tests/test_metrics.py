@@ -1,5 +1,6 @@
 """Metrics of responses whose measures follow from a formula."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,7 +8,7 @@ import pandas as pd
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.metrics import METRICS, channel_metrics, flight_metrics, has_step
+from flighttune.metrics import METRICS, channel_metrics, flight_metrics, has_step, measures
 from flighttune.simulate.run import Provenance, Run
 
 SAMPLING = 2e-4
@@ -144,3 +145,23 @@ def test_only_a_first_error_of_a_tenth_of_a_degree_counts_as_a_step():
 
     assert has_step(run, "chi")
     assert not has_step(run, "gamma")
+
+
+def test_all_measures_are_those_of_the_tables_and_the_largest_error():
+    gamma_err = 0.3 * np.sin(T)
+    run = run_of(np.exp(-0.5 * T), gamma_err, alpha=0.1 * np.cos(T))
+
+    found = measures(run)
+
+    table = channel_metrics(run)
+    assert {name: found["chi"][name] for name in METRICS} == table.loc["chi"].to_dict()
+    assert {name: found["gamma"][name] for name in METRICS} == table.loc["gamma"].to_dict()
+    assert found["flight"] == flight_metrics(run)
+    assert found["chi"]["peak_rad"] == 1.0
+    assert found["gamma"]["peak_rad"] == pytest.approx(0.3, abs=SAMPLING)
+
+
+def test_a_run_of_one_sample_has_no_measures():
+    run = run_of(np.cos(T))
+
+    assert measures(dataclasses.replace(run, signals=run.signals.iloc[:1])) == {}
