@@ -6,8 +6,8 @@ from flighttune.figures import FAINT, INK, PANEL, RC, line, on_white, panel, svg
 from flighttune.palette import LIMIT
 from flighttune.report.explained import ExplainedGap
 from flighttune.report.facts import Facts
+from flighttune.report.frame import Picture, pictured
 from flighttune.report.headline import DEG, SYMBOLS
-from flighttune.report.panels import Picture, pictured
 from flighttune.tuning.frontier_figure import frontier_figure
 
 STEP_STYLES = ((":", 1.5), ("--", 1.5), ("-", 1.8))

@@ -1,8 +1,6 @@
 """The headline of a report: what was flown in sentences with numbers, every one computed."""
 
 import math
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -10,9 +8,8 @@ from flighttune.comparison import Pair
 from flighttune.metrics import channel_metrics
 from flighttune.report.explained import ExplainedGap
 from flighttune.report.facts import CONVERGED_AT_LEAST, CONVERGED_PART, LATE, Facts, GainFacts
+from flighttune.report.frame import Answer, share_verdict
 from flighttune.simulate.run import Run
-
-Verdict: TypeAlias = Literal["yes", "no", "partly", "none"]
 
 DEG = 180.0 / math.pi
 SYMBOLS = {"chi": "χ", "gamma": "γ"}
@@ -27,30 +24,6 @@ CRITERION = (
     f"within {100.0 * CONVERGED_PART:.0f} % of their largest, or within "
     f"{CONVERGED_AT_LEAST * DEG:.1f}°."
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """One question of the headline.
-
-    Attributes
-    ----------
-    question : str
-    verdict : "yes", "no", "partly" or "none"
-        "none" where the question is not one of yes and no.
-    short : str
-        The answer in a few words.
-    sentences : tuple of str
-        With numbers.
-    criterion : str
-        What the verdict goes by; empty where the sentences say it.
-    """
-
-    question: str
-    verdict: Verdict
-    short: str
-    sentences: tuple[str, ...]
-    criterion: str = ""
 
 
 def headline(facts: Facts) -> tuple[Answer, ...]:
@@ -69,7 +42,7 @@ def _converges(facts: Facts) -> Answer:
     count = len(runs) + len(facts.grounded)
     return Answer(
         question="Does it converge?",
-        verdict=_share(len(good), count),
+        verdict=share_verdict(len(good), count),
         short=f"{len(good)} of {count} runs",
         sentences=tuple(sentences),
         criterion=CRITERION,
@@ -113,7 +86,7 @@ def _certified(facts: Facts) -> Answer:
     sentences += _held_to_it(facts)
     return Answer(
         question="Is it certified?",
-        verdict=_share(len(good), len(facts.gains)),
+        verdict=share_verdict(len(good), len(facts.gains)),
         short=f"{len(good)} of {len(facts.gains)} gain sets",
         sentences=tuple(sentences),
     )
@@ -246,9 +219,3 @@ def _degrees(value: float) -> str:
 
 def _plain(run: Run) -> str:
     return f"{run.status.replace('_', ' ')}, {run.reason.rstrip('.')}"
-
-
-def _share(good: int, count: int) -> Verdict:
-    if not count:
-        return "none"
-    return "yes" if good == count else "partly" if good else "no"

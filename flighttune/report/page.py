@@ -2,18 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from flighttune.comparison import Source, load_source
-from flighttune.figures import on_white
 from flighttune.report.facts import Facts, facts_of
+from flighttune.report.frame import Answer, Section, page_template
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel, gap_panels
-from flighttune.report.headline import Answer, headline
-from flighttune.report.panels import Picture, commands, paths, tracking
+from flighttune.report.headline import headline
+from flighttune.report.panels import commands, paths, tracking
 from flighttune.report.tables import (
-    PageTable,
     gains_table,
     gap_table,
     provenance_table,
@@ -23,10 +20,7 @@ from flighttune.report.tables import (
 from flighttune.report.toml_text import toml_text
 from flighttune.whole_file import whole_file
 
-if TYPE_CHECKING:
-    from jinja2 import Template
-
-TEMPLATE = "page.html.jinja"
+PACKAGE, TEMPLATE = "flighttune.report", "page.html.jinja"
 MOST_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
@@ -36,31 +30,6 @@ NO_CURVE = (
     "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
     "scenario's tuning."
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
-    """A part of the page.
-
-    Attributes
-    ----------
-    id : str
-        Its anchor.
-    title : str
-    note : str
-        How to read it.
-    pictures : sequence of Picture
-    tables : sequence of PageTable
-    legend : bool
-        Whether the runs are named above the pictures.
-    """
-
-    id: str
-    title: str
-    note: str
-    pictures: Sequence[Picture] = ()
-    tables: Sequence[PageTable] = ()
-    legend: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,11 +142,12 @@ def _gap_section(facts: Facts) -> Section:
 def _page(facts: Facts, answers: Sequence[Answer], sections: Sequence[Section]) -> str:
     made = facts.runs[0].provenance
     scenario = toml_text(made.scenario)
-    return _template().render(
-        scenario=facts.scenario,
+    return page_template(PACKAGE, TEMPLATE).render(
+        title=facts.scenario.title,
+        lead=f"To show: {facts.scenario.verifies}" if facts.scenario.verifies else "",
         answers=answers,
         sections=sections,
-        runs=[{"label": run.label, "look": facts.looks[run.label]} for run in facts.runs],
+        legend=[(run.label, facts.looks[run.label]) for run in facts.runs],
         looks=facts.looks,
         without_gap=facts.without_gap,
         missing=facts.missing,
@@ -186,18 +156,3 @@ def _page(facts: Facts, answers: Sequence[Answer], sections: Sequence[Section]) 
         first_gains=facts.gains[0].name if facts.gains else None,
         version=made.versions.get("flighttune", ""),
     )
-
-
-@cache
-def _template() -> "Template":
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("flighttune.report", "."),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    environment.filters["on_white"] = on_white
-    return environment.get_template(TEMPLATE)

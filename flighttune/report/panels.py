@@ -1,8 +1,7 @@
 """Panels over time and in space: tracking, commands with limits, paths."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +21,8 @@ from flighttune.figures import (
 from flighttune.palette import Look
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.report.facts import Facts
+from flighttune.report.frame import Picture, pictured
 from flighttune.simulate.run import Run
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 TRACKING = (
     ("chi", "Course; reference grey", "χ [deg]"),
@@ -48,29 +45,6 @@ SPACE_HEIGHT = 4.0
 
 FLATTEST = 0.4
 """Least ratio of two edges of the box in space; shorter ones are stretched."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """A figure of the page.
-
-    Attributes
-    ----------
-    uri : str
-        The image itself.
-    alt : str
-        What it shows, for who cannot see it.
-    """
-
-    uri: str
-    alt: str
-
-
-def pictured(axes: "Axes", alt: str) -> Picture:
-    """The finished figure around some axes."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    return Picture(uri=svg_uri(figure), alt=alt)
 
 
 def tracking(facts: Facts) -> list[Picture]:

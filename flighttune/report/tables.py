@@ -1,12 +1,12 @@
 """Tables of a report: headings and rows as text, ready to be laid out."""
 
 import math
-from dataclasses import dataclass
 
 from flighttune.control.gains import PIGains
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.recording.page import number
 from flighttune.report.facts import Facts
+from flighttune.report.frame import PageTable
 from flighttune.report.headline import DEG, SYMBOLS
 
 TRACKED = (
@@ -25,26 +25,6 @@ FLOWN = (
     ("n_z_max", "largest n_z [1]", 1.0, 2),
     ("alpha_max_rad", "largest |α| [deg]", DEG, 1),
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PageTable:
-    """A table of the page.
-
-    Attributes
-    ----------
-    title : str
-    head : tuple of str
-    rows : tuple of tuple of str
-        The first cell names the row.
-    label : tuple of str
-        Of each row the label of the run whose colour it carries, or empty.
-    """
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    label: tuple[str, ...]
 
 
 def tracking_table(facts: Facts) -> PageTable:
@@ -79,7 +59,9 @@ def runs_table(facts: Facts) -> PageTable:
         rows.append((run.label, f"{run.duration:.2f}", *cells, ended))
         labels.append(run.label)
     head = ("run", "flown [s]", *(heading for _, heading, _, _ in FLOWN), "outcome")
-    return PageTable(title="Runs", head=head, rows=tuple(rows), label=tuple(labels))
+    return PageTable(
+        title="Runs", head=head, rows=tuple(rows), label=tuple(labels), ends_in_words=True
+    )
 
 
 def gains_table(facts: Facts) -> PageTable:

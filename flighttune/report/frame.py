@@ -1,0 +1,142 @@
+"""What every page is made of: answers, sections with pictures and tables, and the frame of HTML."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from flighttune.figures import on_white, svg_uri
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+    from matplotlib.axes import Axes
+
+Verdict: TypeAlias = Literal["yes", "no", "partly", "none"]
+
+FRAME_PACKAGE = "flighttune.report"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """One question of the headline.
+
+    Attributes
+    ----------
+    question : str
+    verdict : "yes", "no", "partly" or "none"
+        "none" where the question is not one of yes and no.
+    short : str
+        The answer in a few words.
+    sentences : tuple of str
+        With numbers.
+    criterion : str
+        What the verdict goes by; empty where the sentences say it.
+    """
+
+    question: str
+    verdict: Verdict
+    short: str
+    sentences: tuple[str, ...]
+    criterion: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A figure of the page.
+
+    Attributes
+    ----------
+    uri : str
+        The image itself.
+    alt : str
+        What it shows, for who cannot see it.
+    """
+
+    uri: str
+    alt: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageTable:
+    """A table of the page.
+
+    Attributes
+    ----------
+    title : str
+    head : tuple of str
+    rows : tuple of tuple of str
+        The first cell names the row.
+    label : tuple of str
+        Of each row the label of the run whose colour it carries, or empty.
+    ends_in_words : bool
+        Whether the last column holds text.
+    """
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    label: tuple[str, ...]
+    ends_in_words: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of the page.
+
+    Attributes
+    ----------
+    id : str
+        Its anchor.
+    title : str
+    note : str
+        How to read it.
+    pictures : sequence of Picture
+    tables : sequence of PageTable
+    legend : bool
+        Whether the runs are named above the pictures.
+    """
+
+    id: str
+    title: str
+    note: str
+    pictures: Sequence[Picture] = ()
+    tables: Sequence[PageTable] = ()
+    legend: bool = True
+
+
+def share_verdict(good: int, count: int) -> Verdict:
+    """Yes where all of `count` are good, no where none is, partly between; none of nothing."""
+    if not count:
+        return "none"
+    return "yes" if good == count else "partly" if good else "no"
+
+
+def pictured(axes: "Axes", alt: str) -> Picture:
+    """The finished figure around some axes."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return Picture(uri=svg_uri(figure), alt=alt)
+
+
+@cache
+def page_template(package: str, name: str) -> "Template":
+    """A template of a package; it may extend ``frame.html.jinja``, the frame of every page.
+
+    Parameters
+    ----------
+    package : str
+        Package whose folder holds the template.
+    name : str
+        Its file.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(one, ".") for one in (package, FRAME_PACKAGE)]),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters["on_white"] = on_white
+    return environment.get_template(name)
