@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, ShapeError
@@ -134,10 +135,7 @@ class MimoPI:
         if self.anti_windup != "back_calculation":
             return 0.0
         if tracking_time is None:
-            integral = float(np.linalg.norm(self.gains.K_I))
-            tracking_time = (
-                float(np.linalg.norm(self.gains.K_P)) / integral if integral else math.inf
-            )
+            tracking_time = integral_time(self.gains.K_P, self.gains.K_I)
         return self.dt / max(tracking_time, self.dt)
 
     def start(self, u: Sequence[float]) -> None:
@@ -184,6 +182,12 @@ class MimoPI:
             Command after all limits; the controller's own list, overwritten by the next step.
         """
         return pi_step(self._law, self._memory, ref, y, u_ff, V_a)
+
+
+def integral_time(K_P: FloatArray, K_I: FloatArray) -> float:
+    """``norm(K_P) / norm(K_I)``, s; infinite without integral gain."""
+    integral = float(np.linalg.norm(K_I))
+    return float(np.linalg.norm(K_P)) / integral if integral else math.inf
 
 
 def pi_step(

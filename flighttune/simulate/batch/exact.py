@@ -111,12 +111,12 @@ def fly_block(block, inputs, settings, t, outputs):
     roll, looks for corners a sample, tolerance, g; `outputs` as in the sampled loop.
     """
     metrics, samples, ends, last, trajectories = outputs
-    traces, row = np.empty((TRACES, len(t))), np.empty(14)
+    traces, row, scratch = np.empty((TRACES, len(t))), np.empty(14), np.empty(len(t))
     for i in range(block[0], block[1]):
         trajectory = trajectories[i] if len(trajectories) else trajectories[0:0].reshape((0, 14))
         samples[i], ends[i] = _fly(i, inputs, settings, t, (row, traces, trajectory))
         last[i] = row
-        measure(t, traces, samples[i], metrics[i])
+        measure(t, traces, samples[i], scratch, metrics[i])
 
 
 @njit

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
-from flighttune.control.mimo_pi import AntiWindup
+from flighttune.arrays import FloatArray, Floats
+from flighttune.control.mimo_pi import AntiWindup, integral_time
 from flighttune.errors import InputError, ShapeError
 from flighttune.plants.kinematic import G_PAPER, LONGEST_STEP
 from flighttune.simulate.batch.flights import MEASURES, SIGNALS, Flights, FlownBatch
@@ -27,10 +27,10 @@ def fly_sampled(
     anti_windup: AntiWindup = "conditional",
     tracking_time: float | None = None,
     wrapped: bool = True,
-    schedule_speed: float | None = None,
+    schedule_speed: Floats | None = None,
     feed_forward: bool = False,
     trajectories: bool = False,
-    g: float = G_PAPER,
+    g: Floats = G_PAPER,
     threads: int | None = None,
 ) -> FlownBatch:
     """Fly the discrete controller on the kinematic plant, every flight as `simulate` would.
@@ -43,7 +43,9 @@ def fly_sampled(
         Sample time of the controller.
     duration : float, s
         Time to fly, at least `dt`; rounded to whole samples.
-    anti_windup, tracking_time, schedule_speed
+    anti_windup, tracking_time
+        As in `MimoPI`.
+    schedule_speed : float or array_like, shape (N,), m/s, optional
         As in `MimoPI`.
     wrapped : bool
         Take the course error the short way round.
@@ -51,7 +53,7 @@ def fly_sampled(
         As in `simulate`.
     trajectories : bool
         Keep all signals over time: 112 bytes a sample and flight.
-    g : float, m/s^2
+    g : float or array_like, shape (N,), m/s^2
         Acceleration of gravity.
     threads : int, optional
         Threads to use; by default one a core. The results do not depend on it.
@@ -59,7 +61,7 @@ def fly_sampled(
     Returns
     -------
     FlownBatch
-        Trajectories and metrics are those of the single run, to rounding.
+        Trajectories and metrics are those of the single run, to the bit.
 
     Raises
     ------
@@ -73,9 +75,13 @@ def fly_sampled(
     The controller is `pi_step`, the function of `MimoPI` itself, compiled. The first call in a new
     installation compiles for some seconds; the result is kept on disk.
     """
-    _check_positive(dt=dt, tracking_time=tracking_time, schedule_speed=schedule_speed, g=g)
+    _check_positive(dt=dt, tracking_time=tracking_time)
     _check_anti_windup(anti_windup, ("none", "conditional", "back_calculation"))
     t = _times(dt, duration)
+    gravity = _one_each(flights, "g", g)
+    per_speed = np.zeros(len(flights))
+    if schedule_speed is not None:
+        per_speed = 1.0 / _one_each(flights, "schedule_speed", schedule_speed)
     if flights.ref.shape[1] not in (1, len(t)):
         raise ShapeError(f"`ref` must have 1 or {len(t)} samples, got {flights.ref.shape[1]}.")
     lead_back = np.zeros(len(flights))
@@ -85,12 +91,14 @@ def fly_sampled(
         anti_windup == "conditional",
         wrapped,
         feed_forward,
-        0.0 if schedule_speed is None else 1.0 / schedule_speed,
         dt,
         math.ceil(dt / LONGEST_STEP - 1e-9),
-        g,
     )
-    inputs = (flights.K, flights.start, flights.ref, flights.bounds, flights.waves, lead_back)
+    steady = np.cos(flights.ref[..., 1])
+    inputs = (
+        flights.K, flights.start, flights.ref, steady, flights.bounds, flights.waves, lead_back,
+        per_speed, gravity,
+    )  # fmt: skip
     from flighttune.simulate.batch.sampled import fly_block
 
     flown, outputs = _room(len(flights), t, trajectories)
@@ -213,10 +221,19 @@ def _times(dt: float, duration: float) -> FloatArray:
 def _tracking_times(flights: Flights, tracking_time: float | None) -> FloatArray:
     if tracking_time is not None:
         return np.full(len(flights), tracking_time)
-    proportional = np.linalg.norm(flights.K[..., :2], axis=(1, 2))
-    integral = np.linalg.norm(flights.K[..., 2:], axis=(1, 2))
-    unled = np.full(len(flights), np.inf)
-    return np.divide(proportional, integral, out=unled, where=integral > 0.0)
+    different, which = np.unique(flights.K, axis=0, return_inverse=True)
+    times = [integral_time(K[:, :2], K[:, 2:]) for K in different]
+    return np.array(times)[which.reshape(-1)]
+
+
+def _one_each(flights: Flights, name: str, value: Floats) -> FloatArray:
+    """`value` for each flight, positive."""
+    values = np.asarray(value, dtype=float)
+    if values.shape not in ((), (len(flights),)):
+        raise ShapeError(f"`{name}` must have shape ({len(flights)},), got {values.shape}.")
+    if not (np.isfinite(values) & (values > 0.0)).all():
+        raise InputError(f"`{name}` must be positive, got {values.min()}.")
+    return np.ascontiguousarray(np.broadcast_to(values, len(flights)))
 
 
 def _check_positive(**values: float | None) -> None:

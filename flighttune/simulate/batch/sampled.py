@@ -16,36 +16,38 @@ DONE, ROLLED, LOST_ANGLE = 0, 1, 2
 def fly_block(block, inputs, settings, t, outputs):
     """Fly the flights of `block`, (first, end).
 
-    `inputs` is K, start, ref, bounds, waves, lead_back (N,); `settings` is conditional, wrapped,
-    feed_forward, 1 over the speed of the schedule, sample time, steps of the plant a sample, g;
+    `inputs` is K, start, ref, cosine of the path angle to follow (of the shape of ref without its
+    last axis), bounds, waves, then lead_back, 1 over the speed of the schedule and g, each (N,);
+    `settings` is conditional, wrapped, feed_forward, sample time, steps of the plant a sample;
     `outputs` is metrics, samples, ends, last, trajectories (N or 0 of them).
     """
     metrics, samples, ends, last, trajectories = outputs
-    traces = np.empty((TRACES, len(t)))
+    traces, scratch = np.empty((TRACES, len(t))), np.empty(len(t))
     row = np.empty(14)
     for i in range(block[0], block[1]):
         trajectory = trajectories[i] if len(trajectories) else trajectories[0:0].reshape((0, 14))
         samples[i], ends[i] = _fly(i, inputs, settings, t, (row, traces, trajectory))
         last[i] = row
-        measure(t, traces, samples[i], metrics[i])
+        measure(t, traces, samples[i], scratch, metrics[i])
 
 
 @njit
 def _fly(i, inputs, settings, t, record):
-    _, start, ref, _, waves, _ = inputs
-    feed_forward, dt, steps, g = settings[2], settings[4], settings[5], settings[6]
+    _, start, ref, level_loads, _, waves, _, _, gravity = inputs
+    feed_forward, dt, steps = settings[2], settings[3], settings[4]
     row, traces, trajectory = record
     chi, gamma, _, _, V_a = start[i]
     law, memory = _law(i, inputs, settings), _memory(start[i])
     u = memory[2]
-    followed = ref[i if len(ref) > 1 else 0]
-    g_over_v, clock = g / V_a, 0.0
-    wanted, steady = followed[0], math.cos(followed[0, 1])
+    row_of_ref = i if len(ref) > 1 else 0
+    followed, steadies = ref[row_of_ref], level_loads[row_of_ref]
+    g_over_v, clock = gravity[i] / V_a, 0.0
+    wanted, steady = followed[0], steadies[0]
     wave = (waves[i, 0], waves[i, 1], waves[i, 2], waves[i, 3])
     disturbed = _disturbance(wave, 0.0)
     for k in range(len(t)):
         if len(followed) > 1:
-            wanted, steady = followed[k], math.cos(followed[k, 1])
+            wanted, steady = followed[k], steadies[k]
         level = steady / math.cos(u[0]) if feed_forward else 0.0
         pi_step(law, memory, (wanted[0], wanted[1]), (chi, gamma), (0.0, level), V_a)
         turn, lift = g_over_v * math.tan(u[0]), u[1] * math.cos(u[0])
@@ -60,6 +62,8 @@ def _fly(i, inputs, settings, t, record):
         span = (clock, dt / steps, steps)
         chi, gamma, disturbed = _advance((chi, gamma), rates, flying, wave, span)
         clock += dt
+        if steps > 1:
+            disturbed = _disturbance(wave, clock)
         if not (abs(chi) < LOST and abs(gamma) < LOST):
             return k + 1, LOST_ANGLE
     return len(t), DONE
@@ -76,8 +80,8 @@ def _fill(row, state, rates, memory):
 
 @njit
 def _law(i, inputs, settings):
-    K, bounds, lead_back = inputs[0][i], inputs[3][i], inputs[5][i]
-    conditional, wrapped, _, per_speed, dt = settings[:5]
+    K, bounds, lead_back, per_speed = inputs[0][i], inputs[4][i], inputs[6][i], inputs[7][i]
+    conditional, wrapped, _, dt, _ = settings
     rows = (_row(0, K, bounds, dt), _row(1, K, bounds, dt))
     return rows, range(2), (wrapped, False), conditional, lead_back, per_speed
 
@@ -122,6 +126,7 @@ def _advance(state, rates, flying, wave, span):
     for s in range(steps):
         t = start + s * step
         if s > 0:
+            last = _disturbance(wave, t)
             c_1, g_1 = turn + last[0], g_over_v * (lift - math.cos(gamma)) + last[1]
         middle, last = _disturbance(wave, t + half), _disturbance(wave, t + step)
         g_2 = g_over_v * (lift - math.cos(gamma + half * g_1)) + middle[1]
