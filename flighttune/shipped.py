@@ -1,4 +1,4 @@
-"""Where the aircraft and scenarios that come with flighttune lie."""
+"""Where the aircraft, scenarios and campaigns that come with flighttune lie."""
 
 from pathlib import Path
 
@@ -17,6 +17,11 @@ def scenario_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _room("scenarios").glob("*.toml")))
 
 
+def campaign_names() -> tuple[str, ...]:
+    """Return the names of the shipped campaigns (without ``.toml``), sorted."""
+    return tuple(sorted(path.stem for path in _room("scenarios").glob("campaigns/*.toml")))
+
+
 def aircraft_folder(name: str) -> Path:
     """Return the folder of the shipped aircraft `name`.
 
@@ -25,7 +30,7 @@ def aircraft_folder(name: str) -> Path:
     InputError
         If no aircraft of that name is shipped.
     """
-    return _find("aircraft", name, aircraft_names()) / name
+    return _known("aircraft", name, aircraft_names(), _room("aircraft")) / name
 
 
 def scenario_file(name: str) -> Path:
@@ -37,14 +42,26 @@ def scenario_file(name: str) -> Path:
         If no scenario of that name is shipped.
     """
     stem = name.removesuffix(".toml")
-    return _find("scenarios", stem, scenario_names()) / f"{stem}.toml"
+    return _known("scenario", stem, scenario_names(), _room("scenarios")) / f"{stem}.toml"
 
 
-def _find(room: str, name: str, names: tuple[str, ...]) -> Path:
+def campaign_file(name: str) -> Path:
+    """Return the file of the shipped campaign `name`, written with or without ``.toml``.
+
+    Raises
+    ------
+    InputError
+        If no campaign of that name is shipped.
+    """
+    stem = name.removesuffix(".toml")
+    folder = _room("scenarios") / "campaigns"
+    return _known("campaign", stem, campaign_names(), folder) / f"{stem}.toml"
+
+
+def _known(kind: str, name: str, names: tuple[str, ...], folder: Path) -> Path:
     if name not in names:
-        kind = room.removesuffix("s")
         raise InputError(f"`{kind}` must be one of {', '.join(names)}, got {name!r}.")
-    return _room(room)
+    return folder
 
 
 def _room(name: str) -> Path:

@@ -36,7 +36,7 @@ def load_scenario(path: str | Path) -> Scenario:
         exist or cannot start where it shall.
     """
     path = _existing(path)
-    scenario = _validated(Scenario, _toml(path), str(path))
+    scenario = validated(Scenario, toml_tables(path), str(path))
     check_aircraft(scenario, str(path))
     return scenario
 
@@ -49,7 +49,7 @@ def scenario_from(tables: dict[str, Any]) -> Scenario:
     ScenarioError
         If a key is unknown, missing or impossible.
     """
-    return _validated(Scenario, tables, "scenario")
+    return validated(Scenario, tables, "scenario")
 
 
 def load_gains(path: str | Path) -> PIGains:
@@ -72,9 +72,9 @@ def load_gains(path: str | Path) -> PIGains:
         If the file cannot be read or does not hold such gains.
     """
     path = Path(path)
-    tables = _json(path) if path.suffix.lower() == ".json" else _toml(path)
+    tables = _json(path) if path.suffix.lower() == ".json" else toml_tables(path)
     kept = {key: tables[key] for key in ("K_P", "K_I") if key in tables}
-    return _validated(GainsTable, {"name": "file", **kept}, str(path)).gains()
+    return validated(GainsTable, {"name": "file", **kept}, str(path)).gains()
 
 
 def _existing(path: str | Path) -> Path:
@@ -101,7 +101,14 @@ def _text(path: Path) -> str:
         raise ScenarioError(f"{path}: the file must be UTF-8 text: {error}.") from error
 
 
-def _toml(path: Path) -> dict[str, Any]:
+def toml_tables(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, or is not TOML.
+    """
     try:
         return tomllib.loads(_text(path))
     except tomllib.TOMLDecodeError as error:
@@ -118,7 +125,22 @@ def _json(path: Path) -> dict[str, Any]:
     return tables
 
 
-def _validated(model: type[Model], tables: dict[str, Any], source: str) -> Model:
+def validated(model: type[Model], tables: Any, source: str) -> Model:
+    """Tables read as `model`.
+
+    Parameters
+    ----------
+    model : type of BaseModel
+    tables : mapping
+        As they stand in a file.
+    source : str
+        The file, or what else to call it.
+
+    Raises
+    ------
+    ScenarioError
+        If a key is unknown, missing or impossible; the message names `source` and key.
+    """
     try:
         return model.model_validate(tables)
     except ValidationError as error:

@@ -1,0 +1,146 @@
+"""Keys of a scenario by dotted path: where they stand, and values put there."""
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
+
+from pydantic import ValidationError
+
+from flighttune.errors import InputError
+from flighttune.scenario.plant_table import PlantTable
+from flighttune.scenario.sentence import mistakes
+
+Place: TypeAlias = tuple[str | int, ...]
+"""Names of tables and positions in arrays from the top of a scenario to a value."""
+
+SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
+PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
+
+
+def steps_of(key: str) -> tuple[str, ...]:
+    """The steps of a dotted path; what stands in brackets is a step of its own, ``[0]``.
+
+    Raises
+    ------
+    InputError
+        If `key` is not a path.
+    """
+    if not PATH.fullmatch(key):
+        raise InputError("must be names joined by dots, each with [position] or [name] after it")
+    return tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
+
+
+def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
+    """Every place of a scenario that a key means.
+
+    Parameters
+    ----------
+    key : str
+        Dotted path. ``name[1]`` is a position in an array, counted from 0; ``plant`` without one
+        is every plant that has the key, ``plant[LABEL]`` the one of that label.
+    tables : mapping
+        The scenario as plain values.
+    value : plain value
+        A value that the key can have.
+
+    Returns
+    -------
+    tuple of Place
+
+    Raises
+    ------
+    InputError
+        If there is no such place; the message says what must hold.
+    """
+    steps = steps_of(key)
+    if steps[0] == "plant" and not (steps[1:] and steps[1].startswith("[")):
+        return _of_plants(steps[1:], tables["plant"], value)
+    return (_walked(steps, tables),)
+
+
+def value_at(tables: Mapping[str, Any], place: Place) -> Any:
+    """The value at a place; None where there is none."""
+    found: Any = tables
+    for step in place:
+        if isinstance(found, Mapping):
+            found = found.get(step)
+        elif isinstance(found, list) and isinstance(step, int):
+            found = found[step]
+        else:
+            return None
+    return found
+
+
+def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
+    """A copy of `tables` with values put in; what is not on the way to one is shared."""
+    result = dict(tables)
+    copied: dict[int, Any] = {id(result): result}
+    for place, value in values:
+        at: Any = result
+        for step in place[:-1]:
+            below = at[step] if isinstance(step, int) else at.get(step, {})
+            if id(below) not in copied:
+                below = list(below) if isinstance(below, list) else dict(below)
+                copied[id(below)] = below
+                at[step] = below
+            at = below
+        at[place[-1]] = value
+    return result
+
+
+def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
+    place: list[str | int] = []
+    at: Any = tables
+    for step in steps:
+        name = step.strip("[]")
+        if isinstance(at, list):
+            found = _position(step, name, at, place)
+            place.append(found)
+            at = at[found]
+        elif isinstance(at, Mapping) or at is None:
+            place.append(name)
+            at = at.get(name) if isinstance(at, Mapping) else None
+        else:
+            raise InputError(f"must be a key of a table, but `{_spelled(place)}` is {at!r}")
+    return tuple(place)
+
+
+def _position(step: str, name: str, array: list[Any], place: list[str | int]) -> int:
+    where = _spelled(place)
+    if not step.startswith("["):
+        raise InputError(
+            f"must say which of `{where}` is meant: `{where}[0]` to [{len(array) - 1}]"
+        )
+    if place == ["plant"] and not name.isdigit():
+        labels = [PlantTable.model_validate(table).label for table in array]
+        if name not in labels:
+            raise InputError(f"must name a plant, {' or '.join(labels)}, got {name!r}")
+        return labels.index(name)
+    if not name.isdigit() or int(name) >= len(array):
+        raise InputError(f"must be at a position of `{where}`, 0 to {len(array) - 1}, got {step}")
+    return int(name)
+
+
+def _of_plants(
+    steps: tuple[str, ...], plants: list[dict[str, Any]], value: Any
+) -> tuple[Place, ...]:
+    if not steps:
+        raise InputError("must be a key of a plant, got the plants themselves")
+    found: list[Place] = []
+    refusals: list[str] = []
+    for i, table in enumerate(plants):
+        place = _walked(steps, table)
+        try:
+            PlantTable.model_validate(with_values(table, [(place, value)]))
+        except ValidationError as error:
+            refusals.append(mistakes(error, PlantTable))
+        else:
+            found.append(("plant", i, *place))
+    if not found:
+        raise InputError(f"must be a key of a plant that flies: {refusals[-1].removesuffix('.')}")
+    return tuple(found)
+
+
+def _spelled(place: Iterable[str | int]) -> str:
+    words = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
+    return "".join(words).removeprefix(".")
