@@ -195,16 +195,6 @@ def _flights(
     for plant in order:
         for name, gains in gain_sets.items():
             led = runs.get((leader or "", name)) if plant.aircraft is None else None
-            if led is not None and gains is not None and not len(led.signals):
-                runs[plant.label, name] = unflown(
-                    scenario,
-                    gains,
-                    led.status,
-                    f"the wind is that of {leader}, which did not fly: {led.reason}",
-                    plant_label=plant.label,
-                    gains_name=name,
-                )
-                continue
             if watcher is not None and watcher.stopped and gains is not None:
                 runs[plant.label, name] = unflown(
                     scenario,
@@ -215,18 +205,62 @@ def _flights(
                     gains_name=name,
                 )
                 continue
-            flown = plant_of(plant, scenario, _wind_of(scenario, led))
-            if watcher is not None:
-                flown = watcher.watch(flown, f"{plant.label} / {name}")
-            runs[plant.label, name] = fly_once(
-                scenario,
-                flown,
-                gains,
-                plant_label=plant.label,
-                gains_name=name,
-                progress=progress,
+            runs[plant.label, name] = fly_alone(
+                scenario, plant, gains, name, led=led, progress=progress, watcher=watcher
             )
     return tuple(runs[plant.label, name] for plant in scenario.plant for name in gain_sets)
+
+
+def fly_alone(
+    scenario: Scenario,
+    table: PlantTable,
+    gains: PIGains | None,
+    gains_name: str,
+    *,
+    led: Run | None = None,
+    progress: Progress | None = None,
+    watcher: Watcher | None = None,
+) -> Run:
+    """Fly one gain set of a scenario on one of its plants.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    table : PlantTable
+        The plant.
+    gains : PIGains or None
+        None where tuning found none.
+    gains_name : str
+    led : Run, optional
+        The flight of the same gains whose wind a plant that is no aircraft replays; without one it
+        flies in the steady wind of the scenario.
+    progress, watcher
+        As of `fly`.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    PlantError
+        If an aircraft cannot be built.
+    """
+    if led is not None and gains is not None and not len(led.signals):
+        return unflown(
+            scenario,
+            gains,
+            led.status,
+            f"the wind is that of {led.provenance.plant}, which did not fly: {led.reason}",
+            plant_label=table.label,
+            gains_name=gains_name,
+        )
+    plant = plant_of(table, scenario, _wind_of(scenario, led))
+    if watcher is not None:
+        plant = watcher.watch(plant, f"{table.label} / {gains_name}")
+    return fly_once(
+        scenario, plant, gains, plant_label=table.label, gains_name=gains_name, progress=progress
+    )
 
 
 def _wind_of(scenario: Scenario, led: Run | None) -> WindRecord | None:

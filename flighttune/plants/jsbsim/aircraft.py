@@ -1,6 +1,7 @@
 """An aircraft's folder: its ``aircraft.toml``, read once and checked."""
 
 import tomllib
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -19,6 +20,7 @@ from flighttune.plants.jsbsim.aircraft_tables import (
     PropertyName,
     Wrapping,
 )
+from flighttune.plants.jsbsim.off_nominal import OffNominal
 from flighttune.shipped import aircraft_folder
 
 
@@ -54,6 +56,7 @@ class AircraftConfig(AircraftTable):
     design: Design | None = None
     gains: dict[PropertyName, Finite]
     _folder: Path = PrivateAttr()
+    _off_nominal: OffNominal | None = PrivateAttr(default=None)
 
     @property
     def folder(self) -> Path:
@@ -64,6 +67,17 @@ class AircraftConfig(AircraftTable):
     def file(self) -> Path:
         """The ``aircraft.toml`` itself."""
         return self._folder / "aircraft.toml"
+
+    @property
+    def off_nominal(self) -> OffNominal | None:
+        """How the aircraft differs from its files; None where it does not."""
+        return self._off_nominal
+
+    def with_off_nominal(self, off_nominal: OffNominal | None) -> Self:
+        """Return the aircraft off the nominal. Whether it can be is seen when JSBSim loads it."""
+        changed = self.model_copy()
+        changed._off_nominal = off_nominal
+        return changed
 
     def with_throttle_max(self, throttle_max: float) -> Self:
         """Return the aircraft with another upper stop of the throttle.
@@ -103,6 +117,17 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
         folder = Path(aircraft).resolve()
     file = folder / "aircraft.toml"
     try:
+        found = file.stat()
+    except OSError as error:
+        raise InputError(f"{file}: must be a readable file, got {error.strerror}.") from error
+    return _read(file, (found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_size))
+
+
+@lru_cache(maxsize=32)
+def _read(file: Path, stamp: tuple[int, ...]) -> AircraftConfig:
+    """The aircraft of a file, read anew when the file was written to."""
+    del stamp
+    try:
         table = tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{file}: must be a readable file, got {error.strerror}.") from error
@@ -112,7 +137,7 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
         config = AircraftConfig.model_validate(table)
     except ValidationError as error:
         raise ScenarioError(f"{file}: {_first_problem(error)}") from error
-    config._folder = folder
+    config._folder = file.parent
     return config
 
 
