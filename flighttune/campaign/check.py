@@ -1,5 +1,6 @@
 """Whether a scenario can be flown at the median of everything that a campaign disperses."""
 
+import re
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
@@ -16,6 +17,8 @@ from flighttune.scenario.schema import Scenario
 from flighttune.scenario.sentence import mistakes
 
 NOT_DISPERSED = {
+    "plant.kind": "give each plant in a [[plant]]",
+    "plant.aircraft": "give each aircraft in a [[plant]]",
     "seed": "every draw has a seed of its own",
     "gains": "give each gain set in `gains`",
     "tuning": "gains are tuned once, on the undispersed scenario",
@@ -50,13 +53,13 @@ def dispersed_places(
     found: dict[str, tuple[Place, ...]] = {}
     for table in tables:
         where = f"{source}: [[disperse]] `{table.key}`"
-        top = table.key.split(".")[0].split("[")[0]
-        if top in NOT_DISPERSED:
-            raise ScenarioError(f"{where} must not be dispersed: {NOT_DISPERSED[top]}.")
+        named = re.sub(r"\[[^\]]*\]", "", table.key)
+        for fixed in {named, named.split(".")[0]} & set(NOT_DISPERSED):
+            raise ScenarioError(f"{where} must not be dispersed: {NOT_DISPERSED[fixed]}.")
         try:
             places = places_of(table.key, values, _probe(table))
         except InputError as error:
-            raise ScenarioError(f"{where} {error}.") from None
+            raise ScenarioError(f"{where} {_stopped(error)}") from None
         for other, theirs in found.items():
             if any(_overlap(mine, theirs_one) for mine in places for theirs_one in theirs):
                 raise ScenarioError(f"{where} must be dispersed once, but `{other}` means it too.")
@@ -104,12 +107,6 @@ def check_dispersions(table: CampaignTable, nominal: Scenario, source: str) -> S
     if isinstance(central, str):
         guilty = _guilty(table.disperse, nominal, places)
         raise ScenarioError(_refused(source, guilty, central))
-    labels = [plant.label for plant in nominal.plant]
-    if [plant.label for plant in central.plant] != labels:
-        raise ScenarioError(
-            f"{source}: [[disperse]] must leave the plants what they are ({', '.join(labels)}); "
-            "give each in a [[plant]]."
-        )
     return central
 
 
@@ -147,6 +144,8 @@ def _guilty(
 
 def _refused(source: str, guilty: Sequence[DisperseTable], says: str) -> str:
     named = ", ".join(f"`{table.key}`" for table in guilty)
+    if "is not a known key" in says:
+        return f"{source}: [[disperse]] {named} must be a key of the scenario: {says}"
     medians = ", ".join(repr(table.of().central) for table in guilty)
     return f"{source}: [[disperse]] {named}: the scenario refuses the median {medians}: {says}"
 
@@ -170,6 +169,11 @@ def _check_correlations(table: CampaignTable, source: str) -> None:
         factor(table.correlation)
     except InputError as error:
         raise ScenarioError(f"{source}: {error}.") from None
+
+
+def _stopped(error: InputError) -> str:
+    """What an error says, with a full stop unless it asks something."""
+    return str(error) if str(error).endswith("?") else f"{error}."
 
 
 def _probe(table: DisperseTable) -> Any:

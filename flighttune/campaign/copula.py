@@ -75,7 +75,7 @@ def factor(correlations: Sequence[CorrelationTable]) -> FloatArray:
         i, j = (named.index(key) for key in table.keys)
         matrix[i, j] = matrix[j, i] = 2.0 * np.sin(np.pi * table.rank / 6.0)
     try:
-        return np.linalg.cholesky(matrix)
+        return np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
     except np.linalg.LinAlgError:
         smallest = float(np.linalg.eigvalsh(matrix)[0])
         raise InputError(

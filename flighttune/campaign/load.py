@@ -4,8 +4,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from flighttune.campaign.check import check_dispersions
 from flighttune.campaign.disperse_table import DisperseTable
 from flighttune.campaign.places import places_of, with_values
@@ -13,8 +11,8 @@ from flighttune.campaign.schema import Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.load import load_scenario, toml_tables, validated
+from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.sentence import mistakes
 from flighttune.shipped import campaign_file, campaign_names, scenario_file, scenario_names
 
 
@@ -92,12 +90,9 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
             raise ScenarioError(f"{source}: [overrides] `{key}` {error}.") from None
         tables = with_values(tables, [(place, value) for place in places])
     tables["expect"] = _plain(table.success) or _of_those_flown(tables)
-    try:
-        scenario = Scenario.model_validate(tables)
-    except ValidationError as error:
-        says = mistakes(error, Scenario)
-        raise ScenarioError(f"{source}: the scenario with the campaign's keys: {says}") from None
-    check_aircraft(scenario, source)
+    whole = f"{source}: the scenario with the campaign's keys"
+    scenario = validated(Scenario, tables, whole)
+    check_aircraft(scenario, whole)
     return scenario
 
 
@@ -109,10 +104,7 @@ def _plain(tables: list[Any]) -> list[Any]:
 def _of_those_flown(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The scenario's expectations, without those of gains and plants that are not flown."""
     gains = [entry if isinstance(entry, str) else entry["name"] for entry in tables["gains"]]
-    plants = [
-        plant["kind"] + (f":{plant['aircraft']}" if "aircraft" in plant else "")
-        for plant in tables["plant"]
-    ]
+    plants = [PlantTable.model_validate(plant).label for plant in tables["plant"]]
     return [
         expect
         for expect in tables.get("expect", [])

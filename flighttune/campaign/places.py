@@ -137,7 +137,7 @@ def _of_plants(
         else:
             found.append(("plant", i, *place))
     if not found:
-        raise InputError(f"must be a key of a plant that flies: {refusals[-1].removesuffix('.')}")
+        raise InputError(f"must be a key of a plant that flies: {refusals[-1].rstrip('.')}")
     return tuple(found)
 
 
