@@ -156,6 +156,8 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
 
     Raises
     ------
+    InputError
+        If the aircraft cannot be off the nominal as the table says; the message names the key.
     PlantError
         If the aircraft cannot be built.
     """
@@ -179,6 +181,7 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         weather=scenario.weather(),
         ground=scenario.flight.ground_m,
         throttle_max=table.throttle_max,
+        off_nominal=table.airframe and table.airframe.off_nominal(),
     )
 
 

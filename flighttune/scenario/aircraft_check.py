@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from flighttune.errors import InputError, ScenarioError
 from flighttune.plants.jsbsim.aircraft import AircraftConfig, load_aircraft
+from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.plants.jsbsim.start_check import start_faults
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.schema import Scenario
@@ -52,6 +53,11 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
             config.with_throttle_max(plant.throttle_max)
         except InputError as error:
             yield f"[plant] {error}"
+    if plant.airframe is not None:
+        try:
+            check_off_nominal(config.with_off_nominal(plant.airframe.off_nominal()))
+        except InputError as error:
+            yield f"[plant.airframe] {error}"
     ground = scenario.flight.ground_m
     for name, fault in start_faults(config, scenario.condition, ground):
         yield f"[flight] `{FLIGHT_KEYS[name]}` {fault}"

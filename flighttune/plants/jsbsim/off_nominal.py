@@ -38,6 +38,9 @@ class OffNominal:
         "mass", "ixx", "iyy", "izz", "ixz", "lift", "drag", "side_force", "roll_moment",
         "pitch_moment", "yaw_moment", "thrust", "actuator_lag",
     )  # fmt: skip
+    """Attributes that are factors; the key of each has ``_factor`` at its end."""
+
+    INERTIAS: ClassVar[tuple[str, ...]] = ("ixx", "iyy", "izz", "ixz")
 
     mass: float = 1.0
     cg_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -61,12 +64,28 @@ class OffNominal:
         for key, factor in factors.items():
             if not (math.isfinite(factor) and factor > 0.0):
                 raise InputError(f"`{key}` must be positive, got {factor}.")
-        if not all(map(math.isfinite, self.cg_shift)):
-            raise InputError(f"`cg_shift` must be finite, got {self.cg_shift} m.")
+        if not (len(self.cg_shift) == 3 and all(map(math.isfinite, self.cg_shift))):
+            raise InputError(f"`cg_shift` must be three finite numbers, got {self.cg_shift} m.")
 
     @property
     def is_nominal(self) -> bool:
         """Whether nothing differs."""
-        factors = [getattr(self, name) for name in self.SCALED]
-        factors += [factor for _, factor in self.coefficients]
-        return all(factor == 1.0 for factor in factors) and not any(self.cg_shift)
+        return not (self.loaded or self.scaled or self.scaled_coefficients)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether mass, centre of gravity or inertia differ."""
+        return any(self.cg_shift) or any(
+            getattr(self, name) != 1.0 for name in ("mass", *self.INERTIAS)
+        )
+
+    @property
+    def scaled(self) -> dict[str, float]:
+        """Factors other than 1 on aerodynamics as a whole, thrust and actuators, by attribute."""
+        names = (name for name in self.SCALED if name not in ("mass", *self.INERTIAS))
+        return {name: getattr(self, name) for name in names if getattr(self, name) != 1.0}
+
+    @property
+    def scaled_coefficients(self) -> dict[str, float]:
+        """Factors other than 1 on single aerodynamic functions."""
+        return {name: factor for name, factor in self.coefficients if factor != 1.0}

@@ -14,6 +14,7 @@ from flighttune.plants.jsbsim.aircraft import AircraftConfig, load_aircraft
 
 if TYPE_CHECKING:
     from flighttune.plants.jsbsim.fdm import Fdm
+    from flighttune.plants.jsbsim.off_nominal import OffNominal
     from flighttune.plants.weather import Weather
 
 _AIRFRAME_SIGNALS = (
@@ -56,6 +57,8 @@ class JSBSimPlant:
     throttle_max : float, optional
         Upper stop of the throttle, for an engine that gives less than it should; by default that of
         the aircraft.
+    off_nominal : OffNominal, optional
+        How the aircraft differs from its files; the gains of its inner loop do not.
 
     Attributes
     ----------
@@ -67,7 +70,8 @@ class JSBSimPlant:
     Raises
     ------
     InputError, ScenarioError
-        If there is no such aircraft, or its ``aircraft.toml`` cannot be used.
+        If there is no such aircraft, its ``aircraft.toml`` cannot be used, or it cannot be off the
+        nominal that way.
 
     Notes
     -----
@@ -90,6 +94,7 @@ class JSBSimPlant:
         weather: Weather | None = None,
         ground: float = 0.0,
         throttle_max: float | None = None,
+        off_nominal: OffNominal | None = None,
     ) -> None:
         if not (math.isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
             raise InputError(f"`fdm_rate_hz` must be positive, got {fdm_rate_hz}.")
@@ -99,11 +104,13 @@ class JSBSimPlant:
             raise InputError(
                 f"`ground` must lie in {-DEEPEST_GROUND:g} to {HIGHEST_GROUND:g} m, got {ground} m."
             )
-        known = isinstance(aircraft, AircraftConfig)
-        config = aircraft if known else load_aircraft(aircraft)
-        self.config: AircraftConfig = (
-            config if throttle_max is None else config.with_throttle_max(throttle_max)
-        )
+        config = aircraft if isinstance(aircraft, AircraftConfig) else load_aircraft(aircraft)
+        if throttle_max is not None:
+            config = config.with_throttle_max(throttle_max)
+        if off_nominal is not None:
+            config = config.with_off_nominal(off_nominal)
+            check_off_nominal(config)
+        self.config: AircraftConfig = config
         self.limits: Limits = self.config.limits.limits()
         self._rate = fdm_rate_hz
         self._seed = seed
@@ -252,6 +259,22 @@ class JSBSimPlant:
     def _end(self, stop: Stop) -> Stop:
         self._write_phi_cmd = _ended
         return stop
+
+
+def check_off_nominal(config: AircraftConfig) -> None:
+    """Refuse an aircraft that cannot be off the nominal as `config` says.
+
+    Raises
+    ------
+    InputError
+        If it lacks what a factor multiplies, or no body has such inertias; the message names the
+        key of the factor.
+    PlantError
+        If its files cannot be read.
+    """
+    from flighttune.plants.jsbsim.wrapping import main_file_text
+
+    main_file_text(config)
 
 
 def _not_started(*_: object) -> NoReturn:

@@ -1,17 +1,34 @@
-"""Aircraft of JSBSim's own set, flown as they are shipped, with systems of ours put around them."""
+"""What JSBSim loads of an aircraft: its own files, or a file made from them in a private folder.
+
+That is so for aircraft of JSBSim's own set, flown as they are shipped with systems of ours put
+around them, and for aircraft off the nominal. No file that is shipped is ever written to.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.aircraft import AircraftConfig
+from flighttune.plants.jsbsim.mass_balance import MassBalance, open_mass_balance, weigh
+from flighttune.plants.jsbsim.model_text import Kept, ModelText, Sources, stamp
+from flighttune.plants.jsbsim.off_nominal import OffNominal
+from flighttune.plants.jsbsim.scaling import (
+    AXES,
+    COEFFICIENT,
+    scale_axis,
+    scale_coefficient,
+    scale_thrust,
+    slow_actuators,
+)
 
 CONNECTIONS = ("output", "input")
 """Elements by which JSBSim opens files and sockets on its first evaluation."""
+
+_NOMINAL = OffNominal()
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,41 +40,107 @@ class ModelFolders:
     systems: Path
 
 
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """What flights of an aircraft with the same things off the nominal have in common."""
+
+    text: ModelText
+    balance: MassBalance | None
+
+
+_MODELS: Kept[_Model] = Kept()
+_UNCONNECTED: Kept[bool] = Kept()
+
+
 @contextmanager
 def model_folders(config: AircraftConfig) -> Iterator[ModelFolders]:
     """Give the folders of an aircraft, for as long as JSBSim loads it.
 
     A wrapped aircraft's main file is read from the installed jsbsim and written to a private folder
     without its connections to files and sockets, with the systems of its ``aircraft.toml`` in front
-    of its flight control. The installed file stays as it is.
+    of its flight control. So is the main file of an aircraft off the nominal, with the factors in
+    it. The files read stay as they are.
 
     Raises
     ------
     PlantError
         If JSBSim ships no such aircraft or a system is missing; or if an aircraft of ours has
         connections.
+    InputError
+        If the aircraft cannot be off the nominal that way.
     """
-    if config.wrapping is None:
-        _refuse_connections(config.folder / f"{config.model}.xml")
-        folder = config.folder
-        yield ModelFolders(folder, folder / "Engines", folder / "Systems")
+    folders = _folders(config)
+    text = main_file_text(config)
+    if text is None:
+        yield folders
         return
+    with TemporaryDirectory(prefix="flighttune-") as name:
+        (Path(name) / f"{config.model}.xml").write_text(text, encoding="utf-8")
+        yield ModelFolders(Path(name), folders.engines, folders.systems)
+
+
+def main_file_text(config: AircraftConfig) -> str | None:
+    """Return the main file that JSBSim shall load, None where that is the one in the folder.
+
+    Raises
+    ------
+    PlantError, InputError
+        As `model_folders`.
+    """
+    off = config.off_nominal or _NOMINAL
+    if config.wrapping is None and off.is_nominal:
+        _refuse_connections(config.folder / f"{config.model}.xml")
+        return None
+    scaled, coefficients = off.scaled, off.scaled_coefficients
+    systems = config.wrapping and config.wrapping.systems
+    key = (config.file, config.model, systems, off.loaded, tuple(scaled), tuple(coefficients))
+    model = _MODELS.find(key) or _made(key, config, off)
+    values = {f"{COEFFICIENT}{name}": factor for name, factor in coefficients.items()} | scaled
+    values["actuator_rate"] = 1.0 / off.actuator_lag
+    if model.balance is not None:
+        values |= model.balance.values(off)
+    return model.text.filled(values)
+
+
+def _folders(config: AircraftConfig) -> ModelFolders:
+    if config.wrapping is None:
+        folder = config.folder
+        return ModelFolders(folder, folder / "Engines", folder / "Systems")
     import jsbsim
 
     shipped = Path(jsbsim.get_default_root_dir())
-    tree = _wrapped(config, shipped / "aircraft" / config.model / f"{config.model}.xml")
-    with TemporaryDirectory(prefix="flighttune-") as name:
-        folder = Path(name)
-        tree.write(folder / f"{config.model}.xml", encoding="utf-8", xml_declaration=True)
-        yield ModelFolders(folder, shipped / "engine", shipped / "systems")
+    model = shipped / "aircraft" / config.model
+    return ModelFolders(model, shipped / "engine", shipped / "systems")
 
 
-def _wrapped(config: AircraftConfig, file: Path) -> "ElementTree.ElementTree[ElementTree.Element]":
-    try:
-        tree = ElementTree.parse(file)
-    except (OSError, ElementTree.ParseError) as error:
-        raise PlantError(f"{config.file}: `model` must be shipped with jsbsim: {error}.") from error
-    root = tree.getroot()
+def _made(key: tuple[object, ...], config: AircraftConfig, off: OffNominal) -> _Model:
+    """Read the files of an aircraft and put gaps where `off` has something other than 1."""
+    sources, folders = Sources(), _folders(config)
+    file = folders.model / f"{config.model}.xml"
+    where = "be a file of JSBSim's" if config.wrapping is None else "be shipped with jsbsim"
+    root = sources.root(file, f"{config.file}: `model` must {where}")
+    if config.wrapping is None:
+        _refuse_connections(file)
+    else:
+        _wrap(root, config, file)
+    balance = None
+    if off.loaded:
+        balance = weigh(root, config.with_off_nominal(None))
+        open_mass_balance(root)
+    for name in off.scaled_coefficients:
+        scale_coefficient(root, name, file)
+    for name in off.scaled:
+        if name in AXES:
+            scale_axis(root, name, file)
+        elif name == "thrust":
+            scale_thrust(root, folders.engines, sources, file)
+        else:
+            slow_actuators(root, folders.systems, sources, file)
+    stamps = (*sources.stamps, stamp(config.file))
+    return _MODELS.keep(key, stamps, _Model(ModelText.of(root), balance))
+
+
+def _wrap(root: Element, config: AircraftConfig, file: Path) -> None:
     for tag in CONNECTIONS:
         for element in root.findall(tag):
             root.remove(element)
@@ -70,15 +153,18 @@ def _wrapped(config: AircraftConfig, file: Path) -> "ElementTree.ElementTree[Ele
         path = (config.folder / system).resolve()
         if not path.is_file():
             raise PlantError(f"{config.file}: `wrapping.systems` must be files, got {system!r}.")
-        root.insert(first, ElementTree.Element("system", file=str(path)))
-    return tree
+        root.insert(first, Element("system", file=str(path)))
 
 
 def _refuse_connections(file: Path) -> None:
+    if _UNCONNECTED.find(file):
+        return
+    sources = Sources()
     try:
-        root = ElementTree.parse(file).getroot()
-    except (OSError, ElementTree.ParseError):
+        root = sources.root(file, "")
+    except PlantError:
         return  # JSBSim says what is wrong with it
     for tag in CONNECTIONS:
         if root.find(tag) is not None:
             raise PlantError(f"{file}: must have no <{tag}>, got one: flighttune records its runs.")
+    _UNCONNECTED.keep(file, tuple(sources.stamps), True)
