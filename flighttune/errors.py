@@ -8,7 +8,8 @@ FlightTuneError
 │   └── OutputError              ... because the file to write cannot be written
 ├── PlantError (RuntimeError)    the simulated aircraft failed
 │   └── TrimError                ... to reach the steady flight asked for
-└── SolverError (RuntimeError)   an optimiser broke down (infeasible is a status)
+├── SolverError (RuntimeError)   an optimiser broke down (infeasible is a status)
+└── CampaignError (RuntimeError) a campaign was cut short: its cluster is gone
 """
 
 
@@ -46,3 +47,7 @@ class TrimError(PlantError):
 
 class SolverError(FlightTuneError, RuntimeError):
     """An optimiser broke down; an infeasible problem is a status instead."""
+
+
+class CampaignError(FlightTuneError, RuntimeError):
+    """A campaign was cut short by what flies it; the runs flown stay."""

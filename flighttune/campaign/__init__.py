@@ -1,8 +1,31 @@
-"""Many flights of one scenario, dispersed: planned, flown, kept, and what they tell."""
+"""Many flights of one scenario, dispersed: planned, flown, kept, and what they tell.
 
-from flighttune.campaign.load import load_campaign
-from flighttune.campaign.make import plan_campaign
-from flighttune.campaign.plan import Group, Plan, plan_from
-from flighttune.campaign.schema import Campaign
+Everything is imported on first use: workers import this package, and fly in other processes.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flighttune.campaign.load import load_campaign
+    from flighttune.campaign.make import plan_campaign
+    from flighttune.campaign.plan import Group, Plan
+    from flighttune.campaign.plan_file import plan_from
+    from flighttune.campaign.schema import Campaign
 
 __all__ = ["Campaign", "Group", "Plan", "load_campaign", "plan_campaign", "plan_from"]
+
+_HOMES = {
+    "load_campaign": "load",
+    "plan_campaign": "make",
+    "Group": "plan",
+    "Plan": "plan",
+    "plan_from": "plan_file",
+    "Campaign": "schema",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
