@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from flighttune.campaign.load import load_campaign
     from flighttune.campaign.make import plan_campaign
-    from flighttune.campaign.plan import Group, Plan
-    from flighttune.campaign.plan_file import plan_from
+    from flighttune.campaign.plan import Group, Plan, plan_from
     from flighttune.campaign.schema import Campaign
 
 __all__ = ["Campaign", "Group", "Plan", "load_campaign", "plan_campaign", "plan_from"]
@@ -20,7 +19,7 @@ _HOMES = {
     "plan_campaign": "make",
     "Group": "plan",
     "Plan": "plan",
-    "plan_from": "plan_file",
+    "plan_from": "plan",
     "Campaign": "schema",
 }
 
