@@ -7,15 +7,10 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.gap.mismatch import Mismatch
+from flighttune.gap.ultimate_set import ROUNDING, entered_and_left, error_states
 from flighttune.simulate.run import Run
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.reachable import ReachableSet
-
-ROUNDING = 1e-6
-"""Part by which a set may be exceeded before it counts as broken."""
-
-REFERENCE_MOVED = 1e-9
-"""A change of slope of the reference beyond this (rad a sample) starts the claim anew."""
 
 TOO_WIDE = 0.5
 """Part of the largest change asked for from which a set is too wide to say anything."""
@@ -120,20 +115,15 @@ class LoopFlown:
         """Whether the set of the mismatch from `t_from` (s) on holds from there on."""
         first = int(np.searchsorted(self.t, t_from))
         L_d = float(self.strength[min(first, len(self.strength) - 1) :].max())
-        inside = self.level <= (L_d * (1.0 + ROUNDING)) ** 2
-        entered = broken = None
-        was_inside = False
-        for k in range(first, len(self.t)):
-            if self.moved[k]:
-                was_inside = False
-            elif inside[k]:
-                was_inside, entered = True, self._at(k) if entered is None else entered
-            elif was_inside:
-                broken = self._at(k)
-                break
+        inside = self.level[first:] <= (L_d * (1.0 + ROUNDING)) ** 2
+        within, left = entered_and_left(inside, self.moved[first:])
+        entered, broken = (
+            self._at(first + int(np.argmax(where))) if where.any() else None
+            for where in (within, left)
+        )
         widths = np.sqrt(np.diag(self.unit.W))[2:] * L_d
         return Verdict(
-            held=was_inside and broken is None,
+            held=bool(within[-1:].any()) and broken is None,
             t_entered=entered,
             t_broken=broken,
             t_from=t_from,
@@ -209,14 +199,15 @@ def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> Loo
     unit = invariant_ellipsoid(A_K, E, L_d=1.0)
     errors = run.signals[["chi_err", "gamma_err"]].to_numpy()
     references = run.signals[["chi_ref", "gamma_ref"]].to_numpy()
-    refs = np.diff(references, axis=0)
     dt = np.diff(run.signals.index.to_numpy(dtype=float))
-    error_rates = refs / dt[:, None] - found.rates
-    middle = errors[:-1] + 0.5 * dt[:, None] * error_rates
-    s = np.column_stack([error_rates, middle])
-    level = np.einsum("ti,ij,tj->t", s, np.linalg.inv(unit.W), s)
+    flown = error_states(
+        run.signals.index.to_numpy(dtype=float),
+        errors=(errors[:, 0], errors[:, 1]),
+        references=(references[:, 0], references[:, 1]),
+        rates=(found.rates[:, 0], found.rates[:, 1]),
+    )
+    level, moved = flown.level(np.linalg.inv(unit.W)), flown.moved
     strength = np.linalg.norm(found.d_dot, axis=1)
-    moved = np.abs(np.diff(refs, axis=0, prepend=refs[:1])).max(axis=1) > REFERENCE_MOVED
     promised = level.copy()
     for k in range(len(strength)):
         if not (moved[k] or moved[k + 1]):
@@ -230,6 +221,6 @@ def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> Loo
         strength=strength,
         unit=unit,
         reach=ReachableSet.of(A_K, E, L_d=1.0).peak_gain(slice(2, 4)).channels,
-        errors=middle,
+        errors=np.column_stack(flown.states[2:]),
         asked=float(np.abs(references - references[0] + errors[0]).max()),
     )
