@@ -137,6 +137,7 @@ def _time_history(
             condition=scenario.condition,
             duration=duration,
             feed_forward=settings.feed_forward,
+            sensors=scenario.sensors and scenario.sensors.sensors(scenario.seed),
             progress=None if progress is None else lambda t: progress(t / duration),
         )
     except TrimError as error:

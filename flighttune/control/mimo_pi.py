@@ -106,10 +106,11 @@ class MimoPI:
                 f"`anti_windup` must be none, conditional or back_calculation, got {anti_windup!r}."
             )
         self.gains, self.limits, self.dt, self.anti_windup = gains, limits, dt, anti_windup
+        self.wrapped = tuple(name in wrapped for name in gains.errors)
         self._law = (
             self._rows(),
             tuple(range(len(gains.errors))),
-            tuple(name in wrapped for name in gains.errors),
+            self.wrapped,
             anti_windup == "conditional",
             self._tracking_gain(tracking_time),
             0.0 if schedule_speed is None else 1.0 / schedule_speed,

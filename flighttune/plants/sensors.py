@@ -6,13 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.control.limits import Limits
 from flighttune.errors import InputError
+from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Plant, Stop
 
 SENSED = ("chi", "gamma", "V_a")
 """Signals that the controller sees through sensors, in the order of every array of them."""
 
 MEASURED = tuple(f"{name}_meas" for name in SENSED)
 """Names of the same signals as the controller saw them."""
+
+_CHI, _GAMMA, _V_A = (COMMON_SIGNALS.index(name) for name in SENSED)
 
 _STREAM = 0x5E45
 """Of the seed's children, the one sensors draw from: one of its own children a signal."""
@@ -88,3 +92,43 @@ class Sensors:
         begun = white[0]  # stationary from the first sample on
         rest, _ = lfilter([fresh], [1.0, -kept], white[1:], zi=[kept * begun])
         return np.concatenate(([begun], rest))
+
+
+class SensedPlant:
+    """A plant that also shows its course, climb and airspeed as sensors have them.
+
+    Parameters
+    ----------
+    plant : Plant
+        A plant that was not flown before.
+    errors : ndarray, shape (n, 3), rad, rad, m/s
+        Measured minus true value at each of the n times it will be observed.
+
+    Attributes
+    ----------
+    kind, signals, limits
+        Those of the plant; `signals` has `MEASURED` at its end.
+    """
+
+    def __init__(self, plant: Plant, errors: FloatArray) -> None:
+        self.kind, self.signals = plant.kind, plant.signals + MEASURED
+        self._plant, self._observe = plant, plant.observe
+        self._errors = zip(*errors.T.tolist(), strict=True)
+
+    @property
+    def limits(self) -> Limits:
+        """What the plant itself limits its commands to."""
+        return self._plant.limits
+
+    def start(self, condition: FlightCondition) -> None:
+        """Put the aircraft into `condition` at t = 0, as the plant does."""
+        self._plant.start(condition)
+
+    def observe(self) -> tuple[float, ...]:
+        """Return the values of `signals` now, SI and radians; each call takes one sample."""
+        seen, (chi, gamma, V_a) = self._observe(), next(self._errors)
+        return (*seen, seen[_CHI] + chi, seen[_GAMMA] + gamma, seen[_V_A] + V_a)
+
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+        """Fly `duration` seconds with the command held, as the plant does."""
+        return self._plant.advance(phi_cmd, n_z_cmd, duration)

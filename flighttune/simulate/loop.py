@@ -2,7 +2,7 @@
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,9 @@ import pandas as pd
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Plant, Stop
+from flighttune.plants.sensors import SensedPlant, Sensors
 from flighttune.simulate.reference import Reference
+from flighttune.units import wrap_angle
 
 LOOP_SIGNALS = (
     "chi_ref",
@@ -56,6 +58,7 @@ def simulate(
     condition: FlightCondition,
     duration: float,
     feed_forward: bool = False,
+    sensors: Sensors | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> TimeHistory:
     """Fly `plant` under `controller` along `reference` from `condition`.
@@ -77,6 +80,9 @@ def simulate(
         Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: what steady flight on the
         reference needs at the bank flown. It depends on the reference and not on the error, so the
         linear loop about wings-level flight is the same with it and without.
+    sensors : Sensors, optional
+        What the controller sees course, climb and airspeed through; by default it sees what is
+        flown. With them the signals hold `MEASURED` as well, and the errors stay the true ones.
     progress : callable, optional
         Called with the time flown in s, about once a second of flight.
 
@@ -98,6 +104,10 @@ def simulate(
     count = round(duration / dt)
     t = np.arange(count + 1, dtype=np.float64) * dt
     chi_ref, gamma_ref = reference.sampled(t)
+    angles, speed = slice(0, 2), COMMON_SIGNALS.index("V_a")
+    if sensors is not None:
+        angles, speed = slice(len(plant.signals), len(plant.signals) + 2), len(plant.signals) + 2
+        plant = SensedPlant(plant, sensors.errors(count + 1, dt))
     rows, row = bytearray(), struct.Struct(f"{len(plant.signals) + len(LOOP_SIGNALS)}d")
     plant.start(condition)
     controller.start((condition.phi, condition.n_z_start))
@@ -108,7 +118,7 @@ def simulate(
         seen = plant.observe()
         u_ff = (0.0, steady / math.cos(seen[2])) if feed_forward else level
         ref = (chi_wanted, gamma_wanted)
-        u = controller.step(ref, seen[:2], u_ff, seen[4])
+        u = controller.step(ref, seen[angles], u_ff, seen[speed])
         rows += row.pack(
             *seen,
             *ref,
@@ -125,14 +135,30 @@ def simulate(
             break
         if progress is not None and k % PROGRESS_EVERY == 0:
             progress(k * dt)
-    return TimeHistory(signals=_table(rows, plant.signals, t), stop=stop)
+    wrapped = None if sensors is None else controller.wrapped
+    return TimeHistory(signals=_table(rows, plant.signals, t, wrapped), stop=stop)
 
 
-def _table(rows: bytearray, plant_signals: tuple[str, ...], t: np.ndarray) -> pd.DataFrame:
+def _table(
+    rows: bytearray,
+    plant_signals: tuple[str, ...],
+    t: np.ndarray,
+    sensed: tuple[bool, ...] | None,
+) -> pd.DataFrame:
     if plant_signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
         raise InputError(f"`plant.signals` must begin with {COMMON_SIGNALS}, got {plant_signals}.")
     columns = (*plant_signals, *LOOP_SIGNALS)
     values = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(columns))
+    if sensed is not None:
+        _put_true_errors(values, columns, sensed)
     index = pd.Index(t[: len(values)], name="t")
     values.flags.writeable = False
     return pd.DataFrame(values, columns=pd.Index(columns), index=index, copy=False)
+
+
+def _put_true_errors(values: np.ndarray, columns: tuple[str, ...], wrapped: Sequence[bool]) -> None:
+    """Replace the errors that the controller saw through sensors."""
+    for channel, turns in zip(("chi", "gamma"), wrapped, strict=True):
+        true, ref, err = (columns.index(f"{channel}{kind}") for kind in ("", "_ref", "_err"))
+        errors = (values[:, ref] - values[:, true]).tolist()
+        values[:, err] = [wrap_angle(error) for error in errors] if turns else errors

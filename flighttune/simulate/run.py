@@ -34,6 +34,9 @@ SIGNAL_UNITS: dict[str, str] = {
     "n_z_integral": "1",
     "phi_limited": "1",
     "n_z_limited": "1",
+    "chi_meas": "rad",
+    "gamma_meas": "rad",
+    "V_a_meas": "m/s",
     "d_chi": "rad/s",
     "d_gamma": "rad/s",
     "alpha": "rad",
@@ -66,6 +69,7 @@ SIGNAL_UNITS: dict[str, str] = {
 ``*_err`` is reference minus actual, the course error wrapped to (-pi, pi]. ``*_cmd`` is the command
 after all limits, ``*_unlimited`` before them, ``*_integral`` the part of it that comes from the
 integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held by a rate limit).
+``*_meas`` is what the controller saw, in runs with sensors; in others it saw the signal itself.
 Positions are local NED from the start. Surfaces are positive trailing edge down, the rudder
 trailing edge left; the aileron is the left one, so that positive rolls right. ``wind_*`` is the
 velocity of the air: north is air that moves north.
