@@ -11,6 +11,7 @@ from flighttune.campaign.copula import correlated
 from flighttune.campaign.design import run_seeds, unit_points
 from flighttune.campaign.disperse_table import DisperseTable
 from flighttune.campaign.schema import Campaign
+from flighttune.scenario.schema import Scenario
 
 SEED = "seed"
 """Column of the seeds, and the factor that stands for chance in a Saltelli design."""
@@ -27,7 +28,7 @@ def factors(campaign: Campaign) -> tuple[str, ...]:
     """Factors of a Saltelli design: the dispersed keys, and `SEED` where chance plays a part."""
     if campaign.design != "saltelli":
         return ()
-    return (*campaign.keys, SEED) if campaign.central.turbulence else campaign.keys
+    return (*campaign.keys, SEED) if _by_chance(campaign.central) else campaign.keys
 
 
 def cycle(campaign: Campaign) -> int:
@@ -68,6 +69,13 @@ def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFra
         {name: columns[name] for name in (*campaign.keys, SEED)},
         index=pd.RangeIndex(first, max(end, first), name="draw"),
     )
+
+
+def _by_chance(scenario: Scenario) -> bool:
+    """Whether a flight depends on the scenario's seed."""
+    seen = scenario.sensors
+    noises = () if seen is None else seen.sensors(0).noise_sd
+    return scenario.turbulence is not None or any(noises)
 
 
 def _grids(campaign: Campaign) -> list[DisperseTable]:

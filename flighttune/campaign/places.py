@@ -108,9 +108,8 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
 def _position(step: str, name: str, array: list[Any], place: list[str | int]) -> int:
     where = _spelled(place)
     if not step.startswith("["):
-        raise InputError(
-            f"must say which of `{where}` is meant: `{where}[0]` to [{len(array) - 1}]"
-        )
+        known = " to ".join(dict.fromkeys((f"`{where}[0]`", f"`{where}[{len(array) - 1}]`")))
+        raise InputError(f"must say which of `{where}` is meant: {known}")
     if place == ["plant"] and not name.isdigit():
         labels = [PlantTable.model_validate(table).label for table in array]
         if name not in labels:

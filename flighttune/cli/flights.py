@@ -71,24 +71,28 @@ def fly(
 
 
 def list_shipped(as_json: JsonOption = False) -> None:
-    """Show the scenarios and aircraft that come with the package."""
+    """Show the scenarios, campaigns and aircraft that come with the package."""
+    from flighttune.campaign import load_campaign
     from flighttune.scenario import load_scenario
-    from flighttune.shipped import aircraft_names, scenario_names
+    from flighttune.shipped import aircraft_names, campaign_names, scenario_names
 
-    scenarios = {name: load_scenario(name) for name in scenario_names()}
+    shown = {
+        "scenarios": {name: load_scenario(name) for name in scenario_names()},
+        "campaigns": {name: load_campaign(name) for name in campaign_names()},
+    }
+    header = ("name", "title", "verifies")
+    rows = {
+        kind: [(name, one.title, one.verifies) for name, one in files.items()]
+        for kind, files in shown.items()
+    }
     if as_json:
-        print_json(
-            {
-                "scenarios": [
-                    {"name": name, "title": scenario.title, "verifies": scenario.verifies}
-                    for name, scenario in scenarios.items()
-                ],
-                "aircraft": list(aircraft_names()),
-            }
-        )
+        listed = {
+            kind: [dict(zip(header, row, strict=True)) for row in rows[kind]] for kind in rows
+        }
+        print_json({**listed, "aircraft": list(aircraft_names())})
         return
-    rows = [(name, scenario.title, scenario.verifies) for name, scenario in scenarios.items()]
-    print_table("scenarios", ("name", "title", "verifies"), rows)
+    for kind in rows:
+        print_table(kind, header, rows[kind])
     say(f"aircraft: {', '.join(aircraft_names())}")
 
 
