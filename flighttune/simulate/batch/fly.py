@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Literal
 
@@ -12,11 +12,14 @@ from flighttune.arrays import FloatArray, Floats
 from flighttune.control.mimo_pi import AntiWindup, integral_time
 from flighttune.errors import InputError, ShapeError
 from flighttune.plants.kinematic import G_PAPER, LONGEST_STEP
+from flighttune.plants.sensors import SENSED, Sensors
 from flighttune.simulate.batch.flights import MEASURES, SIGNALS, Flights, FlownBatch
 from flighttune.simulate.continuous import Roll
 
 BLOCKS_PER_THREAD = 8
 LONGEST_LOOK = 0.01
+SENSED_AT_ONCE = 256
+"""Flights a thread keeps the errors of sensors of."""
 
 
 def fly_sampled(
@@ -29,6 +32,7 @@ def fly_sampled(
     wrapped: bool = True,
     schedule_speed: Floats | None = None,
     feed_forward: bool = False,
+    sensors: Sequence[Sensors] | None = None,
     trajectories: bool = False,
     g: Floats = G_PAPER,
     threads: int | None = None,
@@ -51,6 +55,8 @@ def fly_sampled(
         Take the course error the short way round.
     feed_forward : bool
         As in `simulate`.
+    sensors : sequence of Sensors, length N or 1, optional
+        As in `simulate`, one a flight or one for all.
     trajectories : bool
         Keep all signals over time: 112 bytes a sample and flight.
     g : float or array_like, shape (N,), m/s^2
@@ -84,6 +90,9 @@ def fly_sampled(
         per_speed = 1.0 / _one_each(flights, "schedule_speed", schedule_speed)
     if flights.ref.shape[1] not in (1, len(t)):
         raise ShapeError(f"`ref` must have 1 or {len(t)} samples, got {flights.ref.shape[1]}.")
+    sensors = sensors or ()
+    if len(sensors) not in (0, 1, len(flights)):
+        raise ShapeError(f"`sensors` must be 1 or {len(flights)}, got {len(sensors)}.")
     lead_back = np.zeros(len(flights))
     if anti_windup == "back_calculation":
         lead_back = dt / np.maximum(_tracking_times(flights, tracking_time), dt)
@@ -102,11 +111,13 @@ def fly_sampled(
     from flighttune.simulate.batch.sampled import fly_block
 
     flown, outputs = _room(len(flights), t, trajectories)
-    _in_blocks(
-        lambda *block: fly_block(block, inputs, settings, t, outputs),
-        len(flights),
-        threads,
-    )
+    at_once = SENSED_AT_ONCE if sensors else len(flights)
+
+    def fly_all_of(first: int, end: int) -> None:
+        for part in _parts(first, end, at_once):
+            fly_block(part, _sensor_errors(sensors, part, len(t), dt), inputs, settings, t, outputs)
+
+    _in_blocks(fly_all_of, len(flights), threads)
     return flown
 
 
@@ -182,6 +193,22 @@ def fly_continuous(
     return flown
 
 
+def _sensor_errors(
+    sensors: Sequence[Sensors], part: tuple[int, int], samples: int, dt: float
+) -> FloatArray:
+    """Errors of the sensors of the flights of `part`, shape (flights, samples, 3)."""
+    flights = part[1] - part[0]
+    chosen = sensors[slice(*part)] if len(sensors) > 1 else sensors[:flights]
+    made = np.array([one.errors(samples, dt) for one in chosen])
+    return np.resize(made, (flights if sensors else 0, samples, len(SENSED)))
+
+
+def _parts(first: int, end: int, most: int) -> list[tuple[int, int]]:
+    """The range from `first` to `end` in parts of at most so many; an empty range is one part."""
+    begins = range(first, end, max(most, 1)) or [first]
+    return [(begin, min(begin + max(most, 1), end)) for begin in begins]
+
+
 def _room(flights: int, t: FloatArray, trajectories: bool) -> tuple[FlownBatch, tuple[Any, ...]]:
     kept = np.full((flights if trajectories else 0, len(t), len(SIGNALS)), np.nan)
     flown = FlownBatch(
@@ -195,7 +222,7 @@ def _room(flights: int, t: FloatArray, trajectories: bool) -> tuple[FlownBatch, 
     return flown, (flown.metrics, flown.samples, flown.ends, flown.last, kept)
 
 
-def _in_blocks(fly: Callable[[int, int], None], flights: int, threads: int | None) -> None:
+def _in_blocks(fly: Callable[[int, int], Any], flights: int, threads: int | None) -> None:
     """Fly all flights in blocks that the threads take one after the other."""
     threads = _cores() if threads is None else threads
     if threads < 1:

@@ -8,13 +8,17 @@ from numba import njit
 from flighttune.plants.kinematic import LOST
 from flighttune.simulate.batch.compiled import kernel, pi_step
 from flighttune.simulate.batch.record import TRACES, keep, measure
+from flighttune.units import wrap_angle
 
 DONE, ROLLED, LOST_ANGLE = 0, 1, 2
 
 
 @kernel
-def fly_block(block, inputs, settings, t, outputs):
+def fly_block(block, errors, inputs, settings, t, outputs):
     """Fly the flights of `block`, (first, end).
+
+    `errors` is what sensors add to course, flight-path angle and airspeed, one row a flight of the
+    block and one a sample; of no flight where the controller sees what is flown.
 
     `inputs` is K, start, ref, cosine of the path angle to follow (of the shape of ref without its
     last axis), bounds, waves, then lead_back, 1 over the speed of the schedule and g, each (N,);
@@ -23,19 +27,21 @@ def fly_block(block, inputs, settings, t, outputs):
     """
     metrics, samples, ends, last, trajectories = outputs
     traces, scratch = np.empty((TRACES, len(t))), np.empty(len(t))
-    row = np.empty(14)
+    row, true_error = np.empty(14), np.zeros(2)
     for i in range(block[0], block[1]):
         trajectory = trajectories[i] if len(trajectories) else trajectories[0:0].reshape((0, 14))
-        samples[i], ends[i] = _fly(i, inputs, settings, t, (row, traces, trajectory))
+        sensed = errors[i - block[0]] if len(errors) else errors.reshape((0, 3))
+        record = (row, true_error, traces, trajectory)
+        samples[i], ends[i] = _fly(i, sensed, inputs, settings, t, record)
         last[i] = row
         measure(t, traces, samples[i], scratch, metrics[i])
 
 
 @njit
-def _fly(i, inputs, settings, t, record):
+def _fly(i, sensed, inputs, settings, t, record):
     _, start, ref, level_loads, _, waves, _, _, gravity = inputs
     feed_forward, dt, steps = settings[2], settings[3], settings[4]
-    row, traces, trajectory = record
+    row, true_error, traces, trajectory = record
     chi, gamma, _, _, V_a = start[i]
     law, memory = _law(i, inputs, settings), _memory(start[i])
     u = memory[2]
@@ -49,10 +55,17 @@ def _fly(i, inputs, settings, t, record):
         if len(followed) > 1:
             wanted, steady = followed[k], steadies[k]
         level = steady / math.cos(u[0]) if feed_forward else 0.0
-        pi_step(law, memory, (wanted[0], wanted[1]), (chi, gamma), (0.0, level), V_a)
+        y, speed = (chi, gamma), V_a
+        if len(sensed):
+            y, speed = (chi + sensed[k, 0], gamma + sensed[k, 1]), V_a + sensed[k, 2]
+        pi_step(law, memory, (wanted[0], wanted[1]), y, (0.0, level), speed)
+        if len(sensed):
+            away = wanted[0] - chi
+            true_error[0] = wrap_angle(away) if settings[1] else away
+            true_error[1] = wanted[1] - gamma
         turn, lift = g_over_v * math.tan(u[0]), u[1] * math.cos(u[0])
         rates = turn + disturbed[0], g_over_v * (lift - math.cos(gamma)) + disturbed[1]
-        _fill(row, (chi, gamma), rates, memory)
+        _fill(row, (chi, gamma), true_error if len(sensed) else memory[0], rates, memory)
         keep(k, row, steady, traces, trajectory)
         if k == len(t) - 1:
             break
@@ -70,8 +83,8 @@ def _fly(i, inputs, settings, t, record):
 
 
 @njit(inline="always")
-def _fill(row, state, rates, memory):
-    error, _, u, unlimited, integral, limited, _ = memory
+def _fill(row, state, error, rates, memory):
+    _, _, u, unlimited, integral, limited, _ = memory
     for j in range(2):
         row[j], row[2 + j], row[4 + j] = state[j], error[j], -rates[j]
         row[6 + j], row[8 + j] = u[j], unlimited[j]
