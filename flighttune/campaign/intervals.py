@@ -1,5 +1,7 @@
 """How sure a share or a percentile of many flights is."""
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from scipy.special import bdtr, betaincinv, ndtri
@@ -17,8 +19,8 @@ def wilson(
 
     Parameters
     ----------
-    successes, n : array_like of int, shape (...), 1
-        Successes, and trials they are of.
+    successes, n : array_like, shape (...), 1
+        Successes, and trials they are of; not whole where they are effective numbers.
     confidence : float, 1
         Between 0 and 1.
 
@@ -59,8 +61,8 @@ def clopper_pearson(
 
     Parameters
     ----------
-    successes, n : array_like of int, shape (...), 1
-        Successes, and trials they are of.
+    successes, n : array_like, shape (...), 1
+        Successes, and trials they are of; not whole where they are effective numbers.
     confidence : float, 1
         Between 0 and 1.
 
@@ -91,18 +93,24 @@ def clopper_pearson(
 
 
 def quantile_interval(
-    values: npt.ArrayLike, q: float, confidence: float = CONFIDENCE
+    values: npt.ArrayLike,
+    q: float,
+    confidence: float = CONFIDENCE,
+    *,
+    effective: float | None = None,
 ) -> tuple[float, float]:
     """Interval of a quantile by order statistics, whatever the distribution.
 
     Parameters
     ----------
     values : array_like, shape (n,)
-        Independent values of one distribution, without NaN.
+        Values of one distribution, without NaN.
     q : float, 1
         Between 0 and 1.
     confidence : float, 1
         Between 0 and 1.
+    effective : float, 1, optional
+        Number of independent values that tell as much as these (`effective_size`); by default n.
 
     Returns
     -------
@@ -127,12 +135,51 @@ def quantile_interval(
     n = len(ordered)
     if not n:
         return -np.inf, np.inf
-    at_most = bdtr(np.arange(n), n, q)
-    below = int(np.sum(at_most <= tail))
-    above = int(np.sum(at_most < 1.0 - tail)) + 1
+    m = n if effective is None else max(1, min(n, math.floor(effective)))
+    at_most = bdtr(np.arange(m), m, q)
+    below = math.floor(np.sum(at_most <= tail) * n / m)
+    above = math.ceil((np.sum(at_most < 1.0 - tail) + 1) * n / m)
     lo = float(ordered[below - 1]) if below else -np.inf
     hi = float(ordered[above - 1]) if above <= n else np.inf
     return lo, hi
+
+
+def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
+    """Number of independent values whose mean is as sure as that of values in clusters.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        Finite, or of booleans.
+    clusters : array_like, shape (n,)
+        What each value belongs to; values of different clusters are independent.
+
+    Returns
+    -------
+    float, 1
+        Between the number of clusters, or n where that is less, and n; n where every cluster holds
+        one value or there is only one cluster; the number of clusters where no value differs.
+
+    Notes
+    -----
+    n over the design effect of [1]_: the variance of the mean as a ratio of totals over clusters,
+    over that of n independent values.
+
+    References
+    ----------
+    .. [1] L. Kish, *Survey Sampling*, Wiley 1965, sections 6.4 and 8.2.
+    """
+    x = np.asarray(values, dtype=float)
+    place = np.unique(np.asarray(clusters), return_inverse=True)[1]
+    n, count = len(x), int(place.max(initial=-1)) + 1
+    if count in (n, 1):
+        return float(n)
+    apart = float(np.sum((x - x.mean()) ** 2)) / n
+    if apart == 0.0:
+        return float(count)
+    off = np.bincount(place, weights=x - x.mean())
+    of_mean = count / (count - 1) * float(off @ off) / n**2
+    return float(np.clip(apart / of_mean if of_mean else n, 1.0, n))
 
 
 def _counts(successes: npt.ArrayLike, n: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

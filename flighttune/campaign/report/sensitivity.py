@@ -176,7 +176,7 @@ def _spearman(column: pd.Series, ranks: FloatArray) -> Test:
         return math.nan, math.nan
     rho = float(np.clip(np.corrcoef(rankdata(column), ranks)[0, 1], -1.0, 1.0))
     freedom = len(ranks) - 2
-    t = abs(rho) * math.sqrt(freedom / max(1.0 - rho**2, np.finfo(float).tiny))
+    t = abs(rho) * math.sqrt(freedom / max(1.0 - rho**2, np.finfo(float).eps))
     return rho, 2.0 * float(stdtr(freedom, -t))
 
 

@@ -1,0 +1,131 @@
+"""The flights of a campaign as they are on disk, finished or not."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from flighttune.campaign.dataset import open_dataset
+from flighttune.campaign.plan import Group, Plan
+from flighttune.campaign.schema import MEASURES
+from flighttune.errors import RecordingError
+
+TRIES = 3
+"""Files may be put together while a campaign runs: what was listed is then in another file."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flown:
+    """Rows of a campaign with the plan that made them.
+
+    Attributes
+    ----------
+    url : str
+        Folder of the campaign, as it was given.
+    plan : Plan
+    rows : DataFrame
+        A row a run that is there, in order of ``run``; columns as in the files.
+    versions : mapping of str to str
+        Of the libraries that shaped the rows.
+    """
+
+    url: str
+    plan: Plan
+    rows: pd.DataFrame
+    versions: Mapping[str, str]
+
+    @property
+    def keys(self) -> list[str]:
+        """Columns of what was drawn."""
+        return [key for key in self.plan.keys if key in self.rows]
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """Measures that at least one flight has."""
+        there = [name for name in MEASURES if name in self.rows]
+        return tuple(name for name in there if self.rows[name].notna().to_numpy().any())
+
+    @property
+    def worst_by(self) -> str:
+        """The measure that flights are ordered by, largest last."""
+        return self.plan.campaign.keep.worst_by
+
+    def clusters(self, rows: pd.DataFrame) -> npt.NDArray[np.intp]:
+        """Number of the cycle of the design that each of some rows belongs to.
+
+        Cycles are independent of each other.
+        """
+        return rows["draw"].to_numpy() // self.plan.cycle
+
+    def independent(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """Those of some rows whose parameters were drawn independently.
+
+        All but in Saltelli's design, of which they are the blocks A and B.
+        """
+        if not self.plan.factors:
+            return rows
+        return rows.loc[rows["draw"].to_numpy() % self.plan.cycle < 2]
+
+    def groups(self) -> Iterator[tuple[Group, pd.DataFrame]]:
+        """Rows of every group that has some, in the order of the plan."""
+        plant, gains = (self.rows[name].to_numpy(dtype=object) for name in ("plant", "gains"))
+        for group in self.plan.groups:
+            rows = self.rows.loc[(plant == group.plant) & (gains == group.gains)]
+            if len(rows):
+                yield group, rows
+
+
+def load_flown(url: str | Path) -> Flown:
+    """Read what has been flown of a campaign so far.
+
+    Parameters
+    ----------
+    url : str or Path
+        Folder of the campaign, or a URL that fsspec knows.
+
+    Returns
+    -------
+    Flown
+
+    Raises
+    ------
+    RecordingError
+        If there is no campaign, no run of it has been flown, or a file is damaged.
+    """
+    for attempt in range(1, TRIES + 1):
+        dataset = open_dataset(url)
+        try:
+            rows = dataset.rows().to_pandas()
+        except RecordingError:
+            if attempt == TRIES or not dataset.spans:
+                raise
+        else:
+            return flown_of(rows, dataset.plan, url=dataset.url, versions=dataset.versions)
+    raise AssertionError("the last attempt returns or raises")
+
+
+def flown_of(
+    rows: pd.DataFrame, plan: Plan, *, url: str = "", versions: Mapping[str, str] | None = None
+) -> Flown:
+    """Put rows and their plan together.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Columns of the files of a campaign, in order of ``run``.
+    plan : Plan
+    url : str
+        Where they come from.
+    versions : mapping of str to str, optional
+    """
+    rows = rows.reset_index(drop=True)
+    texts = {name: rows[name].fillna("").astype(str) for name in ("reason", "missed")}
+    numbers = {
+        name: rows[name].to_numpy(dtype=float, na_value=np.nan) for name in MEASURES if name in rows
+    }
+    success = rows["success"].to_numpy(dtype=bool, na_value=False)
+    rows = rows.assign(**texts, **numbers, success=success)
+    return Flown(url=url, plan=plan, rows=rows, versions=versions or {})

@@ -1,0 +1,53 @@
+"""Estimates from the first flights on."""
+
+import numpy as np
+import pytest
+from made_up_campaign import made_up_plan, made_up_rows
+from scipy import stats
+
+from flighttune.campaign.report.convergence import prefixes, settling
+from flighttune.campaign.report.flown import flown_of
+
+
+@pytest.mark.parametrize("n", [11, 200, 100_000])
+def test_prefixes_rise_to_all_flights_in_equal_factors(n):
+    found = prefixes(n)
+
+    assert found[0] == 10
+    assert found[-1] == n
+    assert found == sorted(set(found))
+    assert len(found) <= 25
+    if n > 10_000:
+        assert np.ptp(np.diff(np.log(found))) < 0.1
+
+
+def test_few_flights_are_looked_at_all_at_once():
+    assert prefixes(4) == [4]
+
+
+def test_each_point_is_what_the_first_flights_tell(tmp_path):
+    plan = made_up_plan(tmp_path)
+    flown = flown_of(made_up_rows(plan), plan)
+
+    found = settling(flown, "chi.ITAE")
+
+    for one, (group, rows) in zip(found, flown.groups(), strict=True):
+        assert one.group == group
+        for n, success, p95 in zip(one.n, one.success, one.p95, strict=True):
+            first = rows.head(n)
+            expected = stats.binomtest(int(first["success"].sum()), n)
+            assert success.lo == pytest.approx(expected.proportion_ci(method="wilson").low)
+            completed = first[first["status"] == "completed"]["chi.ITAE"]
+            assert p95.value == pytest.approx(np.quantile(completed, 0.95))
+            assert p95.n == len(completed)
+
+
+def test_intervals_shrink_as_one_over_the_root_of_the_number(tmp_path):
+    plan = made_up_plan(tmp_path, runs=40_000)
+    flown = flown_of(made_up_rows(plan), plan)
+
+    paper = settling(flown, "chi.ITAE")[2]
+
+    widths = np.array([one.hi - one.lo for one in paper.success])
+    slope = np.polyfit(np.log(paper.n[8:]), np.log(widths[8:]), 1)[0]
+    assert slope == pytest.approx(-0.5, abs=0.05)

@@ -1,0 +1,256 @@
+"""What is said of groups, on rows whose truth is known."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up_campaign import made_up_plan, made_up_rows
+from scipy import stats
+
+from flighttune.campaign.intervals import effective_size, wilson
+from flighttune.campaign.plan import Group
+from flighttune.campaign.report.estimates import percentile, share
+from flighttune.campaign.report.findings import findings
+from flighttune.campaign.report.flown import flown_of
+from flighttune.campaign.report.paired import paired
+from flighttune.campaign.report.reasons import reasons
+from flighttune.campaign.report.summary import summaries
+from flighttune.campaign.report.worst import failures, worst_first
+
+ROUNDING = 1e-9
+CRAFT = "jsbsim:aerosonde"
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    return made_up_plan(tmp_path_factory.mktemp("plan"))
+
+
+@pytest.fixture(scope="module")
+def flown(plan):
+    return flown_of(made_up_rows(plan), plan)
+
+
+@pytest.fixture(scope="module")
+def by_group(flown):
+    return {one.group: one for one in summaries(flown)}
+
+
+def test_the_success_rate_of_a_group_is_that_of_its_rows(flown, by_group, plan):
+    assert list(by_group) == list(plan.groups)
+    for group, one in by_group.items():
+        rows = flown.rows[
+            (flown.rows["plant"] == group.plant) & (flown.rows["gains"] == group.gains)
+        ]
+        expected = stats.binomtest(int(rows["success"].sum()), len(rows))
+        interval = expected.proportion_ci(method="wilson")
+        assert one.n == len(rows) == 200
+        assert one.success.value == pytest.approx(rows["success"].mean())
+        assert one.success.lo == pytest.approx(interval.low, abs=ROUNDING)
+        assert one.success.hi == pytest.approx(interval.high, abs=ROUNDING)
+
+
+def test_the_interval_of_clopper_and_pearson_is_there_for_who_wants_it(flown):
+    for one in summaries(flown, method="clopper-pearson"):
+        expected = stats.binomtest(one.successes, one.n).proportion_ci(method="exact")
+        assert one.success.lo == pytest.approx(expected.low, abs=ROUNDING)
+        assert one.success.hi == pytest.approx(expected.high, abs=ROUNDING)
+
+
+def test_a_measure_is_that_of_completed_flights_and_keeps_its_percentiles(by_group, flown):
+    """ITAE is 1.5 + 0.375 (V - 23)^2 with V uniform from 23 to 26.9 m/s."""
+    found = by_group[Group(plant=CRAFT, gains="paper")].measures["chi.ITAE"]
+
+    assert found.n == int(np.sum(flown.rows["plant"].eq(CRAFT) & flown.rows["gains"].eq("paper")
+                                 & flown.rows["status"].eq("completed")))  # fmt: skip
+    for name, q in (("p05", 0.05), ("p50", 0.5), ("p95", 0.95)):
+        truth = 1.5 + 0.375 * (3.9 * q) ** 2
+        assert found.percentiles[name].lo <= truth <= found.percentiles[name].hi
+
+
+def test_a_measure_that_some_flights_do_not_have_says_of_how_many_it_is(by_group, flown):
+    found = by_group[Group(plant="kinematic", gains="K3")].measures["chi.settling_s"]
+
+    rows = flown.rows[(flown.rows["plant"] == "kinematic") & (flown.rows["gains"] == "K3")]
+    assert found.n == int((rows["flight.V_a_mps"] <= 26.0).sum()) < 200
+
+
+def test_statuses_and_their_reasons_are_counted(by_group):
+    one = by_group[Group(plant=CRAFT, gains="paper")]
+
+    assert [status.status for status in one.statuses] == ["completed", "diverged"]
+    assert sum(status.count for status in one.statuses) == one.n
+    (why,) = one.statuses[1].reasons
+    assert why.count == one.statuses[1].count > 1
+    assert why.text == "the course error passed … deg at t = … s"
+    (missed,) = one.missed
+    assert missed.text == "chi.ITAE must be at most …, got … (missed by …)"
+    assert missed.count == one.n - one.successes - one.statuses[1].count
+
+
+def test_sentences_are_put_together_where_only_their_numbers_differ():
+    texts = ["alpha 12.5 deg at 3 s", "", "alpha -1e-3 deg at 14 s", "n_z of paper2 is nan", "K3"]
+
+    found = reasons(texts, [7, 8, 9, 10, 11])
+
+    assert [(one.text, one.count, one.run) for one in found] == [
+        ("alpha … deg at … s", 2, 7),
+        ("n_z of paper2 is …", 1, 10),
+        ("K3", 1, 11),
+    ]
+
+
+def test_the_certified_set_holds_as_often_as_it_was_made_to(by_group):
+    """V below 25 m/s of 23 to 27, roll to the right: one half of one half."""
+    for one in by_group.values():
+        found = one.certified
+        assert found.held + found.broken + found.not_entered == one.n
+        assert found.of_all.lo <= 0.25 <= found.of_all.hi
+        assert found.of_entered.lo <= 0.5 <= found.of_entered.hi
+        assert found.of_entered.n == found.held + found.broken
+
+
+def test_nothing_is_said_of_a_certificate_where_none_was_claimed(flown, plan):
+    found = summaries(flown_of(flown.rows.assign(certified=None), plan))
+
+    assert all(one.certified is None for one in found)
+
+
+def test_the_worst_flights_come_first_and_every_status_of_failures_is_shown(flown):
+    rows = flown.rows.copy()
+    rows.loc[rows.index[-1], ["status", "reason"]] = ["crashed", "SIGSEGV"]
+
+    worst, failed = worst_first(rows, "chi.ITAE", 5), failures(rows, 2)
+
+    completed = rows[rows["status"] == "completed"]
+    assert worst["chi.ITAE"].tolist() == sorted(completed["chi.ITAE"])[:-6:-1]
+    assert failed["status"].tolist() == ["diverged", "crashed"]
+    assert len(failures(rows, 100)) == (rows["status"] != "completed").sum()
+
+
+def test_gain_sets_are_compared_on_the_same_draws(flown):
+    """With `paper` every ITAE is twice that with K3, and flights that diverged are lost."""
+    on_law, on_craft = paired(flown.rows, "chi.ITAE")
+
+    rows = flown.rows.set_index(["plant", "draw", "gains"])["chi.ITAE"].unstack()
+    law = rows.loc["kinematic"]
+    assert (on_law.a, on_law.b, on_law.n) == ("paper", "K3", 200)
+    assert on_law.win_rate == 0.0
+    assert on_law.hi == pytest.approx(stats.binomtest(0, 200).proportion_ci(method="wilson").high)
+    ordered = np.sort(law["paper"] - law["K3"])
+    assert on_law.median == pytest.approx(ordered[99])
+    assert on_law.median_lo <= np.median(ordered) <= on_law.median_hi
+    assert on_craft.wins_b == 200
+    assert on_craft.only_a == 0
+    expected = stats.binomtest(on_craft.only_b, on_craft.only_b, 0.5).pvalue
+    assert on_craft.p_success == pytest.approx(expected)
+
+
+def test_draws_that_only_one_gain_set_flew_are_not_compared(flown):
+    part = flown.rows.iloc[:-1]
+
+    assert [one.n for one in paired(part, "chi.ITAE")] == [200, 199]
+    alone = flown.rows[flown.rows["gains"] == "paper"]
+    assert paired(alone, "chi.ITAE") == ()
+
+
+def test_two_flights_that_were_both_lost_are_tied(flown):
+    rows = flown.rows.assign(status="diverged")
+
+    for one in paired(rows, "chi.ITAE"):
+        assert one.wins_a == one.wins_b == 0
+        assert (one.win_rate, one.lo, one.hi) == (0.5, 0.0, 1.0)
+        assert one.median == 0.0
+
+
+def test_values_in_clusters_count_for_less():
+    """Clusters of m values with correlation r among them count as 1 + (m - 1) r times fewer."""
+    rng, m, r = np.random.default_rng(4), 10, 0.5
+    clusters = np.repeat(np.arange(2000), m)
+    common = np.repeat(rng.normal(size=2000), m)
+    values = np.sqrt(r) * common + np.sqrt(1.0 - r) * rng.normal(size=20_000)
+
+    assert effective_size(values, clusters) == pytest.approx(20_000 / 5.5, rel=0.08)
+    assert effective_size(values, np.arange(20_000)) == 20_000
+    assert effective_size(np.ones(20_000), clusters) == 2000
+    assert effective_size(values, np.zeros(20_000)) == 20_000
+
+
+def test_shares_and_percentiles_of_clusters_cover():
+    rng, hits, plain, of_median = np.random.default_rng(6), 0, 0, 0
+    clusters = np.repeat(np.arange(60), 5)
+    for _ in range(400):
+        x = np.repeat(rng.normal(size=60), 5) + 0.3 * rng.normal(size=300)
+        found, middle = share(x > 0.0, clusters), percentile(x, 0.5, clusters)
+        lo, hi = wilson(np.sum(x > 0.0), 300)
+        hits += found.lo <= 0.5 <= found.hi
+        plain += lo <= 0.5 <= hi
+        of_median += middle.lo <= 0.0 <= middle.hi
+
+    assert hits / 400 == pytest.approx(0.95, abs=0.03)
+    assert of_median / 400 > 0.93
+    assert plain / 400 < 0.8
+
+
+def test_the_findings_name_what_rows_were_made_of(flown):
+    found = findings(flown)
+
+    for group, _ in flown.groups():
+        first = found.influences[group, "chi.ITAE"][0]
+        assert first.parameter == "flight.V_a_mps"
+        assert first.rho == pytest.approx(1.0)
+        assert not any(one.apart for one in found.influences[group, "chi.ITAE"][1:])
+    assert [split.parameter for split in found.splits] == ["flight.V_a_mps"] * len(found.splits)
+    assert {split.group.gains for split in found.splits} == {"paper"}
+    assert found.splits[-1].success[0].value == 1.0
+    assert found.splits[-1].success[-1].value == 0.0
+    assert found.splits[-1].centres == tuple(sorted(found.splits[-1].centres))
+
+
+def test_a_saltelli_design_gives_indices_and_wider_intervals(tmp_path):
+    """Variance of ITAE comes from airspeed alone."""
+    plan = made_up_plan(tmp_path, design="saltelli", runs=4 * 5 * 256)
+    flown = flown_of(made_up_rows(plan), plan)
+
+    found = findings(flown)
+
+    law = Group(plant="kinematic", gains="paper")
+    indices = found.sobol[law, "chi.ITAE"]
+    assert indices.n == 256
+    assert indices.first == pytest.approx([1.0, 0.0, 0.0], abs=0.05)
+    assert indices.total == pytest.approx([1.0, 0.0, 0.0], abs=0.05)
+    assert found.influences[law, "chi.ITAE"][0].n == 512
+    success = found.groups[0].success
+    plain = wilson(found.groups[0].successes, found.groups[0].n)
+    assert success.hi - success.lo > 1.5 * (plain[1] - plain[0])
+
+
+def test_indices_come_from_the_cycles_that_have_flown(tmp_path):
+    plan = made_up_plan(tmp_path, design="saltelli", runs=4 * 5 * 64)
+    rows = made_up_rows(plan)
+    half = rows[(rows["run"] < 4 * 5 * 32 - 3) | (rows["run"] >= 4 * 5 * 40)]
+
+    found = findings(flown_of(half, plan))
+
+    law = Group(plant="kinematic", gains="paper")
+    assert found.sobol[law, "chi.ITAE"].n == 32 + 24
+    assert found.sobol[Group(plant=CRAFT, gains="K3"), "chi.ITAE"].n == 31 + 24
+
+
+def test_rows_without_any_measure_still_tell_who_failed(plan):
+    rows = made_up_rows(plan).assign(status="invalid", reason="`flight.V_a_mps` must be finite")
+    rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
+    rows["success"], rows["certified"] = False, None
+
+    found = findings(flown_of(rows, plan))
+
+    assert found.measure is None
+    assert all(one.successes == 0 and one.measures == {} for one in found.groups)
+    assert found.paired == found.settling == ()
+
+
+def test_columns_with_nulls_as_arrow_reads_them_are_understood(flown, plan):
+    read = pd.DataFrame(
+        {name: made_up_rows(plan)[name].convert_dtypes() for name in made_up_rows(plan)}
+    )
+
+    assert summaries(flown_of(read, plan)) == summaries(flown)
