@@ -138,6 +138,9 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     InputError
         If there are no such gains.
     """
+    given = {e.name: e.gains() for e in scenario.gains if isinstance(e, GainsTable)}
+    if name in given:
+        return given[name]
     if name == TUNED:
         tuning = tune_scenario(scenario) if tuning is None else tuning
         return tuning.gains if tuning.status == "optimal" else None
@@ -145,11 +148,9 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
         tuning = tune_scenario(scenario, "identified")
         return tuning.gains if tuning.status == "optimal" else None
     known = paper_family()
-    known.update({e.name: e.gains() for e in scenario.gains if isinstance(e, GainsTable)})
     if name not in known:
-        raise InputError(
-            f"`gains` must be one of {', '.join([TUNED, *known, TUNED_IDENTIFIED])}, got {name!r}."
-        )
+        names = [TUNED, *known, *given, TUNED_IDENTIFIED]
+        raise InputError(f"`gains` must be one of {', '.join(names)}, got {name!r}.")
     return known[name]
 
 

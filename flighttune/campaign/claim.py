@@ -1,0 +1,175 @@
+"""The claim that is looked at in every run: the certified ultimate set of its group's gains."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.alone import nominal_flights
+from flighttune.campaign.plan import Group, Plan
+from flighttune.control.closed_loop import closed_loop, disturbance_entry
+from flighttune.control.linear_model import kinematic_model
+from flighttune.gap.mismatch import mismatch
+from flighttune.gap.ultimate_set import ROUNDING, Kept, error_states, kept
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
+from flighttune.theory.attractor import invariant_ellipsoid
+from flighttune.theory.indicators import indicators
+
+HALF = 0.5
+"""Part of the flight from which a claim is looked at where the campaign gives no time."""
+
+FEWEST_SAMPLES = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Claim:
+    """The set that errors do not leave while the disturbance changes no faster than `L_d`.
+
+    Attributes
+    ----------
+    shape : ndarray, shape (4, 4)
+        Of the invariant ellipsoid for L_d = 1: s is in the set where ``s' shape s <= L_d^2``.
+    L_d : float, rad/s^2
+        Bound of the rate of the disturbance.
+    t_from : float, s
+        Time from which flights are looked at.
+    tube : tuple of float, rad
+        Largest errors of course and of flight-path angle in the set.
+    """
+
+    shape: FloatArray
+    L_d: float
+    t_from: float
+    tube: tuple[float, float]
+
+    def of_run(self, run: Run) -> Kept | None:
+        """Whether the claim holds in a flight; None where it was not completed."""
+        if run.status != "completed" or len(run.signals) < FEWEST_SAMPLES:
+            return None
+        columns = {name: run.signals[name].to_numpy() for name in run.signals}
+        both = [
+            (columns[f"{name}_err"], columns[f"{name}_ref"], columns[name])
+            for name in ("chi", "gamma")
+        ]
+        errors, references, flown = zip(*both, strict=True)
+        t = run.signals.index.to_numpy(dtype=float)
+        return self.of(t, errors=errors, references=references, flown=flown).item()
+
+    def of(
+        self,
+        t: FloatArray,
+        *,
+        errors: tuple[FloatArray, FloatArray],
+        references: tuple[FloatArray, FloatArray],
+        flown: tuple[FloatArray, FloatArray],
+    ) -> np.ndarray:
+        """Whether the claim holds in completed flights.
+
+        Parameters
+        ----------
+        t : ndarray, shape (k,), s
+            Times of the samples.
+        errors, references, flown : tuple of ndarray, shape (..., k), rad
+            Of course and of flight-path angle.
+
+        Returns
+        -------
+        ndarray of str, shape (...)
+            As `Kept`.
+        """
+        first = int(np.searchsorted(t[:-1] + 0.5 * np.diff(t), self.t_from))
+        before = max(first - 1, 0)
+        dt = np.diff(t[before:])
+        found = error_states(
+            t[before:],
+            errors=(errors[0][..., before:], errors[1][..., before:]),
+            references=(references[0][..., before:], references[1][..., before:]),
+            rates=(np.diff(flown[0][..., before:]) / dt, np.diff(flown[1][..., before:]) / dt),
+        )
+        inside = found.level(self.shape) <= (self.L_d * (1.0 + ROUNDING)) ** 2
+        late = slice(first - before, None)
+        return kept(inside[..., late], found.moved[..., late])
+
+
+def claims(plan: Plan) -> Mapping[Group, Claim | None]:
+    """The claim of each group of a plan.
+
+    Returns
+    -------
+    mapping of Group to Claim or None
+        None where the gains have none: they were not found, their loop is not stable, or the
+        undispersed flight that is to give ``L_d`` was not completed.
+
+    Raises
+    ------
+    PlantError
+        If an aircraft cannot be built.
+
+    Notes
+    -----
+    The loop is that of the kinematic law about wings-level flight on the first reference of the
+    undispersed scenario: the disturbance is what that law does not know. Every process computes the
+    claims anew, to the same bits, and keeps those of its last plans.
+    """
+    return _claims(_Same(plan))
+
+
+class _Same:
+    """A plan that equals every other one of the same content."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+
+    def __hash__(self) -> int:
+        return hash(self.plan.sha256)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.plan.sha256 == other.plan.sha256
+
+
+@lru_cache(maxsize=8)
+def _claims(same: _Same) -> Mapping[Group, Claim | None]:
+    plan = same.plan
+    table = plan.campaign.certificate
+    scenario = plan.scenario
+    t_from = table.from_s if table else None
+    t_from = HALF * scenario.flight.duration_s if t_from is None else t_from
+    given = table.L_d_rad_s2 if table else None
+    flights = {} if given else nominal_flights(plan)
+    found: dict[Group, Claim | None] = {}
+    for group in plan.groups:
+        L_d = given or _measured(scenario, flights.get(group), t_from)
+        found[group] = _claim(plan, group, L_d, t_from)
+    return MappingProxyType(found)
+
+
+def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> Claim | None:
+    gains, scenario = plan.gain_sets[group.gains], plan.scenario
+    if gains is None or L_d is None:
+        return None
+    _, gamma = scenario.followed().sampled(np.zeros(1))
+    flight = scenario.flight
+    model = kinematic_model(V_a=flight.V_a_mps, gamma=float(gamma[0]), g=flight.g_mps2)
+    A_K = closed_loop(model, gains)
+    if indicators(A_K).status != "stable":
+        return None
+    unit = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0)
+    shape = np.asarray(np.linalg.inv(unit.W), dtype=np.float64)
+    widths = (np.sqrt(np.diag(unit.W))[2:] * L_d).tolist()
+    return Claim(shape=shape, L_d=L_d, t_from=t_from, tube=(widths[0], widths[1]))
+
+
+def _measured(scenario: Scenario, run: Run | None, t_from: float) -> float | None:
+    """Largest rate of the mismatch of a flight from `t_from` on; None where it tells none."""
+    if run is None or run.status != "completed" or len(run.signals) < FEWEST_SAMPLES:
+        return None
+    found = mismatch(run, V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
+    middle = found.t + 0.5 * np.diff(run.signals.index.to_numpy(dtype=float))
+    strength = np.linalg.norm(found.d_dot, axis=1)
+    first = min(int(np.searchsorted(middle, t_from)), len(strength) - 1)
+    L_d = float(strength[first:].max())
+    return L_d if 0.0 < L_d < np.inf else None
