@@ -12,8 +12,8 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.distributions import LARGEST_POINT, SMALLEST_POINT
 from flighttune.errors import InputError
 
-SOBOL_BITS = 52
-"""Bits of a coordinate of a Sobol point: what a float holds of the unit interval."""
+SOBOL_BITS = 32
+"""Bits of a coordinate of a Sobol point: the most with which scipy can skip points."""
 
 
 def unit_points(
@@ -97,6 +97,8 @@ def _sobol(seed: int, keys: tuple[str, ...], first: int, end: int) -> FloatArray
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     engine = qmc.Sobol(len(keys), bits=SOBOL_BITS, rng=rng)
     if first:
-        return engine.fast_forward(first).random(end - first)
-    head = engine.random(1)  # alone, as the engine warns of a number that is no power of two
-    return np.vstack([head, engine.random(end - 1)]) if end > 1 else head
+        u = engine.fast_forward(first).random(end - first)
+    else:
+        head = engine.random(1)  # alone, as the engine warns of a number that is no power of two
+        u = np.vstack([head, engine.random(end - 1)]) if end > 1 else head
+    return np.maximum(u, 2.0 ** -(SOBOL_BITS + 1))  # where a bit is all there is, half of it
