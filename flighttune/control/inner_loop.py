@@ -15,6 +15,10 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
 
 HALF_POWER = math.sqrt(0.5)
+ROUNDING = 1e-14
+
+NO_DELAY = 1e-5
+"""Delay (s) below which there is none: a section of 2/delay would only spoil the arithmetic."""
 
 Order: TypeAlias = Literal[1, 2, 3]
 
@@ -78,11 +82,14 @@ class InnerLag:
         omega = np.geomspace(1e-3 * self.natural_frequency, 1e3 * fastest, 1001)
         last = int(np.flatnonzero(np.abs(self.response(omega)) >= HALF_POWER)[-1])
 
-        def excess(log_omega: float) -> float:
-            return float(np.abs(self.response(math.exp(log_omega)))) - HALF_POWER
+        def excess(omega: float) -> float:
+            return float(np.abs(self.response(omega))) - HALF_POWER
 
-        low, high = np.log(omega[last : last + 2]).tolist()
-        return math.exp(float(root_scalar(excess, bracket=(low, high)).root))
+        low, high = omega[last : last + 2].tolist()
+        for edge in (low, high):
+            if abs(excess(edge)) < ROUNDING:
+                return edge
+        return float(root_scalar(excess, bracket=(low, high)).root)
 
     @property
     def undelayed(self) -> tuple[FloatArray, FloatArray]:
@@ -102,9 +109,9 @@ class InnerLag:
 
     @property
     def state_space(self) -> tuple[FloatArray, FloatArray]:
-        """A and B with the delay, where there is one, as a first-order Pade section behind."""
+        """A and B with the delay, from `NO_DELAY` on, as a first-order Pade section behind."""
         A, B = self.undelayed
-        if not self.delay:
+        if self.delay < NO_DELAY:
             return A, B
         rate, n = 2.0 / self.delay, self.order
         return (

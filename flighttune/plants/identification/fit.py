@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 
 from flighttune.arrays import FloatArray
-from flighttune.control.inner_loop import InnerLag, Order
+from flighttune.control.inner_loop import NO_DELAY, InnerLag, Order
 from flighttune.errors import InputError
 from flighttune.plants.identification.excitation import DT, PERIOD
 from flighttune.plants.identification.experiment import Response
@@ -201,7 +201,7 @@ def _lag(p: FloatArray, order: Order) -> InnerLag:
     return InnerLag(
         order=order,
         natural_frequency=math.exp(p[0]),
-        delay=float(p[1]),
+        delay=float(p[1]) if p[1] >= NO_DELAY else 0.0,
         damping=math.exp(p[2]) if order > 1 else 1.0,
         lag=math.exp(p[3]) if order > 2 else 1.0,
     )

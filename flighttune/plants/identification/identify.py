@@ -1,11 +1,12 @@
 """From a plant and a flight condition to its identified inner loop."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.control.inner_loop import Order
 from flighttune.control.limits import Limits
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.identification.excitation import (
@@ -92,6 +93,50 @@ def identify(
     frequency = frequency_responses(respond(plant_factory, condition, repeated))
     fitted = candidates(frequency[0]), candidates(frequency[1])
     check = respond(plant_factory, condition, check_manoeuvre(limits))
+    return _identification(condition, frequency, fitted, check)
+
+
+def of_one_order(found: Sequence[Identification]) -> tuple[Identification, ...]:
+    """The same conditions with lags of one order a channel, chosen by all of them together.
+
+    Models of one structure can be mixed, and one Lyapunov function can speak of them all.
+
+    Parameters
+    ----------
+    found : sequence of Identification
+        Of one aircraft.
+
+    Returns
+    -------
+    tuple of Identification
+        With the order of the lowest sum of information criteria first among the candidates.
+    """
+    orders = tuple(_best_order([one.candidates[i] for one in found]) for i in range(2))
+    chosen = []
+    for one in found:
+        fitted = tuple(
+            tuple(sorted(of_channel, key=lambda fit: fit.lag.order != order))
+            for of_channel, order in zip(one.candidates, orders, strict=True)
+        )
+        at = one.condition
+        condition = FlightCondition(V_a=at.V_a, gamma=at.gamma, h=at.h)
+        chosen.append(_identification(condition, one.frequency, (fitted[0], fitted[1]), one.check))
+    return tuple(chosen)
+
+
+def _best_order(candidates: Sequence[tuple[Candidate, ...]]) -> Order:
+    total: dict[Order, float] = {}
+    for fit in (fit for fits in candidates for fit in fits):
+        total[fit.lag.order] = total.get(fit.lag.order, 0.0) + fit.bic
+    return min(total, key=total.__getitem__)
+
+
+def _identification(
+    condition: FlightCondition,
+    frequency: tuple[FrequencyResponse, FrequencyResponse],
+    fitted: tuple[tuple[Candidate, ...], tuple[Candidate, ...]],
+    check: Response,
+) -> Identification:
     commanded, flown = check.commanded, check.flown
     model = np.column_stack(
         [
@@ -121,5 +166,7 @@ def _channel(
         fit_percent=fit_percent,
         residual=best.residual,
         cross=float(np.abs(response.other).max()),
-        simpler=next(one.lag for one in fitted if one.lag.order < 3),
+        simpler=best.lag
+        if best.lag.order < 3
+        else min((one for one in fitted if one.lag.order < 3), key=lambda one: one.bic).lag,
     )

@@ -175,6 +175,9 @@ class Design(AircraftTable):
         Airspeeds at which the steps are flown.
     roll, n_z, speed : float, rad/s
         Bandwidth of roll, of load factor and of airspeed.
+    roll_error : float, rad/s, or None
+        Natural frequency of the roll error; by default 2.3 times the bandwidth of roll, at most
+        half that of the actuator.
     roll_t90, n_z_t90 : float, s
         Longest time to 90 % of the step.
     roll_overshoot, n_z_overshoot : float, 1
@@ -187,6 +190,7 @@ class Design(AircraftTable):
     roll: Positive = Field(alias="roll_rad_s")
     n_z: Positive = Field(alias="n_z_rad_s")
     speed: Positive = Field(alias="speed_rad_s")
+    roll_error: Positive | None = Field(alias="roll_error_rad_s", default=None)
     roll_t90: Positive = Field(alias="roll_t90_s")
     n_z_t90: Positive = Field(alias="n_z_t90_s")
     roll_overshoot: Positive

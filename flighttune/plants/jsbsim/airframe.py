@@ -25,8 +25,8 @@ class Airframe:
 
     Attributes
     ----------
-    V_a : float, m/s
-        Airspeed.
+    V_a, alpha : float, m/s and rad
+        Airspeed and angle of attack.
     slopes : mapping of str to mapping of str to float
         ``slopes[what][by]``: of ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2), ``u_dot`` (m/s^2),
         ``n_z``, ``n_y`` (1), by ``p``, ``q``, ``r`` (rad/s), ``alpha``, ``beta``, ``aileron``,
@@ -34,6 +34,7 @@ class Airframe:
     """
 
     V_a: float
+    alpha: float
     slopes: dict[str, dict[str, float]]
 
     def of(self, what: str, by: str) -> float:
@@ -51,14 +52,15 @@ def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
     TrimError
         If there is no steady flight at `condition`.
     """
-    bench = _Bench(fdm, trim(fdm, condition), condition.V_a)
+    point = trim(fdm, condition)
+    bench = _Bench(fdm, point, condition.V_a)
     slopes: dict[str, dict[str, float]] = {}
     for by, width in _MOVED.items():
         above, below = bench.measure(**{by: width}), bench.measure(**{by: -width})
         for what in above:
             slopes.setdefault(what, {})[by] = (above[what] - below[what]) / (2.0 * width)
     bench.measure()
-    return Airframe(V_a=condition.V_a, slopes=slopes)
+    return Airframe(V_a=condition.V_a, alpha=point.alpha, slopes=slopes)
 
 
 class _Bench:

@@ -16,7 +16,7 @@ ACTUATOR = 25.0
 """Bandwidth of the surface actuators, rad/s."""
 
 ROLL_STIFFNESS = 2.3
-"""Natural frequency of the roll error over the bandwidth of the roll model."""
+"""Natural frequency of the roll error over the bandwidth of the roll model, where not given."""
 
 WELL_DAMPED = 0.9
 DUTCH_ROLL_DAMPING = 0.7
@@ -50,15 +50,17 @@ def inner_loop_gains(airframe: Airframe, design: Design) -> dict[str, float]:
     Notes
     -----
     Roll: the error of the roll model obeys ``e'' + 2 zeta omega e' + omega^2 e = 0``, omega being
-    `ROLL_STIFFNESS` times the bandwidth, at most half that of the actuator; the integrator is an
-    order slower. Pitch: least squares of the linear step response, with actuator, to that of two
-    equal real poles. Yaw: damping of the dutch roll, and the static effect of the rudder on the
-    lateral load factor. Speed: a first-order loop on the slope of thrust.
+    `roll_error` of the design; the integrator is an order slower than the model. Pitch: least
+    squares of the linear step response, with actuator, to that of two equal real poles. Yaw:
+    damping of the dutch roll, and the static effect of the rudder on the lateral load factor.
+    Rolling at the rate p without sideslip takes the yaw rate
+    ``r = g/V phi + alpha p``: the feed-forward of the rudder meets the yaw moment of p, of that r
+    and of the aileron, and ``r' = g/V p``. Speed: a first-order loop on the slope of thrust.
     """
     _check_effects(airframe)
     return {
         "inner-loop/V_a-design-mps": airframe.V_a,
-        **_roll(airframe, design.roll),
+        **_roll(airframe, design),
         **_pitch(airframe, design.n_z),
         **_yaw(airframe),
         **_speed(airframe, design.speed),
@@ -79,9 +81,10 @@ def _check_effects(airframe: Airframe) -> None:
             )
 
 
-def _roll(airframe: Airframe, bandwidth: float) -> dict[str, float]:
+def _roll(airframe: Airframe, design: Design) -> dict[str, float]:
     damping, effect = -airframe.of("p_dot", "p"), airframe.of("p_dot", "aileron")
-    omega = min(ROLL_STIFFNESS * bandwidth, 0.5 * ACTUATOR)
+    bandwidth = design.roll
+    omega = design.roll_error or min(ROLL_STIFFNESS * bandwidth, 0.5 * ACTUATOR)
     k_p = omega**2 / effect
     return {
         "inner-loop/roll/model-rad_sec": bandwidth,
@@ -158,9 +161,11 @@ def _yaw(airframe: Airframe) -> dict[str, float]:
     static = abs(side * effect / weathercock)
     roll_k_ff = -of("p_dot", "p") / of("p_dot", "aileron")
     adverse = of("r_dot", "p") + of("r_dot", "aileron") * roll_k_ff
+    k_r = max(0.0, wanted - damping) / effect
+    straight = adverse - G_0 / airframe.V_a + airframe.alpha * of("r_dot", "r")
     return {
-        "inner-loop/yaw/k_ff": adverse / effect,
-        "inner-loop/yaw/k_r": max(0.0, wanted - damping) / effect,
+        "inner-loop/yaw/k_ff": straight / effect - airframe.alpha * k_r,
+        "inner-loop/yaw/k_r": k_r,
         "inner-loop/yaw/k_p": 0.75 * SIDE_FORCE / static,
         "inner-loop/yaw/k_i": SIDE_FORCE / static,
     }

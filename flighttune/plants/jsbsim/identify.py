@@ -7,7 +7,7 @@ from pathlib import Path
 
 from flighttune.errors import TrimError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.identification.identify import Identification, identify
+from flighttune.plants.identification.identify import Identification, identify, of_one_order
 from flighttune.plants.identification.model import IdentifiedAircraft
 from flighttune.plants.jsbsim.aircraft import AircraftConfig
 from flighttune.plants.jsbsim.linearize import RigidBodyModel, linearize
@@ -72,7 +72,8 @@ def identify_aircraft(
     Returns
     -------
     AircraftIdentification
-        Conditions without steady flight are left out and listed.
+        Conditions without steady flight are left out and listed. The lags of a channel are of one
+        order, the one that suits all conditions together.
 
     Raises
     ------
@@ -97,13 +98,14 @@ def identify_aircraft(
             trims.append(condition)
     if not found:
         raise TrimError(skipped[0])
+    chosen = of_one_order(found)
     return AircraftIdentification(
         identified=IdentifiedAircraft(
             aircraft=plant.config.folder.name,
-            conditions=tuple(one.condition for one in found),
+            conditions=tuple(one.condition for one in chosen),
             seed=seed,
         ),
-        conditions=tuple(found),
+        conditions=chosen,
         skipped=tuple(skipped),
         rigid_body=linearize(plant.config, trims[0]),
     )

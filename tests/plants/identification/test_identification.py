@@ -281,10 +281,12 @@ def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
     roll = channels["phi"]
     w, z, h = roll["natural_frequency_rad_s"], roll["damping"], roll["delay_s"]
     pade = (1.0 - s * h / 2.0) / (1.0 + s * h / 2.0)
-    expected = -(9.80665 / 25.0) / s * pade * w**2 / (s**2 + 2.0 * z * w * s + w**2)
+    lag = pade * w**2 / (s**2 + 2.0 * z * w * s + w**2) / (1.0 + s * roll["lag_s"])
+    expected = -(9.80665 / 25.0) / s * lag
+    assert roll["order"] == 3
     assert model["inputs"] == ["phi_cmd", "n_z_cmd"]
     assert response[0, 0] == pytest.approx(expected, rel=1e-4)
-    assert roll["bandwidth_rad_s"] == pytest.approx(12.2, abs=0.5)
+    assert roll["bandwidth_rad_s"] == pytest.approx(13.1, abs=0.5)
 
 
 def test_the_nearest_condition_is_taken():
