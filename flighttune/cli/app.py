@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from flighttune.cli.aircraft import design, trim
+from flighttune.cli.campaign import campaign
 from flighttune.cli.certificates import certify, verify
 from flighttune.cli.compare import compare
 from flighttune.cli.flights import fly, list_shipped, view
@@ -42,6 +43,7 @@ app.command()(refly)
 app.command("list")(list_shipped)
 app.command()(view)
 app.command()(reproduce)
+app.add_typer(campaign)
 
 
 @app.callback()
