@@ -133,13 +133,18 @@ def _at_medians(
 def _guilty(
     tables: Sequence[DisperseTable], nominal: Scenario, places: Mapping[str, tuple[Place, ...]]
 ) -> Sequence[DisperseTable]:
-    """The one or two without which the scenario can be flown; all where there are no such two."""
-    for n in (1, 2):
-        for guilty in combinations(tables, n):
-            rest = [one for one in tables if one not in guilty]
-            if not isinstance(_at_medians(rest, nominal, places), str):
-                return guilty
-    return tables
+    """Those of which each alone must go for the flight to be possible, or a pair that must, or all.
+
+    More than one that alone must go are those that clash with each other.
+    """
+
+    def possible_without(guilty: Sequence[DisperseTable]) -> bool:
+        rest = [one for one in tables if one not in guilty]
+        return not isinstance(_at_medians(rest, nominal, places), str)
+
+    alone = [one for one in tables if possible_without([one])]
+    pairs = () if alone else combinations(tables, 2)
+    return alone or next((pair for pair in pairs if possible_without(pair)), tables)
 
 
 def _refused(source: str, guilty: Sequence[DisperseTable], says: str) -> str:

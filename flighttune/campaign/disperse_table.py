@@ -151,7 +151,7 @@ class CorrelationTable(Table):
     @model_validator(mode="after")
     def _of_two_keys(self) -> "CorrelationTable":
         if self.keys[0] == self.keys[1]:
-            raise ValueError(f"`keys` must be two, got {self.keys[0]!r} twice")
+            raise ValueError(f"[[correlation]] `keys` must be two, got {self.keys[0]!r} twice")
         return self
 
 

@@ -1,0 +1,246 @@
+"""Campaign files: those that ship load, and a wrong one is refused in one line."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from flighttune.campaign import load_campaign
+from flighttune.errors import ScenarioError
+from flighttune.scenario import load_scenario
+from flighttune.shipped import campaign_names
+
+ROOT = Path(__file__).parents[2]
+HEAD = 'title = "t"\nscenario = "level_turn"\nruns = 10\n'
+
+
+def spelled(value):
+    return json.dumps(value).replace("NaN", "nan")
+
+
+def disperse(key, distribution="uniform", **keys):
+    if distribution == "uniform":
+        keys = {"lower": 1.0, "upper": 2.0, **keys}
+    told = {"key": key, "distribution": distribution, **keys}
+    lines = (f"{name} = {spelled(value)}" for name, value in told.items())
+    return "\n".join(("[[disperse]]", *lines, ""))
+
+
+def correlation(*keys, rank=0.5):
+    return f"[[correlation]]\nkeys = {json.dumps(keys)}\nrank = {rank}\n"
+
+
+SPEED = disperse("flight.V_a_mps", lower=24.0, upper=26.0)
+GRID = disperse("flight.V_a_mps", "grid", values=[24.0, 26.0])
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load(text):
+        file = tmp_path / "campaign.toml"
+        file.write_text(text)
+        return load_campaign(file)
+
+    return load
+
+
+@pytest.mark.parametrize("name", campaign_names())
+def test_every_campaign_that_ships_says_what_it_is_for(name):
+    campaign = load_campaign(name)
+
+    assert campaign.title
+    assert campaign.verifies
+    assert campaign.source
+    assert campaign.success
+    assert load_campaign(ROOT / f"scenarios/campaigns/{name}.toml") == campaign
+
+
+def test_the_table_of_campaigns_says_what_their_headers_say():
+    text = (ROOT / "scenarios/campaigns/README.md").read_text()
+    rows = [line for line in text.splitlines() if line.startswith("| `")]
+
+    assert rows == [
+        f"| `{name}.toml` | {campaign.title} | {campaign.verifies} |"
+        for name, campaign in ((name, load_campaign(name)) for name in campaign_names())
+    ]
+
+
+def test_every_key_of_the_file_is_explained():
+    text = (ROOT / "docs/campaigns.md").read_text().split("## Running")[0]
+    from flighttune.campaign.disperse_table import CorrelationTable, DisperseTable
+    from flighttune.campaign.schema import CampaignTable, CertificateTable, KeepTable
+
+    for model in (CampaignTable, DisperseTable, CorrelationTable, CertificateTable, KeepTable):
+        for key in model.model_fields:
+            assert f"`{key}`" in text or f"`[[{key}]]`" in text or f"`[{key}]`" in text, key
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('title = "t"\nruns = 1\n', "`scenario` must be given."),
+        (
+            'title = "t"\nscenario = "nope"\nruns = 1\n',
+            "`scenario` must be a file beside the campaign or one of .*paper.*, got 'nope'.",
+        ),
+        ('title = "t"\nscenario = "paper"\n', "`runs` must be given; only of a grid"),
+        (HEAD.replace("10", "0"), "`runs` must be greater than or equal to 1, got 0."),
+        (HEAD + "rusn = 1\n", "`rusn` is not a known key; did you mean `runs`?"),
+        (HEAD + "runs = ", "the file must be valid TOML"),
+        (HEAD + 'design = "sobl"\n' + SPEED, "`design` must be .*'sobol'.*, got 'sobl'."),
+        (HEAD + 'design = "grid"\n' + SPEED, "`design` must be another .* got 'grid'"),
+        (HEAD + 'design = "saltelli"\n' + GRID, "`design` must be .* a grid of `flight.V_a_mps`"),
+        (HEAD + 'design = "saltelli"\n', r"\[\[disperse\]\] must be given with design saltelli"),
+        (HEAD + 'gains = ["paper", "K9"]\n', "`gains` must name tuned, paper, .*, got 'K9'."),
+        (HEAD + "overrides.flight.V_a = 3.0\n", r"\[flight\] `V_a` is not a known key; did you"),
+        (HEAD + "overrides.flight.V_a_mps = 1.0\n", r"\[flight\] `V_a_mps` must lie in 15 to 45"),
+        (HEAD + "overrides.reference.x.y = 1.0\n", r"`x` is not a known key"),
+        (HEAD + '[overrides]\n"limits.phi_deg[2]" = 1.0\n', r"\[overrides\] `limits.phi_deg\[2\]`"),
+        (HEAD + '[keep]\nworst_by = "ITAE"\n', r"\[keep\] `worst_by` must be one of chi.ITAE, "),
+        (HEAD + "[[success]]\nat_most.chi.ITEA = 3.0\n", "`chi.ITEA` must be one of ITAE,"),
+        (HEAD + '[[success]]\ngains = "K1"\nat_most.chi.ITAE = 3.0\n', "`gains` of .* got 'K1'."),
+        (HEAD + "[certificate]\nL_d_rad_s2 = 0.0\n", "`L_d_rad_s2` must be greater than 0, got 0"),
+        (HEAD + "disperse = 3\n", "`disperse` must be a valid list, got 3."),
+        (HEAD + '[[disperse]]\ndistribution = "uniform"\n', "`key` must be given."),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(load, tmp_path, text, says):
+    with pytest.raises(ScenarioError, match=rf"^{tmp_path}/campaign\.toml: .*{says}") as caught:
+        load(text)
+
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("tables", "key", "says"),
+    [
+        (disperse("flight.V_a"), "flight.V_a", "must be a key of .* did you mean `V_a_mps`?"),
+        (disperse("fligth.V_a_mps"), "fligth.V_a_mps", "must be a key .* did you mean `flight`?"),
+        (disperse("flight"), "flight", "refuses the median 1.5: `flight` must be a table"),
+        (disperse("flight.V_a_mps"), "flight.V_a_mps", r"must lie in 15 to 45 m/s .*got 1.5 m/s."),
+        (disperse("controller.feed_forward"), "controller.feed_forward", "must be .* boolean"),
+        (disperse("controller.anti_windup"), "controller.anti_windup", "'conditional' .* got 1.5"),
+        (disperse("reference.chi_deg[3].rate_dps"), "reference.chi_deg[3].rate_dps", "0 to 0"),
+        (disperse("plant.wings"), "plant.wings", "must be a key of a plant that flies"),
+        (disperse("plant.throttle_max"), "plant.throttle_max", "less than or equal to 1, got 1.5"),
+        (disperse("plant[kinematic].airframe.mass_factor"), "plant[kinematic].airframe.mass_factor",
+         "`airframe` must be given with kind jsbsim only"),
+        (disperse("plant[1].kind", "choice", values=["kinematic"]), "plant[1].kind",
+         "must not be dispersed: give each plant"),
+        (disperse("seed"), "seed", "must not be dispersed: every draw has a seed of its own"),
+        (disperse("tuning.I_star"), "tuning.I_star", "must not be dispersed: gains are tuned once"),
+        (disperse("limits.phi_deg[1]", lower=-60.0, upper=-50.0), "limits.phi_deg[1]",
+         r"must be a range .* got \[-45.0, -55.0\]"),
+        (disperse("wind.speed_mps"), "wind.speed_mps", "`speed_mps` and `from_deg` .* must be"),
+        (disperse("flight.n_z", acts="adds"), "flight.n_z", "must be a number .* got nothing"),
+        (SPEED + SPEED, "flight.V_a_mps", "must be dispersed once, but `flight.V_a_mps` means it"),
+        (disperse("plant.throttle_max", upper=1.0, lower=0.5) + disperse("plant[1].throttle_max"),
+         "plant[1].throttle_max", "must be dispersed once, but `plant.throttle_max` means it too"),
+        (disperse("flight.h_m", "normal", mean=1.0), "flight.h_m", "`sd` must be given with"),
+        (disperse("flight.h_m", "normal", mean=1.0, sd=0.0), "flight.h_m", "`sd` must be greater"),
+        (disperse("flight.h_m", "normal", mean=1.0, sd=1.0, lower=40.0), "flight.h_m",
+         "`mean` must lie within 8 `sd`"),
+        (disperse("flight.h_m", "gauss", mean=1.0, sd=1.0), "flight.h_m", "`distribution` must be"),
+        (disperse("flight.h_m", lower=2.0), "flight.h_m", "`lower` must be below `upper`, got 2"),
+        (disperse("flight.h_m", sd=1.0), "flight.h_m", "`sd` must be absent with .* uniform"),
+        (disperse("flight.h_m", lower=float("nan")), "flight.h_m", "`lower` must be a finite"),
+        (disperse("flight.h_m", "choice", values=[1.0, "a"]), "flight.h_m", "must be all numbers"),
+        (disperse("flight.h_m", "choice", values=[]), "flight.h_m", "`values` must have at least"),
+        (disperse("flight.h_m", "choice", values=["a"], acts="adds"), "flight.h_m",
+         "`values` must be numbers where it adds"),
+        (disperse("flight.h_m", "choice", values=[1.0], weights=[1.0, 2.0]), "flight.h_m",
+         "`weights` must be 1 numbers"),
+        (disperse("flight.h_m", "choice", values=[1.0], weights=[0.0]), "flight.h_m",
+         "`weights` must be 1 numbers, .* not all zero"),
+        (disperse("flight.h_m", "grid", lower=1.0, upper=2.0), "flight.h_m", "`values` must be"),
+        (disperse("flight.h_m", "grid", values=[1.0], count=3), "flight.h_m", "must be absent"),
+        (disperse("flight.h_m", acts="multiply"), "flight.h_m", "`acts` must be 'sets', 'adds'"),
+    ],
+)  # fmt: skip
+def test_a_wrong_dispersion_is_refused_in_one_line_that_names_its_key(
+    load, tmp_path, tables, key, says
+):
+    with pytest.raises(ScenarioError, match=says) as caught:
+        load(HEAD + tables)
+
+    assert str(caught.value).startswith(f"{tmp_path}/campaign.toml: [[disperse]] `{key}`")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("tables", "says"),
+    [
+        (correlation("flight.V_a_mps", "flight.h_m"), "got 'flight.h_m' with none"),
+        (correlation("flight.V_a_mps"), "`keys` must have at least 2 items"),
+        (correlation("flight.V_a_mps", "flight.V_a_mps"), "`keys` must be two"),
+        (disperse("flight.h_m", "grid", values=[500.0]) + correlation("flight.V_a_mps",
+         "flight.h_m"), "got 'flight.h_m' with grid"),
+        (disperse("flight.h_m", lower=400.0, upper=500.0)
+         + correlation("flight.V_a_mps", "flight.h_m")
+         + correlation("flight.h_m", "flight.V_a_mps", rank=0.2), "must be given once"),
+        (correlation("flight.V_a_mps", "flight.h_m", rank=1.0), "`rank` must be less than 1"),
+    ],
+)  # fmt: skip
+def test_a_wrong_correlation_is_refused(load, tables, says):
+    with pytest.raises(ScenarioError, match=rf"campaign.toml: \[+correlation\]+ .*{says}"):
+        load(HEAD + SPEED + tables)
+
+
+def test_keys_that_clash_with_each_other_are_all_named(load):
+    low = disperse("limits.phi_deg[0]", lower=-20.0, upper=40.0)
+    high = disperse("limits.phi_deg[1]", lower=-20.0, upper=20.0)
+    with pytest.raises(
+        ScenarioError,
+        match=r"`limits.phi_deg\[0\]`, `limits.phi_deg\[1\]`: the scenario refuses the median "
+        r"10.0, 0.0: ",
+    ):
+        load(HEAD + low + high + disperse("flight.phi_deg"))
+
+
+def test_campaign_puts_its_gains_plants_and_overrides_into_the_scenario(load):
+    campaign = load(
+        HEAD
+        + 'gains = ["K4"]\n[overrides]\nflight.duration_s = 7.0\n'
+        + '"reference.chi_deg[0].rate_dps" = 4.0\nwind.speed_mps = 3.0\nwind.from_deg = 90.0\n'
+        + '[[plant]]\nkind = "jsbsim"\naircraft = "aerosonde"\n'
+    )
+    nominal, base = campaign.nominal, load_scenario("level_turn")
+
+    assert nominal.gains == ["K4"]
+    assert [plant.label for plant in nominal.plant] == ["jsbsim:aerosonde"]
+    assert nominal.flight.duration_s == 7.0
+    assert nominal.reference.chi_deg[0].rate_dps == 4.0
+    assert nominal.wind is not None
+    assert nominal.flight.V_a_mps == base.flight.V_a_mps
+
+
+def test_success_takes_the_place_of_what_the_scenario_expects(load):
+    paper = 'title = "t"\nscenario = "gust_in_turn"\nruns = 10\n'
+    expected = load_scenario("gust_in_turn").expect
+
+    assert load(paper).nominal.expect == expected
+    assert len(expected) == 2
+    assert load(paper + 'gains = ["paper"]\n').nominal.expect == []
+    ours = load(paper + "[[success]]\nat_most.chi.ITAE = 5.0\n").nominal.expect
+    assert [one.at_most for one in ours] == [{"chi": {"ITAE": 5.0}}]
+
+
+def test_a_scenario_beside_the_campaign_is_found(load, tmp_path):
+    text = (ROOT / "scenarios/level_turn.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace("V_a_mps    = 25.0", "V_a_mps    = 26.0"))
+
+    assert load(HEAD.replace("level_turn", "mine")).nominal.flight.V_a_mps == 26.0
+    assert load(HEAD.replace("level_turn", "mine.toml")).nominal.flight.V_a_mps == 26.0
+
+
+def test_no_such_campaign_is_answered_with_those_there_are(tmp_path):
+    with pytest.raises(ScenarioError, match=r"nowhere: the campaign must be .* first_campaign"):
+        load_campaign("nowhere")
+    with pytest.raises(ScenarioError, match="the campaign must be a file or one of"):
+        load_campaign(tmp_path)
+
+
+def test_a_poison_among_the_choices_is_let_in(load):
+    campaign = load(HEAD + disperse("flight.V_a_mps", "choice", values=[float("nan"), 25.0]))
+
+    assert campaign.central.flight.V_a_mps == 25.0
