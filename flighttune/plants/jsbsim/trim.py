@@ -11,6 +11,7 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.newton import interior_root
 from flighttune.plants.jsbsim.start_check import start_faults
 from flighttune.units import DEG, FT, G_0
 
@@ -59,7 +60,8 @@ def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
     """Put `fdm`, its inner loop disengaged, into steady coordinated flight at `condition`.
 
     Seven unknowns (angle of attack, sideslip, three surfaces, throttle, turn rate) bring six body
-    accelerations and the lateral load factor to zero, by bounded least squares.
+    accelerations and the lateral load factor to zero: by Newton's method, and where that gets
+    stuck, by bounded least squares.
 
     Parameters
     ----------
@@ -84,18 +86,20 @@ def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
     problem = _TrimProblem(fdm, condition)
     lower, upper = problem.bounds
     start = np.clip(problem.guess, lower + 0.02 * (upper - lower), upper - 0.02 * (upper - lower))
-    differences: Any = problem.jacobian if fdm.engine_settles else "2-point"
-    found = least_squares(
-        problem.residuals, start, bounds=(lower, upper), x_scale=upper - lower, max_nfev=60,
-        xtol=1e-14, ftol=1e-14, gtol=1e-14, jac=differences,
-    )  # fmt: skip
-    worst = float(np.max(np.abs(problem.residuals(found.x))))
+    x = None if fdm.engine_settles else interior_root(problem.residuals, start, (lower, upper))
+    if x is None:
+        differences: Any = problem.jacobian if fdm.engine_settles else "2-point"
+        x = least_squares(
+            problem.residuals, start, bounds=(lower, upper), x_scale=upper - lower, max_nfev=60,
+            xtol=1e-14, ftol=1e-14, gtol=1e-14, jac=differences,
+        ).x  # fmt: skip
+    worst = float(np.max(np.abs(problem.residuals(x))))
     if not worst < _RESIDUAL_ALLOWED:
         raise TrimError(
             f"{fdm.config.file}: no steady flight at {_described(condition)}: "
-            f"{problem.obstacle(found.x)} (left over: {worst:.2g} g)."
+            f"{problem.obstacle(x)} (left over: {worst:.2g} g)."
         )
-    return problem.point(found.x)
+    return problem.point(x)
 
 
 class _TrimProblem:
