@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.alone import nominal_flights
+from flighttune.campaign.alone import nominal_flights, plant_table
 from flighttune.campaign.plan import Group, Plan
 from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.linear_model import kinematic_model
@@ -102,7 +102,8 @@ def claims(plan: Plan) -> Mapping[Group, Claim | None]:
     -------
     mapping of Group to Claim or None
         None where the gains have none: they were not found, their loop is not stable, or the
-        undispersed flight that is to give ``L_d`` was not completed.
+        undispersed flight that is to give ``L_d`` was not completed or has no mismatch, being that
+        of the law itself.
 
     Raises
     ------
@@ -142,9 +143,16 @@ def _claims(same: _Same) -> Mapping[Group, Claim | None]:
     flights = {} if given else nominal_flights(plan)
     found: dict[Group, Claim | None] = {}
     for group in plan.groups:
-        L_d = given or _measured(scenario, flights.get(group), t_from)
+        law = not given and _is_the_law(scenario, group)
+        L_d = None if law else given or _measured(scenario, flights.get(group), t_from)
         found[group] = _claim(plan, group, L_d, t_from)
     return MappingProxyType(found)
+
+
+def _is_the_law(scenario: Scenario, group: Group) -> bool:
+    """Whether a flight is the law's own, undisturbed: what is measured of a mismatch is rounding."""
+    kinematic = plant_table(scenario, group.plant).kind == "kinematic"
+    return kinematic and scenario.disturbance is None and not scenario.windy
 
 
 def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> Claim | None:

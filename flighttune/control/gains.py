@@ -1,6 +1,7 @@
 """Gains of the multivariable PI controller."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -75,6 +76,11 @@ PAPER_EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6":
 
 def paper_family() -> dict[str, PIGains]:
     """K* (as ``paper``) and K1 to K6 of the paper's Table 2, by name."""
+    return dict(_family())
+
+
+@cache
+def _family() -> dict[str, PIGains]:
     shift = np.eye(2)
     family = {"paper": PAPER_GAINS}
     for name, epsilon in PAPER_EPSILON.items():

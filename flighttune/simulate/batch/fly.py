@@ -227,6 +227,9 @@ def _in_blocks(fly: Callable[[int, int], Any], flights: int, threads: int | None
     threads = _cores() if threads is None else threads
     if threads < 1:
         raise InputError(f"`threads` must be at least 1, got {threads}.")
+    if threads == 1:
+        fly(0, flights)
+        return
     edges = np.linspace(0, flights, min(flights, threads * BLOCKS_PER_THREAD) + 1).astype(int)
     fly(0, 0)
     with ThreadPoolExecutor(threads) as pool:
