@@ -150,7 +150,7 @@ def _claims(same: _Same) -> Mapping[Group, Claim | None]:
 
 
 def _is_the_law(scenario: Scenario, group: Group) -> bool:
-    """Whether a flight is the law's own, undisturbed: what is measured of a mismatch is rounding."""
+    """Whether a flight is that of the law itself: the mismatch measured is rounding."""
     kinematic = plant_table(scenario, group.plant).kind == "kinematic"
     return kinematic and scenario.disturbance is None and not scenario.windy
 
