@@ -66,9 +66,14 @@ def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFra
         columns |= _cells(campaign, place)
         columns[SEED] = run_seeds(campaign.seed, low, high)[point - low]
     return pd.DataFrame(
-        {name: columns[name] for name in (*campaign.keys, SEED)},
+        {name: _series(columns[name]) for name in (*campaign.keys, SEED)},
         index=pd.RangeIndex(first, max(end, first), name="draw"),
     )
+
+
+def _series(values: Column) -> Column | pd.api.extensions.ExtensionArray:
+    """Values as a column whose type does not depend on how many there are."""
+    return pd.array(values, dtype="str") if values.dtype == object else values
 
 
 def _by_chance(scenario: Scenario) -> bool:

@@ -5,7 +5,6 @@ import hashlib
 from flighttune.campaign.draws import cycle
 from flighttune.campaign.plan import Group, Plan
 from flighttune.campaign.schema import Campaign
-from flighttune.errors import InputError
 from flighttune.outer_loop import gain_set, tune_scenario
 from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.scenario.tuning_table import TUNED
@@ -40,8 +39,6 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     groups = tuple(Group(plant.label, name) for plant in plants for name in names)
     if runs is None:
         runs = campaign.runs or cycle(campaign) * len(groups)
-    if not 1 <= runs:
-        raise InputError(f"`runs` must be positive, got {runs}.")
     flown = {plant.aircraft for plant in plants if plant.aircraft is not None}
     return Plan(
         campaign=campaign,

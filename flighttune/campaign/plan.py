@@ -58,6 +58,11 @@ class Plan:
         Flights in total.
     aircraft : mapping of str to str
         Hash of the files of every aircraft, by the name or folder in the scenario.
+
+    Raises
+    ------
+    InputError
+        If `runs` is not positive.
     """
 
     campaign: Campaign
@@ -67,6 +72,8 @@ class Plan:
     aircraft: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.runs < 1:
+            raise InputError(f"`runs` must be positive, got {self.runs}.")
         for name in ("gain_sets", "aircraft"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 

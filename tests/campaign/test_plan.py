@@ -1,0 +1,314 @@
+"""Plans: who flies what, every draw on demand, and back from JSON to the bit."""
+
+import json
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import sobol_indices
+
+from flighttune.campaign import Campaign, load_campaign, plan_campaign, plan_from
+from flighttune.campaign.draws import SEED
+from flighttune.campaign.schema import CampaignTable
+from flighttune.errors import InputError, ScenarioError
+from flighttune.outer_loop import gain_set
+from flighttune.scenario import load_scenario, scenario_from
+from flighttune.scenario.schema import Scenario
+
+LEVEL_TURN = load_scenario("level_turn")
+SPEED = {"key": "flight.V_a_mps", "distribution": "uniform", "lower": 24.0, "upper": 26.0}
+HEIGHT = {"key": "flight.h_m", "distribution": "normal", "mean": 500.0, "sd": 20.0}
+KEYS = ["flight.V_a_mps", "flight.h_m", "flight.phi_deg", "reference.chi_deg[0].rate_dps"]
+
+
+def campaign_of(*disperse, nominal=LEVEL_TURN, **keys):
+    tables = {"title": "t", "scenario": "s", "gains": ["paper"], "runs": 24, **keys}
+    table = CampaignTable.model_validate({**tables, "disperse": list(disperse)})
+    flown = nominal.model_copy(update={"gains": table.gains})
+    return Campaign.of(table, nominal=flown, central=flown)
+
+
+def plan_of(*disperse, **keys):
+    return plan_campaign(campaign_of(*disperse, **keys))
+
+
+def through_json(plan):
+    return plan_from(json.loads(json.dumps(plan.as_dict(), allow_nan=False)))
+
+
+finite = st.floats(-1e6, 1e6)
+anything = st.one_of(
+    st.lists(st.floats(), min_size=1, max_size=3),
+    st.lists(st.integers(-9, 9), min_size=1, max_size=3),
+    st.lists(st.booleans(), min_size=1, max_size=3),
+    st.lists(st.text(), min_size=1, max_size=3),
+)
+distributions = st.one_of(
+    st.fixed_dictionaries({"mean": finite, "sd": st.floats(1e-9, 1e6)}).map(
+        lambda keys: {"distribution": "normal", **keys}
+    ),
+    st.fixed_dictionaries({"median": st.floats(1e-6, 1e6), "sd_log": st.floats(0.01, 2.0)}).map(
+        lambda keys: {"distribution": "log_normal", **keys}
+    ),
+    st.tuples(finite, st.floats(1e-3, 1e6)).map(
+        lambda ends: {"distribution": "uniform", "lower": ends[0], "upper": sum(ends)}
+    ),
+    anything.map(lambda values: {"distribution": "choice", "values": values}),
+    anything.map(lambda values: {"distribution": "grid", "values": values}),
+)
+
+
+@st.composite
+def campaigns(draw):
+    keys = draw(st.lists(st.sampled_from(KEYS), unique=True, max_size=4))
+    return campaign_of(
+        *({"key": key, **draw(distributions)} for key in keys),
+        design=draw(st.sampled_from(["random", "latin_hypercube", "sobol"])),
+        seed=draw(st.integers(0, 2**31 - 1)),
+        runs=draw(st.integers(1, 40)),
+    )
+
+
+@given(campaign=campaigns())
+def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):
+    plan = plan_campaign(campaign)
+
+    for again in (through_json(plan), pickle.loads(pickle.dumps(plan))):
+        assert again.sha256 == plan.sha256
+        assert again.as_dict() == plan.as_dict()
+        assert again.differences(plan) == ()
+        assert again.groups == plan.groups
+        assert dict(again.gain_sets) == dict(plan.gain_sets)
+        for name, column in plan.parameters().items():
+            theirs = again.parameters()[name]
+            assert theirs.dtype == column.dtype
+            assert list(map(repr, theirs)) == list(map(repr, column))
+
+
+@given(campaign=campaigns(), more=st.integers(1, 40), first=st.integers(0, 40))
+def test_draws_do_not_depend_on_where_one_begins_or_ends(campaign, more, first):
+    plan = plan_campaign(campaign)
+    longer = plan.with_runs(plan.runs + more)
+    first = min(first, plan.draws)
+    whole = plan.parameters()
+
+    assert whole.index.tolist() == list(range(plan.draws))
+    assert plan.parameters(first).equals(whole.iloc[first:])
+    if plan.extendable:
+        assert longer.parameters(first, plan.draws).equals(whole.iloc[first:])
+
+
+def test_every_draw_is_flown_by_every_group_plant_by_plant():
+    plan = plan_of(SPEED, gains=["paper", "K4"], runs=10)
+
+    labels = [(group.plant, group.gains) for group in plan.groups]
+    assert labels == [
+        ("kinematic", "paper"),
+        ("kinematic", "K4"),
+        ("jsbsim:aerosonde", "paper"),
+        ("jsbsim:aerosonde", "K4"),
+    ]
+    assert plan.draws == 3
+    assert [plan.draw_of(run) for run in range(10)] == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2]
+    assert [plan.group_of(run) for run in (0, 5, 9)] == [plan.groups[i] for i in (0, 1, 1)]
+
+
+def test_in_dispersed_wind_the_aircraft_comes_first(tmp_path):
+    file = tmp_path / "windy.toml"
+    file.write_text(
+        'title = "t"\nscenario = "level_turn"\nruns = 4\ngains = ["paper"]\n'
+        '[[disperse]]\nkey = "wind.speed_mps"\ndistribution = "uniform"\nlower = 0.0\nupper = 8.0\n'
+        '[[disperse]]\nkey = "wind.from_deg"\ndistribution = "choice"\nvalues = [0.0, 90.0]\n'
+    )
+    plan = plan_campaign(load_campaign(file))
+
+    assert [group.plant for group in plan.groups] == ["jsbsim:aerosonde", "kinematic"]
+    assert not plan.scenario.windy
+    assert plan.scenario_of(1).windy
+
+
+def test_the_scenario_of_a_draw_has_its_values_and_seed():
+    chi_rate = {"key": "reference.chi_deg[0].rate_dps", "distribution": "uniform"}
+    plan = plan_of(
+        SPEED,
+        {**HEIGHT, "acts": "adds", "mean": 0.0},
+        {**chi_rate, "lower": 0.5, "upper": 1.5, "acts": "multiplies"},
+        {"key": "controller.feed_forward", "distribution": "choice", "values": [True, False]},
+        {"key": "controller.anti_windup", "distribution": "choice", "values": ["none"]},
+    )
+    for draw, row in plan.parameters().iterrows():
+        scenario = plan.scenario_of(int(draw))
+
+        assert scenario.flight.V_a_mps == row["flight.V_a_mps"]
+        assert scenario.flight.h_m == LEVEL_TURN.flight.h_m + row["flight.h_m"]
+        ramp = LEVEL_TURN.reference.chi_deg[0]
+        assert scenario.reference.chi_deg[0].rate_dps == ramp.rate_dps * row[chi_rate["key"]]
+        assert scenario.controller.feed_forward == row["controller.feed_forward"]
+        assert scenario.controller.anti_windup == "none"
+        assert scenario.seed == row[SEED]
+        same = {"flight", "reference", "controller", "seed"}
+        assert scenario.model_dump(exclude=same) == plan.scenario.model_dump(exclude=same)
+        assert scenario == scenario_from(plan.tables_of(int(draw)))
+
+
+def test_the_draws_of_a_campaign_are_different_flights():
+    plan = plan_of(SPEED, HEIGHT, runs=400)
+    frame = plan.parameters()
+
+    assert all(frame[name].is_unique for name in frame)
+
+
+def test_a_draw_that_the_scenario_refuses_says_why_and_the_others_fly():
+    plan = plan_of(
+        {"key": "flight.V_a_mps", "distribution": "choice", "values": [25.0, math.nan, 90.0]}
+    )
+    drawn = plan.parameters()["flight.V_a_mps"]
+    assert {repr(value) for value in drawn} == {"25.0", "nan", "90.0"}
+
+    for draw, value in drawn.items():
+        if value == 25.0:
+            assert plan.scenario_of(int(draw)).flight.V_a_mps == 25.0
+        elif value == 90.0:
+            with pytest.raises(ScenarioError, match=r"draw \d+: \[flight\] `V_a_mps` must lie in"):
+                plan.scenario_of(int(draw))
+        else:
+            with pytest.raises(ScenarioError, match=r"\[flight\] `V_a_mps` must be .*, got nan"):
+                plan.scenario_of(int(draw))
+
+
+def test_values_of_a_draw_are_those_of_its_row():
+    plan = plan_of(SPEED, {"key": "flight.n_z", "distribution": "choice", "values": [1.0]})
+    frame = plan.parameters()
+
+    for draw in (0, plan.draws - 1):
+        assert plan.values_of(draw) == frame.loc[draw].to_dict()
+    with pytest.raises(InputError, match=f"`draw` must be 0 to {plan.draws - 1}, got {plan.draws}"):
+        plan.values_of(plan.draws)
+
+
+def test_a_grid_is_flown_cell_by_cell_with_the_same_draws_in_each():
+    plan = plan_of(
+        {"key": "flight.V_a_mps", "distribution": "grid", "lower": 20.0, "upper": 30.0, "count": 3},
+        HEIGHT,
+        {"key": "flight.phi_deg", "distribution": "grid", "values": [-5.0, 5.0]},
+        design="grid",
+    )
+    frame = plan.parameters()
+
+    assert plan.cycle == 6
+    assert frame["flight.V_a_mps"].tolist() == [20.0, 20.0, 25.0, 25.0, 30.0, 30.0] * 2
+    assert frame["flight.phi_deg"].tolist() == [-5.0, 5.0] * 6
+    for name in ("flight.h_m", SEED):
+        values = frame[name].tolist()
+        assert len(set(values[:6])) == 1
+        assert len(set(values)) == 2
+    assert plan.parameters(4, 9).equals(frame.iloc[4:9])
+
+
+def test_a_grid_without_runs_is_flown_once():
+    grid = {"key": "flight.V_a_mps", "distribution": "grid", "values": [24.0, 25.0, 26.0]}
+    plan = plan_campaign(campaign_of(grid, design="grid", runs=None, gains=["paper", "K4"]))
+
+    assert plan.runs == 3 * 2 * 2
+    assert plan.draws == 3
+
+
+def test_a_grid_crosses_the_points_of_any_design():
+    grid = {"key": "flight.phi_deg", "distribution": "grid", "values": [-5.0, 5.0]}
+    crossed = plan_of(SPEED, grid, design="sobol", runs=32).parameters()
+    alone = plan_of(SPEED, design="sobol", runs=16).parameters()
+
+    assert crossed["flight.V_a_mps"].tolist() == np.repeat(alone["flight.V_a_mps"], 2).tolist()
+
+
+ANGLES = ["flight.chi_deg", "flight.phi_deg", "flight.gamma_deg"]
+ISHIGAMI_FIRST = [0.3139, 0.4424, 0.0]
+ISHIGAMI_TOTAL = [0.5576, 0.4424, 0.2437]
+"""For a = 7, b = 0.1: Saltelli et al., Global Sensitivity Analysis: The Primer, section 4.6."""
+
+
+def ishigami(x, y, z):
+    return np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)
+
+
+def test_the_blocks_of_a_saltelli_design_give_the_sobol_indices_known():
+    ranges = {"distribution": "uniform", "lower": -math.pi, "upper": math.pi}
+    angles = [{"key": key, **ranges} for key in ANGLES]
+    plan = plan_of(*angles, design="saltelli", runs=2 * 5 * 4096)
+    frame = plan.parameters()
+    assert plan.factors == tuple(ANGLES)
+    assert [plan.block_of(draw) for draw in range(6)] == ["A", "B", *ANGLES, "A"]
+
+    values = ishigami(*(frame[key].to_numpy() for key in ANGLES)).reshape(-1, plan.cycle).T
+    found = sobol_indices(
+        func={"f_A": values[None, 0], "f_B": values[None, 1], "f_AB": values[2:, None]}, n=4096
+    )
+
+    assert found.first_order.ravel() == pytest.approx(ISHIGAMI_FIRST, abs=0.01)
+    assert found.total_order.ravel() == pytest.approx(ISHIGAMI_TOTAL, abs=0.01)
+
+
+def test_a_block_of_a_saltelli_design_takes_one_factor_from_b():
+    noisy = Scenario.model_validate({**LEVEL_TURN.as_dict(), "sensors": {"chi_noise_sd_deg": 0.3}})
+    plan = plan_of(SPEED, HEIGHT, design="saltelli", nominal=noisy, runs=40)
+    assert plan.factors == ("flight.V_a_mps", "flight.h_m", SEED)
+
+    for first in range(0, plan.draws, plan.cycle):
+        a, b, *mixed = plan.parameters(first, first + plan.cycle).to_dict(orient="records")
+        assert all(a[name] != b[name] for name in plan.factors)
+        for factor, row in zip(plan.factors, mixed, strict=True):
+            assert row == {**a, factor: b[factor]}
+
+
+def test_gains_are_those_of_the_scenario_and_none_where_tuning_finds_none():
+    printed = load_scenario("paper_printed_limits")
+    nominal = printed.model_copy(update={"gains": ["paper", "tuned"]})
+    plan = plan_of(nominal=nominal, gains=["paper", "tuned"])
+
+    assert plan.gain_sets["paper"] == gain_set(printed, "paper")
+    assert plan.gain_sets["tuned"] is None
+    assert through_json(plan).gain_sets["tuned"] is None
+
+
+def test_differences_name_what_was_and_what_is():
+    plan = plan_of(SPEED, runs=24)
+    wider = plan_of({**SPEED, "upper": 27.0}, HEIGHT, runs=30, seed=3)
+
+    assert plan.differences(plan_of(SPEED, runs=24, title="another")) == ()
+    said = plan.differences(wider)
+    assert "runs: was 24, is 30" in said
+    assert "seed: was 0, is 3" in said
+    assert "disperse.flight.V_a_mps.upper: was 26.0, is 27.0" in said
+    assert "disperse.flight.h_m.mean: was not given, is 500.0" in said
+    assert len({plan.sha256, wider.sha256, plan.with_runs(25).sha256}) == 3
+
+
+def test_a_changed_aircraft_or_other_gains_are_a_difference():
+    plan = plan_of(SPEED)
+    (name, was) = next(iter(plan.aircraft.items()))
+    other = replace(plan, aircraft={name: "0" * 64}, gain_sets={"paper": None})
+
+    said = plan.differences(other)
+    assert any(line.startswith(f"files of aircraft {name}: was '{was[:20]}") for line in said)
+    assert any(line.startswith("gains as numbers, paper") for line in said)
+
+
+def test_a_plan_of_another_version_or_none_at_all_is_refused():
+    tables = plan_of(SPEED).as_dict()
+    with pytest.raises(ScenarioError, match=r"x.json: `version` of a plan must be 1, got 99"):
+        plan_from({**tables, "version": 99}, "x.json")
+    tables.pop("groups")
+    with pytest.raises(ScenarioError, match="must be a plan, got one that lacks 'groups'"):
+        plan_from(tables)
+
+
+@pytest.mark.parametrize("runs", [0, -3])
+def test_a_plan_of_no_flights_is_refused(runs):
+    with pytest.raises(InputError, match=f"`runs` must be positive, got {runs}"):
+        plan_campaign(campaign_of(SPEED), runs=runs)
+    with pytest.raises(InputError, match=f"`runs` must be positive, got {runs}"):
+        plan_of(SPEED).with_runs(runs)
