@@ -10,6 +10,7 @@ import pandas as pd
 
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.plan import Group, Plan
+from flighttune.campaign.report.sensitivity import is_number
 from flighttune.campaign.schema import MEASURES
 from flighttune.errors import RecordingError
 
@@ -52,6 +53,10 @@ class Flown:
     def worst_by(self) -> str:
         """The measure that flights are ordered by, largest last."""
         return self.plan.campaign.keep.worst_by
+
+    def is_number(self, key: str) -> bool:
+        """Whether what was drawn under a key has an order that a correlation can use."""
+        return is_number(pd.Series(self.rows[key]))
 
     def clusters(self, rows: pd.DataFrame) -> npt.NDArray[np.intp]:
         """Number of the cycle of the design that each of some rows belongs to.

@@ -14,7 +14,7 @@ class Reason:
     Attributes
     ----------
     text : str
-        With an ellipsis in place of each number.
+        With an ellipsis in place of each number that they do not share.
     count : int
     run : int
         The first of them.
@@ -43,7 +43,19 @@ def reasons(texts: Sequence[str], runs: Sequence[int]) -> tuple[Reason, ...]:
         if text:
             found.setdefault(_NUMBER.sub("…", text), []).append(place)
     grouped = [
-        Reason(text=text, count=len(at), run=int(runs[at[0]]), example=texts[at[0]])
-        for text, at in found.items()
+        Reason(
+            text=_shared([texts[place] for place in at]),
+            count=len(at),
+            run=int(runs[at[0]]),
+            example=texts[at[0]],
+        )
+        for at in found.values()
     ]
     return tuple(sorted(grouped, key=lambda one: (-one.count, one.run)))
+
+
+def _shared(texts: Sequence[str]) -> str:
+    """The words of texts that differ in numbers alone, and the numbers that are the same."""
+    told = zip(*(_NUMBER.findall(text) for text in texts), strict=True)
+    numbers = iter([one[0] if len(set(one)) == 1 else "…" for one in told])
+    return _NUMBER.sub(lambda _: next(numbers), texts[0])

@@ -1,0 +1,179 @@
+"""The headline of a campaign's report: which gains hold, how often and how surely; then why not."""
+
+from collections.abc import Iterator
+
+from flighttune.campaign.report.findings import SUCCESS, Findings
+from flighttune.campaign.report.paired import Paired
+from flighttune.campaign.report.sensitivity import Influence
+from flighttune.campaign.report.summary import GroupSummary
+from flighttune.campaign.report.words import (
+    demands,
+    figures,
+    label_of,
+    percent,
+    percent_with_interval,
+    probability,
+    shown,
+)
+from flighttune.report.frame import Answer, share_verdict
+
+MOST_REASONS = 3
+"""Reasons told of one group; the tables have all."""
+
+MOST_PARAMETERS = 3
+MOST_PAIRS = 6
+
+
+def headline(found: Findings) -> tuple[Answer, ...]:
+    """Which gains hold, what goes wrong, whether the certified set holds, what matters."""
+    answers = [_holds(found), _wrong(found)]
+    if any(one.certified is not None for one in found.groups):
+        answers.append(_certified(found))
+    if found.flown.keys:
+        answers.append(_matters(found))
+    return tuple(answers)
+
+
+def best_of(found: Findings, plant: str) -> GroupSummary:
+    """The group of a plant that succeeds most often; the first of several."""
+    return max(
+        (one for one in found.groups if one.group.plant == plant), key=lambda one: one.success.value
+    )
+
+
+def plants_of(found: Findings) -> list[str]:
+    """Plants in the order of the groups."""
+    return list(dict.fromkeys(one.group.plant for one in found.groups))
+
+
+def _holds(found: Findings) -> Answer:
+    good, all_of = sum(one.successes for one in found.groups), sum(one.n for one in found.groups)
+    sentences = [
+        f"{label_of(one.group)}: {one.successes} of {one.n} flights succeed, "
+        f"{percent_with_interval(one.success)}."
+        for one in found.groups
+    ]
+    sentences += [_against(one) for one in _told_pairs(found)]
+    best = [best_of(found, plant) for plant in plants_of(found)]
+    short = "; ".join(
+        f"{one.group.gains} {percent(one.success.value)} % on {one.group.plant}" for one in best
+    )
+    intervals = "Clopper and Pearson's" if found.method == "clopper-pearson" else "Wilson's"
+    return Answer(
+        question="Which gains hold, and how often?",
+        verdict=share_verdict(good, all_of),
+        short=short,
+        sentences=tuple(sentences),
+        criterion=f"{demands(found.flown.plan.scenario.expect)} In brackets {intervals} interval "
+        f"of {100.0 * found.confidence:g} % confidence.",
+    )
+
+
+def _told_pairs(found: Findings) -> list[Paired]:
+    """The best of each plant against the others."""
+    best = {plant: best_of(found, plant).group.gains for plant in plants_of(found)}
+    return [one for one in found.paired if best[one.plant] in (one.a, one.b)][:MOST_PAIRS]
+
+
+def _against(one: Paired) -> str:
+    measure = shown(one.measure)
+    first, other, median, low, high = (
+        (one.a, one.b, one.median, one.median_lo, one.median_hi)
+        if one.median <= 0.0
+        else (one.b, one.a, -one.median, -one.median_hi, -one.median_lo)
+    )
+    wins = one.win_rate if first == one.a else 1.0 - one.win_rate
+    less, least, most = (figures(-measure.factor * value) for value in (median, high, low))
+    only = f"{one.only_a} draws only {one.a} succeeds, on {one.only_b} only {one.b}"
+    told = "" if low <= 0.0 <= high else f", by {less} {measure.unit} ({least} to {most}) in median"
+    return (
+        f"On the same {one.n} draws on {one.plant}, {measure.name} is less with {first} than with "
+        f"{other} on {percent(wins)} %{told}; on {only} ({probability(one.p_success)})."
+    )
+
+
+def _wrong(found: Findings) -> Answer:
+    failed = sum(one.n - one.successes for one in found.groups)
+    sentences = [line for one in found.groups for line in _failures(one)]
+    return Answer(
+        question="What goes wrong?",
+        verdict="none",
+        short=f"{failed} of {sum(one.n for one in found.groups)} flights fail" if failed
+        else "nothing",
+        sentences=tuple(sentences) or ("Every flight succeeds.",),
+    )  # fmt: skip
+
+
+def _failures(one: GroupSummary) -> Iterator[str]:
+    lines = []
+    for status in one.statuses:
+        if status.status == "completed":
+            continue
+        word = status.status.replace("_", " ")
+        first = status.reasons[0] if status.reasons else None
+        why = f": {first.text.rstrip('.')} (as run {first.run})" if first else ""
+        more = f", and {len(status.reasons) - 1} other reasons" if len(status.reasons) > 1 else ""
+        lines.append(f"{status.count} of {one.n} ended as {word}{why}{more}")
+    for missed in one.missed[:MOST_REASONS]:
+        lines.append(f"{missed.count} flown to the end: {missed.text} (as run {missed.run})")
+    if lines:
+        yield f"{label_of(one.group)}: {'; '.join(lines)}."
+
+
+def _certified(found: Findings) -> Answer:
+    sentences, held, known = [], 0, 0
+    for one in found.groups:
+        if one.certified is None:
+            continue
+        count = one.certified
+        held, known = held + count.held, known + count.of_all.n
+        entered = count.held + count.broken
+        of_entered = (
+            f"; of the {entered} flights that entered it, {percent_with_interval(count.of_entered)}"
+            if entered
+            else "; no flight entered it"
+        )
+        sentences.append(
+            f"{label_of(one.group)}: the certified ultimate set was entered and held in "
+            f"{count.held} of {count.of_all.n} flights, "
+            f"{percent_with_interval(count.of_all)}{of_entered}."
+        )
+    return Answer(
+        question="Does the certified bound hold?",
+        verdict=share_verdict(held, known),
+        short=f"in {held} of {known} flights",
+        sentences=tuple(sentences),
+    )
+
+
+def _matters(found: Findings) -> Answer:
+    sentences, named = [], []
+    for one in found.groups:
+        for name in (SUCCESS, found.measure):
+            told = found.influences.get((one.group, name or ""), ())
+            apart = [influence for influence in told if influence.apart][:MOST_PARAMETERS]
+            what = "success" if name == SUCCESS else shown(name).name if name else ""
+            if apart:
+                named.append(apart[0].parameter)
+                parts = "; ".join(_told(influence) for influence in apart)
+                sentences.append(f"{label_of(one.group)}, {what}: {parts}.")
+            elif told:
+                sentences.append(
+                    f"{label_of(one.group)}, {what}: none of {len(told)} parameters can be told "
+                    f"from chance by {told[0].n} flights."
+                )
+    return Answer(
+        question="What matters?",
+        verdict="none",
+        short=max(named, key=named.count) if named else "nothing that stands apart from chance",
+        sentences=tuple(sentences) or ("Too few flights to tell.",),
+        criterion="The strongest parameters that stand apart from chance; Holm's correction for "
+        "the number of tests.",
+    )
+
+
+def _told(one: Influence) -> str:
+    share = f"explains {max(0.0, 100.0 * one.share):.0f} % of the ranks"
+    if one.rho != one.rho:
+        return f"{one.parameter} {share}"
+    return f"{one.parameter} {share}, rank correlation {one.rho:+.2f}"

@@ -1,0 +1,211 @@
+"""Panels of a campaign's report: how often, how well, what settles."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.report.convergence import Settling
+from flighttune.campaign.report.estimates import Estimate
+from flighttune.campaign.report.findings import Findings
+from flighttune.campaign.report.paired import scores
+from flighttune.campaign.report.words import label_of, looks_of, shown
+from flighttune.figures import FAINT, INK, NEUTRAL, line, on_white, panel
+from flighttune.palette import Look
+from flighttune.report.frame import Picture, pictured
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NAME, STEP = 0.27, 0.105
+"""Height of the name of a row and of each of its dots, inches."""
+
+HEAD = 0.85
+"""Height of title and axis of such a panel, inches."""
+
+SPREAD = ("chi.ITAE", "gamma.ITAE", "chi.MO_rad", "gamma.MO_rad")
+"""Measures whose distributions are drawn."""
+
+MANY_TIMES = 30.0
+"""Ratio of the largest to the smallest of a measure from which on its axis is logarithmic."""
+
+DOTS = 400
+"""Flights of a group in a panel of dots."""
+
+MOST_PAIRS = 4
+
+
+@contextmanager
+def rows_panel(title: str, x: str, names: Sequence[str], dots: int = 1) -> "Iterator[Axes]":
+    """A panel with a row for each of `names`, from the top: its name, and dots below.
+
+    Parameters
+    ----------
+    title, x : str
+        Title and label of the axis.
+    names : sequence of str
+    dots : int
+        Dots of a row; those of row k are at `places`.
+    """
+    row = NAME + STEP * dots
+    with panel(title, "", x, height=HEAD + row * len(names)) as axes:
+        axes.set_ylim(len(names), 0.0)
+        axes.set_yticks([])
+        axes.grid(visible=False, axis="y")
+        axes.spines["left"].set_visible(False)
+        for place, name in enumerate(names):
+            axes.text(
+                0.0, place + 0.68 * NAME / row, name, transform=axes.get_yaxis_transform(),
+                fontsize=8, va="baseline", color=INK, zorder=4,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+            )  # fmt: skip
+        yield axes
+
+
+def places(dots: int) -> list[float]:
+    """Where in a row of a `rows_panel` each of its dots stands."""
+    row = NAME + STEP * dots
+    return [(NAME + STEP * (place + 0.2)) / row for place in range(dots)]
+
+
+def dot(axes: "Axes", y: float, one: Estimate, look: Look, *, filled: bool = True) -> None:
+    """A number with its interval in a row."""
+    colour = on_white(look.colour)
+    axes.plot([one.lo, one.hi], [y, y], color=colour, lw=1.6, solid_capstyle="butt")
+    axes.plot(one.value, y, "o", ms=5.5, color=colour, mfc=colour if filled else "white")
+
+
+def rates(found: Findings) -> list[Picture]:
+    """Success rate of every group, and how often the certified set held."""
+    looks = looks_of(found.flown.plan)
+    pictures = [
+        _shares("Flights that succeed", {label_of(g.group): g.success for g in found.groups}, looks)
+    ]
+    held = {label_of(g.group): g.certified.of_all for g in found.groups if g.certified is not None}
+    if held:
+        pictures.append(_shares("Flights in which the certified set held", held, looks))
+    return pictures
+
+
+def distributions(found: Findings) -> list[Picture]:
+    """Share of all flights that have at most so much of a measure, a panel a measure."""
+    wanted = dict.fromkeys([found.measure, *SPREAD])
+    known = [name for name in wanted if name and name in found.flown.measures]
+    return [_distribution(found, name) for name in known]
+
+
+def against(found: Findings) -> list[Picture]:
+    """One gain set over another, a dot a draw."""
+    looks, pictures = looks_of(found.flown.plan), []
+    for one in found.paired[:MOST_PAIRS]:
+        how = shown(one.measure)
+        rows = found.flown.rows
+        on_plant = rows.loc[(rows["plant"] == one.plant).to_numpy()]
+        values = on_plant.assign(score=scores(on_plant, one.measure))
+        table = values.pivot(index="draw", columns="gains", values="score")[[one.a, one.b]]
+        both = table.to_numpy(dtype=float)
+        both = how.factor * both[np.isfinite(both).all(axis=1)]
+        if not len(both):
+            continue
+        title = f"{one.plant}: {how.name}, a dot a draw"
+        with panel(title, f"{one.b} [{how.unit}]", f"{one.a} [{how.unit}]", height=3.6) as axes:
+            some = both[:: len(both) // DOTS + 1]
+            look = looks[f"{one.plant} / {one.b}"]
+            axes.plot(*some.T, "o", ms=3.5, color=on_white(look.colour), alpha=0.6, mew=0.0)
+            ends = [both.min(), both.max()]
+            axes.plot(ends, ends, color=NEUTRAL, lw=1.0)
+            _scale(axes, both.ravel(), both=True)
+            pictures.append(pictured(axes, f"{title}; below the line {one.b} has less"))
+    return pictures
+
+
+def convergence(found: Findings) -> list[Picture]:
+    """Success rate and the 95th percentile of the measure from the first flights on."""
+    if not found.settling:
+        return []
+    how = shown(found.settling[0].measure)
+    title = f"95th percentile of {how.name}"
+    return [
+        _settling(found, "Success rate", "flights that succeed [%]", "success", 100.0),
+        _settling(found, title, how.titled, "p95", how.factor),
+    ]
+
+
+def _shares(title: str, of: dict[str, Estimate], looks: dict[str, Look]) -> Picture:
+    with rows_panel(title, "share [%], with interval", list(of)) as axes:
+        (below,) = places(1)
+        for place, (label, one) in enumerate(of.items()):
+            scaled = Estimate(
+                value=100.0 * one.value, lo=100.0 * one.lo, hi=100.0 * one.hi, n=one.n
+            )
+            dot(axes, place + below, scaled, looks[label])
+        low, high = (100.0 * extreme for extreme in (
+            min(one.lo for one in of.values()), max(one.hi for one in of.values())
+        ))  # fmt: skip
+        room = 0.06 * max(high - low, 1.0)
+        axes.set_xlim(max(-1.0, low - room), min(101.0, high + room))
+        return pictured(axes, title)
+
+
+def _distribution(found: Findings, measure: str) -> Picture:
+    """Curves end below 100 % where flights were not completed or have no value."""
+    how, looks = shown(measure), looks_of(found.flown.plan)
+    with panel(f"Flights by {how.name}", "share with at most so much [%]", how.titled) as axes:
+        finite = []
+        for group, rows in found.flown.groups():
+            values = np.sort(how.factor * scores(rows, measure))
+            share = 100.0 * np.arange(1, len(values) + 1) / len(values)
+            kept = np.isfinite(values)
+            if kept.any():
+                finite.append(values[kept])
+                x, y = np.append(values[kept], values[kept][-1]), np.append(share[kept], np.nan)
+                line(axes, x, y, looks[label_of(group)], drawstyle="steps-post")
+        if finite:
+            _scale(axes, np.concatenate(finite))
+        axes.set_ylim(0.0, 102.0)
+        return pictured(axes, f"Share of flights with at most so much {how.name}")
+
+
+def _settling(found: Findings, title: str, y: str, name: str, factor: float) -> Picture:
+    looks = looks_of(found.flown.plan)
+    with panel(title, y, "flights of a group", height=3.0) as axes:
+        tallest = []
+        for one in found.settling:
+            look, estimates = looks[label_of(one.group)], _estimates(one, name)
+            n = np.array(one.n, dtype=float)
+            value, lo, hi = (
+                factor * np.array([getattr(e, part) for e in estimates])
+                for part in ("value", "lo", "hi")
+            )
+            line(axes, n, value, look)
+            bounded = np.isfinite(lo) & np.isfinite(hi)
+            axes.fill_between(
+                n[bounded], lo[bounded], hi[bounded], color=on_white(look.colour), alpha=FAINT,
+                lw=0.0,
+            )  # fmt: skip
+            tallest += [value, hi[bounded], lo[bounded]]
+        axes.set_xscale("log")
+        shown_values = np.concatenate(tallest)
+        shown_values = shown_values[np.isfinite(shown_values)]
+        if len(shown_values) and np.ptp(shown_values) > 0.0:
+            room = 0.05 * np.ptp(shown_values)
+            axes.set_ylim(shown_values.min() - room, shown_values.max() + room)
+        return pictured(axes, f"{title} over the number of flights")
+
+
+def _estimates(one: Settling, name: str) -> Sequence[Estimate]:
+    return {"success": one.success, "p95": one.p95}[name]
+
+
+def _scale(axes: "Axes", values: FloatArray, *, both: bool = False) -> None:
+    """A logarithmic axis where a measure has many sizes; nothing is lost but the last 0.5 %."""
+    low, high = np.quantile(values, [0.005, 0.995])
+    logarithmic = low > 0.0 and high / low > MANY_TIMES
+    room = 0.04 * (high - low) or 0.1 * abs(high) or 1.0
+    limits = (low / 1.1, high * 1.1) if logarithmic else (low - room, high + room)
+    for axis in "xy" if both else "x":
+        if logarithmic:
+            getattr(axes, f"set_{axis}scale")("log")
+        getattr(axes, f"set_{axis}lim")(*limits)
