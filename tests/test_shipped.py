@@ -1,4 +1,4 @@
-"""Aircraft and scenarios that come with the package are found by name, wherever it is installed."""
+"""Aircraft, scenarios and campaigns that come with the package are found by name, wherever it is installed."""
 
 import shutil
 import subprocess
@@ -26,13 +26,27 @@ def test_every_scenario_of_the_checkout_is_listed():
     assert set(shipped.scenario_names()) == names
 
 
-def test_scenarios_are_found_with_and_without_ending():
+def test_every_campaign_of_the_checkout_is_listed():
+    names = {path.stem for path in (REPOSITORY / "scenarios/campaigns").glob("*.toml")}
+
+    assert set(shipped.campaign_names()) == names
+    assert not names & set(shipped.scenario_names())
+
+
+def test_scenarios_and_campaigns_are_found_with_and_without_ending():
+    assert shipped.campaign_file("first_campaign") == shipped.campaign_file("first_campaign.toml")
+    assert shipped.campaign_file("first_campaign").is_file()
     assert shipped.scenario_file("paper") == shipped.scenario_file("paper.toml")
     assert shipped.scenario_file("paper").is_file()
 
 
 @pytest.mark.parametrize(
-    ("find", "kind"), [(shipped.aircraft_folder, "aircraft"), (shipped.scenario_file, "scenario")]
+    ("find", "kind"),
+    [
+        (shipped.aircraft_folder, "aircraft"),
+        (shipped.scenario_file, "scenario"),
+        (shipped.campaign_file, "campaign"),
+    ],
 )
 @pytest.mark.parametrize("name", ["lost", "", "..", "../aircraft/aerosonde", "/etc"])
 def test_unknown_names_are_answered_with_those_there_are(find, kind, name):
@@ -45,12 +59,12 @@ from pathlib import Path
 import flighttune
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.shipped import scenario_file
+from flighttune.shipped import campaign_file, scenario_file
 print(Path(flighttune.__file__).parent)
 plant = JSBSimPlant("aerosonde")
 plant.start(FlightCondition(V_a=25.0))
 print(plant.advance(0.2, 1.0, 1.0))
-print(scenario_file("paper").is_file())
+print(scenario_file("paper").is_file(), campaign_file("first_campaign").is_file())
 """
 
 
@@ -76,5 +90,5 @@ def test_the_wheel_holds_the_aircraft_and_flies_it(tmp_path):
         cwd=tmp_path, capture_output=True, text=True, check=True,
     )  # fmt: skip
 
-    assert flown.stdout.splitlines() == [str(site / "flighttune"), "None", "True"]
+    assert flown.stdout.splitlines() == [str(site / "flighttune"), "None", "True True"]
     assert flown.stderr == ""

@@ -187,3 +187,6 @@ def test_list_shows_what_ships():
 
     assert "aerosonde" in found["aircraft"]
     assert {"paper", "paper_as_printed", "level_turn"} <= {s["name"] for s in found["scenarios"]}
+    assert {"first_campaign", "kinematic_sweep"} <= {c["name"] for c in found["campaigns"]}
+    for one in (*found["scenarios"], *found["campaigns"]):
+        assert set(one) == {"name", "title", "verifies"}
