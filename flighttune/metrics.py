@@ -1,7 +1,7 @@
 """How well a run followed its reference: the paper's measures and the usual step measures."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -11,6 +11,12 @@ from flighttune.simulate.run import Run
 
 CHANNELS = {"chi": "phi", "gamma": "n_z"}
 """Controlled quantity and the command that mostly moves it."""
+
+MEASURED = (
+    "chi_err", "gamma_err", "gamma_ref", "phi_cmd", "n_z_cmd", "phi_limited", "n_z_limited",
+    "V_a", "n_z", "alpha",
+)  # fmt: skip
+"""Signals that measures are taken of."""
 
 NO_STEP = 1e-6
 SMALLEST_STEP = math.radians(0.1)
@@ -96,12 +102,21 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
     """
     if len(run.signals) < 2:
         return {}
-    t, table = run.signals.index.to_numpy(dtype=float), np.asfortranarray(run.signals.to_numpy())
-    columns = {str(name): table[:, i] for i, name in enumerate(run.signals.columns)}
+    t, columns = run.signals.index.to_numpy(dtype=float), signal_arrays(run, MEASURED)
     found = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
     for channel, of_channel in found.items():
         of_channel["peak_rad"] = float(np.max(np.abs(columns[f"{channel}_err"])))
     return {**found, "flight": _flight_measures(columns)}
+
+
+def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
+    """Those signals of `names` that a run has, as contiguous arrays."""
+    table, columns = run.signals.to_numpy(), run.signals.columns
+    return {
+        name: np.ascontiguousarray(table[:, columns.get_loc(name)])
+        for name in names
+        if name in columns
+    }
 
 
 def has_step(run: Run, channel: str) -> bool:

@@ -30,7 +30,10 @@ def aircraft_folder(name: str) -> Path:
     InputError
         If no aircraft of that name is shipped.
     """
-    return _known("aircraft", name, aircraft_names(), _room("aircraft")) / name
+    folder = _room("aircraft") / name
+    if Path(name).name != name or not (folder / "aircraft.toml").is_file():
+        _known("aircraft", name, aircraft_names(), folder)
+    return folder
 
 
 def scenario_file(name: str) -> Path:

@@ -14,6 +14,7 @@ from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.linear_model import kinematic_model
 from flighttune.gap.mismatch import mismatch
 from flighttune.gap.ultimate_set import ROUNDING, Kept, error_states, kept
+from flighttune.metrics import signal_arrays
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.attractor import invariant_ellipsoid
@@ -23,6 +24,7 @@ HALF = 0.5
 """Part of the flight from which a claim is looked at where the campaign gives no time."""
 
 FEWEST_SAMPLES = 4
+LOOKED_AT = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,14 +52,14 @@ class Claim:
         """Whether the claim holds in a flight; None where it was not completed."""
         if run.status != "completed" or len(run.signals) < FEWEST_SAMPLES:
             return None
-        columns = {name: run.signals[name].to_numpy() for name in run.signals}
-        both = [
-            (columns[f"{name}_err"], columns[f"{name}_ref"], columns[name])
-            for name in ("chi", "gamma")
-        ]
-        errors, references, flown = zip(*both, strict=True)
+        found = signal_arrays(run, LOOKED_AT)
         t = run.signals.index.to_numpy(dtype=float)
-        return self.of(t, errors=errors, references=references, flown=flown).item()
+        return self.of(
+            t,
+            errors=(found["chi_err"], found["gamma_err"]),
+            references=(found["chi_ref"], found["gamma_ref"]),
+            flown=(found["chi"], found["gamma"]),
+        ).item()
 
     def of(
         self,

@@ -4,6 +4,7 @@ import math
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -153,7 +154,13 @@ def _table(
         _put_true_errors(values, columns, sensed)
     index = pd.Index(t[: len(values)], name="t")
     values.flags.writeable = False
-    return pd.DataFrame(values, columns=pd.Index(columns), index=index, copy=False)
+    return pd.DataFrame(values, columns=_named(columns), index=index, copy=False)
+
+
+@cache
+def _named(columns: tuple[str, ...]) -> pd.Index:
+    """Names of columns, made once: it takes longer than all else in a table."""
+    return pd.Index(columns)
 
 
 def _put_true_errors(values: np.ndarray, columns: tuple[str, ...], wrapped: Sequence[bool]) -> None:
