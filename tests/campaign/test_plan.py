@@ -3,6 +3,7 @@
 import json
 import math
 import pickle
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from flighttune.errors import InputError, ScenarioError
 from flighttune.outer_loop import gain_set
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.scenario.schema import Scenario
+from flighttune.shipped import aircraft_folder
 
 LEVEL_TURN = load_scenario("level_turn")
 SPEED = {"key": "flight.V_a_mps", "distribution": "uniform", "lower": 24.0, "upper": 26.0}
@@ -262,6 +264,7 @@ def test_a_block_of_a_saltelli_design_takes_one_factor_from_b():
         assert all(a[name] != b[name] for name in plan.factors)
         for factor, row in zip(plan.factors, mixed, strict=True):
             assert row == {**a, factor: b[factor]}
+    assert plan.parameters(3, 17).equals(plan.parameters().iloc[3:17])
 
 
 def test_gains_are_those_of_the_scenario_and_none_where_tuning_finds_none():
@@ -295,6 +298,20 @@ def test_a_changed_aircraft_or_other_gains_are_a_difference():
     said = plan.differences(other)
     assert any(line.startswith(f"files of aircraft {name}: was '{was[:20]}") for line in said)
     assert any(line.startswith("gains as numbers, paper") for line in said)
+
+
+def test_an_edited_aircraft_is_seen(tmp_path):
+    shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "mine")
+    mine = [{"kind": "jsbsim", "aircraft": str(tmp_path / "mine")}]
+    nominal = Scenario.model_validate({**LEVEL_TURN.as_dict(), "plant": mine})
+    was = plan_of(SPEED, nominal=nominal)
+    assert was.aircraft[str(tmp_path / "mine")] == plan_of(SPEED).aircraft["aerosonde"]
+
+    with (tmp_path / "mine/aerosonde.xml").open("a") as model:
+        model.write("<!-- heavier -->")
+    assert [line.split(":")[0] for line in was.differences(plan_of(SPEED, nominal=nominal))] == [
+        f"files of aircraft {tmp_path}/mine"
+    ]
 
 
 def test_a_plan_of_another_version_or_none_at_all_is_refused():
