@@ -1,12 +1,18 @@
 """Any run of a plan flown again by itself, as ``flighttune fly`` flies a scenario."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from flighttune.campaign.alone import leader_of
+from flighttune.campaign.claim import claims
+from flighttune.campaign.outcome import expected_of, flat, misses
 from flighttune.campaign.plan import Group, Plan
+from flighttune.campaign.schema import MEASURES
 from flighttune.errors import InputError
 from flighttune.flight import FlownScenario, fly
+from flighttune.metrics import measures
 from flighttune.one_flight import Progress
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
@@ -90,6 +96,66 @@ def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> Flow
     flown = fly(scenario_of_run(plan, run), progress=progress)
     found = next(one for one in flown.runs if one.provenance.plant == group.plant)
     return FlownAgain(flown=flown, run=found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowDifference:
+    """Where a run that was flown again is not what its row says.
+
+    Attributes
+    ----------
+    column : str
+    in_row, flown : float, str, bool or None
+        Both values, as the row has them.
+    """
+
+    column: str
+    in_row: Any
+    flown: Any
+
+
+def row_differences(
+    plan: Plan, run: int, flown: Run, row: Mapping[str, Any]
+) -> tuple[RowDifference, ...]:
+    """Every column in which a run that was flown again differs from its row, to the bit.
+
+    Parameters
+    ----------
+    plan : Plan
+    run : int
+    flown : Run
+        That run, as `fly_again` has it.
+    row : mapping
+        Its row; a null is None.
+    """
+    group = plan.group_of(run)
+    measured, claim = measures(flown), claims(plan)[group]
+    missed = misses(expected_of(plan.scenario, group), flown.status, flown.reason, measured)
+    values = dict(zip(MEASURES, map(_or_null, flat(measured)), strict=True))
+    again = {
+        "status": flown.status,
+        "reason": flown.reason,
+        "success": not missed,
+        "missed": "; ".join(missed),
+        **values,
+        "certified": claim and claim.of_run(flown),
+    }
+    return tuple(
+        RowDifference(column=name, in_row=row[name], flown=value)
+        for name, value in again.items()
+        if not _same(row[name], value)
+    )
+
+
+def _or_null(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Equal to the bit: zeros of either sign are two numbers."""
+    if isinstance(a, float) and isinstance(b, float):
+        return a.hex() == b.hex()
+    return bool(a == b)
 
 
 def _as_numbers(plan: Plan, group: Group) -> dict[str, Any]:

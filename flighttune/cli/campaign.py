@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flighttune.cli.campaign_fly import fly
 from flighttune.cli.campaign_progress import CampaignOnlooker, duration
+from flighttune.cli.campaign_report import report
 from flighttune.cli.show import COULD_NOT_RUN, NO, JsonOption, fail, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -20,6 +22,8 @@ campaign = typer.Typer(
     no_args_is_help=True,
     help="Fly a scenario thousands of times, dispersed, on one machine or a cluster.",
 )
+campaign.command()(report)
+campaign.command()(fly)
 
 
 @campaign.command()
