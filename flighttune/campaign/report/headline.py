@@ -155,7 +155,8 @@ def _matters(found: Findings) -> Answer:
             what = "success" if name == SUCCESS else shown(name).name if name else ""
             if apart:
                 named.append(apart[0].parameter)
-                parts = "; ".join(_told(influence) for influence in apart)
+                limit = 1.0 - found.confidence
+                parts = "; ".join(_told(influence, limit) for influence in apart)
                 sentences.append(f"{label_of(one.group)}, {what}: {parts}.")
             elif told:
                 sentences.append(
@@ -172,8 +173,11 @@ def _matters(found: Findings) -> Answer:
     )
 
 
-def _told(one: Influence) -> str:
-    share = f"explains {max(0.0, 100.0 * one.share):.0f} % of the ranks"
-    if one.rho != one.rho:
-        return f"{one.parameter} {share}"
-    return f"{one.parameter} {share}, rank correlation {one.rho:+.2f}"
+def _told(one: Influence, limit: float) -> str:
+    """What stands apart of an influence: the share explained, the direction, or both."""
+    parts = []
+    if one.p_share < limit:
+        parts.append(f"explains {100.0 * one.share:.0f} % of the ranks")
+    if one.p_rho < limit:
+        parts.append(f"rank correlation {one.rho:+.2f}")
+    return f"{one.parameter} {', '.join(parts)}"
