@@ -38,7 +38,7 @@ def correlated(
     Notes
     -----
     Normal scores with the correlation ``2 sin(pi rho / 6)`` have the rank correlation ``rho``
-    (Spearman's), eq. (2.8) of [1]_.
+    (Spearman's) [1]_.
 
     References
     ----------

@@ -228,13 +228,20 @@ def test_a_grid_crosses_the_points_of_any_design():
 
 
 ANGLES = ["flight.chi_deg", "flight.phi_deg", "flight.gamma_deg"]
-ISHIGAMI_FIRST = [0.3139, 0.4424, 0.0]
-ISHIGAMI_TOTAL = [0.5576, 0.4424, 0.2437]
-"""For a = 7, b = 0.1: Saltelli et al., Global Sensitivity Analysis: The Primer, section 4.6."""
+A, B = 7.0, 0.1
+PARTS = {
+    "x": 0.5 * (1.0 + B * math.pi**4 / 5.0) ** 2,
+    "y": A**2 / 8.0,
+    "xz": B**2 * math.pi**8 * (1.0 / 18.0 - 1.0 / 50.0),
+}
+"""Variance of Ishigami's function by the angles it is due to, its integrals in closed form."""
+VARIANCE = sum(PARTS.values())
+ISHIGAMI_FIRST = np.array([PARTS["x"], PARTS["y"], 0.0]) / VARIANCE
+ISHIGAMI_TOTAL = np.array([PARTS["x"] + PARTS["xz"], PARTS["y"], PARTS["xz"]]) / VARIANCE
 
 
 def ishigami(x, y, z):
-    return np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)
+    return np.sin(x) + A * np.sin(y) ** 2 + B * z**4 * np.sin(x)
 
 
 def test_the_blocks_of_a_saltelli_design_give_the_sobol_indices_known():

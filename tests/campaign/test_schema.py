@@ -52,6 +52,14 @@ def test_every_key_of_the_file_is_explained():
             assert f"`{key}`" in text or f"`{key} = " in text, key
 
 
+def test_the_example_of_the_page_is_a_campaign(load):
+    text = (ROOT / "docs/campaigns.md").read_text()
+    campaign = load(text.split("```toml\n")[1].split("```")[0])
+
+    assert campaign.keys == ("plant.airframe.mass_factor", "wind.speed_mps", "wind.from_deg")
+    assert campaign.nominal.flight.duration_s == 15.0
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
