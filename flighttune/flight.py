@@ -14,6 +14,7 @@ from flighttune.expectations import missed_expectations
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.one_flight import Progress, fly_once, unflown
 from flighttune.outer_loop import gain_set, tune_scenario
+from flighttune.plants.air_path import AirPathPlant
 from flighttune.plants.base import Plant
 from flighttune.plants.kinematic import KinematicPlant
 from flighttune.plants.point_mass import PointMassPlant
@@ -174,7 +175,7 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
     from flighttune.plants.jsbsim.plant import JSBSimPlant
 
     rate = scenario.controller.rate_hz
-    return JSBSimPlant(
+    aircraft = JSBSimPlant(
         table.aircraft,
         fdm_rate_hz=rate * math.ceil(LOWEST_FDM_RATE_HZ / rate),
         seed=scenario.seed,
@@ -183,6 +184,21 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         throttle_max=table.throttle_max,
         off_nominal=table.airframe and table.airframe.off_nominal(),
     )
+    return steered(aircraft, scenario)
+
+
+def steered(plant: Plant, scenario: Scenario) -> Plant:
+    """A plant in wind with the path a scenario steers it by: over ground, or through the air.
+
+    Parameters
+    ----------
+    plant : Plant
+        One that shows ground speed and wind.
+    scenario : Scenario
+        Its ``[disturbance]`` tells which.
+    """
+    by_air = scenario.disturbance is not None and scenario.disturbance.path == "air"
+    return AirPathPlant(plant) if by_air else plant
 
 
 def _flights(

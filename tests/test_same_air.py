@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flighttune.flight import fly
-from flighttune.scenario import scenario_from
+from flighttune.scenario import load_scenario, scenario_from
 
 WIND = ("wind_north", "wind_east", "wind_down")
 LAGS = {"roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
@@ -109,6 +109,27 @@ def test_the_sinusoid_as_wind_blows_on_the_aircraft_and_stays_a_rate_on_the_law(
     assert aircraft.signals["wind_east"].to_numpy() == pytest.approx(
         25.0 * 0.02 / 0.3 * np.cos(0.3 * t)
     )
+
+
+@pytest.fixture(scope="module")
+def storm():
+    """Errors in deg once the manoeuvre of the shipped scenario is over, by run."""
+    flown = fly(load_scenario("oscillating_wind"))
+    return {
+        run.label: np.rad2deg(run.signals.loc[15.0:, ["chi_err", "gamma_err"]])
+        for run in flown.runs
+    }
+
+
+@pytest.mark.parametrize(
+    ("gains", "apart_deg"), [("tuned_identified", (0.1, 0.06)), ("paper", (0.5, 0.8))]
+)
+def test_steered_through_the_air_the_aircraft_meets_the_papers_disturbance(storm, gains, apart_deg):
+    aircraft, law = (storm[f"{plant} / {gains}"] for plant in ("jsbsim:aerosonde", "point_mass"))
+
+    assert ((aircraft - law).abs().max() < np.array(apart_deg)).all()
+    assert (law.abs().max() > 0.6).all()
+    assert (aircraft - law).loc[45.0:].abs().max().max() < 0.05
 
 
 def test_the_aerosonde_lives_through_the_wind_of_the_printed_amplitude():

@@ -11,7 +11,7 @@ import pandas as pd
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
-from flighttune.flight import plant_of
+from flighttune.flight import plant_of, steered
 from flighttune.gap.inner_loop import InnerLoop, LagSource, inner_loop_of
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.one_flight import Progress, fly_once
@@ -175,7 +175,7 @@ def climb(
     }
     runs = [
         fly_once(
-            scenario, plant, gains, plant_label=label,
+            scenario, plant if wind is None else steered(plant, scenario), gains, plant_label=label,
             gains_name=aircraft.provenance.gains_name, limits=limits, progress=progress,
         )
         for label, plant in lower.items()

@@ -112,6 +112,7 @@ class DisturbanceTable(Table):
     gamma_amplitude: Finite = 0.0
     gamma_omega_rad_s: NotNegative = 0.0
     as_wind: bool = False
+    path: Literal["ground", "air"] = "ground"
 
     @model_validator(mode="after")
     def _wind_swings(self) -> "DisturbanceTable":
@@ -122,6 +123,8 @@ class DisturbanceTable(Table):
                     f"`{channel}_omega_rad_s` must be positive with as_wind: a constant rate takes "
                     "a wind that grows without end"
                 )
+        if self.path == "air" and not self.as_wind:
+            raise ValueError('`path` must be "ground" without as_wind, got "air"')
         return self
 
     def sinusoid(self) -> Sinusoid:
@@ -153,13 +156,18 @@ def check_air(
     Raises
     ------
     ValueError
-        If a sinusoid of the kinematic law is to disturb an aircraft, or nobody meets the wind that
-        the others replay.
+        If a sinusoid of the kinematic law is to disturb an aircraft, nobody meets the wind that
+        the others replay, or an aircraft is to be steered through air that others replay.
     """
     if disturbance and aircraft and not disturbance.as_wind:
         raise ValueError(
             "`disturbance` must be absent where a plant is jsbsim, or have `as_wind`: the "
             "sinusoid is a term of the kinematic law"
+        )
+    if disturbance and disturbance.path == "air" and (wind or unsteady):
+        raise ValueError(
+            '`path` of [disturbance] must be "ground" where there is other wind: it is over ground '
+            "that the other plants meet that"
         )
     if unsteady and not aircraft:
         name = "gust" if isinstance(unsteady, GustTable) else "turbulence"

@@ -48,6 +48,8 @@ SIGNAL_UNITS: dict[str, str] = {
     "r": "rad/s",
     "h": "m",
     "V_g": "m/s",
+    "chi_ground": "rad",
+    "gamma_ground": "rad",
     "n_y": "1",
     "aileron": "rad",
     "elevator": "rad",
@@ -72,7 +74,8 @@ integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held 
 ``*_meas`` is what the controller saw, in runs with sensors; in others it saw the signal itself.
 Positions are local NED from the start. Surfaces are positive trailing edge down, the rudder
 trailing edge left; the aileron is the left one, so that positive rolls right. ``wind_*`` is the
-velocity of the air: north is air that moves north.
+velocity of the air: north is air that moves north. Course and path angle are over ground, or
+through the air in runs that have ``*_ground`` too.
 """
 
 

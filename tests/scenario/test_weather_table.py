@@ -101,6 +101,17 @@ def test_still_air_is_no_weather():
         ({"turbulence": {"severity": 9, "wind_20ft_mps": 5.0}}, "`severity` must be less than"),
         ({"disturbance": PAPERS_SINUSOID}, "`disturbance` must be absent .* or have `as_wind`"),
         (
+            {"disturbance": {**PAPERS_SINUSOID, "path": "air"}, "plant": LAW},
+            '`path` must be "ground" without as_wind, got "air"',
+        ),
+        (
+            {
+                "disturbance": {**PAPERS_SINUSOID, "as_wind": True, "path": "air"},
+                "wind": {"speed_mps": 5.0, "from_deg": 0.0},
+            },
+            r'`path` of \[disturbance\] must be "ground" where there is other wind',
+        ),
+        (
             {"disturbance": {"chi_amplitude": 0.1, "as_wind": True}},
             "`chi_omega_rad_s` must be positive with as_wind",
         ),

@@ -170,6 +170,23 @@ def test_such_a_wind_hardly_turns_the_path_over_ground(fly):
     assert np.ptp(flight["chi"]) < 0.1 * np.ptp(0.02 / 0.3 * (1.0 - np.cos(0.3 * flight.t)))
 
 
+def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(fly):
+    # gamma' = g sin(gamma)/V (d_gamma + W), W the wind normal to the path over V: docs/weather.md.
+    gamma, omega, depth = math.radians(15.0), 0.3, 0.02 / 0.3
+    sinusoid = Sinusoid(chi_amplitude=0.0, chi_omega=0.0, gamma_amplitude=0.02, gamma_omega=omega)
+
+    flight = fly(
+        (0.0, math.cos(gamma)), gamma=gamma, duration=10.0,
+        weather=Weather(oscillation=sinusoid.as_wind(25.0, 0.0, gamma)),
+    )  # fmt: skip
+
+    k, t = 9.80665 * math.sin(gamma) / 25.0, flight.t
+    forced = k * depth / (k**2 + omega**2)
+    turned = forced * (omega * (np.exp(k * t) - np.cos(omega * t)) - k * np.sin(omega * t))
+    assert flight["gamma"] - gamma == pytest.approx(turned, abs=0.3 * turned[-1])
+    assert turned[-1] == pytest.approx(0.075, abs=1e-3)
+
+
 @pytest.mark.parametrize("model", ["tustin", "milspec"])
 def test_turbulence_high_up_is_as_strong_as_the_standards_curve(fly, model):
     # Fig. 7 of MIL-F-8785C, curve 3: 6.9 ft/s at 1750 ft and 7.4 ft/s at 3750 ft.
