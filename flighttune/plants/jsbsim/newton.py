@@ -6,27 +6,30 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 
-_DIFFERENCE = 2.0**-26
-"""Of an unknown, as a share of its range."""
-
-_CLOSE = 1e-9
-"""Residual below which a step that gains nothing more has met rounding."""
-
 _GAIN, _FAST = 0.5, 0.1
 """A step must gain the one share; be down to the other for the slopes to serve on."""
 
 _ROOM_USED = 0.9
 """Share of the way to a bound that a step takes which would pass it."""
 
-_MOST_STEPS = 25
+_CLOSE = 1e-9
+"""Residual below which a step that gains nothing more has met rounding."""
+
+_HALVINGS = 3
+"""How often a step that gains too little is taken half as long."""
+
+_MOST_STEPS = 12
 
 
 def interior_root(
     residuals: Callable[[FloatArray], FloatArray],
     start: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
+    *,
+    widths: FloatArray,
+    enough: float = 0.0,
 ) -> FloatArray | None:
-    """Return the root that Newton's method finds from `start`, down to rounding.
+    """Return the root that Newton's method finds from `start`.
 
     Parameters
     ----------
@@ -36,6 +39,10 @@ def interior_root(
         Strictly inside the bounds.
     bounds : tuple of two ndarrays, shape (n,)
         Lowest and highest value of each unknown.
+    widths : ndarray, shape (n,)
+        Differences of the unknowns that slopes are taken over.
+    enough : float
+        Residual at which the search ends; by default it goes down to rounding.
 
     Returns
     -------
@@ -50,9 +57,9 @@ def interior_root(
     lower, upper = bounds
     x, r, slopes = start, residuals(start), None
     for _ in range(_MOST_STEPS):
-        fresh = slopes is None
+        here, fresh = float(np.abs(r).max()), slopes is None
         if slopes is None:
-            slopes = _differences(residuals, x, r, upper - lower)
+            slopes = _differences(residuals, x, r, np.where(x + widths < upper, widths, -widths))
         try:
             step = np.linalg.solve(slopes, -r)
         except np.linalg.LinAlgError:
@@ -60,27 +67,30 @@ def interior_root(
         with np.errstate(divide="ignore"):
             room = float(np.min(np.where(step > 0.0, upper - x, x - lower) / np.abs(step)))
         part = 1.0 if room > 1.0 else _ROOM_USED * room
-        step = part * step
-        ahead = x + step
-        there = residuals(ahead)
-        here, now = float(np.abs(r).max()), float(np.abs(there).max())
-        if not now < (1.0 - _GAIN * part) * here:
-            if here < _CLOSE:
-                return x
-            if fresh:
-                return None
+        for _ in range(1 + _HALVINGS * (fresh and here > _CLOSE)):
+            moved = part * step
+            there = residuals(x + moved)
+            now = float(np.abs(there).max())
+            if now < (1.0 - _GAIN * part) * here:
+                break
+            part *= 0.5
+        else:
+            if here < _CLOSE or fresh:
+                return x if here < _CLOSE else None
             slopes = None
             continue
-        slopes = slopes + np.outer(there, step) / (step @ step) if now < _FAST * here else None
-        x, r = ahead, there
+        slopes = slopes + np.outer(there, moved) / (moved @ moved) if now < _FAST * here else None
+        x, r = x + moved, there
+        if now < enough:
+            return x
     return None
 
 
 def _differences(
-    residuals: Callable[[FloatArray], FloatArray], x: FloatArray, r: FloatArray, span: FloatArray
+    residuals: Callable[[FloatArray], FloatArray], x: FloatArray, r: FloatArray, widths: FloatArray
 ) -> FloatArray:
     columns = []
-    for i, width in enumerate((_DIFFERENCE * span).tolist()):
+    for i, width in enumerate(widths.tolist()):
         moved = x.copy()
         moved[i] += width
         columns.append((residuals(moved) - r) / (moved[i] - x[i]))

@@ -19,11 +19,17 @@ _SIDESLIP_SEARCHED = 10.0 * DEG
 _RESIDUAL_ALLOWED = 1e-6
 """Largest unbalanced acceleration of a trim, in units of g or rad/s^2."""
 
+_DIFFERENCE = 2.0**-26
+"""Difference of an unknown, as a share of its range, where nothing but rounding is in the way."""
+
+_SETTLED = 1e-8
+"""Residual that an engine which is still settling leaves."""
+
 _TOO_LITTLE = "full throttle has too little thrust"
 _TOO_MUCH = "the aircraft speeds up with the throttle closed"
 
-_STEPS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 3e-4, 1e-6)
-"""Differences of the unknowns: rad, throttle, rad/s."""
+_STEPS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 3e-4)
+"""Differences of the unknowns: rad, rad/s, throttle. The one that an engine follows comes last."""
 
 _AT_STOP = 0.01
 """Share of its interval within which a trim variable counts as lying at the end of it."""
@@ -59,7 +65,7 @@ class TrimPoint:
 def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
     """Put `fdm`, its inner loop disengaged, into steady coordinated flight at `condition`.
 
-    Seven unknowns (angle of attack, sideslip, three surfaces, throttle, turn rate) bring six body
+    Seven unknowns (angle of attack, sideslip, three surfaces, turn rate, throttle) bring six body
     accelerations and the lateral load factor to zero: by Newton's method, and where that gets
     stuck, by bounded least squares.
 
@@ -86,7 +92,13 @@ def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
     problem = _TrimProblem(fdm, condition)
     lower, upper = problem.bounds
     start = np.clip(problem.guess, lower + 0.02 * (upper - lower), upper - 0.02 * (upper - lower))
-    x = None if fdm.engine_settles else interior_root(problem.residuals, start, (lower, upper))
+    x = interior_root(
+        problem.residuals,
+        start,
+        (lower, upper),
+        widths=np.array(_STEPS) if fdm.engine_settles else _DIFFERENCE * (upper - lower),
+        enough=_SETTLED if fdm.engine_settles else 0.0,
+    )
     if x is None:
         differences: Any = problem.jacobian if fdm.engine_settles else "2-point"
         x = least_squares(
@@ -140,7 +152,7 @@ class _TrimProblem:
         """Where the search starts."""
         c = self._condition
         alpha = 0.05 * math.cos(c.gamma) / math.cos(c.phi)
-        return np.array([alpha, 0.0, 0.0, 0.0, 0.0, 0.3, G_0 / c.V_a * math.tan(c.phi)])
+        return np.array([alpha, 0.0, 0.0, 0.0, 0.0, G_0 / c.V_a * math.tan(c.phi), 0.3])
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -153,8 +165,8 @@ class _TrimProblem:
             config.actuators.aileron,
             config.actuators.elevator,
             config.actuators.rudder,
-            config.actuators.throttle,
             (-turn_rate, turn_rate),
+            config.actuators.throttle,
         ])  # fmt: skip
         return intervals[:, 0], intervals[:, 1]
 
@@ -174,7 +186,7 @@ class _TrimProblem:
 
     def point(self, x: FloatArray) -> TrimPoint:
         """Return the flight that the unknowns `x` stand for."""
-        alpha, beta, aileron, elevator, rudder, throttle, psi_dot = map(float, x)
+        alpha, beta, aileron, elevator, rudder, psi_dot, throttle = map(float, x)
         theta = pitch_attitude(self._condition.gamma, self._condition.phi, alpha, beta)
         psi = self._condition.chi - _drift_angle(theta, self._condition.phi, alpha, beta)
         return TrimPoint(
@@ -210,8 +222,8 @@ class _TrimProblem:
         low, high = self.bounds
         share = (x - low) / (high - low)
         reasons = (
-            (share[5] > 1 - _AT_STOP, _TOO_LITTLE),
-            (share[5] < _AT_STOP, _TOO_MUCH),
+            (share[-1] > 1 - _AT_STOP, _TOO_LITTLE),
+            (share[-1] < _AT_STOP, _TOO_MUCH),
             (share[0] > 1 - _AT_STOP, f"it would stall, alpha is at {x[0] / DEG:.1f} deg"),
             (share[0] < _AT_STOP, f"negative stall, alpha is at {x[0] / DEG:.1f} deg"),
             (min(share[3], 1 - share[3]) < _AT_STOP, "the elevator is at its stop"),
@@ -226,7 +238,7 @@ class _TrimProblem:
         lower, upper = self.bounds
         for stop, sense, text in ((upper, -1.0, _TOO_LITTLE), (lower, 1.0, _TOO_MUCH)):
             at_stop = x.copy()
-            at_stop[5] = stop[5]
+            at_stop[-1] = stop[-1]
             if sense * self.residuals(at_stop)[0] > _RESIDUAL_ALLOWED:
                 return text
         return ""
