@@ -1,0 +1,244 @@
+"""The best of several candidates by a percentile, on the same draws, bad ones dropped early."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+
+TAIL_DRAWS = 4
+"""Draws beyond the percentile before a candidate may be dropped."""
+
+FEWEST_DRAWS = 32
+RESAMPLES = 1000
+DROPPED_BELOW = 0.005
+"""A candidate is dropped where it does as well as the leader in fewer resamples than this part."""
+
+AT_ONCE = 2_000_000
+"""Numbers of one candidate that are resampled at a time."""
+
+Tried = tuple[FloatArray, npt.NDArray[np.bool_]]
+"""Scores and success of some candidates on some draws, both of shape (candidates, draws)."""
+
+Fly = Callable[[Sequence[str], int, int], Tried | None]
+"""Flies candidates on draws from a first to an end; None where it was stopped."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Race:
+    """How a race went.
+
+    Attributes
+    ----------
+    scores, success : mapping of str to ndarray, shape (draws of the candidate,)
+        Of every candidate and of everyone beside them; scores are infinite where a flight was lost.
+    dropped : mapping of str to float, 1
+        Candidates that were dropped, with the probability at which they were: that of doing as well
+        as the leader.
+    best : str
+        The candidate of the lowest percentile, of those that succeed often enough, if any does.
+    p_best : float, 1
+        Probability that it is the best: the share of resamples it wins, less that of every
+        candidate dropped to have been dropped wrongly.
+    wins : mapping of str to float, 1
+        Share of the resamples that each candidate at the end wins.
+    loss : float
+        What the percentile of the best lies above that of the winner, mean over the resamples.
+    differences : mapping of str to ndarray, shape (resamples,)
+        Percentile of each of those at the end less that of the best, in every resample.
+    finished : bool
+        Whether it was not stopped.
+    """
+
+    scores: Mapping[str, FloatArray]
+    success: Mapping[str, npt.NDArray[np.bool_]]
+    dropped: Mapping[str, float]
+    best: str
+    p_best: float
+    wins: Mapping[str, float]
+    loss: float
+    differences: Mapping[str, FloatArray]
+    finished: bool
+
+
+def race(
+    candidates: Sequence[str],
+    fly: Fly,
+    *,
+    draws: int,
+    q: float,
+    least_success: float = 0.0,
+    beside: Sequence[str] = (),
+    cycle: int = 1,
+    seed: int = 0,
+) -> Race | None:
+    """Fly candidates on more and more draws, and drop those that cannot be the best.
+
+    Parameters
+    ----------
+    candidates : sequence of str
+        Their names; of equal ones the first is chosen.
+    fly : callable
+        Flies some on some draws.
+    draws : int
+        Of which those at the end fly all.
+    q : float, 1
+        Quantile that is to be as low as can be, between 0 and 1.
+    least_success : float, 1
+        Part of its flights in which the best shall succeed. Of candidates that do not, the one is
+        better that lacks less.
+    beside : sequence of str
+        Others that fly all draws, to be compared with, not to be chosen.
+    cycle : int
+        Draws that belong together.
+    seed : int
+        Of the resampling.
+
+    Returns
+    -------
+    Race or None
+        None where it was stopped before the first draws had been flown.
+
+    Raises
+    ------
+    InputError
+        If there is no candidate, no draw, or `q` is not between 0 and 1.
+
+    Notes
+    -----
+    Draws are resampled with replacement, the same for all candidates (a paired bootstrap), whole
+    cycles at a time. Looks are at fixed numbers of draws, each twice that before.
+    """
+    if not candidates or draws < 1 or not 0.0 < q < 1.0:
+        raise InputError(
+            f"a race must have candidates, draws and `q` between 0 and 1, got {len(candidates)}, "
+            f"{draws} and {q}."
+        )
+    scores: dict[str, FloatArray] = {name: np.empty(0) for name in (*candidates, *beside)}
+    success = {name: np.empty(0, dtype=bool) for name in scores}
+    left, dropped, flown = list(candidates), {}, 0
+    found = None
+    for look, end in enumerate(_looks(draws, q, cycle)):
+        tried = fly((*left, *beside), flown, end)
+        if tried is None:
+            break
+        for name, new, good in zip((*left, *beside), *tried, strict=True):
+            scores[name] = np.concatenate([scores[name], new])
+            success[name] = np.concatenate([success[name], good])
+        flown = end
+        found = _resampled(left, beside, scores, success, q, least_success, cycle, (seed, look))
+        if end < draws:
+            worse = [name for name in left if found.as_good[name] < DROPPED_BELOW]
+            dropped |= {name: found.as_good[name] for name in worse}
+            left = [name for name in left if name not in worse]
+    if found is None:
+        return None
+    wins = {name: found.wins[name] for name in left}
+    return Race(
+        scores=scores, success=success, dropped=dropped, best=found.leader,
+        p_best=max(0.0, found.wins[found.leader] - sum(dropped.values())), wins=wins,
+        loss=found.loss, differences=found.differences, finished=flown == draws,
+    )  # fmt: skip
+
+
+def ordered_quantile(values: FloatArray, q: float) -> FloatArray:
+    """The order statistic at a quantile along the last axis: infinite values need no mean."""
+    n = values.shape[-1]
+    place = min(n - 1, max(0, math.ceil(q * n) - 1))
+    return np.partition(values, place, axis=-1)[..., place]
+
+
+def _looks(draws: int, q: float, cycle: int) -> Iterator[int]:
+    """Numbers of draws after which candidates are compared, whole cycles, all draws last."""
+    look = max(FEWEST_DRAWS, math.ceil(TAIL_DRAWS / min(q, 1.0 - q)))
+    while look < draws:
+        whole = math.ceil(look / cycle) * cycle
+        if whole >= draws:
+            break
+        yield whole
+        look = 2 * whole
+    yield draws
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Resampled:
+    leader: str
+    wins: dict[str, float]
+    as_good: dict[str, float]
+    loss: float
+    differences: dict[str, FloatArray]
+
+
+def _resampled(
+    left: Sequence[str],
+    beside: Sequence[str],
+    scores: Mapping[str, FloatArray],
+    success: Mapping[str, npt.NDArray[np.bool_]],
+    q: float,
+    least: float,
+    cycle: int,
+    seed: tuple[int, int],
+) -> _Resampled:
+    """Who leads on the draws flown, and how often who does on draws like them."""
+    names = [*left, *beside]
+    values = np.array([scores[name] for name in names])
+    good = np.array([success[name] for name in names])
+    lacks, size = _lacks(good.mean(axis=-1), least), ordered_quantile(values, q)
+    chosen = int(_best(lacks[: len(left), None], size[: len(left), None])[0])
+    lack = np.empty((len(names), RESAMPLES))
+    high = np.empty((len(names), RESAMPLES))
+    at = 0
+    for picked in _picks(values.shape[1], cycle, seed):
+        block = slice(at, at + len(picked))
+        for i in range(len(names)):
+            lack[i, block] = _lacks(good[i][picked].mean(axis=-1), least)
+            high[i, block] = ordered_quantile(values[i][picked], q)
+        at += len(picked)
+    winners = _best(lack[: len(left)], high[: len(left)])
+    no_worse = (lack < lack[chosen]) | ((lack == lack[chosen]) & (high <= high[chosen]))
+    above = _less(high, high[chosen])
+    lost = -np.take_along_axis(above, winners[None], axis=0)[0]
+    return _Resampled(
+        leader=left[chosen],
+        wins={name: float(np.mean(winners == i)) for i, name in enumerate(left)},
+        as_good={name: float(np.mean(no_worse[i])) for i, name in enumerate(left)},
+        loss=float(np.mean(np.maximum(lost, 0.0))),
+        differences=dict(zip(names, above, strict=True)),
+    )
+
+
+def _picks(n: int, cycle: int, seed: tuple[int, int]) -> Iterator[npt.NDArray[np.intp]]:
+    """Places of resampled draws, shape (some resamples, whole cycles of n)."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed[0], spawn_key=(seed[1],)))
+    cycles = max(1, n // cycle)
+    length = min(cycle, n)
+    block = max(1, AT_ONCE // (cycles * length))
+    for first in range(0, RESAMPLES, block):
+        some = min(block, RESAMPLES - first)
+        picked = rng.integers(cycles, size=(some, cycles))
+        yield (picked[..., None] * length + np.arange(length)).reshape(some, -1)
+
+
+def _lacks(rate: FloatArray, least: float) -> FloatArray:
+    return np.maximum(0.0, least - rate)
+
+
+def _best(lack: FloatArray, size: FloatArray) -> npt.NDArray[np.intp]:
+    """Along the first axis: who lacks least, then is lowest, then comes first."""
+    best = np.zeros(lack.shape[1], dtype=np.intp)
+    at = np.arange(lack.shape[1])
+    for i in range(1, len(lack)):
+        equal = lack[i] == lack[best, at]
+        better = (lack[i] < lack[best, at]) | (equal & (size[i] < size[best, at]))
+        best[better] = i
+    return best
+
+
+def _less(a: FloatArray, b: FloatArray) -> FloatArray:
+    """``a - b``, 0 where both are infinite."""
+    both = np.isinf(a) & np.isinf(b)
+    return np.where(both, 0.0, np.where(both, 0.0, a) - np.where(both, 0.0, b))
