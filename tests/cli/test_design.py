@@ -71,6 +71,46 @@ def test_trim_shows_the_envelope_as_a_table():
     assert err == ""
 
 
+def test_trim_names_the_elevator_of_a_nose_heavy_aircraft(tmp_path):
+    folder = tmp_path / "nose_heavy"
+    shutil.copytree(aircraft_folder("aerosonde"), folder)
+    model = folder / "aerosonde.xml"
+    balanced = '<location name="CG" unit="M"> <x> 0.05888 </x>'
+    assert balanced in model.read_text()
+    model.write_text(model.read_text().replace(balanced, balanced.replace("0.05888", "-0.12")))
+
+    out, err = flighttune("trim", folder, "--V-a", 17, "--V-a", 35, "--gamma", 0, "--json")
+    slow, fast = json.loads(out)["trims"]
+
+    assert slow["trim"] is None
+    assert slow["reason"] == "the elevator is at its stop"
+    assert -25.0 < fast["trim"]["elevator_deg"] < 0.0
+    assert err == ""
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "condition", "outside", "there"),
+    [
+        ("aerosonde", ("--V-a", 12), "`V_a` must lie in 15 to 45 m/s, got 12", "it would stall"),
+        ("aerosonde", ("--V-a", 120), "`V_a` must lie", "full throttle has too little thrust"),
+        ("aerosonde", ("--V-a", 60), "`V_a` must lie", "it would fly, with alpha at -1.5 deg"),
+        ("aerosonde", ("--V-a", 25, "--phi", 70), "`n_z` must lie in -2.1 to", "it would stall"),
+        ("a4", ("--V-a", 50), "`V_a` must lie in 110 to 270 m/s, got 50 m/s", "it would stall"),
+    ],
+)
+def test_outside_the_envelope_trim_tells_the_range_and_what_is_there(
+    aircraft, condition, outside, there
+):
+    printed, err = flighttune("trim", aircraft, *condition, "--gamma", 0, "--json", status=1)
+    (row,) = json.loads(printed)["trims"]
+
+    assert row["trim"] is None
+    assert row["reason"].startswith("outside the envelope: ")
+    assert outside in row["reason"]
+    assert f"; there: {there}" in row["reason"]
+    assert err.count("\n") == 1
+
+
 def test_trim_says_no_where_nothing_flies():
     _, err = flighttune("trim", "a4", "--V-a", 200, "--gamma", 60, status=1)
 

@@ -1,14 +1,16 @@
 """Steady flights of an aircraft over airspeeds and flight-path angles."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from flighttune.errors import InputError, TrimError
+from flighttune.errors import TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.aircraft import AircraftConfig
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.start_check import start_faults
 from flighttune.plants.jsbsim.trim import TrimPoint, trim
 from flighttune.units import DEG
 
@@ -28,7 +30,8 @@ class TrimRow:
     condition : FlightCondition
     point : TrimPoint or None
     reason : str
-        Empty where there is a trim.
+        Empty where there is a trim. Outside the envelope it tells the range, and what stands
+        against steady flight there or that nothing does.
     """
 
     condition: FlightCondition
@@ -73,11 +76,36 @@ def trim_table(
 
 
 def _row(config: AircraftConfig, condition: FlightCondition) -> TrimRow:
+    faults = list(start_faults(config, condition, ground=0.0))
+    outside = "; ".join(f"`{name}` {fault}" for name, fault in faults)
+    outside = outside.replace(f" ({config.file})", "")
+    if "h" in dict(faults):
+        return TrimRow(condition=condition, point=None, reason=outside)
+    if not outside:
+        point, obstacle = _search(config, condition)
+        return TrimRow(condition=condition, point=point, reason=obstacle)
+    point, obstacle = _search(_without_edges(config), condition)
+    if point is not None:
+        angle = f"with alpha at {point.alpha / DEG:.1f} deg"
+        obstacle = f"it would fly, {angle} and the throttle at {point.throttle:.2f}"
+    return TrimRow(
+        condition=condition,
+        point=None,
+        reason=f"outside the envelope: {outside}; there: {obstacle}",
+    )
+
+
+def _search(config: AircraftConfig, condition: FlightCondition) -> tuple[TrimPoint | None, str]:
+    """The trim, or what stands against it."""
     try:
-        point = trim(Fdm(config, FDM_RATE_HZ), condition)
+        return trim(Fdm(config, FDM_RATE_HZ), condition), ""
     except TrimError as error:
-        obstacle = str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
-        return TrimRow(condition=condition, point=None, reason=obstacle)
-    except InputError as error:
-        return TrimRow(condition=condition, point=None, reason=str(error))
-    return TrimRow(condition=condition, point=point, reason="")
+        return None, str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
+
+
+def _without_edges(config: AircraftConfig) -> AircraftConfig:
+    """The aircraft where only alpha, surfaces and engine stand against a steady flight."""
+    anything = (-math.inf, math.inf)
+    envelope = config.envelope.model_copy(update={"V_a": anything})
+    limits = config.limits.model_copy(update={"phi": anything, "n_z": anything})
+    return config.model_copy(update={"envelope": envelope, "limits": limits})
