@@ -40,13 +40,14 @@ KNOWN: Mapping[type, tuple[str, ...]] = {
     ControllerTable: ("rate_hz", "anti_windup", "tracking_time_s", "feed_forward", "schedule"),
     DisturbanceTable: (
         "chi_amplitude", "chi_omega_rad_s", "gamma_amplitude", "gamma_omega_rad_s", "as_wind",
+        "path",
     ),
     PlantTable: ("kind",),
 }  # fmt: skip
 """Keys of the tables that shape a kinematic flight, all of which the batch flies.
 
-`flight.h_m` and `flight.ground_m` are known to make no difference. Whatever else a scenario says,
-its flight is not for the batch.
+Heights, and how an aircraft meets the disturbance (``as_wind``, ``path``), are known to make no
+difference. Whatever else a scenario says, its flight is not for the batch.
 """
 
 
@@ -94,7 +95,7 @@ def batchable(scenario: Scenario, table: PlantTable) -> bool:
 
 
 def _knows(table: Any) -> bool:
-    known = KNOWN[type(table)]
+    known = KNOWN.get(type(table), ())
     return all(value is None or name in known for name, value in table)
 
 

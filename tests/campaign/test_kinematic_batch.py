@@ -1,0 +1,253 @@
+"""Batches of kinematic draws have the bits of flights alone, whatever is dispersed."""
+
+import numpy as np
+import pytest
+from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, uniform
+
+from flighttune.campaign.alone import fly_group
+from flighttune.campaign.claim import claims
+from flighttune.campaign.kinematic_batch import KNOWN, batchable
+from flighttune.campaign.outcome import flat
+from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.schema import MEASURES
+from flighttune.expectations import missed_expectations
+from flighttune.metrics import measures
+from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
+from flighttune.scenario.sensors_table import SensorsTable
+from flighttune.scenario.weather_table import DisturbanceTable, WindTable
+
+WAVE = {
+    "chi_amplitude": 0.1, "chi_omega_rad_s": 1.5, "gamma_amplitude": 0.1, "gamma_omega_rad_s": 0.7,
+}  # fmt: skip
+SUCCESS = {"at_most": {"chi": {"peak_deg": 18.0}, "flight": {"n_z_max": 1.3}}}
+CLAIM = {"from_s": 0.7, "L_d_rad_s2": 0.15}
+
+
+def fate(status, reason, measured, missed, certified):
+    """Everything of a row that a flight decides, equal only where every bit is."""
+    return status, reason, np.asarray(measured, dtype=float).tobytes(), missed, certified
+
+
+def alone(plan, run):
+    """What the flight of a run comes to, flown by the loop that flies one."""
+    group, scenario = plan.group_of(run), plan.scenario_of(plan.draw_of(run))
+    flown, claim = fly_group(plan, scenario, group), claims(plan)[group]
+    missed = "; ".join(
+        sentence.removeprefix(f"{flown.label}: ")
+        for sentence in missed_expectations(scenario, [flown])
+    )
+    verdict = claim and claim.of_run(flown)
+    return fate(flown.status, flown.reason, flat(measures(flown)), missed, verdict)
+
+
+def rows_of(plan):
+    """What the rows of a plan say, as `alone` says it."""
+    rows = fly_runs(plan, range(plan.runs)).to_pandas()
+    text = rows[["status", "reason", "missed"]]
+    return [
+        fate(status, reason, measured, missed, certified if isinstance(certified, str) else None)
+        for (status, reason, missed), measured, certified in zip(
+            text.itertuples(index=False),
+            rows[list(MEASURES)].to_numpy(dtype=float),
+            rows["certified"],
+            strict=True,
+        )
+    ]
+
+
+EVERYTHING = (
+    uniform("flight.V_a_mps", 15.0, 40.0),
+    uniform("flight.chi_deg", -170.0, 170.0),
+    uniform("flight.gamma_deg", -30.0, 45.0),
+    uniform("flight.phi_deg", -60.0, 60.0),
+    uniform("flight.n_z", -0.5, 2.5),
+    uniform("flight.g_mps2", 9.0, 10.0),
+    one_of("flight.duration_s", 2.0, 2.5),
+    uniform("reference.chi_deg", -20.0, 20.0),
+    uniform("reference.gamma_deg", -20.0, 20.0),
+    uniform("limits.phi_deg[1]", 20.0, 80.0),
+    uniform("limits.phi_rate_dps[0]", -90.0, -10.0),
+    uniform("limits.n_z[0]", -3.0, 0.0),
+    uniform("limits.n_z_rate_per_s[1]", 0.5, 3.0),
+    one_of("controller.rate_hz", 50.0, 100.0, 32.0),
+    one_of("controller.anti_windup", "none", "conditional", "back_calculation"),
+    one_of("controller.feed_forward", True, False),
+    one_of("controller.schedule", True, False),
+    uniform("disturbance.chi_amplitude", 0.0, 0.2),
+    uniform("disturbance.gamma_omega_rad_s", 0.1, 3.0),
+)
+
+
+def test_draws_of_everything_at_once_have_the_bits_of_flights_alone():
+    plan = plan_of(
+        tables_of(disturbance=WAVE, expect=[SUCCESS]), *EVERYTHING, runs=240, certificate=CLAIM
+    )
+
+    rows = rows_of(plan)
+
+    assert rows == [alone(plan, run) for run in range(plan.runs)]
+    assert {"held", "broken", "not entered"} <= {row[-1] for row in rows}
+    assert len(set(rows)) == plan.runs
+    assert 0 < sum(not row[3] for row in rows) < plan.runs
+
+
+@pytest.mark.parametrize(
+    ("limits", "amplitude", "reasons"),
+    [({}, 0.5, {"", "roll"}), ({"phi_deg": [-45.0, 45.0]}, 9000.0, {"", "chi"})],
+    ids=["beyond 90 deg of roll", "beyond 1000 rad"],
+)
+def test_flights_that_leave_the_law_say_so_as_flights_alone_do(limits, amplitude, reasons):
+    tables = tables_of(limits=limits, disturbance={"chi_omega_rad_s": 1.0})
+    plan = plan_of(
+        tables, uniform("flight.chi_deg", -120.0, 120.0), one_of("controller.rate_hz", 50.0, 32.0),
+        uniform("disturbance.chi_amplitude", 0.0, amplitude), runs=80,
+    )  # fmt: skip
+
+    rows = rows_of(plan)
+
+    assert rows == [alone(plan, run) for run in range(plan.runs)]
+    assert {reason.split(" ")[0] for _, reason, *_ in rows} == reasons
+
+
+def test_references_that_move_have_the_bits_of_flights_alone():
+    moving = {
+        "chi_deg": [
+            {"shape": "step", "start_s": 0.5, "change_deg": 20.0},
+            {"shape": "ramp", "start_s": 1.0, "duration_s": 0.5, "rate_dps": 8.0},
+        ],
+        "gamma_deg": [{"shape": "doublet", "width_s": 0.6, "amplitude_deg": 6.0}],
+    }
+    plan = plan_of(
+        tables_of(reference=moving),
+        uniform("reference.chi_deg[0].start_s", 0.0, 2.0),
+        uniform("reference.chi_deg[0].change_deg", -40.0, 40.0),
+        uniform("reference.chi_deg[1].rate_dps", -40.0, 40.0),
+        uniform("reference.chi_deg[1].duration_s", 0.1, 1.0),
+        uniform("reference.gamma_deg[0].width_s", 0.2, 1.0),
+        uniform("reference.gamma_deg[0].amplitude_deg", -10.0, 10.0),
+        runs=60, certificate=CLAIM,
+    )  # fmt: skip
+
+    rows = rows_of(plan)
+
+    assert rows == [alone(plan, run) for run in range(plan.runs)]
+    assert len(set(rows)) == plan.runs
+
+
+FLIGHT = {
+    "V_a_mps": 21.0, "h_m": 1500.0, "chi_deg": 33.0, "gamma_deg": 4.0, "phi_deg": 11.0, "n_z": 1.3,
+    "duration_s": 2.5, "ground_m": 100.0, "g_mps2": 9.6,
+}  # fmt: skip
+LIMITS = {
+    "phi_deg": "limits.phi_deg[0]", "phi_rate_dps": "limits.phi_rate_dps[1]",
+    "n_z": "limits.n_z[1]", "n_z_rate_per_s": "limits.n_z_rate_per_s[0]",
+}  # fmt: skip
+LIMITED = {"phi_deg": -15.0, "phi_rate_dps": 25.0, "n_z": 0.8, "n_z_rate_per_s": -0.2}
+CONTROLLER = {
+    "rate_hz": 40.0, "anti_windup": "none", "tracking_time_s": 0.3, "feed_forward": False,
+    "schedule": True,
+}  # fmt: skip
+DISTURBED = {name: 1.3 * value for name, value in WAVE.items()}
+SENSORS = {
+    "chi_bias_deg": 1.0, "chi_noise_sd_deg": 0.5, "gamma_bias_deg": 1.0, "gamma_noise_sd_deg": 0.5,
+    "V_a_bias_mps": 1.0, "V_a_noise_sd_mps": 0.5, "noise_time_constant_s": 0.4,
+}  # fmt: skip
+KEYS = {
+    **{f"flight.{name}": value for name, value in FLIGHT.items()},
+    **{LIMITS[name]: value for name, value in LIMITED.items()},
+    **{f"controller.{name}": value for name, value in CONTROLLER.items()},
+    **{f"disturbance.{name}": value for name, value in DISTURBED.items()},
+    **{f"sensors.{name}": value for name, value in SENSORS.items()},
+    "reference.chi_deg": 5.0,
+    "reference.gamma_deg": 5.0,
+    "disturbance.as_wind": True,
+    "disturbance.path": "air",
+    "wind.speed_mps": 9.0,
+    "wind.from_deg": 30.0,
+    "wind.down_mps": 1.0,
+}
+"""A value of every key that the flight of a law can have, other than that of `base`."""
+
+WITHOUT_EFFECT = {"flight.h_m", "flight.ground_m", "disturbance.as_wind", "disturbance.path"}
+OF_OTHERS = {
+    Scenario: {"title", "verifies", "source", "seed", "gains", "tuning", "envelope", "expect",
+               "plant", "gust", "turbulence"},
+    WindTable: {"level"},
+}  # fmt: skip
+"""What is not dispersed, or needs an aircraft."""
+
+
+def base(key):
+    """The tables that a key stands in, so that it makes a difference."""
+    tables = tables_of(gains=["paper"], disturbance=WAVE)
+    tables["flight"]["V_a_mps"] = 24.0
+    if key == "controller.tracking_time_s":
+        tables["controller"]["anti_windup"] = "back_calculation"
+        tables["limits"]["phi_deg"] = [-10.0, 10.0]
+    if key == "controller.anti_windup":
+        tables["limits"]["phi_deg"] = [-10.0, 10.0]
+    if key == "controller.schedule":
+        tables["sensors"] = {"V_a_bias_mps": 2.0}
+    if key.startswith("sensors.V_a"):
+        tables["controller"]["schedule"] = True
+    if key == "sensors.noise_time_constant_s":
+        tables["sensors"] = {"chi_noise_sd_deg": 1.0}
+    if key == "disturbance.path":
+        tables["disturbance"] = {**WAVE, "as_wind": True}
+    if key.startswith("wind."):
+        tables["wind"] = WIND
+    return tables
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_every_key_of_a_scenario_is_honoured_or_flown_alone(key):
+    plan = plan_of(base(key), one_of(key, KEYS[key]), runs=1, certificate=CLAIM)
+
+    row = rows_of(plan)
+
+    assert row == [alone(plan, 0)]
+    undispersed = rows_of(plan_of(base(key), runs=1, certificate=CLAIM))
+    assert (row == undispersed) == (key in WITHOUT_EFFECT)
+
+
+def test_no_key_of_a_scenario_is_left_out_of_these_tests():
+    tables = {
+        "flight": FlightTable, "limits": LimitsTable, "controller": ControllerTable,
+        "disturbance": DisturbanceTable, "sensors": SensorsTable, "wind": WindTable,
+    }  # fmt: skip
+    for name, table in tables.items():
+        tried = {key.split(".")[1].split("[")[0] for key in KEYS if key.startswith(f"{name}.")}
+        assert tried == set(table.model_fields) - OF_OTHERS.get(table, set())
+    tops = {key.split(".")[0] for key in KEYS}
+    assert tops == set(Scenario.model_fields) - OF_OTHERS[Scenario]
+    for table, names in KNOWN.items():
+        assert set(names) <= set(table.model_fields)
+
+
+@pytest.mark.parametrize(
+    ("change", "together"),
+    [
+        ({}, True),
+        ({"disturbance": WAVE}, True),
+        ({"sensors": {"chi_bias_deg": 0.1}}, False),
+        ({"wind": WIND}, False),
+        ({"plants": ({"kind": "point_mass"},)}, False),
+        ({"plants": (AEROSONDE,)}, False),
+    ],
+)
+def test_what_the_batch_does_not_know_is_flown_alone(change, together):
+    plants = change.pop("plants", (KINEMATIC,))
+    scenario = plan_of(tables_of(plants, **change)).scenario
+
+    assert batchable(scenario, scenario.plant[0]) == together
+
+
+def test_a_key_that_is_new_to_a_table_sends_its_flights_out_of_the_batch():
+    class Later(FlightTable):
+        slip_deg: float | None = None
+
+    scenario = plan_of(tables_of()).scenario
+    later = scenario.model_copy(update={"flight": Later(V_a_mps=25.0, slip_deg=1.0)})
+
+    assert batchable(scenario, scenario.plant[0])
+    assert not batchable(later, later.plant[0])

@@ -1,0 +1,46 @@
+"""Plans of short flights for tests, without files: a scenario's tables and what is dispersed."""
+
+from flighttune.campaign import Campaign, plan_campaign
+from flighttune.campaign.schema import CampaignTable
+from flighttune.scenario import scenario_from
+
+SOFT = {"name": "soft", "K_P": [[0.8, 0.1], [-0.1, 0.9]], "K_I": [[0.4, 0.0], [0.0, 0.4]]}
+KINEMATIC = {"kind": "kinematic"}
+AEROSONDE = {"kind": "jsbsim", "aircraft": "aerosonde"}
+WIND = {"speed_mps": 6.0, "from_deg": 250.0}
+TURBULENCE = {"severity": 4, "wind_20ft_mps": 15.4}
+
+
+def tables_of(plants=(KINEMATIC,), **tables):
+    """A turn and climb of three seconds, as the tables of a scenario."""
+    return {
+        "title": "A short turn and climb",
+        "gains": ["paper", SOFT],
+        "flight": {"V_a_mps": 25.0, "chi_deg": 20.0, "gamma_deg": 10.0, "duration_s": 3.0},
+        "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+        "limits": {
+            "phi_deg": [-45.0, 45.0], "phi_rate_dps": [-60.0, 60.0],
+            "n_z": [-2.0, 2.0], "n_z_rate_per_s": [-2.0, 2.0],
+        },
+        "controller": {"feed_forward": True},
+        "plant": list(plants),
+        **tables,
+    }  # fmt: skip
+
+
+def plan_of(tables, *disperse, seed=1, **keys):
+    """The plan of a campaign on a scenario's tables."""
+    nominal = scenario_from(tables)
+    given = {"title": "t", "scenario": "s", "seed": seed, "runs": 24, **keys}
+    table = CampaignTable.model_validate({**given, "disperse": list(disperse)})
+    return plan_campaign(Campaign.of(table, nominal=nominal, central=nominal))
+
+
+def uniform(key, lower, upper):
+    """A key drawn between two values."""
+    return {"key": key, "distribution": "uniform", "lower": lower, "upper": upper}
+
+
+def one_of(key, *values):
+    """A key that is one of some values."""
+    return {"key": key, "distribution": "choice", "values": list(values)}
