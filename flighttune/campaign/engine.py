@@ -6,8 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
-import pyarrow as pa
-
+from flighttune.campaign.chunk_rows import chunk_rows
 from flighttune.campaign.cluster import Workers, cluster
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.dispatch import Task, dispatch
@@ -16,12 +15,10 @@ from flighttune.campaign.lock import held
 from flighttune.campaign.looks import looks, widest
 from flighttune.campaign.plan import Plan
 from flighttune.campaign.progress import CampaignOutcome, CampaignProgress, Tally
-from flighttune.campaign.rows import fallen_row
 from flighttune.campaign.spans import Chunks, Span, missing
 from flighttune.campaign.start import counted, started
 from flighttune.campaign.storage import Store
 from flighttune.campaign.worker import FlownChunk, fly_chunk, fly_signals, stand_down
-from flighttune.errors import CampaignError
 
 
 class Onlooker(Protocol):
@@ -143,7 +140,7 @@ class _Flight:
             return span and Task(span, fly_chunk, (*fixed, *span, self._limit))
 
         def over(span: Span, chunk: FlownChunk) -> None:
-            rows = self._rows(span, chunk)
+            rows = chunk_rows(self._dataset.plan, span, chunk)
             self._dataset.write_part(rows)
             self._tally.add(rows)
             if not chunk.fallen:
@@ -234,15 +231,3 @@ class _Flight:
                 left_s=(runs - tally.runs) / rate if rate else None,
             )
         )
-
-    def _rows(self, span: Span, chunk: FlownChunk) -> pa.Table:
-        """The rows of a chunk, those of fallen runs among them, each run once and in order."""
-        if chunk.refused:
-            raise CampaignError(f"a worker cannot fly for this campaign: {chunk.refused}")
-        plan = self._dataset.plan
-        tables = [pa.ipc.open_stream(data).read_all() for data in chunk.tables]
-        tables += [fallen_row(plan, one.run, one.status, one.reason) for one in chunk.fallen]
-        rows = pa.concat_tables(tables).sort_by("run")
-        if rows.column("run").to_pylist() != list(range(*span)):
-            raise CampaignError(f"runs {span.first} to {span.end - 1}: each must come back once")
-        return rows
