@@ -1,0 +1,324 @@
+"""Rows of runs: the same bits however runs are divided, and what `fly` says of the same flight."""
+
+from itertools import pairwise
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from dispersed import (
+    AEROSONDE,
+    KINEMATIC,
+    SOFT,
+    TURBULENCE,
+    WIND,
+    one_of,
+    plan_of,
+    tables_of,
+    uniform,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flighttune.campaign.columns import row_schema, unit_of_key
+from flighttune.campaign.plan import plan_from
+from flighttune.campaign.refly import scenario_of_run
+from flighttune.campaign.rows import fallen_row, fly_run, fly_runs
+from flighttune.errors import InputError, ScenarioError
+from flighttune.flight import fly
+from flighttune.refly import refly
+
+BOUNDS = {"at_most": {"chi": {"peak_deg": 21.0}, "flight": {"alpha_max_rad": 0.3}}}
+START = (uniform("flight.chi_deg", 10.0, 30.0), uniform("flight.V_a_mps", 23.0, 27.0))
+POINT_MASS = {"kind": "point_mass"}
+
+
+def windy_plan(**keys):
+    """Law, point mass and aircraft in turbulence: the first two replay what the last met."""
+    tables = tables_of(
+        (KINEMATIC, POINT_MASS, AEROSONDE), wind=WIND, turbulence=TURBULENCE, expect=[BOUNDS]
+    )
+    tables["flight"]["duration_s"] = 1.0
+    return plan_of(tables, *START, uniform("wind.from_deg", 0.0, 360.0), runs=16, **keys)
+
+
+def still_plan(**keys):
+    tables = tables_of((KINEMATIC, AEROSONDE), expect=[BOUNDS])
+    tables["flight"]["duration_s"] = 1.0
+    return plan_of(tables, *START, runs=16, certificate={"from_s": 0.2}, **keys)
+
+
+def bits(rows):
+    """Every value of rows but the wall time, equal only where every bit is."""
+    columns = rows.drop_columns(["wall_s"]).to_pydict()
+    return {
+        name: [value.hex() if isinstance(value, float) else value for value in values]
+        for name, values in columns.items()
+    }
+
+
+@pytest.fixture(scope="module", params=[windy_plan, still_plan], ids=["wind", "still air"])
+def whole(request):
+    plan = request.param()
+    return plan, fly_runs(plan, range(plan.runs))
+
+
+@settings(max_examples=12, deadline=None)
+@given(data=st.data())
+def test_rows_are_the_same_however_runs_are_divided_into_chunks(whole, data):
+    plan, rows = whole
+    order = data.draw(st.permutations(range(plan.runs)))
+    cuts = sorted(data.draw(st.sets(st.integers(1, plan.runs - 1), max_size=4)))
+    wanted = data.draw(st.sampled_from([slice(None), slice(0, 1), slice(-1, None)]))
+    edges = [0, *cuts, plan.runs]
+    chunks = [order[a:b] for a, b in pairwise(edges)][wanted]
+
+    found = pa.concat_tables([fly_runs(plan, chunk) for chunk in chunks]).sort_by("run")
+
+    runs = [run for chunk in chunks for run in chunk]
+    assert bits(found) == bits(rows.take(sorted(runs)))
+
+
+def test_a_plan_from_json_and_another_plan_before_it_change_nothing(whole):
+    plan, rows = whole
+    fly_runs(plan_of(tables_of(), *START, runs=2), range(2))
+
+    assert bits(fly_runs(plan_from(plan.as_dict()), range(plan.runs))) == bits(rows)
+
+
+def test_a_row_is_what_fly_says_of_the_scenario_of_its_draw(whole):
+    plan, rows = whole
+    for draw in range(2):
+        flown = fly(plan.scenario_of(draw))
+        for row in rows.filter(pa.compute.equal(rows["draw"], draw)).to_pylist():
+            run = next(
+                r for r in flown.runs
+                if (r.provenance.plant, r.provenance.gains_name) == (row["plant"], row["gains"])
+            )  # fmt: skip
+            assert (row["status"], row["reason"]) == (run.status, run.reason)
+            for subject, found in flown.metrics_of(run).items():
+                for name, value in found.items():
+                    got = row[f"{subject}.{name}"]
+                    assert np.isnan(value) if got is None else got == value
+            for channel in ("chi", "gamma"):
+                peak = np.abs(run.signals[f"{channel}_err"]).max()
+                assert row[f"{channel}.peak_rad"] == peak
+            said = [one for one in flown.missed if one.startswith(f"{run.label}: ")]
+            assert row["missed"] == "; ".join(one.removeprefix(f"{run.label}: ") for one in said)
+            assert row["success"] == (not said)
+            found = flown.indicators[row["gains"]]
+            assert (row["R_K"], row["I_K"]) == (found.R_K, found.I_K)
+            drawn = plan.values_of(draw)
+            assert {key: row[key] for key in drawn} == drawn
+
+
+def test_what_an_expectation_misses_is_a_failure_and_nothing_else_is(whole):
+    rows = whole[1].to_pylist()
+
+    assert {row["success"] for row in rows} == {True, False}
+    assert all(row["success"] == (row["missed"] == "") for row in rows)
+    no_value = [row for row in rows if row["flight.alpha_max_rad"] is None]
+    assert no_value
+    assert all("alpha_max_rad must be at most 0.3, got nan" in row["missed"] for row in no_value)
+
+
+def test_the_schema_is_that_of_the_plan_with_units(whole):
+    plan, rows = whole
+
+    assert rows.schema.equals(row_schema(plan), check_metadata=True)
+    assert fly_runs(plan, []).schema.equals(row_schema(plan), check_metadata=True)
+    units = {f.name: f.metadata[b"unit"].decode() for f in rows.schema if f.metadata}
+    assert units["flight.V_a_mps"] == "m/s"
+    assert units["chi.ITAE"] == "rad s^2"
+    assert units["gamma.effort_rms"] == units["flight.n_z_max"] == "1"
+    numbers = [f.name for f in rows.schema if pa.types.is_floating(f.type)]
+    assert set(numbers) <= set(units)
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [
+        ("flight.g_mps2", "m/s^2"), ("limits.phi_deg[1]", "deg"), ("controller.rate_hz", "1/s"),
+        ("reference.chi_deg[0].rate_dps", "deg/s"), ("disturbance.chi_omega_rad_s", "rad/s"),
+        ("limits.n_z_rate_per_s[0]", "1/s"), ("plant.airframe.cg_aft_m", "m"),
+        ("plant.airframe.mass_factor", "1"), ("disturbance.gamma_amplitude", "rad/s"),
+        ("sensors.noise_time_constant_s", "s"), ("flight.n_z", "1"),
+    ],
+)  # fmt: skip
+def test_a_key_tells_its_unit_by_its_ending(key, unit):
+    assert unit_of_key(key) == unit
+
+
+def test_columns_of_dispersed_keys_have_the_type_of_what_is_drawn():
+    tables = tables_of((AEROSONDE,), wind=WIND, turbulence=TURBULENCE)
+    plan = plan_of(
+        tables,
+        one_of("turbulence.model", "tustin", "milspec"), one_of("turbulence.severity", 3, 4),
+        one_of("controller.feed_forward", True, False), one_of("flight.h_m", 900.0, 1000.0),
+    )  # fmt: skip
+
+    types = {field.name: field.type for field in row_schema(plan)}
+    assert types["turbulence.model"] == pa.string()
+    assert types["turbulence.severity"] == pa.int64()
+    assert types["controller.feed_forward"] == pa.bool_()
+    assert types["flight.h_m"] == pa.float64()
+    rows = fly_runs(plan, [0, 1])
+    assert rows["turbulence.severity"].to_pylist() == [plan.values_of(0)["turbulence.severity"]] * 2
+
+
+def test_beginnings_are_told_before_each_flight_and_each_batch():
+    told = []
+    plan = still_plan()
+
+    fly_runs(plan, range(8), begins=told.append)
+
+    jsbsim = [run for run in range(8) if plan.group_of(run).plant != "kinematic"]
+    assert told[0] == 0
+    assert set(jsbsim) <= set(told)
+    assert [run for run in told if run in jsbsim] == jsbsim
+    assert {plan.group_of(run) for run in told} == set(plan.groups)
+
+
+REFUSED = (
+    ("flight.V_a_mps", float("nan"), "`V_a_mps`"),
+    ("flight.V_a_mps", -3.0, "`V_a_mps`"),
+    ("flight.V_a_mps", 80.0, "`V_a_mps`"),
+    ("flight.gamma_deg", float("nan"), "`gamma_deg`"),
+    ("plant.airframe.mass_factor", float("nan"), "`mass_factor`"),
+    ("sensors.chi_noise_sd_deg", -1.0, "`chi_noise_sd_deg`"),
+)
+
+
+@pytest.mark.parametrize(("key", "value", "named"), REFUSED)
+def test_a_drawn_value_that_is_refused_is_a_row_that_names_its_key(key, value, named):
+    plan = plan_of(tables_of((AEROSONDE,)), one_of(key, value), runs=2)
+
+    rows = fly_runs(plan, range(2)).to_pylist()
+
+    for row in rows:
+        assert row["status"] == "invalid"
+        assert named in row["reason"]
+        assert "\n" not in row["reason"]
+        assert not row["success"]
+        assert row["missed"] == f"invalid: {row['reason']}"
+        assert row[key] == value or np.isnan(value)
+        assert row["chi.ITAE"] is row["R_K"] is row["certified"] is None
+        assert row["wall_s"] >= 0.0
+
+
+def test_one_draw_that_is_refused_takes_no_other_with_it():
+    plan = plan_of(tables_of(), one_of("flight.V_a_mps", 25.0, float("nan")), runs=40)
+
+    statuses = fly_runs(plan, range(40))["status"].to_pylist()
+
+    bad = [np.isnan(plan.values_of(plan.draw_of(run))["flight.V_a_mps"]) for run in range(40)]
+    assert 0 < sum(bad) < 40
+    assert statuses == ["invalid" if one else "completed" for one in bad]
+
+
+def test_gains_that_tuning_did_not_find_are_rows_too():
+    tables = tables_of(gains=["tuned", "paper"], tuning={"I_star": 1e-6})
+    plan = plan_of(tables, *START, runs=4)
+    assert plan.gain_sets["tuned"] is None
+
+    rows = fly_runs(plan, range(4)).to_pylist()
+
+    assert [row["status"] for row in rows] == ["no_gains", "completed"] * 2
+    assert rows[0]["R_K"] is None
+    assert rows[0]["certified"] is None
+    assert fly_run(plan, 0).status == "no_gains"
+
+
+def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
+    tables = tables_of((AEROSONDE,), gains=["paper"], controller={"feed_forward": True})
+    tables["flight"].update(gamma_deg=0.0, ground_m=0.0, duration_s=4.0)
+    tables["reference"]["gamma_deg"] = -60.0
+    plan = plan_of(
+        tables, one_of("plant.throttle_max", 0.02, 1.0), one_of("flight.h_m", 20.0, 500.0), runs=20
+    )
+
+    rows = fly_runs(plan, range(20)).to_pylist()
+
+    for row in rows:
+        weak, low = row["plant.throttle_max"] < 1.0, row["flight.h_m"] < 100.0
+        expected = "no_trim" if weak else "ground_contact" if low else "completed"
+        assert row["status"] == expected
+        assert row["success"] == (expected == "completed")
+        assert (row["chi.ITAE"] is None) == weak
+        assert (row["certified"] is None) or expected == "completed"
+        assert bool(row["reason"]) == (expected != "completed")
+    assert {row["status"] for row in rows} == {"no_trim", "ground_contact", "completed"}
+
+
+def test_who_replays_wind_says_when_the_leader_did_not_fly():
+    tables = tables_of((KINEMATIC, AEROSONDE), gains=["paper"], wind=WIND)
+    plan = plan_of(tables, one_of("plant.throttle_max", 0.02), runs=2)
+
+    leader, follower = fly_runs(plan, range(2)).to_pylist()
+
+    assert (leader["plant"], leader["status"]) == ("jsbsim:aerosonde", "no_trim")
+    assert follower["status"] == "no_trim"
+    assert "the wind is that of jsbsim:aerosonde, which did not fly" in follower["reason"]
+
+
+def test_a_fallen_row_is_a_row_of_the_plan():
+    plan = still_plan()
+
+    row = fallen_row(plan, 7, "crashed", "the process was ended by SIGSEGV.")
+
+    assert row.schema.equals(row_schema(plan), check_metadata=True)
+    (found,) = row.to_pylist()
+    whole = fly_runs(plan, [7]).to_pylist()[0]
+    assert found["status"] == "crashed"
+    assert found["missed"] == "crashed: the process was ended by SIGSEGV."
+    assert not found["success"]
+    assert found["chi.ITAE"] is found["wall_s"] is None
+    for name in ("run", "draw", "plant", "gains", "seed", *plan.keys, "R_K", "I_K"):
+        assert found[name] == whole[name]
+
+
+@pytest.mark.parametrize(
+    ("runs", "message"),
+    [
+        ([-1], r"must be 0 to 15, got -1 to -1"),
+        ([3, 16], r"got 3 to 16"),
+        ([1, 1], r"each run once"),
+    ],
+)
+def test_runs_that_are_not_in_the_plan_are_refused(runs, message):
+    with pytest.raises(InputError, match=message):
+        fly_runs(still_plan(), runs)
+
+
+@pytest.mark.parametrize("run", [2, 5, 15])
+def test_a_run_flown_for_its_signals_can_be_flown_again_from_what_it_says(whole, run):
+    plan, rows = whole
+
+    flown = fly_run(plan, run)
+
+    row = rows.slice(run, 1).to_pylist()[0]
+    assert (flown.provenance.plant, flown.provenance.gains_name) == (row["plant"], row["gains"])
+    assert flown.provenance.seed == row["seed"]
+    (again,) = refly([flown])
+    assert again.difference is None
+
+
+def test_the_scenario_of_a_run_has_gains_as_numbers_whatever_their_name():
+    tables = tables_of(gains=["tuned", SOFT], tuning={"I_star": 8.0}, expect=[
+        {"gains": "tuned", "status": "completed"}, {"gains": "soft", "status": "diverged"},
+    ])  # fmt: skip
+    plan = plan_of(tables, *START, runs=4)
+
+    scenario = scenario_of_run(plan, 2)
+
+    (gains,) = scenario.gains
+    assert gains.name == "tuned"
+    assert gains.gains() == plan.gain_sets["tuned"]
+    assert [table.gains for table in scenario.expect] == ["tuned"]
+    assert fly_run(plan, 2).provenance.gains == plan.gain_sets["tuned"]
+
+
+def test_a_refused_draw_cannot_be_flown_for_its_signals():
+    plan = plan_of(tables_of(), one_of("flight.V_a_mps", float("nan")), runs=2)
+
+    with pytest.raises(ScenarioError, match="`V_a_mps`"):
+        fly_run(plan, 0)
