@@ -1,0 +1,354 @@
+"""An aircraft off the nominal against its equations of motion, with the factors in them."""
+
+import hashlib
+import math
+import tempfile
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+import pytest
+
+from flighttune.errors import InputError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.aircraft import load_aircraft
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.off_nominal import OffNominal
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.plants.jsbsim.trim import trim
+from flighttune.shipped import aircraft_folder
+from flighttune.units import FT, G_0, LBF, SLUG
+
+DEG = math.pi / 180.0
+MASS, MOTOR = 11.0, 120.0  # kg, N
+J = {"ixx": 0.8244, "iyy": 1.135, "izz": 1.759, "ixz": 0.1204}  # kg m2
+S, SPAN, CHORD = 0.55, 2.8956, 0.18994
+CG_AFT = 0.05888  # m behind the point the coefficients refer to, where the motor pulls
+RHO_1000_M = 1.1116  # ISA
+ONE_PER_MILLE = 1e-3
+READ_BACK = 1e-9  # relative
+LAG = 1.0 / 25.0  # s, of the surface actuators
+
+SURFACES = ("aileron", "elevator", "rudder")
+
+ALONE = [
+    {},
+    {"mass": 1.3},
+    {"cg_shift": (0.03, 0.0, 0.0)},
+    {"cg_shift": (0.0, 0.02, 0.0)},
+    {"cg_shift": (0.0, 0.0, 0.04)},
+    {"ixx": 1.2},
+    {"iyy": 0.9},
+    {"izz": 0.9},
+    {"ixz": 2.0},
+    {"lift": 0.8},
+    {"drag": 1.5},
+    {"side_force": 1.4},
+    {"roll_moment": 0.7},
+    {"pitch_moment": 1.3},
+    {"yaw_moment": 0.6},
+    {"thrust": 0.5},
+    *(
+        {"coefficients": ((name, 1.5),)}
+        for name in (
+            "CL", "CL_alpha", "CL_q", "CL_de", "CD_0", "CD_i", "CD_de", "CY_beta", "CY_da",
+            "CY_dr", "Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cm_0", "Cm_alpha", "Cm_q",
+            "Cm_de", "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
+        )
+    ),
+]  # fmt: skip
+ALL = {
+    "mass": 0.9, "cg_shift": (-0.01, 0.005, 0.02), "ixx": 1.1, "iyy": 1.05, "izz": 0.95,
+    "ixz": 0.7, "lift": 1.05, "drag": 0.9, "side_force": 1.1, "roll_moment": 1.2,
+    "pitch_moment": 0.9, "yaw_moment": 0.85, "thrust": 1.15, "actuator_lag": 1.3,
+    "coefficients": (("aero/coefficient/Cm_alpha", 0.8), ("Cl_p", 1.3), ("CD_0", 1.2)),
+}  # fmt: skip
+
+
+def accelerations(off, V_a, alpha, beta, rates, surfaces, throttle):
+    """Body accelerations without gravity (m/s2) and angular accelerations (rad/s2)."""
+    f = {name.rpartition("/")[2]: factor for name, factor in off.coefficients}
+
+    def c(name, value):
+        return f.get(name, 1.0) * value
+
+    (p, q, r), (aileron, elevator, rudder) = rates, surfaces
+    q_hat, p_hat, r_hat = q * CHORD / (2 * V_a), p * SPAN / (2 * V_a), r * SPAN / (2 * V_a)
+    C_L = c("CL_alpha", 0.23 + 5.61 * alpha) + c("CL_q", 7.95 * q_hat)
+    C_L = c("CL", C_L + c("CL_de", 0.13 * elevator))
+    C_D = c("CD_0", 0.043) + c("CD_i", C_L**2 / (math.pi * 0.9 * SPAN**2 / S))
+    C_D = C_D + c("CD_de", 0.0135 * abs(elevator))
+    C_Y = c("CY_beta", -0.83 * beta) + c("CY_da", 0.075 * aileron) + c("CY_dr", 0.19 * rudder)
+    C_l = c("Cl_beta", -0.13 * beta) + c("Cl_p", -0.51 * p_hat) + c("Cl_r", 0.25 * r_hat)
+    C_l = C_l + c("Cl_da", 0.17 * aileron) + c("Cl_dr", 0.0024 * rudder)
+    C_m = c("Cm_0", 0.0135) + c("Cm_alpha", -2.74 * alpha) + c("Cm_q", -38.21 * q_hat)
+    C_m = C_m + c("Cm_de", -0.99 * elevator)
+    C_n = c("Cn_beta", 0.073 * beta) + c("Cn_p", -0.069 * p_hat) + c("Cn_r", -0.095 * r_hat)
+    C_n = C_n + c("Cn_da", -0.011 * aileron) + c("Cn_dr", -0.069 * rudder)
+    pressure_area = 0.5 * RHO_1000_M * V_a**2 * S
+    along_wind = np.array([-off.drag * C_D, off.side_force * C_Y, -off.lift * C_L])
+    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
+    wind_to_body = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
+    aerodynamic = pressure_area * wind_to_body @ along_wind
+    pull = np.array([off.thrust * MOTOR * throttle, 0.0, 0.0])
+    aft, right, down = off.cg_shift
+    motor = np.array([aft, -right, -down])  # from the centre of gravity, body axes
+    moment = pressure_area * np.array(
+        [
+            SPAN * off.roll_moment * C_l,
+            CHORD * off.pitch_moment * C_m,
+            SPAN * off.yaw_moment * C_n,
+        ]
+    )
+    moment += np.cross(motor + np.array([CG_AFT, 0.0, 0.0]), aerodynamic) + np.cross(motor, pull)
+    xx, yy, zz, xz = (getattr(off, name) * value for name, value in J.items())
+    tensor = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    rates = np.array(rates)
+    angular = np.linalg.solve(tensor, moment - np.cross(rates, tensor @ rates))
+    return (aerodynamic + pull) / (off.mass * MASS), angular
+
+
+def evaluated(fdm, V_a, alpha, beta, rates, surfaces, throttle):
+    """Put `fdm` into a state that no trim led to."""
+    channels = fdm.config.channels
+    settings = {
+        channels.engaged: 0.0,
+        "ic/h-sl-ft": 1000.0 / FT,
+        "ic/u-fps": V_a / FT * math.cos(alpha) * math.cos(beta),
+        "ic/v-fps": V_a / FT * math.sin(beta),
+        "ic/w-fps": V_a / FT * math.sin(alpha) * math.cos(beta),
+        "ic/p-rad_sec": rates[0],
+        "ic/q-rad_sec": rates[1],
+        "ic/r-rad_sec": rates[2],
+        channels.aileron_trim_rad: surfaces[0],
+        channels.elevator_trim_rad: surfaces[1],
+        channels.rudder_trim_rad: surfaces[2],
+        channels.throttle_trim: throttle,
+    }
+    for name, value in settings.items():
+        fdm.writer(name)(value)
+    fdm.evaluate()
+    return fdm
+
+
+def aircraft(name, **off):
+    return Fdm(load_aircraft(name).with_off_nominal(OffNominal(**off)), 200.0)
+
+
+@pytest.mark.parametrize("off", [*ALONE, ALL], ids=str)
+def test_accelerations_are_those_of_the_published_coefficients_with_the_factors(off):
+    state = 27.0, 5 * DEG, 3 * DEG, (0.8, 0.3, -0.5), (-0.15, -0.1, 0.12), 0.5
+
+    fdm = evaluated(aircraft("aerosonde", **off), *state)
+    expected, expected_angular = accelerations(OffNominal(**off), *state)
+
+    mass = fdm.reader("inertia/mass-slugs")() * SLUG
+    body = [fdm.reader(f"forces/fb{axis}-total-lbs")() * LBF / mass for axis in "xyz"]
+    angular = [fdm.reader(f"accelerations/{rate}dot-rad_sec2")() for rate in "pqr"]
+    assert body == pytest.approx(list(expected), rel=ONE_PER_MILLE, abs=0.01)
+    assert angular == pytest.approx(list(expected_angular), rel=ONE_PER_MILLE, abs=0.01)
+    assert list(expected) + list(expected_angular) != pytest.approx(
+        [float(x) for part in accelerations(OffNominal(), *state) for x in part], rel=5e-3
+    ) or off in ({}, {"coefficients": (("CD_de", 1.5),)}, {"coefficients": (("Cl_dr", 1.5),)})
+
+
+@pytest.mark.parametrize(
+    "off",
+    [{"mass": 1.2}, {"cg_shift": (0.02, 0.0, 0.03)}, {"drag": 1.3}, {"lift": 1.1}, ALL],
+    ids=str,
+)
+@pytest.mark.parametrize("gamma", [0.0, 15 * DEG])
+def test_trim_is_that_of_the_aircraft_off_the_nominal(off, gamma):
+    fdm, nominal = aircraft("aerosonde", **off), aircraft("aerosonde")
+
+    point, usual = (trim(one, FlightCondition(V_a=25.0, gamma=gamma)) for one in (fdm, nominal))
+
+    surfaces = point.aileron, point.elevator, point.rudder
+    body, angular = accelerations(
+        OffNominal(**off), 25.0, point.alpha, point.beta, (0.0, 0.0, 0.0), surfaces, point.throttle
+    )
+    weight = G_0 * np.array([-math.sin(point.theta), 0.0, math.cos(point.theta)])
+    assert body + weight == pytest.approx(0.0, abs=0.02)
+    assert angular == pytest.approx(0.0, abs=0.03)
+    changed = np.abs([getattr(point, n) - getattr(usual, n) for n in ("alpha", "throttle")])
+    assert changed.max() > 5e-4
+
+
+@pytest.mark.parametrize(("name", "scale"), [("aerosonde", 0.0), ("c172p", 1.0), ("a4", 1.0)])
+def test_mass_centre_of_gravity_and_inertia_of_the_whole_aircraft_are_scaled(name, scale):
+    shift, factor = (0.03, 0.02 * scale, -0.01), {"ixx": 1.1, "iyy": 0.9, "izz": 1.02, "ixz": 0.7}
+    nominal, off = aircraft(name), aircraft(name, mass=1.15, cg_shift=shift, **factor)
+
+    def read(fdm, what):
+        return fdm.reader(f"inertia/{what}")()
+
+    moved = [(read(off, f"cg-{a}-in") - read(nominal, f"cg-{a}-in")) * FT / 12 for a in "xyz"]
+    assert read(off, "weight-lbs") == pytest.approx(1.15 * read(nominal, "weight-lbs"), READ_BACK)
+    assert moved == pytest.approx([shift[0], shift[1], -shift[2]], abs=1e-9)
+    for what in ("ixx", "iyy", "izz", "ixz", "ixy", "iyz"):
+        expected = factor.get(what, 1.0) * read(nominal, f"{what}-slugs_ft2")
+        assert read(off, f"{what}-slugs_ft2") == pytest.approx(expected, rel=READ_BACK, abs=1e-9)
+
+
+AXES = [
+    ("side_force", "forces/fwy-aero-lbs", "CY"),
+    ("roll_moment", "moments/l-aero-lbsft", "Cl"),
+    ("pitch_moment", "moments/m-aero-lbsft", "Cm"),
+    ("yaw_moment", "moments/n-aero-lbsft", "Cn"),
+    ("drag", "forces/fwx-aero-lbs", "CD"),
+    ("lift", "forces/fwz-aero-lbs", "CL"),
+]
+
+
+@pytest.mark.parametrize(("key", "total", "prefix"), AXES, ids=[axis[0] for axis in AXES])
+def test_aircraft_of_jsbsim_get_more_of_every_function_of_an_axis(key, total, prefix):
+    state = 52.0, 4 * DEG, 2 * DEG, (0.2, 0.1, -0.1), (0.05, -0.05, 0.04), 0.6
+    fdms = [evaluated(aircraft("c172p", **off), *state) for off in ({}, {key: 1.25})]
+    catalog = fdms[0]._exec.query_property_catalog("aero/coefficient/").split()
+    parts = [n for n in catalog if n.startswith(f"aero/coefficient/{prefix}")]
+    unsteady = [n for n in parts if n.endswith("adot")]  # of the evaluation before
+
+    nominal, scaled = (
+        fdm.reader(total)() - sum(fdm.reader(name)() for name in unsteady) for fdm in fdms
+    )
+    part = sum(fdms[0].reader(name)() for name in parts if name not in unsteady)
+
+    assert scaled - nominal == pytest.approx(0.25 * part, rel=ONE_PER_MILLE)
+    assert abs(part) > 10.0
+
+
+@pytest.mark.parametrize(("name", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0), ("a4", 200.0)])
+def test_thrust_at_a_throttle_is_scaled_for_every_kind_of_engine(name, V_a):
+    thrust = []
+    for factor in (1.0, 1.2):
+        fdm = aircraft(name, thrust=factor)
+        evaluated(fdm, V_a, 0.02, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.6)
+        fdm.settle_engine()
+        fdm.evaluate()
+        thrust.append(fdm.reader(fdm.config.channels.thrust_lbf)())
+
+    assert thrust[0] > 0.0
+    assert thrust[1] / thrust[0] == pytest.approx(1.2, rel=1e-6)
+
+
+@pytest.mark.parametrize(("name", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0), ("a4", 200.0)])
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_surfaces_follow_a_step_with_the_lag_times_the_factor(name, V_a, factor):
+    fdm = aircraft(name, actuator_lag=factor)
+    evaluated(fdm, V_a, 0.02, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.5)
+    channels = fdm.config.channels
+    watched = SURFACES[: 2 if name == "a4" else 3]  # its yaw damper moves the rudder as well
+    for surface in watched:
+        fdm.writer(getattr(channels, f"{surface}_trim_rad"))(0.01)
+    position = [fdm.reader(getattr(channels, f"{surface}_rad")) for surface in watched]
+    begun = [read() for read in position]
+
+    for _ in range(10):  # 50 ms
+        fdm.run()
+
+    moved = [(read() - before) / 0.01 for read, before in zip(position, begun, strict=True)]
+    reached = 1.0 - math.exp(
+        -(0.05 - 0.5 / 200.0) / (factor * LAG)
+    )  # trapezoidal rule: half a step
+    assert moved == pytest.approx([reached] * len(moved), abs=ONE_PER_MILLE)
+
+
+def flown(**plant):
+    plant = JSBSimPlant("aerosonde", **plant)
+    plant.start(FlightCondition(V_a=25.0))
+    for _ in range(100):
+        plant.advance(0.4, 1.1, 0.02)
+    return plant.observe()
+
+
+def test_a_nominal_aircraft_flies_to_the_same_bits_with_factors_of_one():
+    ones = OffNominal(coefficients=(("Cm_alpha", 1.0),))
+
+    assert flown() == flown(off_nominal=OffNominal()) == flown(off_nominal=ones)
+    assert flown() != flown(off_nominal=OffNominal(ixx=1.001))
+
+
+def digest(folder):
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def test_shipped_files_stay_as_they_are_and_nothing_is_left_behind(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    root = Path(jsbsim.get_default_root_dir())
+    shipped = [aircraft_folder("aerosonde"), aircraft_folder("c172p"), root / "aircraft" / "c172p"]
+    before = [digest(folder) for folder in shipped]
+
+    evaluated(aircraft("aerosonde", **ALL), 25.0, 0.05, 0.0, (0, 0, 0), (0, 0, 0), 0.3)
+    evaluated(
+        aircraft("c172p", mass=1.1, lift=0.9, thrust=0.9, actuator_lag=1.5),
+        50.0, 0.02, 0.0, (0, 0, 0), (0, 0, 0), 0.5,
+    )  # fmt: skip
+
+    assert [digest(folder) for folder in shipped] == before
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_was_changed_is_read_anew(changed_aircraft):
+    folder = changed_aircraft("aerosonde.xml", r"-2\.74 ", "-2.70 ")
+    points = []
+    for pattern, text in (("-2.70 ", "-2.70 "), ("-2.70 ", "-1.90 ")):
+        folder = changed_aircraft("aerosonde.xml", pattern, text)
+        config = load_aircraft(folder).with_off_nominal(OffNominal(mass=1.1))
+        points.append(trim(Fdm(config, 200.0), FlightCondition(V_a=25.0)))
+
+    assert points[0].elevator < points[1].elevator - 0.01
+
+
+REFUSED = [
+    ({"mass": 0.0}, "aerosonde", r"`mass_factor` must be positive, got 0"),
+    ({"drag": math.nan}, "aerosonde", r"`drag_factor` must be positive, got nan"),
+    ({"cg_shift": (math.inf, 0.0, 0.0)}, "aerosonde", r"`cg_shift` must be three finite numbers"),
+    ({"mass": 0.1}, "c172p", r"`mass_factor` must be above 0\.202, what load and fuel weigh"),
+    ({"izz": 1.4}, "aerosonde", r"`izz_factor` must leave principal inertias .*, got 0\.815.* kg"),
+    ({"iyy": 1.01}, "a4", r"`iyy_factor` must leave principal inertias"),
+    ({"ixz": 12.0}, "aerosonde", r"`ixz_factor` must leave principal inertias"),
+    ({"coefficients": (("Cm_alpa", 1.1),)}, "aerosonde", r"`coefficient_factors\.Cm_alpa` must .*"
+     r"did you mean `Cm_alpha`\?"),
+    ({"coefficients": (("CLalpha", 1.1),)}, "c172p", r"`coefficient_factors\.CLalpha` must be a"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("off", "name", "message"), REFUSED, ids=[str(one[0]) for one in REFUSED])
+def test_what_cannot_be_is_refused_by_the_name_of_its_key(off, name, message):
+    with pytest.raises(InputError, match=message) as caught:
+        JSBSimPlant(name, off_nominal=OffNominal(**off))
+
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "pattern", "text", "off", "message"),
+    [
+        ("aerosonde.xml", '"SIDE"', '"Y"', {"side_force": 1.1}, "`side_force_factor` .* no SIDE"),
+        ("aerosonde.xml", "Cl_r", "Cl_p", {"coefficients": (("Cl_p", 1.1),)}, "it means aero/c.*,"),
+    ],
+)
+def test_what_an_aircraft_lacks_is_refused(changed_aircraft, file, pattern, text, off, message):
+    folder = changed_aircraft(file, pattern, text)
+
+    with pytest.raises(InputError, match=message):
+        JSBSimPlant(folder, off_nominal=OffNominal(**off))
+
+
+def test_without_lags_there_is_nothing_to_slow(changed_aircraft):
+    for surface in SURFACES:
+        pattern = rf"(fcs/{surface}-cmd-rad </input>\s+)<lag> 25 </lag>"
+        folder = changed_aircraft("aerosonde.xml", pattern, r"\1")
+
+    with pytest.raises(InputError, match=r"`actuator_lag_factor` must be left out: .* fcs/rudder-"):
+        JSBSimPlant(folder, off_nominal=OffNominal(actuator_lag=1.5))
+
+
+def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
+    for pattern in ("<electric_engine", "</electric_engine"):
+        text = pattern.replace("electric", "rocket")
+        folder = changed_aircraft("Engines/aerosonde_motor.xml", pattern, text)
+
+    with pytest.raises(InputError, match=r"`thrust_factor` must be left out: .* <rocket_engine>"):
+        JSBSimPlant(folder, off_nominal=OffNominal(thrust=0.9))
