@@ -1,0 +1,98 @@
+"""`flighttune campaign fly`: a row flown again, and rows that are not what their run comes to."""
+
+import math
+import re
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from commands import answer, flighttune
+from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
+
+from flighttune.campaign.dataset import Dataset
+from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.storage import Store
+from flighttune.metrics import channel_metrics
+from flighttune.one_flight import library_versions
+from flighttune.recording.load import load_recording
+from flighttune.refly import refly
+
+CHANGED, REFUSED = 3, 8
+
+
+def written(folder, plan, rows, versions=None):
+    """A dataset of rows, without the engine."""
+    dataset = Dataset(Store(folder), plan, versions or library_versions())
+    dataset.write_plan()
+    dataset.write_part(rows)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Twelve runs in wind; one row has another number than its run, one draw is refused."""
+    tables = tables_of((KINEMATIC, AEROSONDE), gains=[SOFT, "paper"], wind=WIND)
+    tables["flight"]["duration_s"] = 1.5
+    plan = plan_of(
+        tables, uniform("flight.chi_deg", 10.0, 30.0),
+        one_of("flight.V_a_mps", 25.0, 25.0, math.nan), runs=13, seed=2,
+    )  # fmt: skip
+    rows = fly_runs(plan, range(12))
+    assert rows["status"][REFUSED].as_py() == "invalid"
+    place = rows.schema.get_field_index("chi.ITAE")
+    numbers = rows["chi.ITAE"].to_pylist()
+    numbers[CHANGED] = np.nextafter(numbers[CHANGED], 1.0)
+    changed = rows.set_column(place, rows.schema.field(place), pa.array(numbers))
+    versions = {**library_versions(), "numpy": "1.0"}
+    return written(tmp_path_factory.mktemp("camp") / "turns", plan, changed, versions)
+
+
+def test_a_run_is_flown_into_a_recording_and_is_what_its_row_says(folder, tmp_path):
+    out = tmp_path / "again"
+    found = answer("campaign", "fly", folder, "--run", 2, "--out", out)
+
+    assert found["equal"]
+    assert found["differences"] == []
+    assert (found["plant"], found["gains"], found["status"]) == ("kinematic", "soft", "completed")
+    assert found["versions"] == {"numpy": {"campaign": "1.0", "now": np.__version__}}
+    recorded = load_recording(found["recording"])
+    assert [run.label for run in recorded.runs] == ["jsbsim:aerosonde / soft", "kinematic / soft"]
+    run = recorded["kinematic / soft"]
+    assert found["row"]["chi.ITAE"] == channel_metrics(run).at["chi", "ITAE"]
+    assert run.provenance.scenario["flight"]["chi_deg"] == found["row"]["flight.chi_deg"]
+    assert all(again.difference is None for again in refly(recorded.runs))
+    assert sorted(found["signals"]) == sorted(one.label for one in recorded.runs)
+
+
+def test_a_row_that_differs_in_the_last_bit_is_told_and_exits_with_1(folder, tmp_path):
+    printed, told = flighttune("campaign", "fly", folder, "--run", CHANGED, status=1, cwd=tmp_path)
+
+    first, second = re.findall(r"\d\.\d{12,}", told)
+    assert float(first) == np.nextafter(float(second), 1.0)
+    assert "`chi.ITAE` differs" in told
+    assert f"run {CHANGED}: `chi.ITAE` differs" in told
+    assert "flight.chi_deg = " in printed
+    assert "numpy: 1.0 in the campaign" in printed
+    assert (tmp_path / "runs" / "turns-run-3" / "turns-run-3.rrd").is_file()
+
+
+@pytest.mark.parametrize(
+    ("run", "says"),
+    [
+        (REFUSED, "`V_a_mps`"),
+        (12, "must be one that was flown, got 12 of 13"),
+        (99, "got 99 of 13"),
+    ],
+)
+def test_a_run_that_cannot_be_flown_says_why(folder, tmp_path, run, says):
+    printed, told = flighttune("campaign", "fly", folder, "--run", run, status=2, cwd=tmp_path)
+
+    assert says in told
+    assert printed == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_holds_no_campaign_says_so(tmp_path):
+    _, told = flighttune("campaign", "fly", tmp_path, "--run", 0, status=2, cwd=tmp_path)
+
+    assert "must hold a campaign, got no campaign.json" in told
