@@ -1,6 +1,8 @@
 """Rows of runs: the same bits however runs are divided, and what `fly` says of the same flight."""
 
+import re
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -322,3 +324,19 @@ def test_a_refused_draw_cannot_be_flown_for_its_signals():
 
     with pytest.raises(ScenarioError, match="`V_a_mps`"):
         fly_run(plan, 0)
+
+
+def test_the_table_of_columns_in_the_documentation_is_the_schema():
+    page = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text()
+    section = page.split("## The dataset")[1].split("\n## ")[0]
+    cells = [line.split("|")[1:3] for line in section.splitlines() if line.startswith("| `")]
+    told = {
+        name: unit.strip() or None
+        for names, unit in cells
+        for name in re.findall(r"`([\w.]+)`", names)
+    }
+
+    schema = row_schema(plan_of(tables_of()))
+    assert told == {
+        field.name: field.metadata[b"unit"].decode() if field.metadata else None for field in schema
+    }
