@@ -1,0 +1,135 @@
+"""[plant.airframe] and [sensors]: from keys to values, and what is refused."""
+
+import math
+import pickle
+
+import pytest
+
+from flighttune.errors import ScenarioError
+from flighttune.flight import fly
+from flighttune.plants.jsbsim.off_nominal import OffNominal
+from flighttune.plants.sensors import Sensors
+from flighttune.scenario import load_scenario, scenario_from
+from flighttune.shipped import scenario_names
+
+DEG = math.pi / 180.0
+FACTORS = (
+    "mass", "ixx", "iyy", "izz", "ixz", "lift", "drag", "side_force", "roll_moment",
+    "pitch_moment", "yaw_moment", "thrust", "actuator_lag",
+)  # fmt: skip
+
+
+def tables(airframe=None, sensors=None, **plant):
+    plant = {"kind": "jsbsim", "aircraft": "aerosonde"} | plant
+    return {
+        "title": "Straight on",
+        "seed": 4,
+        "gains": ["paper"],
+        "flight": {"V_a_mps": 25.0, "duration_s": 0.2},
+        "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+        "plant": [plant | ({} if airframe is None else {"airframe": airframe})],
+        **({} if sensors is None else {"sensors": sensors}),
+    }
+
+
+@pytest.mark.parametrize("name", FACTORS)
+def test_each_factor_is_that_of_its_key(name):
+    scenario = scenario_from(tables({f"{name}_factor": 1.25}))
+
+    assert scenario.plant[0].airframe.off_nominal() == OffNominal(**{name: 1.25})
+
+
+def test_shift_and_coefficients_are_those_of_their_keys():
+    keys = {"cg_aft_m": 0.01, "cg_right_m": 0.02, "cg_down_m": -0.03}
+    scenario = scenario_from(tables({**keys, "coefficient_factors": {"Cm_alpha": 0.9}}))
+
+    assert scenario.plant[0].airframe.off_nominal() == OffNominal(
+        cg_shift=(0.01, 0.02, -0.03), coefficients=(("Cm_alpha", 0.9),)
+    )
+
+
+@pytest.mark.parametrize("airframe", [{}, {"mass_factor": 1.0, "coefficient_factors": {}}])
+def test_a_table_without_change_is_the_nominal_aircraft(airframe):
+    assert scenario_from(tables(airframe)).plant[0].airframe.off_nominal() is None
+
+
+def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
+    scenario = scenario_from(
+        tables(
+            sensors={
+                "chi_bias_deg": 1.0, "gamma_bias_deg": -2.0, "V_a_bias_mps": 0.5,
+                "chi_noise_sd_deg": 0.1, "gamma_noise_sd_deg": 0.2, "V_a_noise_sd_mps": 0.3,
+                "noise_time_constant_s": 0.4,
+            }
+        )
+    )  # fmt: skip
+
+    found = scenario.sensors.sensors(scenario.seed)
+
+    assert found == Sensors(
+        bias=(DEG, -2.0 * DEG, 0.5),
+        noise_sd=(0.1 * DEG, 0.2 * DEG, 0.3),
+        time_constant=0.4,
+        seed=4,
+    )
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_scenarios_without_the_tables_say_nothing_of_them(name):
+    values = load_scenario(name).as_dict()
+
+    assert "sensors" not in values
+    assert all("airframe" not in plant for plant in values["plant"])
+
+
+def test_the_tables_come_back_from_plain_values_and_from_another_process():
+    airframe = {"mass_factor": 1.1, "coefficient_factors": {"Cm_alpha": 0.9}}
+    scenario = scenario_from(tables(airframe, {"chi_bias_deg": 1.0}))
+
+    assert scenario_from(scenario.as_dict()) == scenario
+    assert pickle.loads(pickle.dumps(scenario)) == scenario
+
+
+REFUSED = [
+    ({"airframe": {"mass_factor": 0.0}}, r"\[plant\.airframe\] `mass_factor` must be greater than"),
+    ({"airframe": {"mass_factor": math.nan}}, r"\[plant\.airframe\] `mass_factor` .*finite"),
+    ({"airframe": {"mass_facto": 1.1}}, r"`mass_facto` is not .*did you mean `mass_factor`\?"),
+    ({"airframe": {"coefficient_factors": {"Cm_alpha": -1.0}}}, r"`Cm_alpha` must be greater than"),
+    ({"airframe": {}, "kind": "kinematic", "aircraft": None}, r"`airframe` must be given with"),
+    ({"sensors": {"chi_noise_sd_deg": -0.1}}, r"\[sensors\] `chi_noise_sd_deg` must be greater"),
+    ({"sensors": {"noise_time_constant_s": 0.0}}, r"`noise_time_constant_s` must be greater"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "message"), REFUSED)
+def test_impossible_values_are_refused_by_table_and_key(change, message):
+    given = tables(**change)
+    given["plant"][0] = {k: v for k, v in given["plant"][0].items() if v is not None}
+
+    with pytest.raises(ScenarioError, match=message):
+        scenario_from(given)
+
+
+OF_THE_AIRCRAFT = [
+    ({"izz_factor": 1.5}, r"`izz_factor` must leave principal inertias"),
+    ({"coefficient_factors": {"CM_alpha": 1.1}}, r"`coefficient_factors\.CM_alpha` .*`Cm_alpha`\?"),
+]
+
+
+@pytest.mark.parametrize(("airframe", "message"), OF_THE_AIRCRAFT)
+def test_what_the_aircraft_cannot_be_is_refused_before_anything_flies(airframe, message):
+    with pytest.raises(ScenarioError, match=rf"^Straight on: \[plant\.airframe\] {message}") as got:
+        fly(scenario_from(tables(airframe)))
+
+    assert "\n" not in str(got.value)
+
+
+def test_a_file_with_what_the_aircraft_cannot_be_is_refused_when_it_is_read(tmp_path):
+    path = tmp_path / "impossible.toml"
+    path.write_text(
+        'title = "x"\nflight.V_a_mps = 25.0\nreference = { chi_deg = 0.0, gamma_deg = 0.0 }\n'
+        '[[plant]]\nkind = "jsbsim"\naircraft = "aerosonde"\nairframe.izz_factor = 1.5\n'
+    )
+
+    with pytest.raises(ScenarioError, match=rf"^{path}: \[plant\.airframe\] `izz_factor` must"):
+        load_scenario(path)

@@ -1,0 +1,137 @@
+"""The loop behind sensors: what the controller does, what is recorded, one run and many."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.limits import Limits
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import ShapeError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.kinematic import KinematicPlant
+from flighttune.plants.sensors import MEASURED, SENSED, Sensors
+from flighttune.simulate.batch import Flights, fly_sampled
+from flighttune.simulate.batch.flights import SIGNALS
+from flighttune.simulate.loop import LOOP_SIGNALS, simulate
+from flighttune.simulate.reference import Ramp, Reference
+from flighttune.units import wrap_angle
+
+DT, DURATION = 0.02, 8.0
+START = FlightCondition(V_a=25.0, chi=2.5)
+TURN = Reference(chi=2.5, gamma=0.1, chi_segments=(Ramp(start=1.0, duration=4.0, rate=0.3),))
+LIMITS = Limits(
+    lower=[-0.8, -2.0], upper=[0.8, 2.0], rate_lower=[-0.5, -1.0], rate_upper=[0.5, 1.0]
+)
+NOISY = Sensors(bias=(0.02, -0.01, 1.0), noise_sd=(0.01, 0.02, 0.5), seed=3)
+MICRORADIAN = 1e-6
+
+
+def flown(sensors, reference=TURN, duration=DURATION, limits=LIMITS, **controller):
+    return simulate(
+        KinematicPlant(),
+        MimoPI(PAPER_GAINS, limits, dt=DT, **controller),
+        reference,
+        condition=START,
+        duration=duration,
+        sensors=sensors,
+    ).signals
+
+
+def test_sensors_without_error_change_no_bit_of_what_was_there():
+    perfect, alone = flown(Sensors()), flown(None)
+
+    assert list(alone.columns) == [*KinematicPlant().signals, *LOOP_SIGNALS]
+    assert perfect[list(alone.columns)].equals(alone)
+    assert [column for column in perfect if column not in alone] == list(MEASURED)
+
+
+def test_errors_are_the_true_ones_and_what_was_seen_stands_beside_them():
+    signals = flown(NOISY)
+
+    errors = NOISY.errors(len(signals), DT)
+    for j, name in enumerate(SENSED):
+        seen, true = (signals[column].to_numpy() for column in (f"{name}_meas", name))
+        assert np.array_equal(seen, true + errors[:, j])
+    apart = signals["chi_ref"] - signals["chi"]
+    assert signals["chi_err"].tolist() == [wrap_angle(angle) for angle in apart]
+    assert np.array_equal(signals["gamma_err"], signals["gamma_ref"] - signals["gamma"])
+
+
+def test_the_controller_acts_on_what_it_sees():
+    first = flown(NOISY, limits=None).iloc[0]
+
+    seen = [first[f"{c}_ref"] - first[f"{c}_meas"] for c in ("chi", "gamma")]
+    assert [first["phi_cmd"], first["n_z_cmd"]] == pytest.approx(PAPER_GAINS.K_P @ seen, rel=1e-12)
+
+
+def test_integral_action_leaves_the_bias_as_the_true_error():
+    sensors = Sensors(bias=(0.05, -0.03, 0.0))
+
+    last = flown(sensors, Reference(chi=2.6, gamma=0.1), duration=60.0).iloc[-1]
+
+    assert [last["chi_err"], last["gamma_err"]] == pytest.approx([0.05, -0.03], abs=MICRORADIAN)
+
+
+def test_a_schedule_goes_by_the_airspeed_that_was_measured():
+    sensors = Sensors(bias=(0.0, 0.0, 5.0))
+    fast, true = (
+        flown(one, Reference(chi=2.6, gamma=0.1), limits=None, schedule_speed=25.0).iloc[0]
+        for one in (sensors, None)
+    )
+
+    assert fast["phi_cmd"] == pytest.approx(true["phi_cmd"] * 30.0 / 25.0, rel=1e-12)
+
+
+def many(count):
+    rng = np.random.default_rng(5)
+    for k in range(count):
+        yield Sensors(
+            bias=tuple(rng.normal(0.0, 0.05, 3)),
+            noise_sd=(0.02, 0.0 if k % 3 else 0.01, 1.0),
+            time_constant=0.4 if k % 2 else 0.0,
+            seed=k,
+        )
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_flights_of_a_batch_are_the_single_ones_to_the_bit(threads, monkeypatch):
+    monkeypatch.setattr("flighttune.simulate.batch.fly.SENSED_AT_ONCE", 3)
+    sensors = list(many(11))
+    t = np.arange(round(DURATION / DT) + 1) * DT
+    flights = Flights.of(
+        [PAPER_GAINS] * len(sensors),
+        condition=START,
+        ref=np.stack(TURN.sampled(t), axis=-1),
+        limits=LIMITS,
+    )
+
+    batch = fly_sampled(
+        flights, dt=DT, duration=DURATION, schedule_speed=24.0, sensors=sensors,
+        trajectories=True, threads=threads,
+    )  # fmt: skip
+
+    for i, one in enumerate(sensors):
+        alone = flown(one, schedule_speed=24.0)
+        for name in (name for name in SIGNALS if name in alone):
+            assert np.array_equal(batch.signal(name)[i], alone[name]), name
+
+
+def test_one_set_of_sensors_serves_all_flights_and_the_wrong_number_is_refused():
+    flights = Flights.of([PAPER_GAINS] * 3, condition=START, ref=(2.6, 0.1), limits=LIMITS)
+
+    def last(sensors):
+        return fly_sampled(flights, dt=DT, duration=1.0, sensors=sensors).last
+
+    assert np.array_equal(last([NOISY]), last([NOISY] * 3))
+    assert not np.array_equal(last([NOISY]), last(None))
+    with pytest.raises(ShapeError, match=r"`sensors` must be 1 or 3, got 2"):
+        last([NOISY] * 2)
+
+
+def test_an_error_of_more_than_half_a_turn_is_wrapped():
+    signals = flown(Sensors(bias=(0.2, 0.0, 0.0)), Reference(chi=2.5 - math.pi + 0.1, gamma=0.0))
+
+    assert signals["chi_err"].iloc[0] == pytest.approx(-math.pi + 0.1)
+    assert signals["chi_err"].abs().max() <= math.pi

@@ -1,0 +1,85 @@
+"""A flight off the nominal with sensors that err, through everything that takes a scenario."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.flight import fly
+from flighttune.gap.explain import explain_gap
+from flighttune.plants.sensors import MEASURED, SENSED
+from flighttune.recording.load import load_recording
+from flighttune.recording.record import record
+from flighttune.refly import refly
+from flighttune.scenario import load_scenario, scenario_from
+
+PAGE = (Path(__file__).parents[1] / "docs" / "off_nominal.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    (text,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    path = tmp_path_factory.mktemp("docs") / "example.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_scenario(path)
+
+
+@pytest.fixture(scope="module")
+def short(example):
+    tables = example.as_dict() | {"gains": ["paper"], "expect": []}
+    tables["flight"]["duration_s"] = 6.0
+    return tables
+
+
+@pytest.fixture(scope="module")
+def flown(short):
+    return fly(scenario_from(short))
+
+
+def test_the_example_of_the_page_comes_to_what_it_expects(example):
+    flown = fly(example)
+
+    assert [run.status for run in flown.runs] == ["completed", "completed"]
+    assert flown.missed == ()
+
+
+@pytest.mark.parametrize("kind", ["recording", "folder"])
+def test_what_was_recorded_is_flown_again_to_the_bit(flown, kind, tmp_path):
+    files = record(flown, tmp_path)
+
+    runs = load_recording(files.recording if kind == "recording" else tmp_path).runs
+
+    assert [set(MEASURED) <= set(run.signals) for run in runs] == [True, True]
+    assert [again.difference for again in refly(runs)] == [None, None]
+
+
+def errors_seen(run):
+    return run.signals[[*MEASURED]].to_numpy() - run.signals[[*SENSED]].to_numpy()
+
+
+def test_every_plant_and_every_aircraft_has_the_same_errors_and_its_own_flight(short, flown):
+    nominal = fly(scenario_from(short | {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]}))
+    kinematic, off = flown.runs
+    (usual,) = nominal.runs
+
+    for run in (off, usual):
+        assert errors_seen(run) == pytest.approx(errors_seen(kinematic), abs=1e-12)
+    throttle, usual_throttle = (run.signals["throttle"].iloc[0] for run in (off, usual))
+    assert throttle * 0.9 > 1.15 * usual_throttle  # 20 % more drag, 15 % more weight, thrust 0.9
+
+
+def test_another_seed_is_another_noise(short, flown):
+    other = fly(scenario_from(short | {"seed": 2})).runs[0]
+
+    assert not np.any(errors_seen(other) == errors_seen(flown.runs[0]))
+
+
+def test_the_gap_is_explained_through_the_same_sensors_on_every_rung(short):
+    gap = explain_gap(scenario_from(short), PAPER_GAINS)
+
+    assert gap.status == "explained"
+    assert gap.ladder.residual < 1e-9
+    for run in gap.runs[1:]:
+        assert errors_seen(run) == pytest.approx(errors_seen(gap.runs[0]), abs=1e-12)
