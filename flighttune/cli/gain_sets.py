@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flighttune.cli.show import NO, fail, say
+from flighttune.cli.show import NO, fail, json_text, print_table, say
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
@@ -51,6 +51,23 @@ def gains_json(gains: "PIGains | None") -> dict[str, Any]:
     if gains is None:
         return {"K_P": None, "K_I": None}
     return {"K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()}
+
+
+def print_gains(title: str, gains: "PIGains | None") -> None:
+    """Print gains as a table, a row a command."""
+    rows = []
+    if gains is not None:
+        for name, row in zip(("phi [rad]", "n_z [1]"), gains.K, strict=True):
+            rows.append((name, *(f"{round(value, 4) + 0.0:.4f}" for value in row)))
+    print_table(title, ("", "e_chi", "e_gamma", "int e_chi", "int e_gamma"), rows)
+
+
+def write_json(path: Path, value: dict[str, Any]) -> None:
+    """Write one JSON object to a file, whole or not at all."""
+    from flighttune.whole_file import whole_file
+
+    with whole_file(path) as part:
+        part.write_text(json_text(value) + "\n", encoding="utf-8")
 
 
 def margins_json(margins: "LoopMargins | None") -> dict[str, Any] | None:

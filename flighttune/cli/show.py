@@ -65,7 +65,12 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
 
 def print_json(value: dict[str, Any]) -> None:
     """Print one JSON object; numbers JSON has no word for become null."""
-    print(json.dumps(_finite(value), indent=2))
+    print(json_text(value))
+
+
+def json_text(value: dict[str, Any]) -> str:
+    """One JSON object; numbers JSON has no word for become null."""
+    return json.dumps(_finite(value), indent=2)
 
 
 def _finite(value: Any) -> Any:
