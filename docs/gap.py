@@ -74,7 +74,8 @@ def table(gap: Gap) -> str:
 
 def reading(gap: Gap) -> str:
     """The sentences with numbers below the table."""
-    if gap.mismatch is None or gap.verdict is None or gap.settled is None or gap.ladder is None:
+    free = gap.free
+    if not (gap.mismatch and gap.verdict and gap.settled and gap.ladder and free):
         raise SystemExit("the paper's manoeuvre must have a certificate")
     waits = [f"{first_turn(run):.1f} s on `{run.provenance.plant}`" for run in gap.runs]
     loop = gap.ladder.inner_loop
@@ -92,7 +93,11 @@ def reading(gap: Gap) -> str:
             f"{whole.reach[0] * DEGREES:.0f} deg): {whole.sentence}. In "
             f"the second half of the flight L_d is {settled.L_d:.3f} rad/s² and the set ends at "
             f"{settled.tube[0] * DEGREES:.1f} deg: {settled.sentence}"
-            + (f", entered at {settled.t_entered:.1f} s." if settled.t_entered else "."),
+            + (f", entered at {settled.t_entered:.1f} s." if settled.t_entered else ".")
+            + f" From {free.t_from:.1f} s on no limit holds a command: the errors must stay within "
+            f"{max(free.widest) * DEGREES:.1f} deg of those of the linear loop left alone, and at "
+            f"the end within {free.at_end[0] * DEGREES:.1f} deg (χ) and "
+            f"{free.at_end[1] * DEGREES:.1f} deg (γ): {free.sentence}.",
         ]
     )
 

@@ -22,6 +22,7 @@ from flighttune.cli.show import (
 if TYPE_CHECKING:
     from flighttune.gap.certified_set import Verdict
     from flighttune.gap.explain import Gap
+    from flighttune.gap.free_flight import FreeFlight
     from flighttune.gap.ladder import Step
     from flighttune.gap.lag_fit import FittedLag
 
@@ -151,6 +152,7 @@ def _mismatch_json(found: "Gap") -> dict[str, Any] | None:
         "says_nothing": verdict and verdict.says_nothing,
         "verdict": verdict and _verdict_json(verdict),
         "settled": found.settled and _verdict_json(found.settled),
+        "free": found.free and _free_json(found.free),
         "approach": loop
         and {"held": loop.t_promise_broken() is None, "t_broken": loop.t_promise_broken()},
     }
@@ -162,6 +164,18 @@ def _verdict_json(verdict: "Verdict") -> dict[str, Any]:
     for name in ("tube", "reach"):
         values[f"{name}_rad"] = dict(zip(("chi", "gamma"), values.pop(name), strict=True))
     return {**values, "says_nothing": verdict.says_nothing, "sentence": verdict.sentence}
+
+
+def _free_json(free: "FreeFlight") -> dict[str, Any]:
+    return {
+        "t_from": free.t_from,
+        "L_d": free.L_d,
+        "widest_rad": dict(zip(("chi", "gamma"), free.widest, strict=True)),
+        "at_end_rad": dict(zip(("chi", "gamma"), free.at_end, strict=True)),
+        "held": free.t_broken is None,
+        "t_broken": free.t_broken,
+        "outside_rad": float(free.outside.max()),
+    }
 
 
 def _rms(values: Any) -> float:
@@ -237,3 +251,11 @@ def _say_mismatch(found: "Gap") -> None:
             )
     if found.loop is not None:
         say(f"promised way into it, which knows no limits: {found.loop.promise_sentence}")
+    free = found.free
+    if free is not None:
+        widest, end = ([width * DEGREES for width in each] for each in (free.widest, free.at_end))
+        say(
+            f"no limit from {free.t_from:.2f} s on, L_d {free.L_d:.3f} rad/s²: errors within "
+            f"{widest[0]:.1f} deg (chi) and {widest[1]:.1f} deg (gamma) of those of the linear "
+            f"loop left alone, at the end within {end[0]:.1f} and {end[1]:.1f} deg: {free.sentence}"
+        )

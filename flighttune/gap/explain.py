@@ -12,6 +12,7 @@ from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import kinematic_model
 from flighttune.flight import FlownScenario
 from flighttune.gap.certified_set import LoopFlown, Verdict, loop_flown
+from flighttune.gap.free_flight import FreeFlight, free_flight
 from flighttune.gap.inner_loop import LagSource
 from flighttune.gap.ladder import LEAST_SAMPLES, Ladder, climb, fly_aircraft
 from flighttune.gap.mismatch import Mismatch, mismatch
@@ -47,6 +48,8 @@ class Gap:
         None also where the loop has no certificate, being unstable.
     verdict, settled : Verdict or None
         Of the whole flight, and of its second half alone.
+    free : FreeFlight or None
+        The part of the flight that no limit holds, in the reach of the linear loop.
     indicators : Indicators
         Of the kinematic law's loop about level flight on the first reference: the mismatch is
         against that law, whatever model the gains were tuned on.
@@ -62,6 +65,7 @@ class Gap:
     loop: LoopFlown | None = None
     verdict: Verdict | None = None
     settled: Verdict | None = None
+    free: FreeFlight | None = None
 
     def flown(self) -> FlownScenario:
         """The rungs as a flown scenario, to be recorded like any other."""
@@ -135,11 +139,9 @@ def explain_gap(
     ladder = climb(scenario, aircraft, lag=lag, progress=progress)
     top = ladder.runs[-1]
     found = mismatch(top, V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
-    loop = (
-        loop_flown(top, found, A_K, disturbance_entry(model))
-        if certified.status == "stable" and found.L_d > 0.0
-        else None
-    )
+    entry = disturbance_entry(model)
+    stable = certified.status == "stable" and found.L_d > 0.0
+    loop = loop_flown(top, found, A_K, entry) if stable else None
     early = [run for run in ladder.runs if run.reason]
     return Gap(
         scenario=scenario,
@@ -152,6 +154,7 @@ def explain_gap(
         loop=loop,
         verdict=loop and loop.verdict(),
         settled=loop and loop.verdict(SETTLED_FROM * top.duration),
+        free=free_flight(top, found, A_K, entry) if stable else None,
     )
 
 

@@ -26,7 +26,7 @@ SYMBOLS = {"chi": "χ", "gamma": "γ"}
 NAMES = {"chi": "course", "gamma": "path angle"}
 INK = "#3C3C3C"
 MARGINS = {
-    "left": 0.05, "right": 0.99, "top": 0.91, "bottom": 0.055, "hspace": 0.45, "wspace": 0.19,
+    "left": 0.05, "right": 0.99, "top": 0.91, "bottom": 0.055, "hspace": 0.56, "wspace": 0.19,
 }  # fmt: skip
 DEGREES = 180.0 / math.pi
 
@@ -130,6 +130,12 @@ def _draw_tube(axes: Axes, gap: Gap, channel: str) -> None:
     for side in (-ultimate, ultimate):
         axes.axhline(side, color=LIMIT, lw=1.0, ls=(0, (4, 2)))
     title = f"Error. Dashed: ultimate set, {gap.verdict.sentence}\n{_promise(gap.loop, column)}"
+    if gap.free is not None:
+        centre, width = (each[:, column] * DEGREES for each in (gap.free.centre, gap.free.width))
+        axes.fill_between(gap.free.t, centre - width, centre + width, color=INK, alpha=0.4, lw=0.0)
+        title += (
+            f"\nGrey: reach from {gap.free.t_from:.1f} s on, without limits: {gap.free.sentence}"
+        )
     _dress(axes, title, f"e_{SYMBOLS[channel]} [deg]")
 
 
