@@ -115,23 +115,19 @@ def simulate(
     samples = zip(chi_ref.tolist(), gamma_ref.tolist(), np.cos(gamma_ref).tolist(), strict=True)
     level = (0.0, 0.0)
     stop = None
+    observe, advance, step, pack = plant.observe, plant.advance, controller.step, row.pack
+    error, unlimited, integral, limited = (
+        controller.error, controller.unlimited, controller.integral, controller.limited,
+    )  # fmt: skip
     for k, (chi_wanted, gamma_wanted, steady) in enumerate(samples):
-        seen = plant.observe()
+        seen = observe()
         u_ff = (0.0, steady / math.cos(seen[2])) if feed_forward else level
         ref = (chi_wanted, gamma_wanted)
-        u = controller.step(ref, seen[angles], u_ff, seen[speed])
-        rows += row.pack(
-            *seen,
-            *ref,
-            *controller.error,
-            *u,
-            *controller.unlimited,
-            *controller.integral,
-            *controller.limited,
-        )
+        u = step(ref, seen[angles], u_ff, seen[speed])
+        rows += pack(*seen, *ref, *error, *u, *unlimited, *integral, *limited)
         if k == count:
             break
-        stop = plant.advance(u[0], u[1], dt)
+        stop = advance(u[0], u[1], dt)
         if stop is not None:
             break
         if progress is not None and k % PROGRESS_EVERY == 0:

@@ -4,9 +4,11 @@ That is so for aircraft of JSBSim's own set, flown as they are shipped with syst
 around them, and for aircraft off the nominal. No file that is shipped is ever written to.
 """
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element
@@ -74,7 +76,7 @@ def model_folders(config: AircraftConfig) -> Iterator[ModelFolders]:
     if text is None:
         yield folders
         return
-    with TemporaryDirectory(prefix="flighttune-") as name:
+    with TemporaryDirectory(prefix="flighttune-", dir=_memory()) as name:
         (Path(name) / f"{config.model}.xml").write_text(text, encoding="utf-8")
         yield ModelFolders(Path(name), folders.engines, folders.systems)
 
@@ -100,6 +102,13 @@ def main_file_text(config: AircraftConfig) -> str | None:
     if model.balance is not None:
         values |= model.balance.values(off)
     return model.text.filled(values)
+
+
+@cache
+def _memory() -> Path | None:
+    """A folder in memory, ten times as fast as one on disk; None where there is none."""
+    folder = Path("/dev/shm")
+    return folder if folder.is_dir() and os.access(folder, os.W_OK | os.X_OK) else None
 
 
 def _folders(config: AircraftConfig) -> ModelFolders:
