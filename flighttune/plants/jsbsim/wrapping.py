@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from xml.etree.ElementTree import Element
 
 from flighttune.errors import PlantError
@@ -66,8 +66,8 @@ def model_folders(config: AircraftConfig) -> Iterator[ModelFolders]:
     Raises
     ------
     PlantError
-        If JSBSim ships no such aircraft or a system is missing; or if an aircraft of ours has
-        connections.
+        If JSBSim ships no such aircraft or a system is missing; if an aircraft of ours has
+        connections; or if there is no room for the private folder.
     InputError
         If the aircraft cannot be off the nominal that way.
     """
@@ -76,9 +76,27 @@ def model_folders(config: AircraftConfig) -> Iterator[ModelFolders]:
     if text is None:
         yield folders
         return
-    with TemporaryDirectory(prefix="flighttune-", dir=_memory()) as name:
-        (Path(name) / f"{config.model}.xml").write_text(text, encoding="utf-8")
-        yield ModelFolders(Path(name), folders.engines, folders.systems)
+    with _private_folder(f"{config.model}.xml", text) as folder:
+        yield ModelFolders(folder, folders.engines, folders.systems)
+
+
+@contextmanager
+def _private_folder(name: str, text: str) -> Iterator[Path]:
+    """A folder that holds one file; in memory where it can, so that no flight waits for a disk."""
+    place = None if "TMPDIR" in os.environ else _memory()
+    folder: TemporaryDirectory[str] | None = None
+    try:
+        folder = TemporaryDirectory(prefix="flighttune-", dir=place, ignore_cleanup_errors=True)
+        (Path(folder.name) / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        if folder is not None:
+            folder.cleanup()
+        where = place or gettempdir()
+        raise PlantError(
+            f"{where}: must take a folder for {name}, got {error.strerror}."
+        ) from error
+    with folder:
+        yield Path(folder.name)
 
 
 def main_file_text(config: AircraftConfig) -> str | None:

@@ -9,7 +9,7 @@ import jsbsim
 import numpy as np
 import pytest
 
-from flighttune.errors import InputError
+from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -274,7 +274,8 @@ def digest(folder):
 
 
 def test_shipped_files_stay_as_they_are_and_nothing_is_left_behind(tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
     root = Path(jsbsim.get_default_root_dir())
     shipped = [aircraft_folder("aerosonde"), aircraft_folder("c172p"), root / "aircraft" / "c172p"]
     before = [digest(folder) for folder in shipped]
@@ -287,6 +288,14 @@ def test_shipped_files_stay_as_they_are_and_nothing_is_left_behind(tmp_path, mon
 
     assert [digest(folder) for folder in shipped] == before
     assert list(tmp_path.iterdir()) == []
+
+
+def test_where_there_is_no_room_for_the_private_folder_is_told(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+
+    with pytest.raises(PlantError, match=r"missing: must take a folder for aerosonde\.xml, got No"):
+        aircraft("aerosonde", mass=1.1)
 
 
 def test_a_file_that_was_changed_is_read_anew(changed_aircraft):
