@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 import jsbsim
@@ -12,7 +13,7 @@ import jsbsim
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.aircraft import AircraftConfig
 from flighttune.plants.jsbsim.aircraft_tables import PROPERTY_NAME
-from flighttune.plants.jsbsim.log import one_line, quiet
+from flighttune.plants.jsbsim.log import one_line, quiet, silence
 from flighttune.plants.jsbsim.wrapping import model_folders
 
 LAPSE_RATE = 0.0065
@@ -31,6 +32,11 @@ _INTEGRATED = (
 )  # fmt: skip
 
 _EARTH = Path(__file__).with_name("earth.xml")
+
+
+@lru_cache(maxsize=1024)
+def _well_formed(name: str) -> bool:
+    return re.fullmatch(PROPERTY_NAME, name) is not None
 
 
 class Fdm:
@@ -133,12 +139,16 @@ class Fdm:
         PlantError
             If JSBSim cannot: for example for want of a property that the aircraft refers to.
         """
-        with self._translated("cannot be evaluated"), quiet():
+        silence()
+        try:
             self._exec.set_trim_status(True)
             done = self._exec.run_ic()
             self._exec.set_trim_status(False)
-            if not done:
-                raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
+        except jsbsim.BaseError as error:
+            raise self._translation("cannot be evaluated", error) from error
+        if not done:
+            self.abandon()
+            raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
 
     def settle_engine(self) -> None:
         """Let the engine come to a steady state at the throttle and airspeed there are.
@@ -190,7 +200,7 @@ class Fdm:
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
-        known = re.fullmatch(PROPERTY_NAME, name) and self._properties.hasNode(name)
+        known = _well_formed(name) and self._properties.hasNode(name)
         node = self._properties.get_node(name) if known else None
         if node is None:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
@@ -200,8 +210,12 @@ class Fdm:
     def _translated(self, what: str) -> Iterator[None]:
         try:
             yield
-        except (jsbsim.BaseError, PlantError) as error:
+        except PlantError:
             self.abandon()
-            if isinstance(error, PlantError):
-                raise
-            raise PlantError(f"{self._model}: {what} by JSBSim: {one_line(str(error))}") from error
+            raise
+        except jsbsim.BaseError as error:
+            raise self._translation(what, error) from error
+
+    def _translation(self, what: str, error: jsbsim.BaseError) -> PlantError:
+        self.abandon()
+        return PlantError(f"{self._model}: {what} by JSBSim: {one_line(str(error))}")

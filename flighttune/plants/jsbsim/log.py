@@ -68,9 +68,14 @@ _LOGGER = QuietLogger()
 _IMMORTAL = [_LOGGER] * 10_000
 
 
+def silence() -> None:
+    """Silence JSBSim in this thread from now on."""
+    jsbsim.set_logger(_LOGGER)
+    _LOGGER.clear()
+
+
 @contextmanager
 def quiet() -> Iterator[QuietLogger]:
     """Silence JSBSim in this thread from now on; the value holds what it says inside the block."""
-    jsbsim.set_logger(_LOGGER)
-    _LOGGER.clear()
+    silence()
     yield _LOGGER
