@@ -11,7 +11,6 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.claim import FEWEST_SAMPLES, Claim
 from flighttune.campaign.schema import MEASURES
 from flighttune.control.gains import PIGains
-from flighttune.plants.kinematic import KinematicPlant
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.reference_table import ReferenceTable
 from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
@@ -96,7 +95,7 @@ def batchable(scenario: Scenario, table: PlantTable) -> bool:
 
 def _knows(table: Any) -> bool:
     known = KNOWN.get(type(table), ())
-    return all(value is None or name in known for name, value in table)
+    return all(value is None or name in known for name, value in vars(table).items())
 
 
 def fly_batch(
@@ -174,7 +173,7 @@ def _flown(
 
 
 def _bounds(scenario: Scenario) -> tuple[FloatArray, ...]:
-    limits = scenario.limits.limits().within(KinematicPlant.limits)
+    limits = scenario.limits.limits()  # the plant itself has none
     return limits.lower, limits.upper, limits.rate_lower, limits.rate_upper
 
 

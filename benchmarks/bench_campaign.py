@@ -1,0 +1,176 @@
+"""What a row of a campaign costs: JSBSim runs against bare integration steps, and kinematic draws.
+
+Run it with ``python benchmarks/bench_campaign.py``; ``--json`` prints one object.
+
+A row is all of it: the scenario of the draw, the aircraft built, loaded and trimmed, 20 s of flight
+with the loop closed at 50 Hz, measures, expectations, the certified set, the table. It is held
+against the bare ``fdm.run()`` loop of the same 20 s at 200 Hz in still air. It is processor time,
+best of several, so that other work on the machine does not count.
+
+Kinematic draws are flown by as many processes as there are cores, each its share, from the plan to
+Parquet files, processes started included. They are timed by the clock, and by the processor time
+over the cores, which is what the clock shows on a machine that does nothing else.
+
+Exits with 1 where a ratio is above its limit in `HIGHEST_RATIO`, or kinematic flights at 50 Hz take
+more processor time than is in `SECONDS`.
+"""
+
+import argparse
+import json
+import math
+import multiprocessing
+import os
+import resource
+import sys
+import tempfile
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from bench_jsbsim import bare
+
+from flighttune.campaign import Campaign, Plan, plan_campaign, plan_from
+from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.schema import CampaignTable
+from flighttune.scenario import load_scenario, scenario_from
+
+STEPS, BARE_SECONDS = 4000, 60.0
+BLOCK, REPEATS = 25, 8
+HIGHEST_RATIO = {"still air": 1.6, "airframe dispersed": 1.6}
+MANY, SECONDS, CHUNK = 100_000, 60.0, 2000
+
+
+def dispersed(key: str, lower: float, upper: float) -> dict[str, object]:
+    return {"key": key, "distribution": "uniform", "lower": lower, "upper": upper}
+
+
+START = [dispersed("flight.V_a_mps", 24.0, 26.0), dispersed("flight.gamma_deg", 30.0, 45.0)]
+AIRFRAME = [
+    dispersed("plant.airframe.mass_factor", 0.95, 1.05),
+    dispersed("plant.airframe.lift_factor", 0.95, 1.05),
+    dispersed("plant.airframe.actuator_lag_factor", 0.8, 1.5),
+]
+WEATHER = {
+    "wind": {"speed_mps": 5.0, "from_deg": 250.0},
+    "turbulence": {"intensity": "light"},
+}
+AIRCRAFT = {"kind": "jsbsim", "aircraft": "aerosonde"}
+LAW = {"kind": "kinematic"}
+
+
+def plan(
+    plant: dict[str, str], disperse: list[dict[str, object]], *, rate_hz: float = 50.0,
+    runs: int = 10_000, **changes: object,
+) -> Plan:  # fmt: skip
+    """The paper's manoeuvre of 20 s, dispersed, by one gain set on one plant."""
+    tables = {**load_scenario("paper").as_dict(), "gains": ["paper"], "plant": [plant], **changes}
+    tables["controller"]["rate_hz"] = rate_hz
+    tables["expect"] = [{"at_most": {"chi": {"settling_s": 15.0}, "gamma": {"ST_deg": 1.0}}}]
+    nominal = scenario_from(tables)
+    table = CampaignTable.model_validate(
+        {"title": "bench", "scenario": "paper", "seed": 1, "runs": runs, "disperse": disperse}
+    )
+    return plan_campaign(Campaign.of(table, nominal=nominal, central=nominal))
+
+
+def jsbsim_rows() -> dict[str, float]:
+    """Processor time of a row over that of the bare steps, and of the bare steps of one flight."""
+    plans = {
+        "still air": plan(AIRCRAFT, START),
+        "airframe dispersed": plan(AIRCRAFT, START + AIRFRAME),
+        "wind and turbulence": plan(AIRCRAFT, START, **WEATHER),
+    }
+    condition = plans["still air"].scenario.condition
+    bare_s, row_s = math.inf, dict.fromkeys(plans, math.inf)
+    for made in plans.values():
+        fly_runs(made, range(2))
+    for _ in range(REPEATS):
+        bare_s = min(bare_s, bare(condition) * STEPS)
+        for name, made in plans.items():
+            began = time.process_time()
+            fly_runs(made, range(BLOCK))
+            row_s[name] = min(row_s[name], (time.process_time() - began) / BLOCK)
+    return {"bare_ms": bare_s * 1e3} | {name: took / bare_s for name, took in row_s.items()}
+
+
+def _share(text: str, first: int, end: int, folder: str) -> None:
+    made = plan_from(json.loads(text))
+    for start in range(first, end, CHUNK):
+        rows = fly_runs(made, range(start, min(start + CHUNK, end)))
+        pq.write_table(rows, Path(folder) / f"part-{start}.parquet", compression="zstd")
+
+
+def kinematic_rows(rate_hz: float, runs: int) -> tuple[float, float]:
+    """Times for `runs` kinematic flights of 20 s on all cores: clock, processor over cores, s."""
+    keys = [*START, dispersed("flight.chi_deg", -60.0, 60.0), dispersed("limits.n_z[1]", 1.5, 2.1)]
+    text = json.dumps(plan(LAW, keys, rate_hz=rate_hz, runs=runs).as_dict())
+    cores = len(os.sched_getaffinity(0))
+    edges = [runs * i // cores for i in range(cores + 1)]
+    context = multiprocessing.get_context("spawn")
+    with tempfile.TemporaryDirectory() as folder:
+        began, busy = time.perf_counter(), _children_s()
+        shares = [
+            context.Process(target=_share, args=(text, first, end, folder))
+            for first, end in pairwise(edges)
+        ]
+        for share in shares:
+            share.start()
+        for share in shares:
+            share.join()
+        took = time.perf_counter() - began, (_children_s() - busy) / cores
+        there = sum(pq.read_metadata(path).num_rows for path in Path(folder).iterdir())
+    if there != runs or any(share.exitcode for share in shares):
+        raise SystemExit(f"{there} of {runs} rows are there")
+    return took
+
+
+def _children_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print one object")
+    parser.add_argument("--flights", type=int, default=MANY, help="kinematic flights")
+    asked = parser.parse_args()
+
+    ratios = jsbsim_rows()
+    kinematic = {f"{rate:g} Hz": kinematic_rows(rate, asked.flights) for rate in (50.0, 100.0)}
+    many = {
+        name: tuple(took * MANY / asked.flights for took in both)
+        for name, both in kinematic.items()
+    }
+    kept = all(ratios[name] <= limit for name, limit in HIGHEST_RATIO.items())
+    kept = kept and many["50 Hz"][1] <= SECONDS
+    bare_ms = ratios.pop("bare_ms")
+    if asked.json:
+        result = {
+            "bare_ms": bare_ms, "ratios": ratios, "highest_ratio": HIGHEST_RATIO,
+            "kinematic_flights": asked.flights,
+            "kinematic_s": {name: both[0] for name, both in kinematic.items()},
+            "kinematic_processor_s_over_cores": {n: both[1] for n, both in kinematic.items()},
+            "most_s_of_100000": SECONDS, "kept": kept,
+        }  # fmt: skip
+        print(json.dumps(result))
+        return 0 if kept else 1
+    print(f"bare run() of 20 s at 200 Hz: {bare_ms:.2f} ms; a row of a campaign, all in:")
+    for name, ratio in ratios.items():
+        limit = f" (at most {HIGHEST_RATIO[name]})" if name in HIGHEST_RATIO else ""
+        print(f"  {name}: {ratio * bare_ms:.2f} ms, ratio {ratio:.2f}{limit}")
+    print(f"{asked.flights} kinematic flights of 20 s on {os.cpu_count()} cores, to Parquet:")
+    for name, (wall, busy) in kinematic.items():
+        print(
+            f"  {name}: {wall:.1f} s by the clock, {busy:.1f} s of processor over cores; ", end=""
+        )
+        print(f"{MANY}: {many[name][0]:.1f} s, {many[name][1]:.1f} s", end="")
+        print(f" (at most {SECONDS:g} s)" if name == "50 Hz" else "")
+    return 0 if kept else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
