@@ -95,18 +95,7 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
     campaign : Campaign
     gains : mapping of str to PIGains
         By name. Expectations of gain sets that are not among them are left out.
-
-    Raises
-    ------
-    InputError
-        If the campaign disperses gains.
     """
-    for key in campaign.keys:
-        if key.split(".")[0].split("[")[0] == "gains":
-            raise InputError(
-                f"`key` of [[disperse]] must not be one of gains where gains are chosen, got "
-                f"{key!r}."
-            )
     tables = [
         GainsTable(name=name, K_P=one.K_P.tolist(), K_I=one.K_I.tolist())
         for name, one in gains.items()

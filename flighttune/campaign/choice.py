@@ -8,7 +8,9 @@ from flighttune.campaign.schema import MEASURES
 from flighttune.errors import InputError
 from flighttune.scenario.expect_table import in_rad
 
-Status: TypeAlias = Literal["chosen", "infeasible", "too_few_succeed", "interrupted"]
+Status: TypeAlias = Literal[
+    "chosen", "infeasible", "too_many_lost", "too_few_succeed", "interrupted"
+]
 
 CANDIDATES = 12
 PERCENTILE = 95.0
@@ -60,12 +62,13 @@ class RobustChoice:
     Attributes
     ----------
     status : str
-        ``chosen``; ``infeasible`` where there is no frontier; ``too_few_succeed`` where no
-        candidate succeeds as often as it must; ``interrupted``.
+        ``chosen``; ``infeasible`` where there is no frontier; ``too_many_lost`` where so many
+        flights of every candidate were lost that no percentile is finite; ``too_few_succeed`` where
+        no candidate succeeds as often as it must; ``interrupted``.
     reason : str
         A sentence where `status` is not ``chosen``.
     best : Judged or None
-        The best candidate, also where it succeeds too seldom.
+        The best candidate, also where it is not good enough.
     p_best : float, 1
         Probability that it is the best candidate on draws like these; NaN where there is none.
     loss : float

@@ -1,5 +1,6 @@
 """Gains chosen among those of the frontier by what they fly to on the draws of a campaign."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -21,7 +22,6 @@ from flighttune.campaign.crew import Crew
 from flighttune.campaign.engine import Onlooker
 from flighttune.campaign.intervals import effective_size, quantile_interval, wilson
 from flighttune.campaign.make import plan_campaign
-from flighttune.campaign.plan import Plan
 from flighttune.campaign.race import Race, Tried, ordered_quantile, race
 from flighttune.campaign.report.paired import scores
 from flighttune.campaign.schema import Campaign
@@ -59,14 +59,13 @@ def tune_robust(
     Raises
     ------
     InputError
-        If the campaign disperses gains, has no such plant, or dask.distributed is not installed.
+        If the campaign has no such plant, or dask.distributed is not installed.
     CampaignError
         If the cluster is gone.
     """
     settings = settings or RobustSettings()
     if settings.plants:
         campaign = on_plants(campaign, settings.plants)
-    with_gains(campaign, {})
     candidates = frontier_candidates(campaign.nominal, settings.candidates)
     if not candidates:
         return RobustChoice(
@@ -102,7 +101,7 @@ class _Flown:
     settings: RobustSettings
     draws: int
     crew: Crew
-    plans: dict[tuple[str, ...], Plan] = field(default_factory=dict)
+    ends: Counter[str] = field(default_factory=Counter)
 
     def fly(self, names: Sequence[str], first: int, end: int) -> Tried | None:
         """Scores and success of some gain sets on draws, both of shape (names, draws)."""
@@ -116,7 +115,20 @@ class _Flown:
         )  # fmt: skip
         if table is None:
             return None
-        return scored(table.to_pandas(), names, self.settings.metrics)
+        rows = table.to_pandas()
+        early = rows.loc[(rows["status"] != "completed").to_numpy()]
+        self.ends.update(
+            f"{status}: {reason}"
+            for status, reason in zip(early["status"], early["reason"], strict=True)
+        )
+        return scored(rows, names, self.settings.metrics)
+
+    def lost(self) -> str:
+        """How flights most often ended that were not completed, as a sentence."""
+        ended = self.ends.most_common(1)
+        if not ended:
+            return "all were completed, but have no value of the metric"
+        return f"{self.ends.total()} flights were not completed, as {ended[0][0]}"
 
 
 def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> Tried:
@@ -168,6 +180,12 @@ def _choice(
     status, reason = "chosen", ""
     if not run.finished:
         status, reason = "interrupted", "it was stopped before all draws had been flown"
+    elif not np.isfinite(best.percentile):
+        status = "too_many_lost"
+        reason = (
+            f"flights must be completed on {settings.percentile:g} % of the draws for that "
+            f"percentile, got fewer with every candidate; {flown.lost()}"
+        )
     elif best.success < settings.least_success:
         status = "too_few_succeed"
         reason = (

@@ -1,0 +1,295 @@
+"""The report of a campaign: the JSON object, the page, and what a browser makes of it."""
+
+import base64
+import re
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from browser import (
+    DESK,
+    FLAT,
+    NARROW,
+    PHONE,
+    SCREEN,
+    asked_by_the_page,
+    headless_chromium,
+    screenshot,
+    told_at_widths,
+)
+from campaigns import parts, plan
+from commands import answer, flighttune
+from made_up_campaign import made_up_plan, made_up_rows
+from scipy import stats
+
+from flighttune.campaign.dataset import Dataset, dataset_hash
+from flighttune.campaign.engine import run_campaign
+from flighttune.campaign.report.findings import findings
+from flighttune.campaign.report.flown import flown_of, load_flown
+from flighttune.campaign.report.headline import headline
+from flighttune.campaign.report.page import write_page
+from flighttune.campaign.report.words import looks_of, percent
+from flighttune.errors import InputError, RecordingError
+from flighttune.palette import looks
+
+ADDRESS = re.compile(r"""(?:src|href|xlink:href|action|data)\s*=\s*["']([^"']*)|url\(([^)]*)\)""")
+RUNS = 40
+
+
+@pytest.fixture(scope="module")
+def flown_folder(tmp_path_factory, address):
+    """A real campaign of two gain sets on law and aircraft, in wind."""
+    folder = tmp_path_factory.mktemp("flown")
+    run_campaign(plan(folder / "files", runs=RUNS), folder / "out", scheduler=address)
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def told(flown_folder):
+    """What the command says of it."""
+    return answer("campaign", "report", flown_folder)
+
+
+@pytest.fixture(scope="module")
+def made_up(tmp_path_factory):
+    """Findings of rows that were made up, with everything in them that a report can show."""
+    folder = tmp_path_factory.mktemp("made_up")
+    made = made_up_plan(folder, design="saltelli", runs=4 * 5 * 40)
+    return findings(flown_of(made_up_rows(made), made))
+
+
+@pytest.fixture(scope="module")
+def page(made_up, tmp_path_factory):
+    """Their page."""
+    return write_page(made_up, tmp_path_factory.mktemp("page") / "report.html")
+
+
+def test_the_json_object_has_what_the_rows_say(told, flown_folder):
+    rows = pd.concat(map(pd.read_parquet, parts(flown_folder)))
+
+    assert told["runs"] == told["planned"] == RUNS
+    assert [(g["plant"], g["gains"]) for g in told["groups"]] == [
+        ("jsbsim:aerosonde", "paper"),
+        ("jsbsim:aerosonde", "soft"),
+        ("kinematic", "paper"),
+        ("kinematic", "soft"),
+    ]
+    for group in told["groups"]:
+        own = rows[(rows["plant"] == group["plant"]) & (rows["gains"] == group["gains"])]
+        interval = stats.binomtest(int(own["success"].sum()), len(own)).proportion_ci(
+            method="wilson"
+        )
+        assert group["n"] == len(own) == 10
+        assert group["success"] == own["success"].mean()
+        assert (group["lo"], group["hi"]) == pytest.approx((interval.low, interval.high))
+        assert group["statuses"] == own["status"].value_counts().to_dict()
+        for name, q in (("p05", 0.05), ("p50", 0.5), ("p95", 0.95)):
+            assert group["metrics"]["chi.ITAE"][name] == pytest.approx(own["chi.ITAE"].quantile(q))
+        worst = own.sort_values("chi.ITAE").iloc[-1]
+        assert group["worst"][0]["run"] == worst["run"]
+        assert group["worst"][0]["parameters"] == {"flight.V_a_mps": worst["flight.V_a_mps"]}
+    assert told["sha256"] == dataset_hash(flown_folder)
+
+
+def test_the_page_stands_in_the_folder_and_the_campaign_is_still_one(told, flown_folder):
+    assert told["page"] == str(flown_folder / "report.html")
+    text = (flown_folder / "report.html").read_text(encoding="utf-8")
+
+    assert dataset_hash(flown_folder) in text
+    assert f"flighttune campaign fly {flown_folder} --run 0" in text
+    assert "short_turn_in_wind" in text
+
+
+def test_intervals_and_their_confidence_can_be_chosen(told, flown_folder, tmp_path):
+    other = answer(
+        "campaign", "report", flown_folder, "--interval", "clopper-pearson", "--confidence", 0.9,
+        "--out", tmp_path / "page.html",
+    )  # fmt: skip
+
+    for one in other["groups"]:
+        expected = stats.binomtest(one["successes"], one["n"]).proportion_ci(0.9, method="exact")
+        assert (one["lo"], one["hi"]) == pytest.approx((expected.low, expected.high))
+    assert (tmp_path / "page.html").is_file()
+
+
+def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_folder):
+    out = tmp_path / "out"
+    shutil.copytree(flown_folder, out)
+    first = parts(out)
+    for path in first[len(first) // 2 :]:
+        path.unlink()
+
+    found = load_flown(out)
+
+    assert 0 < len(found.rows) < RUNS
+    shown, _ = flighttune("campaign", "report", out)
+    assert f"Not all has flown: {len(found.rows)} of {RUNS} flights are there" in shown
+    for path in first[: len(first) // 2]:
+        path.unlink()
+    _, error = flighttune("campaign", "report", out, status=2)
+    assert "no run has been flown yet" in error
+
+
+def test_a_confidence_must_be_a_probability(flown_folder):
+    with pytest.raises(InputError, match="`confidence` must be between 0 and 1, got 95"):
+        findings(load_flown(flown_folder), confidence=95.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nowhere",), "nowhere: must hold a campaign, got no campaign.json"),
+        (("nowhere", "--out", "page.pdf"), "page.pdf: --out must end in .html"),
+    ],
+)
+def test_what_cannot_be_told_is_refused_in_a_line(arguments, message, tmp_path):
+    _, error = flighttune("campaign", "report", *arguments, status=2, cwd=tmp_path)
+
+    assert message in error
+    assert len(error.strip().splitlines()) == 1
+
+
+def test_a_campaign_anywhere_fsspec_reaches_is_read(tmp_path, address):
+    small = plan(tmp_path, runs=4, law=False, wind="")
+    run_campaign(small, "memory://told", scheduler=address)
+
+    assert len(load_flown("memory://told").rows) == 4
+    with pytest.raises(RecordingError, match="memory://nowhere: must hold a campaign"):
+        load_flown("memory://nowhere")
+
+
+def test_rows_that_are_put_together_meanwhile_are_read_all_the_same(flown_folder, monkeypatch):
+    """A file that was listed is gone when it is to be read, as another holds its rows by then."""
+    read, failed = Dataset.read_part, []
+
+    def once_gone(self, span, columns=None):
+        if not failed:
+            failed.append(span)
+            raise RecordingError("it is gone")
+        return read(self, span, columns)
+
+    monkeypatch.setattr(Dataset, "read_part", once_gone)
+
+    assert len(load_flown(flown_folder).rows) == RUNS
+    assert failed
+
+
+def test_the_headline_says_which_gains_hold_and_how_surely(made_up, page):
+    holds, wrong, certified, matters = page.answers
+    by_group = {(g.group.plant, g.group.gains): g for g in made_up.groups}
+
+    assert holds.verdict == "partly"
+    assert "K3 100 % on kinematic" in holds.short
+    for (plant, gains), one in by_group.items():
+        (said,) = (line for line in holds.sentences if line.startswith(f"{plant} / {gains}:"))
+        assert f"{one.successes} of {one.n} flights succeed" in said
+        assert f"({percent(one.success.lo)} to {percent(one.success.hi)} %)" in said
+    assert any("is less with K3 than with paper on 100 %" in line for line in holds.sentences)
+    failed = sum(one.n - one.successes for one in by_group.values())
+    assert wrong.short == f"{failed} of 800 flights fail"
+    assert any("the course error passed 180 deg" in line for line in wrong.sentences)
+    held = sum(one.certified.held for one in by_group.values())
+    assert certified.short == f"in {held} of 800 flights"
+    assert matters.short == "flight.V_a_mps"
+
+
+def test_where_everything_holds_the_headline_says_so(tmp_path):
+    made = made_up_plan(tmp_path, runs=80)
+    rows = made_up_rows(made).assign(status="completed", success=True, missed=None, reason=None)
+
+    holds, wrong, *_ = headline(findings(flown_of(rows, made)))
+
+    assert holds.verdict == "yes"
+    assert wrong.sentences == ("Every flight succeeds.",)
+
+
+def test_every_part_is_on_the_page_and_nothing_points_outside(page):
+    text = page.path.read_text(encoding="utf-8")
+    pictures = [base64.b64decode(data).decode() for data in re.findall(r"base64,([^\"]+)", text)]
+    addresses = [one or other for part in (text, *pictures) for one, other in ADDRESS.findall(part)]
+
+    assert page.sections == (
+        "How often",
+        "Worst flights",
+        "Measures",
+        "What matters",
+        "Gains on the same draws",
+        "Convergence",
+    )
+    for part in ("Provenance", "How to reproduce", *page.sections):
+        assert f"<h2>{part}</h2>" in text
+    assert len(pictures) > 14
+    assert all(address.strip("'\"").startswith(("data:", "#")) for address in addresses)
+    assert "<script" not in text
+    assert page.path.stat().st_size < 3_000_000
+
+
+def test_a_group_has_the_colour_its_flights_have_everywhere(made_up):
+    own = made_up.flown.plan
+    pairs = [(p.label, name) for p in own.scenario.plant for name in own.gain_sets]
+
+    found = looks_of(own)
+
+    assert found == {f"{plant} / {gains}": look for (plant, gains), look in looks(pairs).items()}
+
+
+def test_text_of_a_file_is_text_on_the_page(tmp_path):
+    made = made_up_plan(tmp_path, runs=80)
+    rows = made_up_rows(made)
+    rows.loc[0, ["status", "reason", "success"]] = ["diverged", "<b>7</b> & more", False]
+
+    written = write_page(findings(flown_of(rows, made)), tmp_path / "page.html")
+
+    text = written.path.read_text(encoding="utf-8")
+    assert "&lt;b&gt;7&lt;/b&gt; &amp; more" in text
+    assert "<b>" not in text
+
+
+def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
+    made = made_up_plan(tmp_path, runs=3)
+    rows = made_up_rows(made).head(1).assign(status="invalid", reason="`x` must be finite")
+    rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
+    rows["success"], rows["certified"] = False, None
+
+    written = write_page(findings(flown_of(rows, made)), tmp_path / "page.html")
+
+    assert written.answers[0].verdict == "no"
+    assert "`x` must be finite" in written.path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    return headless_chromium()
+
+
+@pytest.fixture(scope="module")
+def told_by_page(chromium, page, tmp_path_factory):
+    text = page.path.read_text(encoding="utf-8")
+    return told_at_widths(chromium, text, tmp_path_factory.mktemp("frames"))
+
+
+@pytest.mark.parametrize("width", [DESK, PHONE, NARROW])
+def test_the_page_fits_its_width_and_cuts_no_text_off(told_by_page, width):
+    assert told_by_page[width]["needs"] <= width
+    assert told_by_page[width]["wide"] == []
+    assert told_by_page[width]["cut"] == []
+    assert min(told_by_page[width]["images"]) > 300
+
+
+def test_no_request_leaves_the_machine(chromium, page, tmp_path):
+    assert asked_by_the_page(chromium, page.path, tmp_path / "log.json") == set()
+
+
+def test_no_screen_of_the_page_is_empty(chromium, page, tmp_path):
+    grey = screenshot(chromium, page.path, tmp_path / "desk.png", width=DESK, height=4 * SCREEN)
+
+    for top in range(0, 4 * SCREEN, SCREEN // 2):
+        assert grey[top : top + SCREEN // 2].std() > FLAT
+
+
+def test_the_page_prints_on_a_few_sheets(chromium, page, tmp_path):
+    sheets = tmp_path / "report.pdf"
+    chromium("--no-pdf-header-footer", f"--print-to-pdf={sheets}", page.path)
+
+    assert 3 <= len(re.findall(rb"/Type\s*/Page\b", sheets.read_bytes())) <= 14
