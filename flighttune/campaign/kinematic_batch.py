@@ -11,9 +11,11 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.claim import FEWEST_SAMPLES, Claim
 from flighttune.campaign.schema import MEASURES
 from flighttune.control.gains import PIGains
+from flighttune.plants.sensors import Sensors
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.reference_table import ReferenceTable
 from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
+from flighttune.scenario.sensors_table import SensorsTable
 from flighttune.scenario.weather_table import DisturbanceTable
 from flighttune.simulate.batch import Flights, FlownBatch, fly_sampled
 from flighttune.simulate.batch.flights import MEASURES as MEASURED
@@ -28,7 +30,7 @@ ROLLED = 1
 KNOWN: Mapping[type, tuple[str, ...]] = {
     Scenario: (
         "title", "verifies", "source", "seed", "gains", "flight", "reference", "limits",
-        "controller", "tuning", "disturbance", "envelope", "expect", "plant",
+        "controller", "tuning", "disturbance", "sensors", "envelope", "expect", "plant",
     ),
     FlightTable: (
         "V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "duration_s", "ground_m",
@@ -40,6 +42,10 @@ KNOWN: Mapping[type, tuple[str, ...]] = {
     DisturbanceTable: (
         "chi_amplitude", "chi_omega_rad_s", "gamma_amplitude", "gamma_omega_rad_s", "as_wind",
         "path",
+    ),
+    SensorsTable: (
+        "chi_bias_deg", "chi_noise_sd_deg", "gamma_bias_deg", "gamma_noise_sd_deg",
+        "V_a_bias_mps", "V_a_noise_sd_mps", "noise_time_constant_s",
     ),
     PlantTable: ("kind",),
 }  # fmt: skip
@@ -60,6 +66,7 @@ class Settings(NamedTuple):
     feed_forward: bool
     schedule: bool
     moving: bool
+    sensed: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,10 +94,11 @@ def batchable(scenario: Scenario, table: PlantTable) -> bool:
     """
     if table.kind != "kinematic" or not _knows(table):
         return False
-    parts = (scenario.flight, scenario.reference, scenario.limits, scenario.controller)
-    return all(map(_knows, (scenario, *parts))) and (
-        scenario.disturbance is None or _knows(scenario.disturbance)
-    )
+    parts = (
+        scenario, scenario.flight, scenario.reference, scenario.limits, scenario.controller,
+        scenario.disturbance, scenario.sensors,
+    )  # fmt: skip
+    return all(part is None or _knows(part) for part in parts)
 
 
 def _knows(table: Any) -> bool:
@@ -131,7 +139,9 @@ def _alike(scenarios: Sequence[Scenario]) -> dict[Settings, list[int]]:
         c, r = scenario.controller, scenario.reference
         settings = Settings(
             c.rate_hz, scenario.flight.duration_s, c.anti_windup, c.tracking_time_s,
-            c.feed_forward, c.schedule, isinstance(r.chi_deg, list) or isinstance(r.gamma_deg, list)
+            c.feed_forward, c.schedule,
+            isinstance(r.chi_deg, list) or isinstance(r.gamma_deg, list),
+            scenario.sensors is not None,
         )  # fmt: skip
         alike.setdefault(settings, []).append(i)
     return alike
@@ -159,6 +169,7 @@ def _flown(
         tracking_time=settings.tracking_time_s,
         schedule_speed=flights.start[:, 4] if settings.schedule else None,
         feed_forward=settings.feed_forward,
+        sensors=_sensors(scenarios),
         trajectories=True,
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
         threads=1,
@@ -182,6 +193,11 @@ def _wave(scenario: Scenario) -> tuple[float, float, float, float]:
         return 0.0, 0.0, 0.0, 0.0
     wave = scenario.disturbance.sinusoid()
     return wave.chi_amplitude, wave.chi_omega, wave.gamma_amplitude, wave.gamma_omega
+
+
+def _sensors(scenarios: Sequence[Scenario]) -> list[Sensors]:
+    """One a flight, none where there are none."""
+    return [one.sensors.sensors(one.seed) for one in scenarios if one.sensors is not None]
 
 
 def _signals(batch: FlownBatch, names: Iterable[str]) -> list[FloatArray]:

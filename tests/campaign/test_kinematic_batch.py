@@ -76,12 +76,25 @@ EVERYTHING = (
     uniform("disturbance.chi_amplitude", 0.0, 0.2),
     uniform("disturbance.gamma_omega_rad_s", 0.1, 3.0),
 )
+SEEN = (
+    uniform("sensors.chi_bias_deg", -2.0, 2.0),
+    uniform("sensors.gamma_bias_deg", -2.0, 2.0),
+    uniform("sensors.V_a_bias_mps", -2.0, 2.0),
+    one_of("sensors.chi_noise_sd_deg", 0.0, 0.5),
+    uniform("sensors.gamma_noise_sd_deg", 0.0, 0.5),
+    uniform("sensors.V_a_noise_sd_mps", 0.0, 0.5),
+)
 
 
-def test_draws_of_everything_at_once_have_the_bits_of_flights_alone():
-    plan = plan_of(
-        tables_of(disturbance=WAVE, expect=[SUCCESS]), *EVERYTHING, runs=240, certificate=CLAIM
-    )
+@pytest.mark.parametrize(
+    ("sensors", "seen"),
+    [({}, ()), ({"sensors": {"noise_time_constant_s": 0.3}}, SEEN)],
+    ids=["seen as it is", "seen by sensors"],
+)
+def test_draws_of_everything_at_once_have_the_bits_of_flights_alone(sensors, seen):
+    tables = tables_of(disturbance=WAVE, expect=[SUCCESS], **sensors)
+    plan = plan_of(tables, *EVERYTHING, *seen, runs=240, certificate=CLAIM)
+    assert batchable(plan.scenario_of(0), plan.scenario.plant[0])
 
     rows = rows_of(plan)
 
@@ -229,7 +242,7 @@ def test_no_key_of_a_scenario_is_left_out_of_these_tests():
     [
         ({}, True),
         ({"disturbance": WAVE}, True),
-        ({"sensors": {"chi_bias_deg": 0.1}}, False),
+        ({"sensors": {"chi_bias_deg": 0.1}}, True),
         ({"wind": WIND}, False),
         ({"plants": ({"kind": "point_mass"},)}, False),
         ({"plants": (AEROSONDE,)}, False),
