@@ -297,3 +297,31 @@ def test_a_reference_over_time_must_be_as_long_as_the_flight():
 def test_things_of_different_number_are_refused():
     with pytest.raises(ShapeError, match=r"`start` must be given once or 3 times, got 2"):
         Flights.of([PAPER_GAINS] * 3, condition=[START] * 2, ref=REF)
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"g": [9.8, 9.8]}, ShapeError, r"`g` must have shape \(1,\), got \(2,\)"),
+        ({"g": [0.0]}, InputError, r"`g` must be positive, got 0"),
+        ({"schedule_speed": np.nan}, InputError, r"`schedule_speed` must be positive, got nan"),
+    ],
+)
+def test_numbers_that_may_differ_from_flight_to_flight_must_fit_the_flights(
+    settings, error, message
+):
+    with pytest.raises(error, match=message):
+        fly_sampled(PAPER, dt=0.01, duration=1.0, **settings)
+
+
+def test_gravity_and_speed_of_the_schedule_can_be_one_a_flight():
+    cases = Flights.of([PAPER_GAINS] * 3, condition=START, ref=REF, limits=PRINTED)
+    g, speed = np.array([9.7, 9.81, 9.9]), np.array([20.0, 25.0, 30.0])
+
+    together = fly_sampled(cases, dt=0.02, duration=4.0, g=g, schedule_speed=speed)
+
+    one = Flights.of(PAPER_GAINS, condition=START, ref=REF, limits=PRINTED)
+    for i in range(3):
+        alone = fly_sampled(one, dt=0.02, duration=4.0, g=g[i], schedule_speed=speed[i])
+        assert alone.metrics[0].tobytes() == together.metrics[i].tobytes()
+    assert len(np.unique(together.metrics[:, 0, 0])) == 3
