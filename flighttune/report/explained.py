@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.errors import InputError
 from flighttune.gap.certified_set import LoopFlown, Verdict, loop_flown
+from flighttune.gap.free_flight import FreeFlight, free_flight
 from flighttune.gap.ladder import Ladder, climb
 from flighttune.gap.mismatch import Mismatch, mismatch
 from flighttune.scenario.schema import Scenario
@@ -26,6 +27,8 @@ class ExplainedGap:
         None where the linear loop has no certificate.
     verdict : Verdict or None
         Whether the certified ultimate set held over the whole flight.
+    free : FreeFlight or None
+        The part of the flight that no limit holds, in the reach of the linear loop.
     """
 
     run: Run
@@ -33,6 +36,7 @@ class ExplainedGap:
     mismatch: Mismatch
     loop: LoopFlown | None
     verdict: Verdict | None
+    free: FreeFlight | None
 
 
 def explained_gap(scenario: Scenario, aircraft: Run) -> ExplainedGap:
@@ -57,7 +61,13 @@ def explained_gap(scenario: Scenario, aircraft: Run) -> ExplainedGap:
     model = scenario.linear_model()
     A_K = closed_loop(model, gains)
     certified = model.shape[0] == 2 and indicators(A_K).status == "stable" and found.L_d > 0.0
-    loop = loop_flown(top, found, A_K, disturbance_entry(model)) if certified else None
+    entry = disturbance_entry(model)
+    loop = loop_flown(top, found, A_K, entry) if certified else None
     return ExplainedGap(
-        run=top, ladder=ladder, mismatch=found, loop=loop, verdict=loop and loop.verdict()
+        run=top,
+        ladder=ladder,
+        mismatch=found,
+        loop=loop,
+        verdict=loop and loop.verdict(),
+        free=free_flight(top, found, A_K, entry) if certified else None,
     )

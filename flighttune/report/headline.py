@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from flighttune.comparison import Pair
+from flighttune.gap.free_flight import FreeFlight
 from flighttune.metrics import channel_metrics
 from flighttune.report.explained import ExplainedGap
 from flighttune.report.facts import CONVERGED_AT_LEAST, CONVERGED_PART, LATE, Facts, GainFacts
@@ -201,7 +202,16 @@ def _held(gap: ExplainedGap) -> str:
     return (
         f"With {name} the aircraft differs from the law by a disturbance of rate up to "
         f"{gap.verdict.L_d:.2f} rad/s²; the ultimate set certified for that, errors within {chi} "
-        f"of χ and {gamma} of γ: {gap.verdict.sentence}."
+        f"of χ and {gamma} of γ: {gap.verdict.sentence}.{_free(gap.free)}"
+    )
+
+
+def _free(free: FreeFlight | None) -> str:
+    if free is None:
+        return ""
+    return (
+        f" From {free.t_from:.1f} s on no limit holds a command, and errors must stay within "
+        f"{_degrees(max(free.widest))} of those of the linear loop left alone: {free.sentence}."
     )
 
 
