@@ -340,3 +340,14 @@ def test_the_table_of_columns_in_the_documentation_is_the_schema():
     assert told == {
         field.name: field.metadata[b"unit"].decode() if field.metadata else None for field in schema
     }
+
+
+def test_a_run_without_gains_or_out_of_the_plan_has_no_scenario():
+    plan = plan_of(tables_of(gains=["tuned"], tuning={"I_star": 1e-6}), *START, runs=4)
+
+    with pytest.raises(
+        InputError, match=r"`gains` must have been found to fly, got none for tuned"
+    ):
+        scenario_of_run(plan, 0)
+    with pytest.raises(InputError, match=r"`run` must be 0 to 3, got 4"):
+        scenario_of_run(plan, 4)
