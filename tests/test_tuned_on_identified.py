@@ -25,7 +25,7 @@ from flighttune.outer_loop import (
 )
 from flighttune.plants.identification.file import load_identified
 from flighttune.scenario import load_scenario, scenario_from
-from flighttune.shipped import aircraft_folder
+from flighttune.shipped import aircraft_folder, scenario_file
 from flighttune.theory.indicators import indicators
 
 ON_THE_AIRCRAFT = 0.45
@@ -292,6 +292,17 @@ def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
 def test_scenarios_that_cannot_be_tuned_so_are_refused_by_key(change, message):
     with pytest.raises(ScenarioError, match=message):
         manoeuvre({"chi_deg": 5.0}, **change)
+
+
+def test_a_scenario_file_that_names_no_model_is_told_of_by_file_and_key(tmp_path):
+    text = scenario_file("paper_identified").read_text()
+    file = tmp_path / "mine.toml"
+    file.write_text(text.replace('identified = "aerosonde"', 'identified = "nowhere.json"'))
+
+    with pytest.raises(
+        ScenarioError, match=r"mine.toml: \[tuning\] `identified` must be .*nowhere"
+    ):
+        load_scenario(file)
 
 
 def test_an_aircraft_without_a_model_file_says_what_writes_one(tmp_path):

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from flighttune.errors import InputError, ScenarioError
+from flighttune.plants.identification.file import load_identified
 from flighttune.plants.jsbsim.aircraft import AircraftConfig, load_aircraft
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.plants.jsbsim.start_check import start_faults
@@ -35,6 +36,30 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
     faults = dict.fromkeys(fault for plant in scenario.plant for fault in _faults(scenario, plant))
     if faults:
         raise ScenarioError(f"{source}: {joined(faults)}")
+
+
+def check_identified(scenario: Scenario, source: str) -> None:
+    """Refuse a scenario whose identified model is named and cannot be read.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    source : str
+        File the scenario came from, or what else to call it.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such model; the message names `source` and key.
+    """
+    if scenario.tuning.identified is None:
+        return
+    try:
+        load_identified(scenario.tuning.identified)
+    except InputError as error:
+        raise ScenarioError(
+            f"{source}: [tuning] `identified` must be an aircraft or a model file: {error}"
+        ) from error
 
 
 def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from flighttune.control.gains import PIGains
 from flighttune.errors import ScenarioError
-from flighttune.scenario.aircraft_check import check_aircraft
+from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.sentence import mistakes
 
@@ -33,11 +33,12 @@ def load_scenario(path: str | Path) -> Scenario:
     ------
     ScenarioError
         If the file cannot be read, a key is unknown, missing or impossible, or an aircraft does not
-        exist or cannot start where it shall.
+        exist or cannot start where it shall, or a model named in [tuning] cannot be read.
     """
     path = _existing(path)
     scenario = validated(Scenario, toml_tables(path), str(path))
     check_aircraft(scenario, str(path))
+    check_identified(scenario, str(path))
     return scenario
 
 

@@ -28,6 +28,7 @@ from flighttune.scenario.table import (
     Inclination,
     Inclinations,
     Matrix,
+    Name,
     Positive,
     Range,
     Seed,
@@ -121,7 +122,7 @@ class EnvelopeTable(Table):
 class GainsTable(Table):
     """Gains given as numbers: rows phi, n_z; columns chi, gamma."""
 
-    name: Annotated[str, Field(min_length=1, pattern=r"^[\w.*+-]+$")]
+    name: Name
     K_P: Matrix
     K_I: Matrix
 
@@ -172,7 +173,10 @@ class Scenario(Table):
             self._identified()
         for key, labels in (("gains", names), ("plant", [p.label for p in self.plant])):
             if len(set(labels)) < len(labels):
-                raise ValueError(f"`{key}` must not name anything twice, got {', '.join(labels)}")
+                way = "; a `name` of its own tells a plant apart" if key == "plant" else ""
+                raise ValueError(
+                    f"`{key}` must not name anything twice, got {', '.join(labels)}{way}"
+                )
             for wanted in (getattr(table, key) for table in self.expect):
                 if wanted not in (None, *labels):
                     raise ValueError(
@@ -186,6 +190,8 @@ class Scenario(Table):
                 f"got {self.flight.duration_s} s at {self.controller.rate_hz} Hz"
             )
         self.reference.check_starts(self.flight.duration_s)
+        if self.gust:
+            self.gust.check_start(self.flight.duration_s)
         return self
 
     @property

@@ -67,6 +67,20 @@ class GustTable(Table):
     length_m: Positive
     hold_s: NotNegative = 0.0
 
+    def check_start(self, duration_s: float) -> None:
+        """Refuse a gust that would begin when a flight of `duration_s` is over.
+
+        Raises
+        ------
+        ValueError
+            If it does; the message names table and key.
+        """
+        if self.start_s >= duration_s:
+            raise ValueError(
+                "[gust] `start_s` must lie before the end of the flight "
+                f"(`duration_s` of [flight], {duration_s:g} s), got {self.start_s:g} s"
+            )
+
     def gust(self, V_a: float) -> Gust:
         """The gust in seconds at the airspeed `V_a` (m/s)."""
         return Gust(

@@ -9,6 +9,8 @@ import pandas as pd
 from flighttune.control.gains import PIGains
 from flighttune.notebook import matrix, number, table
 from flighttune.plants.base import StopStatus
+from flighttune.plants.label import aircraft_of
+from flighttune.simulate.signal_table import SignalTable
 from flighttune.units import DEG
 
 RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim", "cut_off"] | StopStatus
@@ -88,7 +90,8 @@ class Provenance:
     scenario : mapping
         The validated scenario, as it would be written in TOML.
     plant : str
-        Label of the plant, for example ``"kinematic"`` or ``"jsbsim:aerosonde"``.
+        Label of the plant, for example ``"kinematic"``, ``"jsbsim:aerosonde"`` or, where it has a
+        name, ``"jsbsim:aerosonde:heavy"``.
     gains_name : str
         Name of the gain set in the scenario.
     gains : PIGains or None
@@ -109,6 +112,11 @@ class Provenance:
     versions: Mapping[str, str]
     wall_s: float
 
+    @property
+    def aircraft(self) -> str | None:
+        """Aircraft flown, as its scenario names it; None for a plant that is none."""
+        return aircraft_of(self.plant, self.scenario.get("plant") or ())
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
@@ -117,7 +125,8 @@ class Run:
     Attributes
     ----------
     signals : DataFrame, indexed by `t` in s
-        One column a signal, float64, SI and radians; `SIGNAL_UNITS` names the units.
+        One column a signal, float64, SI and radians; `SIGNAL_UNITS` names the units. Columns can be
+        neither added nor replaced nor taken away; a copy, or what `assign` returns, is free.
     status : str
         ``completed``, or why the flight ended early or never began.
     reason : str
@@ -130,6 +139,9 @@ class Run:
     status: RunStatus
     reason: str
     provenance: Provenance = field(repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "signals", SignalTable(self.signals))
 
     @property
     def label(self) -> str:

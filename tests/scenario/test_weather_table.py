@@ -95,6 +95,10 @@ def test_still_air_is_no_weather():
             r"`level` must rise in h_m, got \[9.0, 9.0\]",
         ),
         ({"gust": {"axis": "up", "peak_mps": 1.0, "start_s": 0.0, "length_m": 9.0}}, "`axis`"),
+        (
+            {"gust": {"axis": "down", "peak_mps": 1.0, "start_s": 20.0, "length_m": 9.0}},
+            r"\[gust\] `start_s` must lie before the end of the flight .*20 s\), got 20 s",
+        ),
         ({"turbulence": {}}, "`intensity` must be given, or both `severity` and"),
         ({"turbulence": {"severity": 3}}, "`intensity` must be given, or both `severity` and"),
         ({"turbulence": {"intensity": "light", "severity": 3, "wind_20ft_mps": 5.0}}, "in its"),

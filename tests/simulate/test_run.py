@@ -1,0 +1,55 @@
+"""A flown run keeps the signals it was flown with."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.flight import fly
+from flighttune.scenario import load_scenario
+
+
+@pytest.fixture(scope="module")
+def run():
+    return fly(load_scenario("paper_as_printed")).runs[0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda signals: signals.__setitem__("mine", 1.0),
+        lambda signals: signals.__setitem__("chi", 1.0),
+        lambda signals: signals.loc.__setitem__((slice(None), "mine"), 1.0),
+        lambda signals: signals.loc.__setitem__((0.0, "chi"), 1.0),
+        lambda signals: signals.iloc.__setitem__((0, 0), 1.0),
+        lambda signals: setattr(signals, "columns", range(len(signals.columns))),
+        lambda signals: signals.insert(0, "mine", 1.0),
+        lambda signals: signals.pop("chi"),
+        lambda signals: signals.__delitem__("chi"),
+    ],
+)
+def test_signals_take_no_new_column_and_lose_none(run, change):
+    columns, values = list(run.signals.columns), run.signals.to_numpy().copy()
+
+    with pytest.raises((TypeError, ValueError), match=r"must stay as they were|read-only"):
+        change(run.signals)
+
+    assert list(run.signals.columns) == columns
+    assert np.array_equal(run.signals.to_numpy(), values)
+
+
+def test_what_is_made_of_them_is_a_table_like_any_other(run):
+    mine = run.signals.assign(mine=1.0)
+    mine["twice"] = 2.0 * mine["chi"]
+
+    assert type(mine) is type(run.signals.copy()) is type(run.signals[["chi"]]) is pd.DataFrame
+    assert "twice" not in run.signals
+
+
+def test_a_run_sent_to_another_process_is_as_closed(run):
+    again = pickle.loads(pickle.dumps(run))
+
+    assert np.array_equal(again.signals.to_numpy(), run.signals.to_numpy())
+    with pytest.raises(TypeError, match="must stay as they were flown"):
+        again.signals["mine"] = 1.0
