@@ -63,7 +63,7 @@ def report(
 
 def _print(found: "Findings") -> None:
     from flighttune.campaign.report.page import notes
-    from flighttune.campaign.report.words import percent, shown, with_interval
+    from flighttune.campaign.report.words import label_of, percent, shown, with_interval
 
     how = None if found.measure is None else shown(found.measure)
     factor = 1.0 if how is None else how.factor
@@ -73,8 +73,7 @@ def _print(found: "Findings") -> None:
         certified = one.certified
         rows.append(
             (
-                one.group.gains,
-                one.group.plant,
+                label_of(one.group),
                 str(one.n),
                 percent(one.success.value),
                 f"{percent(one.success.lo)} to {percent(one.success.hi)}",
@@ -85,9 +84,10 @@ def _print(found: "Findings") -> None:
                 "-" if certified is None else percent(certified.of_all.value),
             )
         )
-    measured = () if how is None else (f"median {how.titled}", "95 %")
-    header = ("gains", "plant", "flights", "succeed [%]", "interval [%]", *measured, "set held [%]")
-    print_table(found.flown.plan.campaign.title, header, rows)
+    measured = () if how is None else ("median", "95 %")
+    header = ("group", "flights", "succeed [%]", "interval [%]", *measured, "set held [%]")
+    title = found.flown.plan.campaign.title
+    print_table(title if how is None else f"{title}: {how.titled}", header, rows)
     for line in notes(found):
         say(line)
     _say_headline(found)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 FINE, NO, COULD_NOT_RUN = 0, 1, 2
-PLAIN_WIDTH = 132
+PLAIN_WIDTH, WIDEST = 132, 10_000
 MISSING = ("-", "never")
 
 ScenarioArgument = Annotated[
@@ -29,12 +29,19 @@ def print_table(title: str, header: tuple[str, ...], rows: list[tuple[str, ...]]
     table = Table()
     for i, column in enumerate(header):
         numbers = bool(rows) and all(_is_number(row[i]) for row in rows)
+        whole = numbers or i == 0
         table.add_column(
-            Text(column), justify="right" if numbers else "left", no_wrap=numbers or i == 0
+            Text(column),
+            justify="right" if numbers else "left",
+            no_wrap=whole,
+            min_width=max(len(cell) for cell in (column, *(row[i] for row in rows)))
+            if whole
+            else None,
         )
     for row in rows:
         table.add_row(*map(Text, row))
-    console.width = max(console.width, console.measure(table).minimum)
+    unbounded = console.options.update(max_width=WIDEST)
+    console.width = max(console.width, console.measure(table, options=unbounded).minimum)
     console.print(Text(title))
     console.print(table)
 

@@ -161,7 +161,9 @@ def test_classes_are_of_equal_size_and_keep_the_order():
     classes = classes_of(pd.Series(np.random.default_rng(0).normal(size=1000)))
 
     assert np.bincount(classes).tolist() == [100] * 10
-    assert classes_of(pd.Series([3.0, 1.0, 3.0, 2.0])).tolist() == [2, 0, 2, 1]
+    assert classes_of(pd.Series([3.0, 1.0, 3.0, 2.0] * 5)).tolist() == [2, 0, 2, 1] * 5
+    assert classes_of(pd.Series(range(10))).tolist() == [0] * 5 + [1] * 5
+    assert classes_of(pd.Series(["b", "a", "b"])).tolist() == [1, 0, 1]
 
 
 def ishigami(x):

@@ -85,8 +85,7 @@ def settling(
 
 
 def prefixes(n: int) -> list[int]:
-    """Up to 25 numbers from 10 to `n`, evenly spaced by their logarithm; `n` where it is less."""
-    if n <= FIRST:
-        return [n]
-    spaced: npt.NDArray[np.float64] = np.geomspace(FIRST, n, POINTS)
+    """Up to 25 numbers to `n`, evenly spaced by their logarithm, from 10 on or a quarter of `n`."""
+    first = max(1, min(FIRST, n // 4))
+    spaced: npt.NDArray[np.float64] = np.geomspace(first, n, POINTS)
     return sorted({round(value) for value in spaced.tolist()})

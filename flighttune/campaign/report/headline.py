@@ -115,7 +115,7 @@ def _failures(one: GroupSummary) -> Iterator[str]:
         more = f", and {len(status.reasons) - 1} other reasons" if len(status.reasons) > 1 else ""
         lines.append(f"{status.count} of {one.n} ended as {word}{why}{more}")
     for missed in one.missed[:MOST_REASONS]:
-        lines.append(f"{missed.count} flown to the end: {missed.text} (as run {missed.run})")
+        lines.append(f"{missed.count} flown to the end miss: {missed.text} (as run {missed.run})")
     if lines:
         yield f"{label_of(one.group)}: {'; '.join(lines)}."
 

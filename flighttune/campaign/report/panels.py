@@ -187,6 +187,9 @@ def _settling(found: Findings, title: str, y: str, name: str, factor: float) -> 
             )  # fmt: skip
             tallest += [value, hi[bounded], lo[bounded]]
         axes.set_xscale("log")
+        within_a_decade = all(one.n[-1] < 10 * one.n[0] for one in found.settling)
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("{x:g}" if within_a_decade else "")
         shown_values = np.concatenate(tallest)
         shown_values = shown_values[np.isfinite(shown_values)]
         if len(shown_values) and np.ptp(shown_values) > 0.0:

@@ -155,7 +155,8 @@ def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
     Parameters
     ----------
     column : Series
-        Values; a number with more than `most` of them is cut into classes of equal size.
+        Values; a number with more than `most` of them, or with fewer than five flights of each, is
+        cut into classes of equal size.
     most : int
 
     Returns
@@ -164,7 +165,8 @@ def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
         From 0 on, rising with a number.
     """
     codes, found = pd.factorize(column, sort=True)
-    if not is_number(column) or len(found) <= most:
+    few = len(found) <= most and LEAST_IN_CLASS * len(found) <= len(column)
+    if few or not is_number(column):
         return np.asarray(codes)
     count = max(2, min(most, len(column) // LEAST_IN_CLASS))
     places = (rankdata(column) - 0.5) / len(column)

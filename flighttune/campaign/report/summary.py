@@ -1,7 +1,7 @@
 """What the flights of each group came to: shares and percentiles with their intervals."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,12 @@ from flighttune.campaign.report.flown import Flown
 from flighttune.campaign.report.reasons import Reason, reasons
 
 PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
+BETWEEN_SENTENCES = "; "
+"""What stands between the sentences of the column ``missed``."""
+
+GOT = ", got … (missed by …)"
+"""End of a sentence of several flights that says nothing."""
+
 HELD, BROKEN, NOT_ENTERED = "held", "broken", "not entered"
 
 
@@ -88,7 +94,7 @@ class GroupSummary:
     statuses : tuple of Status
         The most frequent first.
     missed : tuple of Reason
-        What completed flights failed, the most frequent first.
+        What completed flights failed, the most frequent first; a flight may miss several.
     measures : mapping of str to Distribution
         Of every measure that a completed flight has.
     certified : CertifiedCount or None
@@ -146,7 +152,7 @@ def _summary(
         successes=int(success.sum()),
         success=share(success, clusters, method=method, confidence=confidence),
         statuses=_statuses(rows),
-        missed=reasons(failed["missed"].tolist(), failed["run"].tolist()),
+        missed=_missed(failed),
         measures={
             name: _distribution(rows[name].to_numpy(dtype=float), completed, clusters, confidence)
             for name in flown.measures
@@ -166,6 +172,17 @@ def _statuses(rows: pd.DataFrame) -> tuple[Status, ...]:
         for name, own in rows.groupby("status", sort=False, observed=True)
     ]
     return tuple(sorted(found, key=lambda one: -one.count))
+
+
+def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
+    """Every sentence by itself: a flight that misses two bounds counts for both."""
+    told = [
+        (sentence, run)
+        for text, run in zip(failed["missed"].tolist(), failed["run"].tolist(), strict=True)
+        for sentence in text.split(BETWEEN_SENTENCES)
+    ]
+    found = reasons([sentence for sentence, _ in told], [run for _, run in told])
+    return tuple(replace(one, text=one.text.removesuffix(GOT)) for one in found)
 
 
 def _distribution(

@@ -130,7 +130,7 @@ def influence_table(found: Findings, name: str) -> PageTable:
     for group, _ in found.flown.groups():
         rows += [
             (
-                label_of(group), one.parameter, str(one.n), f"{100.0 * max(0.0, one.share):.1f}",
+                label_of(group), one.parameter, str(one.n), _explained(one),
                 _correlation(one), "–" if math.isnan(one.partial) else f"{one.partial:+.2f}",
                 probability(min(one.p_rho, one.p_share)), "yes" if one.apart else "no",
             )
@@ -200,6 +200,10 @@ def telling_parameters(found: Findings) -> list[str]:
 
 def _correlation(one: Influence) -> str:
     return "–" if math.isnan(one.rho) else f"{one.rho:+.2f} ({one.lo:+.2f} to {one.hi:+.2f})"
+
+
+def _explained(one: Influence) -> str:
+    return "–" if math.isnan(one.share) else f"{100.0 * max(0.0, one.share):.1f}"
 
 
 def _value(value: Any) -> str:

@@ -86,7 +86,8 @@ def percent(share: float) -> str:
         return "–"
     value = 100.0 * share
     edge = min(value, 100.0 - value)
-    return f"{value:.3g}" if edge == 0.0 else f"{value:.{1 if edge >= 0.1 else 3}f}"
+    decimals = 0 if edge == 0.0 else 1 if edge >= 0.1 else 2 if edge >= 0.01 else 3
+    return f"{value:.{decimals}f}"
 
 
 def percent_with_interval(one: Estimate) -> str:
@@ -95,10 +96,12 @@ def percent_with_interval(one: Estimate) -> str:
 
 
 def figures(value: float) -> str:
-    """A number with four figures, an infinite one as a sign, a dash where there is none."""
+    """A number with three figures, an infinite one as a sign, a dash where there is none."""
     if math.isnan(value):
         return "–"
-    return f"{value:.4g}" if math.isfinite(value) else ("∞" if value > 0.0 else "−∞")
+    if math.isinf(value):
+        return "∞" if value > 0.0 else "−∞"
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
 
 
 def with_interval(one: Estimate, factor: float = 1.0) -> str:
