@@ -30,6 +30,9 @@ LAYERS = (
 RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row.split()}
 ONLY_IN = {
     "cvxpy": "theory/lmi.py",
+    "dask": "campaign/cluster.py",
+    "distributed": "campaign/cluster.py",
+    "fsspec": "campaign/storage.py",
     "jsbsim": "plants/jsbsim",
     "numba": "simulate/batch",
     "rerun": "recording",

@@ -20,7 +20,7 @@ def chunk_rows(plan: Plan, span: Span, chunk: FlownChunk) -> pa.Table:
     if chunk.refused:
         raise CampaignError(f"a worker cannot fly for this campaign: {chunk.refused}")
     tables = [pa.ipc.open_stream(data).read_all() for data in chunk.tables]
-    tables += [fallen_row(plan, one.run, one.status, one.reason) for one in chunk.fallen]
+    tables += [fallen_row(plan, *fallen) for fallen in chunk.fallen]
     rows = pa.concat_tables(tables).sort_by("run")
     if rows.column("run").to_pylist() != list(range(*span)):
         raise CampaignError(f"runs {span.first} to {span.end - 1}: each must come back once")

@@ -89,10 +89,14 @@ class Workers:
         return self._threads
 
     def submit(self, about: Any, function: Callable[..., Any], *arguments: Any) -> None:
-        """Hand out a task; `about` comes back with its outcome."""
+        """Hand out a task; `about` comes back with its outcome.
+
+        `function` is one of a module; it takes and returns plain values.
+        """
+        where = function.__module__, function.__name__
         key = f"flighttune-{self._campaign}-{uuid.uuid4().hex}"
         with self._connected():
-            future = self._client.submit(function, *arguments, key=key, pure=False)
+            future = self._client.submit(_call, *where, *arguments, key=key, pure=False)
             self._about[key] = future, about
             future.add_done_callback(self._over.put)
 
@@ -254,6 +258,8 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def _silence() -> Iterator[None]:
+    import distributed  # noqa: F401  (sets its loggers up when it is imported)
+
     loggers = [logging.getLogger(name) for name in QUIET]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
@@ -263,6 +269,16 @@ def _silence() -> Iterator[None]:
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
+
+
+def _call(module: str, name: str, *arguments: Any) -> Any:
+    from importlib import import_module
+
+    return getattr(import_module(module), name)(*arguments)
+
+
+# Sent as code and not by name: a worker that cannot import what it is sent never answers.
+_call.__module__ = "__main__"
 
 
 def _translated(error: BaseException | None) -> CampaignError:

@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable
+from typing import Any
 
 import pyarrow as pa
 
@@ -62,7 +63,8 @@ class Crew:
             span = chunks.take(threads)
             return span and Task(span, fly_chunk, (*fixed, *span, limit))
 
-        def over(span: Span, chunk: FlownChunk) -> None:
+        def over(span: Span, found: dict[str, Any]) -> None:
+            chunk = FlownChunk(**found)
             tables[span.first] = chunk_rows(plan, span, chunk)
             if not chunk.fallen:
                 chunks.learn(span, chunk.seconds)

@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from flighttune.campaign.chunk_rows import chunk_rows
 from flighttune.campaign.cluster import Workers, cluster
@@ -139,7 +139,8 @@ class _Flight:
             span = chunks.take(threads)
             return span and Task(span, fly_chunk, (*fixed, *span, self._limit))
 
-        def over(span: Span, chunk: FlownChunk) -> None:
+        def over(span: Span, found: dict[str, Any]) -> None:
+            chunk = FlownChunk(**found)
             rows = chunk_rows(self._dataset.plan, span, chunk)
             self._dataset.write_part(rows)
             self._tally.add(rows)

@@ -13,6 +13,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -80,8 +81,10 @@ class Flyer:
     def _planned(self, text: str) -> "Plan":
         if self._plan is None or text != self._text:
             from flighttune.campaign.plan import plan_from
+            from flighttune.campaign.warm_up import warm_up
 
             self._text, self._plan = text, plan_from(json.loads(text))
+            warm_up(self._plan)
         return self._plan
 
 
@@ -102,6 +105,14 @@ def _end_after(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
+def _leave_no_core() -> None:
+    """Let no image of this process be written to the working folder when a flight ends it."""
+    with suppress(ImportError, ValueError, OSError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
 def _requests(source: BinaryIO) -> "queue.SimpleQueue[dict[str, Any]]":
     """Requests as they come; at their end, or when the parent is gone, the process ends."""
     waiting: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
@@ -117,6 +128,7 @@ def _requests(source: BinaryIO) -> "queue.SimpleQueue[dict[str, Any]]":
 
 def main() -> None:
     """Serve until standard input ends. Nothing but messages gets to standard output."""
+    _leave_no_core()
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     waiting = _requests(sys.stdin.buffer)

@@ -7,8 +7,10 @@ process that is replaced in a second, and the worker knows which run it was.
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from flighttune.campaign.flyer_process import Fallen, Flown, FlyerProcess
+from flighttune.errors import PlantError
 
 _OF_THREAD = threading.local()
 _FLYERS: list[FlyerProcess] = []
@@ -16,14 +18,14 @@ _FLYERS: list[FlyerProcess] = []
 
 @dataclass(frozen=True, slots=True)
 class FlownChunk:
-    """What came of a chunk of runs.
+    """What came of a chunk of runs; a worker returns its attributes as a dict.
 
     Attributes
     ----------
     tables : tuple of bytes
         Rows as Arrow streams, in order of `run`.
-    fallen : tuple of Fallen
-        Runs that have no rows because nobody could finish them.
+    fallen : tuple of (int, str, str)
+        Run, status and reason of those that have no rows because nobody could finish them.
     seconds : float, s
         Time the flights took.
     refused : str
@@ -31,7 +33,7 @@ class FlownChunk:
     """
 
     tables: tuple[bytes, ...] = ()
-    fallen: tuple[Fallen, ...] = ()
+    fallen: tuple[tuple[int, str, str], ...] = ()
     seconds: float = 0.0
     refused: str = ""
 
@@ -42,7 +44,7 @@ class _Chunk:
     plan: str
     limit: float
     tables: list[bytes] = field(default_factory=list)
-    fallen: list[Fallen] = field(default_factory=list)
+    fallen: list[tuple[int, str, str]] = field(default_factory=list)
     seconds: float = 0.0
 
     def fly(self, first: int, end: int) -> None:
@@ -50,27 +52,30 @@ class _Chunk:
         if first == end:
             return
         if end - first == 1:
-            self._fly_alone(first)
+            self._fly_alone(first, fell=0)
             return
         found = self._try(first, end)
         if found is None:
             return
         suspect = found.run if first <= found.run < end else first
         self.fly(first, suspect)
-        if self._fly_alone(suspect):
+        if self._fly_alone(suspect, fell=1):
             self.fly(suspect + 1, end)
         else:  # it was another one of those that had begun together
             middle = (suspect + 1 + end) // 2
             self.fly(suspect + 1, middle)
             self.fly(middle, end)
 
-    def _fly_alone(self, run: int) -> bool:
-        """Fly one run; return whether it fell. Whoever else ends a process, does so only once."""
+    def _fly_alone(self, run: int, *, fell: int) -> bool:
+        """Fly one run that `fell` so often; return whether it falls.
+
+        It does where its process ends a second time: once that can have been by another hand.
+        """
         found = self._try(run, run + 1)
-        if found is not None and found.status == "crashed":
+        if found is not None and found.status == "crashed" and not fell:
             found = self._try(run, run + 1)
         if found is not None:
-            self.fallen.append(Fallen(run, found.status, found.reason))
+            self.fallen.append((run, found.status, found.reason))
         return found is not None
 
     def _try(self, first: int, end: int) -> Fallen | None:
@@ -84,7 +89,7 @@ class _Chunk:
 
 def fly_chunk(
     plan: str, versions: Mapping[str, str], first: int, end: int, limit: float
-) -> FlownChunk:
+) -> dict[str, Any]:
     """Fly the runs `first` to `end` of a plan.
 
     Parameters
@@ -97,13 +102,25 @@ def fly_chunk(
         Runs, `end` not among them.
     limit : float, s
         Longest wall time of a run.
+
+    Returns
+    -------
+    dict
+        The attributes of a `FlownChunk`.
     """
-    flyer = _flyer()
+    try:
+        flyer = _flyer()
+    except PlantError as error:
+        return {"refused": str(error)}
     if refused := _refusal(flyer, versions):
-        return FlownChunk(refused=refused)
+        return {"refused": refused}
     chunk = _Chunk(flyer, plan, limit)
     chunk.fly(first, end)
-    return FlownChunk(tuple(chunk.tables), tuple(chunk.fallen), chunk.seconds)
+    return {
+        "tables": tuple(chunk.tables),
+        "fallen": tuple(chunk.fallen),
+        "seconds": chunk.seconds,
+    }
 
 
 def fly_signals(plan: str, run: int, limit: float) -> bytes:

@@ -9,6 +9,7 @@ from flighttune.cli.campaign_fly import fly
 from flighttune.cli.campaign_progress import CampaignOnlooker, duration
 from flighttune.cli.campaign_report import report
 from flighttune.cli.show import COULD_NOT_RUN, NO, JsonOption, fail, print_json, print_table, say
+from flighttune.errors import CampaignError, OutputError
 
 if TYPE_CHECKING:
     from flighttune.campaign.estimate import Estimate
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from flighttune.campaign.progress import CampaignOutcome
 
 INTERRUPTED = 130
+KEPT = "what has been flown is kept, go on with the same command and --resume"
 
 campaign = typer.Typer(
     name="campaign",
@@ -76,22 +78,26 @@ def run(
     from flighttune.campaign.engine import run_campaign
 
     onlooker = CampaignOnlooker()
-    with onlooker.ends_at_ctrl_c(), onlooker.shown():
-        done = run_campaign(
-            plan,
-            folder,
-            workers=workers,
-            scheduler=scheduler,
-            resume=resume,
-            until_halfwidth=until_halfwidth,
-            onlooker=onlooker,
-        )
+    try:
+        with onlooker.ends_at_ctrl_c(), onlooker.shown():
+            done = run_campaign(
+                plan,
+                folder,
+                workers=workers,
+                scheduler=scheduler,
+                resume=resume,
+                until_halfwidth=until_halfwidth,
+                onlooker=onlooker,
+            )
+    except (CampaignError, OutputError) as error:
+        raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
     if as_json:
         print_json(done.as_dict())
     else:
         _print_outcome(done)
     if done.interrupted:
-        fail(f"interrupted; {_there(done)}; go on with the same command and --resume", INTERRUPTED)
+        there = f"{done.runs} of {done.planned} runs are in {done.dataset}"
+        fail(f"interrupted, {there}; go on with the same command and --resume", INTERRUPTED)
     if until_halfwidth is not None and not (done.halfwidth or 1.0) <= until_halfwidth:
         fail(
             f"the half width must be at most {until_halfwidth:g}, got {done.halfwidth:.3g} after "
@@ -112,10 +118,6 @@ def _planned(file: str, runs: int | None, folder: str, *, resume: bool) -> "Plan
         if Store(folder).exists(CAMPAIGN):
             return plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
     return plan
-
-
-def _there(done: "CampaignOutcome") -> str:
-    return f"{done.runs} of {done.planned} runs are in {done.dataset}"
 
 
 def _print_outcome(done: "CampaignOutcome") -> None:

@@ -1,0 +1,83 @@
+"""Campaigns flown by real workers: every run once, as one process flies it."""
+
+import json
+import tempfile
+from pathlib import Path
+
+import psutil
+from campaigns import Notes, bits, children, plan
+
+from flighttune.campaign.columns import row_schema
+from flighttune.campaign.dataset import open_dataset
+from flighttune.campaign.dispatch import WAITING_PER_THREAD
+from flighttune.campaign.engine import run_campaign
+from flighttune.campaign.rows import fly_runs
+
+
+def listening(progress):
+    """Note the addresses on which this process and those below it listen while they fly."""
+    if progress.done == 0 or ADDRESSES:
+        return False
+    for process in [psutil.Process(), *children()]:
+        found = process.net_connections()
+        ADDRESSES.update(one.laddr.ip for one in found if one.status == psutil.CONN_LISTEN)
+    return False
+
+
+ADDRESSES = set()
+
+
+def test_every_run_is_there_once_as_one_process_flies_it(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    ours, notes = plan("files"), Notes(listening)
+    litter = set(Path(tempfile.gettempdir()).glob("*dask*"))
+
+    done = run_campaign(ours, "out", workers=2, onlooker=notes)
+
+    rows = open_dataset("out").rows()
+    assert bits(rows) == bits(fly_runs(ours, range(ours.runs)))
+    assert rows.schema.equals(row_schema(ours))
+    assert (done.runs, done.completed + done.failed + done.crashed) == (24, 24)
+    assert {*rows.column("plant").to_pylist()} == {"kinematic", "jsbsim:aerosonde"}
+    assert capfd.readouterr() == ("", "")
+    assert {path.name for path in tmp_path.iterdir()} == {"files", "out"}
+    assert set(Path(tempfile.gettempdir()).glob("*dask*")) == litter
+    assert ADDRESSES == {"127.0.0.1"}
+    assert not children()
+
+
+def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path):
+    ours = plan(tmp_path, runs=160)
+    stops = Notes(lambda progress: progress.done > 0)
+
+    first = run_campaign(ours, tmp_path / "out", workers=2, onlooker=stops)
+
+    there = open_dataset(tmp_path / "out").rows().column("run").to_pylist()
+    assert first.interrupted
+    assert 0 < first.runs < 160
+    assert len(set(there)) == len(there) == first.runs
+    assert not children()
+
+    second = run_campaign(ours, tmp_path / "out", workers=2, resume=True)
+
+    assert second.flown == 160 - first.runs
+    assert bits(open_dataset(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))
+
+
+def test_a_million_runs_wait_nowhere(tmp_path, address):
+    ours = plan(tmp_path, runs=10**6, wind="", aircraft=(), duration=0.5)
+    sizes = []
+
+    def enough(progress):
+        if progress.done:
+            sizes.append((progress.done, psutil.Process().memory_info().rss))
+        return progress.done > 8_000
+
+    notes = Notes(enough)
+    done = run_campaign(ours, tmp_path / "out", scheduler=address, onlooker=notes)
+
+    assert done.runs > 8_000
+    assert max(p.waiting for p in notes.seen) <= 2 * WAITING_PER_THREAD + 1
+    assert sizes[-1][1] - sizes[0][1] < 60e6
+    assert json.loads((tmp_path / "out" / "campaign.json").read_text())["plan"]["runs"] == 10**6
+    assert (tmp_path / "out" / "campaign.json").stat().st_size < 20_000

@@ -1,0 +1,252 @@
+"""Faults that are made, not played: afterwards every run is there once, with the same bits."""
+
+import math
+import os
+import resource
+import subprocess
+
+import pytest
+from campaigns import (
+    CHOICE,
+    CIRCULAR,
+    DOUBLING,
+    SPEED,
+    Notes,
+    aircraft_with,
+    bits,
+    children,
+    dask_cluster,
+    flyers,
+    flying,
+    gone,
+    last_line,
+    parts,
+    plan,
+    some_parts,
+    wait_until,
+    write_campaign,
+)
+
+from flighttune.campaign import load_campaign, plan_campaign
+from flighttune.campaign.dataset import open_dataset
+from flighttune.campaign.engine import run_campaign
+from flighttune.campaign.rows import fly_runs
+from flighttune.errors import CampaignError
+
+RUNS = 160
+FILE_LIMIT = 12_000
+"""Room for campaign.json, not for the rows of a draw, bytes."""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write_campaign(tmp_path_factory.mktemp("files"), runs=RUNS)
+
+
+@pytest.fixture(scope="module")
+def ours(file):
+    return plan_campaign(load_campaign(file))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(ours):
+    """Rows as one process flies them."""
+    return bits(fly_runs(ours, range(RUNS)))
+
+
+def rows_of(out):
+    return open_dataset(out).rows()
+
+
+def runs_where(ours, key, meant):
+    """The runs of the draws in which a key has such a value."""
+    drawn = ours.parameters()[key]
+    return [run for run in range(ours.runs) if meant(drawn[ours.draw_of(run)])]
+
+
+def others(ours, poison):
+    """Rows of the runs that do no harm, as this process flies them."""
+    return bits(fly_runs(ours, [run for run in range(ours.runs) if run not in poison]))
+
+
+def check(out, ours, poison, status, reason):
+    """Every run is there once; the poison has its own rows, all others are as they should be."""
+    rows = rows_of(out)
+    assert rows.column("run").to_pylist() == list(range(ours.runs))
+    fallen = rows.take(poison).to_pylist()
+    assert {(row["status"], row["success"]) for row in fallen} == {(status, False)}
+    assert all(reason in row["reason"] for row in fallen), fallen[0]["reason"]
+    assert [row for row in bits(rows) if row[0] not in poison] == others(ours, poison)
+
+
+@pytest.mark.parametrize(
+    ("functions", "limit", "status", "reason"),
+    [
+        (CIRCULAR, 60.0, "crashed", "the flight ended the process that flew it: SIGSEGV"),
+        (DOUBLING, 2.0, "timed_out", "the flight must end within 2 s of wall time"),
+    ],
+    ids=["overflows JSBSim's stack", "stays in JSBSim for ever"],
+)
+def test_a_run_that_ends_its_process_is_one_row(
+    tmp_path, address, functions, limit, status, reason
+):
+    mass = "plant.airframe.mass_factor"
+    aircraft = aircraft_with(tmp_path / "aircraft", functions)
+    ours = plan(
+        tmp_path, runs=11, law=False, aircraft=(aircraft,),
+        top=f"time_limit_s = {limit}\ngains = ['paper']",
+        disperse=SPEED + CHOICE.format(key=mass, values=[1.0, 1.05], weights=[0.9, 0.1]),
+    )  # fmt: skip
+    poison = runs_where(ours, mass, lambda factor: factor > 1.0)
+    assert len(poison) == 1
+
+    done = run_campaign(ours, tmp_path / "out", scheduler=address)
+
+    check(tmp_path / "out", ours, poison, status, reason)
+    assert done.statuses == {"completed": 10, status: 1}
+    assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
+
+
+def test_a_run_that_never_ends_is_given_up(tmp_path, address):
+    key = "flight.duration_s"
+    ours = plan(
+        tmp_path, runs=16, top="time_limit_s = 2.0\ngains = ['paper']", wind="",
+        disperse=SPEED + CHOICE.format(key=key, values=[1.0, 1e6], weights=[0.9, 0.1]),
+    )  # fmt: skip
+    poison = runs_where(ours, key, lambda duration: duration > 1.0)
+    assert len(poison) == 2
+
+    run_campaign(ours, tmp_path / "out", scheduler=address)
+
+    check(tmp_path / "out", ours, poison, "timed_out", "must end within 2 s of wall time")
+
+
+def test_a_parameter_that_is_no_number_is_a_row(tmp_path, address):
+    key = "flight.V_a_mps"
+    nan = CHOICE.format(key=key, values="[25.0, nan]", weights=[0.7, 0.3])
+    ours = plan(tmp_path, runs=24, disperse=nan)
+    poison = runs_where(ours, key, math.isnan)
+    assert poison
+
+    done = run_campaign(ours, tmp_path / "out", scheduler=address)
+
+    check(tmp_path / "out", ours, poison, "invalid", "V_a_mps")
+    assert done.statuses["invalid"] == len(poison)
+
+
+def test_a_worker_killed_in_mid_chunk_costs_nothing(tmp_path, ours, undisturbed):
+    killed = []
+
+    def kill_one(progress):
+        if progress.done and not killed:
+            worker = next(p for p in children() if flyers(p))
+            killed.extend([worker, *flyers(worker)])
+            worker.kill()
+        return False
+
+    done = run_campaign(ours, tmp_path / "out", workers=2, onlooker=Notes(kill_one))
+
+    assert len(killed) == 2
+    assert gone(killed)
+    assert bits(rows_of(tmp_path / "out")) == undisturbed
+    assert done.crashed == 0
+
+
+def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
+    tmp_path, file, ours, undisturbed
+):
+    out = tmp_path / "out"
+    with (
+        dask_cluster(tmp_path) as (scheduler_address, scheduler),
+        flying(file, "--out", out, "--scheduler", scheduler_address) as command,
+    ):
+        some_parts(out)
+        scheduler.kill()
+        assert command.wait(timeout=60) == 2
+        assert last_line(command) == (
+            f"flighttune: {scheduler_address}: the connection to the scheduler is lost; what has "
+            "been flown is kept, go on with the same command and --resume"
+        )
+    assert 0 < len(rows_of(out)) < RUNS
+
+    run_campaign(ours, out, workers=2, resume=True)
+
+    assert bits(rows_of(out)) == undisturbed
+
+
+def test_the_main_process_killed_leaves_no_worker_and_whole_files(
+    tmp_path, file, ours, undisturbed, address
+):
+    out = tmp_path / "out"
+    with flying(file, "--out", out, "--workers", "2") as command:
+        some_parts(out, 2)
+        below = children(command)
+        assert len(below) == 4
+        command.kill()
+        wait_until(lambda: gone(below))
+    assert 0 < len(rows_of(out)) < RUNS
+
+    run_campaign(ours, out, scheduler=address, resume=True)
+
+    assert bits(rows_of(out)) == undisturbed
+    assert not (out / "campaign.lock").exists()
+    assert not (out / ".writing").exists()
+
+
+def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed, address):
+    out = tmp_path / "out"
+    limit = (FILE_LIMIT, FILE_LIMIT)
+    options = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)}
+    with flying(file, "--out", out, "--scheduler", address, **options) as command:
+        assert command.wait(timeout=60) == 2
+        assert "must be writable, got: File too large; what has been" in last_line(command)
+    assert {path.name for path in out.iterdir()} <= {"campaign.json", "runs", ".writing"}
+    assert not parts(out)
+
+    run_campaign(ours, out, scheduler=address, resume=True)
+
+    assert bits(rows_of(out)) == undisturbed
+
+
+def test_a_full_disk_is_one_line_and_what_is_there_stays(
+    tmp_path, file, ours, undisturbed, address
+):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(disk)]
+    if os.getuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("a small disk can only be made by root where mounting is allowed")
+    try:
+        with flying(file, "--out", disk / "out", "--scheduler", address) as command:
+            assert command.wait(timeout=120) == 2
+            assert "got: No space left on device; what has been" in last_line(command)
+        there = rows_of(disk / "out")
+        assert 0 < len(there) < RUNS
+        assert set(bits(there)) <= set(undisturbed)
+
+        subprocess.run(["mount", "-o", "remount,size=10m", str(disk)], check=True)
+        run_campaign(ours, disk / "out", scheduler=address, resume=True)
+
+        assert bits(rows_of(disk / "out")) == undisturbed
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=True)
+
+
+@pytest.mark.parametrize(
+    ("made", "says"),
+    [
+        ("flighttune/__init__.py", "a worker has no `flighttune.campaign`: install flighttune"),
+        ("numpy-0.0.dist-info/METADATA", "a worker cannot fly for this campaign: numpy must be"),
+    ],
+    ids=["without flighttune", "with another numpy"],
+)
+def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
+    folder = tmp_path / "packages"
+    (folder / made).parent.mkdir(parents=True)
+    (folder / made).write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.0\n" * ("M" in made))
+
+    with (
+        dask_cluster(tmp_path, path=folder) as (unfit, _),
+        pytest.raises(CampaignError, match=says),
+    ):
+        run_campaign(ours, tmp_path / "out", scheduler=unfit)

@@ -1,0 +1,234 @@
+"""Small campaigns for tests: flights of a second or two, in wind, on law and aircraft."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+
+from flighttune.campaign import load_campaign, plan_campaign
+from flighttune.shipped import aircraft_folder
+
+SCENARIO = """
+title = "A short turn in wind"
+gains = ["paper", { name = "soft", K_P = [[0.5, 0.0], [0.0, 0.5]], K_I = [[0.1, 0.0], [0.0, 0.1]] }]
+[flight]
+V_a_mps = 25.0
+gamma_deg = 5.0
+duration_s = %g
+[reference]
+chi_deg = 10.0
+gamma_deg = 0.0
+[controller]
+feed_forward = true
+%s
+%s
+"""
+WIND = "[wind]\nspeed_mps = 3.0\nfrom_deg = 250.0\n[turbulence]\nseverity = 3\nwind_20ft_mps = 7.7"
+LAW = '[[plant]]\nkind = "kinematic"\n'
+AIRCRAFT = '[[plant]]\nkind = "jsbsim"\naircraft = "{}"\n'
+SPEED = """
+[[disperse]]
+key = "flight.V_a_mps"
+distribution = "normal"
+mean = 25.0
+sd = 0.5
+"""
+CHOICE = """
+[[disperse]]
+key = "{key}"
+distribution = "choice"
+values = {values}
+weights = {weights}
+"""
+
+# JSBSim looks up a function by name when it evaluates it. In the first two a value hangs on itself,
+# in the other each of sixty is twice the one before: both only on an aircraft of more than 11.3 kg.
+HEAVY = "<gt><property>inertia/weight-lbs</property><value>24.9</value></gt>"
+CIRCULAR = f"""
+<function name="aero/downwash"><ifthen>{HEAVY}
+  <property>aero/ground-effect</property><value>0</value></ifthen></function>
+<function name="aero/ground-effect"><product>
+  <property>aero/downwash</property><value>0.5</value></product></function>
+"""
+TWICE = "<property>aero/scale-{0}</property>" * 2
+DOUBLING = "".join(
+    f'<function name="aero/scale-{i}"><ifthen>{HEAVY}<sum>{TWICE.format(i - 1)}</sum>'
+    "<value>0</value></ifthen></function>"
+    for i in range(60, 0, -1)
+)
+DOUBLING += '<function name="aero/scale-0"><property>aero/alpha-rad</property></function>'
+
+
+def write_campaign(
+    folder, *, runs=24, seed=3, duration=1.0, wind=WIND, law=True, aircraft=("aerosonde",),
+    top="", disperse=SPEED, keep="failures = 2\nworst = 1\nsample = 1",
+):  # fmt: skip
+    """Write a scenario and a campaign into a folder; return the campaign's file."""
+    plants = (LAW if law else "") + "".join(map(AIRCRAFT.format, aircraft))
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    scenario = SCENARIO % (duration, wind, plants)
+    (folder / "short_turn_in_wind.toml").write_text(scenario)
+    file = folder / "campaign.toml"
+    file.write_text(
+        f'title = "Small"\nscenario = "short_turn_in_wind"\nseed = {seed}\nruns = {runs}\n{top}\n'
+        f"{disperse}\n[[success]]\nat_most.chi.peak_deg = 20.0\n[keep]\n{keep}\n"
+    )
+    return file
+
+
+def plan(folder, *, in_total=None, **settings):
+    """The plan of a campaign written into a folder."""
+    return plan_campaign(load_campaign(write_campaign(folder, **settings)), runs=in_total)
+
+
+class Notes:
+    """An onlooker that writes everything down, and stops a campaign when `until` says so."""
+
+    def __init__(self, until=lambda progress: False):
+        self.seen, self.heard, self.stopped, self._until = [], [], False, until
+
+    def see(self, progress):
+        self.seen.append(progress)
+        self.stopped = self.stopped or self._until(progress)
+
+    def hear(self, sentence):
+        self.heard.append(sentence)
+
+
+def aircraft_with(folder, functions):
+    """A copy of the Aerosonde in a folder, with more aerodynamic functions; its path."""
+    folder = Path(folder)
+    shutil.copytree(aircraft_folder("aerosonde"), folder)
+    file = folder / "aerosonde.xml"
+    file.write_text(file.read_text().replace("<aerodynamics>", f"<aerodynamics>{functions}"))
+    return str(folder)
+
+
+def bits(rows):
+    """Rows as values that are equal only where every bit is; without the time flights took."""
+    columns = rows.drop_columns(["wall_s"]).to_pydict()
+    return [
+        tuple(value.hex() if isinstance(value, float) else value for value in row)
+        for row in zip(*columns.values(), strict=True)
+    ]
+
+
+def children(process=None):
+    """All processes below one, this one by default; without dask's own and Python's cleaner."""
+    found = []
+    for one in (process or psutil.Process()).children():
+        line = " ".join(one.cmdline())
+        if "-m dask" not in line and "resource_tracker" not in line:
+            found += [one, *children(one)]
+    return found
+
+
+def wait_until(condition, seconds=60.0):
+    """Wait until something holds; return what it is."""
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < end, "it never came to be"
+        time.sleep(0.02)
+    return found
+
+
+def flyers(process):
+    """The processes that fly below one."""
+    return [p for p in children(process) if "flighttune.campaign.flyer" in p.cmdline()]
+
+
+def gone(processes):
+    """Whether none of these processes is there any more."""
+    return all(not p.is_running() or p.status() == psutil.STATUS_ZOMBIE for p in processes)
+
+
+@contextmanager
+def dask_cluster(folder, workers=1, threads=1, path=None):
+    """A real scheduler and workers, processes of their own: the address and the scheduler.
+
+    Packages in the folder `path` are found by both before all others.
+    """
+    folder = Path(folder)
+    dask, where = [sys.executable, "-m", "dask"], folder / "scheduler.json"
+    loopback = ["--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
+    quiet = {
+        "cwd": folder,
+        "stdout": subprocess.DEVNULL,
+        "stderr": subprocess.DEVNULL,
+        "env": os.environ if path is None else {**os.environ, "PYTHONPATH": str(path)},
+    }
+    started = [
+        subprocess.Popen(
+            [*dask, "scheduler", *loopback, "--port", "0", "--scheduler-file", where], **quiet
+        )
+    ]
+    try:
+        wait_until(lambda: where.exists() and where.stat().st_size)
+        started += [
+            subprocess.Popen(
+                [*dask, "worker", *loopback, "--scheduler-file", where, "--nthreads", str(threads),
+                 "--local-directory", folder],
+                **quiet,
+            )
+            for _ in range(workers)
+        ]  # fmt: skip
+        yield json.loads(where.read_text())["address"], started[0]
+    finally:
+        below = [one for process in started for one in _below(process)]
+        for process in started:
+            process.kill()
+            process.wait()
+        for one in below:
+            with suppress(psutil.NoSuchProcess):
+                one.kill()
+
+
+def _below(process):
+    try:
+        return psutil.Process(process.pid).children(recursive=True)
+    except psutil.NoSuchProcess:
+        return []
+
+
+@contextmanager
+def flying(*arguments, **options):
+    """The command ``campaign run`` in a process group of its own, until the block ends."""
+    process = psutil.Popen(
+        [sys.executable, "-m", "flighttune", "campaign", "run", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        **options,
+    )
+    try:
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def last_line(process):
+    """What an ended command said last on stderr; not more than its progress went before."""
+    _, stderr = process.communicate(timeout=60)
+    assert "Traceback" not in stderr
+    return stderr.strip().splitlines()[-1]
+
+
+def some_parts(out, count=1):
+    """Wait until so many files of rows are there."""
+    return wait_until(lambda: len(parts(out)) >= count and parts(out))
+
+
+def parts(out):
+    """The files of rows that are there."""
+    return sorted((Path(out) / "runs").glob("*.parquet"))
