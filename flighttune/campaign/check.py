@@ -19,6 +19,7 @@ from flighttune.scenario.sentence import mistakes
 NOT_DISPERSED = {
     "plant.kind": "give each plant in a [[plant]]",
     "plant.aircraft": "give each aircraft in a [[plant]]",
+    "plant.name": "it is what a plant is called",
     "seed": "every draw has a seed of its own",
     "gains": "give each gain set in `gains`",
     "tuning": "gains are tuned once, on the undispersed scenario",

@@ -35,6 +35,12 @@ SHOWN = (("ITAE", 1.0), ("MO_rad", DEGREES), ("ST_rad", DEGREES), ("saturation_s
 def gap(
     scenario: ScenarioArgument,
     gains: GainsOption = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            help="Label of the aircraft, as `flighttune fly` shows it; by default the first one."
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder of figure and recording; by default runs/NAME-gap."),
@@ -59,7 +65,9 @@ def gap(
     stem = f"{Path(scenario).stem}-gap"
     folder = out if out is not None else Path("runs") / stem
     with progress_bar() as progress:
-        found = explain_gap(loaded, chosen, name=Path(name).stem, lag=lag, progress=progress)
+        found = explain_gap(
+            loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
+        )
     files = record(found.flown(), folder, name=stem)
     figure = None if found.ladder is None else folder / "gap.png"
     if figure is not None:

@@ -70,7 +70,7 @@ def why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
         for source, run in ((a, one), (b, other)):
             if len(run.signals) < LEAST_SAMPLES:
                 return f"{source.name}: {run.label} must have flown, got {run.status}: {run.reason}"
-        aircraft = [_aircraft(run) for run in (one, other)]
+        aircraft = [run.provenance.aircraft for run in (one, other)]
         if all(aircraft) and aircraft[0] != aircraft[1]:
             return f"{between}: the aircraft must be the same, got {aircraft[0]} and {aircraft[1]}."
         flown = [manoeuvre(run) for run in (one, other)]
@@ -100,10 +100,6 @@ def differences(a: Run, b: Run) -> dict[str, tuple[Any, Any]]:
         return _flat({key: value for key, value in scenario.items() if key not in DESCRIPTION})
 
     return _changes(settings(a), settings(b))
-
-
-def _aircraft(run: Run) -> str:
-    return run.provenance.plant.partition(":")[2]
 
 
 def _flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -115,7 +115,9 @@ def _flown(place: str, choice: str) -> tuple[Run, ...]:
         else:
             given = [g for g in scenario.gains if isinstance(g, GainsTable) and g.name == choice]
             entry = given[0] if given else choice
-        scenario = scenario.model_copy(update={"gains": [entry]})
+        name = entry if isinstance(entry, str) else entry.name
+        expected = [table for table in scenario.expect if table.gains in (None, name)]
+        scenario = scenario.model_copy(update={"gains": [entry], "expect": expected})
     try:
         return fly(scenario).runs
     except InputError as error:

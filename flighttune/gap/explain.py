@@ -90,6 +90,7 @@ def explain_gap(
     gains: PIGains,
     *,
     name: str = "gains",
+    plant: str | None = None,
     lag: LagSource | None = None,
     progress: Progress | None = None,
 ) -> Gap:
@@ -98,12 +99,14 @@ def explain_gap(
     Parameters
     ----------
     scenario : Scenario
-        With a jsbsim plant; the first one is the top of the ladder. Its limits and those of the
-        scenario hold on every rung.
+        With a jsbsim plant, the top of the ladder. Its limits and those of the scenario hold on
+        every rung.
     gains : PIGains
         The gains flown.
     name : str
         Their name in labels.
+    plant : str, optional
+        Label of the jsbsim plant, where it is not the first one.
     lag : {"identified", "fitted"}, optional
         Where the lag of the third rung comes from: the aircraft's model file, or this very flight.
         By default the model file, where there is one.
@@ -118,7 +121,7 @@ def explain_gap(
     Raises
     ------
     InputError
-        If the scenario has no jsbsim plant.
+        If the scenario has no such jsbsim plant.
     PlantError
         If the aircraft cannot be built.
     """
@@ -127,7 +130,7 @@ def explain_gap(
     model = kinematic_model(V_a=settings.V_a_mps, gamma=float(gamma[0]), g=settings.g_mps2)
     A_K = closed_loop(model, gains)
     certified = indicators(A_K)
-    aircraft = fly_aircraft(scenario, gains, name, progress=progress)
+    aircraft = fly_aircraft(scenario, gains, name, plant=plant, progress=progress)
     if len(aircraft.signals) < LEAST_SAMPLES:
         return Gap(
             scenario=scenario,

@@ -108,9 +108,14 @@ class Ladder:
 
 
 def fly_aircraft(
-    scenario: Scenario, gains: PIGains | None, name: str, *, progress: Progress | None = None
+    scenario: Scenario,
+    gains: PIGains | None,
+    name: str,
+    *,
+    plant: str | None = None,
+    progress: Progress | None = None,
 ) -> Run:
-    """Fly the top rung: the first jsbsim plant of a scenario.
+    """Fly the top rung: a jsbsim plant of a scenario, the first one if `plant` names none.
 
     Raises
     ------
@@ -119,7 +124,7 @@ def fly_aircraft(
     PlantError
         If the aircraft cannot be built.
     """
-    table = _aircraft(scenario)
+    table = aircraft_table(scenario, plant)
     return fly_once(
         scenario, plant_of(table, scenario), gains,
         plant_label=table.label, gains_name=name, progress=progress,
@@ -163,8 +168,9 @@ def climb(
             f"`aircraft` must have flown {LEAST_SAMPLES} samples, got {len(aircraft.signals)}: "
             f"{aircraft.reason}"
         )
-    inner_loop = inner_loop_of(_aircraft(scenario).aircraft or "", scenario, aircraft, wanted=lag)
-    limits = scenario.limits.limits().within(plant_of(_aircraft(scenario), scenario).limits)
+    table = aircraft_table(scenario, aircraft.provenance.plant)
+    inner_loop = inner_loop_of(table.aircraft or "", scenario, aircraft, wanted=lag)
+    limits = scenario.limits.limits().within(plant_of(table, scenario).limits)
     g, wind = scenario.flight.g_mps2, _wind_met(aircraft)
     lower: dict[str, Plant] = {
         "kinematic": KinematicPlant(g=g)
@@ -236,14 +242,27 @@ def _failure(run: Run) -> str:
     return "diverged (course error past 180 deg)" if wrapped.any() else ""
 
 
-def _aircraft(scenario: Scenario) -> PlantTable:
-    for table in scenario.plant:
-        if table.kind == "jsbsim":
+def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
+    """The jsbsim plant of a scenario with that label, the first one without.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    aircraft = [table for table in scenario.plant if table.kind == "jsbsim"]
+    if not aircraft:
+        raise InputError(
+            "`plant` must have one of kind jsbsim for a gap to be explained, got "
+            f"{', '.join(table.label for table in scenario.plant)}."
+        )
+    if plant is None:
+        return aircraft[0]
+    for table in aircraft:
+        if table.label == plant:
             return table
-    raise InputError(
-        "`plant` must have one of kind jsbsim for a gap to be explained, got "
-        f"{', '.join(table.label for table in scenario.plant)}."
-    )
+    known = ", ".join(table.label for table in aircraft)
+    raise InputError(f"`plant` must be one of {known} for a gap to be explained, got {plant!r}.")
 
 
 def _wind_met(run: Run) -> WindRecord | None:

@@ -22,8 +22,8 @@ def span_of(run: Run) -> float:
     its file does not say, as the mesh is.
     """
     tables = run.provenance.scenario.get("plant") or []
-    kind, _, name = run.provenance.plant.partition(":")
-    names = [name] if kind == "jsbsim" and name else []
+    flown = run.provenance.aircraft
+    names = [flown] if flown else []
     names += [table["aircraft"] for table in tables if table.get("aircraft")]
     return _span(names[0]) if names else SPAN
 

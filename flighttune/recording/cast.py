@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flighttune.palette import HUES, Look, looks, many_looks
-from flighttune.recording.names import plain_name
+from flighttune.recording.names import plain_name, told_apart
 from flighttune.simulate.run import Run
 
 
@@ -36,14 +36,9 @@ def look_of(runs: Sequence[Run]) -> list[Look]:
 
 def cast(runs: Sequence[Run]) -> list[Member]:
     """Return the runs with at least two samples, in order."""
-    members: list[Member] = []
-    taken: set[str] = set()
-    for run, look in zip(runs, look_of(runs), strict=True):
-        stem = plain_name(run.label)
-        key, again = stem, 2
-        while key in taken:
-            key, again = f"{stem}_{again}", again + 1
-        taken.add(key)
-        if len(run.signals) > 1:
-            members.append(Member(run, key, look))
-    return members
+    keys = told_apart(plain_name(run.label) for run in runs)
+    return [
+        Member(run, key, look)
+        for run, key, look in zip(runs, keys, look_of(runs), strict=True)
+        if len(run.signals) > 1
+    ]

@@ -34,6 +34,7 @@ from flighttune.recording.names import (
     REFERENCE,
     application,
     plain_name,
+    told_apart,
 )
 from flighttune.recording.plots import displayed
 from flighttune.recording.thinning import evenly
@@ -96,7 +97,8 @@ class LiveSession:
         self.stream.send_recording_name(f"{scenario.title}, live")
         self.spacing = GRID_SECONDS * scenario.flight.V_a_mps
         log_ground(self.stream, spacing=self.spacing)
-        keys = [plain_name(label) for label in self._looks]
+        keys = told_apart(plain_name(label) for label in self._looks)
+        self._keys = dict(zip(self._looks, keys, strict=True))
         log_styles(self.stream, keys, list(self._looks.values()))
 
     @property
@@ -110,7 +112,7 @@ class LiveSession:
 
     def watch(self, plant: Plant, label: str) -> Plant:
         """The plant, seen by the viewer and kept to the pace."""
-        return WatchedPlant(plant, label, self._looks[label], self)
+        return WatchedPlant(plant, self._keys[label], self._looks[label], self)
 
     def wait_until(self, moment: float) -> None:
         """Sleep until `moment` of the monotonic clock, or until stopped."""
@@ -134,18 +136,18 @@ class WatchedPlant:
     ----------
     plant : Plant
         A plant that was not flown before.
-    label : str
-        Of the run.
+    key : str
+        Name of the run in the tree of the recording.
     look : Look
         Of the run.
     session : LiveSession
         Where the signals go, and who says when to stop.
     """
 
-    def __init__(self, plant: Plant, label: str, look: Look, session: LiveSession) -> None:
+    def __init__(self, plant: Plant, key: str, look: Look, session: LiveSession) -> None:
         self.kind, self.signals = plant.kind, plant.signals
         self._plant, self._look, self._session = plant, look, session
-        self._key = plain_name(label)
+        self._key = key
         self._rows: list[tuple[float, ...]] = []
         self._path: list[FloatArray] = []
         self._t = self._sent = self._drawn = 0.0

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.errors import RecordingError
+from flighttune.plants.label import label_of
 from flighttune.recording.parquet import read_run
 from flighttune.simulate.run import Run
 
@@ -110,10 +111,7 @@ def _in_folder(folder: Path) -> Recording:
 def _place(run: Run) -> tuple[int, int, str]:
     """Where a run stands in its scenario: plant by plant, gain set by gain set."""
     scenario = run.provenance.scenario
-    plants = [
-        ":".join(filter(None, (plant.get("kind"), plant.get("aircraft"))))
-        for plant in scenario.get("plant", [])
-    ]
+    plants = [label_of(plant) for plant in scenario.get("plant", [])]
     sets = scenario.get("gains", [])
     gains = [entry if isinstance(entry, str) else entry["name"] for entry in sets]
     places = []

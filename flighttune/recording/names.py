@@ -1,6 +1,7 @@
 """Where things are in a recording: timeline and folders."""
 
 import re
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
@@ -25,7 +26,9 @@ GROUND = f"{WORLD}/ground"
 PLOTS = "plots"
 REFERENCE = "_reference"
 LIMITS = "_limits"
-"""Lines that belong to no run; the viewer draws in the order of names, these below the runs."""
+MEASURED = "_measured"
+"""Lines that belong to no run, and what sensors showed; the viewer draws in the order of names, so
+that these are below the runs."""
 
 RECORD = "runs_flown"
 """The runs themselves, for reading back."""
@@ -54,6 +57,17 @@ def application(title: str) -> str:
 def plain_name(text: str) -> str:
     """`text` in letters, digits, dots and underscores, as names in Rerun want them."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "unnamed"
+
+
+def told_apart(names: Iterable[str]) -> list[str]:
+    """Names in order, those that were there before with ``_2``, ``_3`` and so on behind them."""
+    taken: dict[str, None] = {}
+    for stem in names:
+        name, again = stem, 2
+        while name in taken:
+            name, again = f"{stem}_{again}", again + 1
+        taken[name] = None
+    return list(taken)
 
 
 def times(index: pd.Index) -> rr.TimeColumn:

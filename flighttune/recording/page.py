@@ -14,6 +14,7 @@ from flighttune.recording.cast import cast, look_of
 from flighttune.recording.certified import certified
 from flighttune.recording.geometry import enlargement, flown, ground_grid, widest
 from flighttune.recording.motion import WIND_TIMES, metres_per_mps
+from flighttune.recording.plots import SEEN_AS
 from flighttune.simulate.run import Run
 
 SYMBOLS = {"phi": "φ", "n_z": "n_z", "chi": "χ", "gamma": "γ"}
@@ -232,6 +233,12 @@ def _reading(runs: Sequence[Run]) -> list[str]:
         notes[-1] += (
             " The hue tells the gains; of two plants the first has the light shade, the last the "
             "strong one."
+        )
+    if any(name in run.signals for run in runs for name in SEEN_AS.values()):
+        notes.append(
+            "The faint lines behind course, path angle and airspeed are what the sensors showed "
+            "the controller. Errors and metrics are of the true values. The guarantee does not "
+            "count what sensors add: a flight may rise above it by that alone."
         )
     if members:
         points = flown(members)

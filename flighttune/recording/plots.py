@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
+from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.simulate.run import SIGNAL_UNITS, Run
 
 DISPLAY: dict[str, tuple[str, float]] = {
@@ -36,6 +37,8 @@ class Plot:
         Table key of the scenario's ``[limits]`` without unit, drawn as two lines.
     band : (str, str) or None
         Signals of a run between which `signal` is promised to stay, drawn as two thin red lines.
+    measured : str or None
+        `signal` as the sensors of a run showed it, drawn faintly behind it in the same colour.
     """
 
     signal: str
@@ -44,12 +47,14 @@ class Plot:
     common: str | None = None
     limit: str | None = None
     band: tuple[str, str] | None = None
+    measured: str | None = None
 
     @property
     def heading(self) -> str:
         """Title with symbol and unit, for example ``Course chi [deg]``."""
         unit = SIGNAL_UNITS[self.signal]
-        return f"{self.title} [{DISPLAY[unit][0] if unit in DISPLAY else unit}]"
+        faint = ", measured faint" if self.measured else ""
+        return f"{self.title} [{DISPLAY[unit][0] if unit in DISPLAY else unit}]{faint}"
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -78,6 +83,9 @@ COMMANDS_TAB = "Commands and limits"
 
 TUBES = {name: (f"{name}_tube_low", f"{name}_tube_high") for name in ("chi", "gamma")}
 """Certified tube around the reference of a channel, where a run has one."""
+
+SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
+"""What sensors showed of a signal, in runs that have them."""
 
 LOAD_FACTOR = Plot(
     "n_z", "Load factor n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z"
@@ -136,7 +144,8 @@ TABS: dict[str, tuple[Plot, ...]] = {
 def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
     """Return the plots of each tab that at least one run has a signal for.
 
-    Wind and disturbance that are zero throughout are not shown.
+    Wind and disturbance that are zero throughout are not shown. What sensors showed stands behind
+    the true signal where a run has sensors.
     """
 
     def shows(tab: str, plot: Plot) -> bool:
@@ -145,12 +154,23 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
             return bool(having)
         return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
 
-    shown = {tab: tuple(plot for plot in plots if shows(tab, plot)) for tab, plots in TABS.items()}
+    shown = {
+        tab: tuple(_with_measured(plot, runs) for plot in plots if shows(tab, plot))
+        for tab, plots in TABS.items()
+    }
     return {tab: plots for tab, plots in shown.items() if plots}
+
+
+def _with_measured(plot: Plot, runs: Sequence[Run]) -> Plot:
+    measured = SEEN_AS.get(plot.signal)
+    there = any(measured in run.signals for run in runs)
+    return replace(plot, measured=measured) if there else plot
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     """Values of a signal as plots show them: degrees for angles, courses without jumps at +-180.
+
+    What sensors showed of a course stays beside it.
 
     Returns
     -------
@@ -160,6 +180,9 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     values = signals[name].to_numpy(dtype=float)
     if name in ("chi", "chi_ref", *TUBES["chi"]):
         values = np.unwrap(values)
+    elif name == SEEN_AS["chi"]:
+        true = signals["chi"].to_numpy(dtype=float)
+        values = np.unwrap(true) + (values - true)
     return values * DISPLAY.get(SIGNAL_UNITS[name], ("", 1.0))[1]
 
 
@@ -174,7 +197,7 @@ def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
         In the unit shown; None where nothing varies and the viewer finds a range better.
     """
     having = [run for run in runs if plot.signal in run.signals]
-    drawn = [*plot.signals, *([plot.common] if plot.common else []), *(plot.band or ())]
+    drawn = [*plot.signals, *filter(None, (plot.common, plot.measured)), *(plot.band or ())]
     values = [
         displayed(run.signals, name) for run in having for name in drawn if name in run.signals
     ]

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.flight import FlownScenario
+from flighttune.recording.names import told_apart
 from flighttune.recording.page import scenario_page
 from flighttune.recording.parquet import write_run
 from flighttune.recording.rrd import write_recording
+from flighttune.simulate.run import Run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,12 +53,10 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     """
     folder = Path(folder)
     signals: dict[str, Path] = {}
-    for run in flown.runs:
-        if len(run.signals):
-            stem = f"{run.provenance.plant}-{run.provenance.gains_name}"
-            path = folder / f"{re.sub(r'[^A-Za-z0-9.+-]+', '_', stem)}.parquet"
-            write_run(run, path)
-            signals[run.label] = path
+    having = [run for run in flown.runs if len(run.signals)]
+    for run, stem in zip(having, told_apart(_stem(run) for run in having), strict=True):
+        signals[run.label] = folder / f"{stem}.parquet"
+        write_run(run, signals[run.label])
     page = scenario_page(
         flown.runs,
         scenario=flown.scenario.as_dict(),
@@ -67,3 +67,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     recording = folder / f"{name}.rrd"
     write_recording(flown.runs, recording, page=page, title=flown.scenario.title)
     return RecordedFiles(recording=recording, signals=signals)
+
+
+def _stem(run: Run) -> str:
+    return re.sub(r"[^A-Za-z0-9.+-]+", "_", f"{run.provenance.plant}-{run.provenance.gains_name}")

@@ -21,7 +21,7 @@ from flighttune.recording.eigenvalue_tab import log_eigenvalues
 from flighttune.recording.events import log_events
 from flighttune.recording.frozen_loop import frozen_loop
 from flighttune.recording.lanes import log_lanes
-from flighttune.recording.names import LIMITS, PAGE, PLOTS, REFERENCE, application, times
+from flighttune.recording.names import LIMITS, MEASURED, PAGE, PLOTS, REFERENCE, application, times
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
 from flighttune.recording.record_columns import log_record
 from flighttune.recording.scene import log_scene
@@ -31,6 +31,9 @@ from flighttune.whole_file import whole_file
 
 FAINT = 150
 """Opacity of thin lines, of 255."""
+
+FAINTEST = 80
+"""Opacity of what sensors showed."""
 
 
 def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
@@ -113,6 +116,8 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member])
         )
         values = np.column_stack([displayed(signals, name) for name in names])
         _log_lines(stream, f"{folder}/{member.key}", style, signals.index, values)
+        if plot.measured and plot.measured in signals:
+            _log_measured(stream, f"{folder}/{MEASURED}/{member.key}", member, plot.measured)
         if plot.band and set(plot.band) <= set(signals):
             _log_band(stream, f"{folder}/{member.key}_tube", member, plot.band)
     longest = max(having, key=lambda member: member.run.duration).run
@@ -126,6 +131,14 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member])
         names = ["lower limit", "upper limit"]
         style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
         _log_lines(stream, f"{folder}/{LIMITS}", style, index[[0, -1]], np.array([bounds, bounds]))
+
+
+def _log_measured(stream: rr.RecordingStream, path: str, member: Member, name: str) -> None:
+    signals = member.run.signals
+    style = rr.SeriesLines(
+        colors=[(*member.look.rgb, FAINTEST)], widths=[1.0], names=[f"{member.run.label}, measured"]
+    )
+    _log_lines(stream, path, style, signals.index, displayed(signals, name)[:, None])
 
 
 def _log_band(stream: rr.RecordingStream, path: str, member: Member, band: tuple[str, str]) -> None:

@@ -19,6 +19,8 @@ class ExplainedGap:
 
     Attributes
     ----------
+    name : str
+        What flew: the gains, with the plant where several are told of.
     run : Run
         The aircraft's, cut to the time all rungs flew.
     ladder : Ladder
@@ -31,6 +33,7 @@ class ExplainedGap:
         The part of the flight that no limit holds, in the reach of the linear loop.
     """
 
+    name: str
     run: Run
     ladder: Ladder
     mismatch: Mismatch
@@ -39,13 +42,15 @@ class ExplainedGap:
     free: FreeFlight | None
 
 
-def explained_gap(scenario: Scenario, aircraft: Run) -> ExplainedGap:
-    """Fly the lower rungs beside a recorded flight of the scenario's first aircraft.
+def explained_gap(scenario: Scenario, aircraft: Run, name: str) -> ExplainedGap:
+    """Fly the lower rungs beside a recorded flight of an aircraft of the scenario.
 
     Parameters
     ----------
     scenario : Scenario
     aircraft : Run
+    name : str
+        What to call it.
 
     Raises
     ------
@@ -64,6 +69,7 @@ def explained_gap(scenario: Scenario, aircraft: Run) -> ExplainedGap:
     entry = disturbance_entry(model)
     loop = loop_flown(top, found, A_K, entry) if certified else None
     return ExplainedGap(
+        name=name,
         run=top,
         ladder=ladder,
         mismatch=found,

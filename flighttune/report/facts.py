@@ -98,7 +98,7 @@ class Facts:
     aircraft : Comparison or None
         Each gain set on the first plant that is no aircraft against the first aircraft.
     gaps : tuple of ExplainedGap
-        One each aircraft run for which the ladder could be flown.
+        One each run of the first aircraft, nominal or not, for which the ladder could be flown.
     without_gap : tuple of str
         Why not for the others.
     missing : tuple of str
@@ -217,7 +217,7 @@ def _gains(scenario: Scenario, runs: Sequence[Run]) -> tuple[GainFacts, ...]:
 def _aircraft(runs: Sequence[Run]) -> Comparison | None:
     sides: list[tuple[Run, ...]] = []
     for is_aircraft in (False, True):
-        side = [run for run in runs if (":" in run.provenance.plant) == is_aircraft]
+        side = [run for run in runs if (run.provenance.aircraft is not None) == is_aircraft]
         if not side:
             return None
         sides.append(tuple(run for run in side if run.provenance.plant == side[0].provenance.plant))
@@ -229,18 +229,22 @@ def _aircraft(runs: Sequence[Run]) -> Comparison | None:
 def _gaps(
     scenario: Scenario, runs: Sequence[Run]
 ) -> tuple[tuple[ExplainedGap, ...], tuple[str, ...]]:
+    """Of the first aircraft, as its files say and off the nominal."""
     found, without = [], []
-    aircraft = next((p.label for p in scenario.plant if p.kind == "jsbsim"), None)
-    for run in runs:
-        if run.provenance.plant == aircraft:
-            if len(run.signals) > MOST_SAMPLES:
-                without.append(
-                    f"{run.label}: {len(run.signals)} samples are more than {MOST_SAMPLES}; "
-                    "flighttune gap flies the ladder of any flight."
-                )
-                continue
-            try:
-                found.append(explained_gap(scenario, run))
-            except FlightTuneError as error:
-                without.append(f"{run.label}: {error}")
+    aircraft = [table for table in scenario.plant if table.aircraft is not None]
+    plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
+    flown = [run for run in runs if run.provenance.plant in plants]
+    several = len({run.provenance.plant for run in flown}) > 1
+    for run in flown:
+        if len(run.signals) > MOST_SAMPLES:
+            without.append(
+                f"{run.label}: {len(run.signals)} samples are more than {MOST_SAMPLES}; "
+                "flighttune gap flies the ladder of any flight."
+            )
+            continue
+        try:
+            name = run.label if several else run.provenance.gains_name
+            found.append(explained_gap(scenario, run, name))
+        except FlightTuneError as error:
+            without.append(f"{run.label}: {error}")
     return tuple(found), tuple(without)

@@ -74,8 +74,8 @@ def gap_panels(facts: Facts, gap: ExplainedGap) -> list[Picture]:
 
 
 def _steps(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
-    name, t = gap.run.provenance.gains_name, gap.run.signals.index.to_numpy(dtype=float)
-    title = f"{name}: what each step adds to the {NAMES[channel]}"
+    t = gap.run.signals.index.to_numpy(dtype=float)
+    title = f"{gap.name}: what each step adds to the {NAMES[channel]}"
     with panel(title, f"Δ{SYMBOLS[channel]} [deg]", height=3.1) as axes:
         for step, (style, width) in zip(gap.ladder.steps, STEP_STYLES, strict=True):
             look = facts.looks[gap.run.label]
@@ -92,8 +92,7 @@ def _steps(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
 
 def _tube(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
     look, signals = facts.looks[gap.run.label], gap.run.signals
-    name = gap.run.provenance.gains_name
-    title = f"{name}: error on the aircraft"
+    title = f"{gap.name}: error on the aircraft"
     if gap.loop is not None and gap.verdict is not None:
         title += f"; dashed set {gap.verdict.sentence.removesuffix(' to say anything')}"
     with panel(title, rf"$e_\{channel}$ [deg]") as axes:

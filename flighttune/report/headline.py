@@ -190,17 +190,15 @@ def _cause(gap: ExplainedGap) -> str:
         rms = {s.adds: float(np.sqrt(np.mean(getattr(s, channel) ** 2))) for s in gap.ladder.steps}
         largest = max(rms, key=lambda adds: rms[adds])
         parts.append(f"of {symbol} “{largest}” ({rms[largest] * DEG:.1f}° rms)")
-    name = gap.run.provenance.gains_name
-    return f"The largest step to the aircraft with {name} is {', '.join(parts)}."
+    return f"The largest step to the aircraft with {gap.name} is {', '.join(parts)}."
 
 
 def _held(gap: ExplainedGap) -> str:
-    name = gap.run.provenance.gains_name
     if gap.verdict is None:
-        return f"With {name} there is no certified set to hold against the aircraft."
+        return f"With {gap.name} there is no certified set to hold against the aircraft."
     chi, gamma = (_degrees(width) for width in gap.verdict.tube)
     return (
-        f"With {name} the aircraft differs from the law by a disturbance of rate up to "
+        f"With {gap.name} the aircraft differs from the law by a disturbance of rate up to "
         f"{gap.verdict.L_d:.2f} rad/s²; the ultimate set certified for that, errors within {chi} "
         f"of χ and {gamma} of γ: {gap.verdict.sentence}.{_free(gap.free)}"
     )

@@ -25,6 +25,7 @@ MOST_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
 
+SENSED = "The errors of the sensors are not counted in it: a flight may rise above it by them. "
 CURVE = "Nothing can lie above the curve of R_K against I_K."
 NO_CURVE = (
     "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
@@ -113,7 +114,8 @@ def _sections(facts: Facts) -> list[Section]:
             "exponential of the linear law plus the ultimate bound, dotted, of the mismatch that "
             "the second half of the flight shows, as in the recording; not while a limit holds a "
             "command, and anew where the reference bends. A red cross marks where a flight first "
-            f"rose above it. {CURVE if curve else NO_CURVE}",
+            f"rose above it. {SENSED if facts.scenario.sensors else ''}"
+            f"{CURVE if curve else NO_CURVE}",
             pictures=[*certificate_panels(facts), *curve],
             tables=[gains_table(facts)],
         ),
@@ -126,7 +128,9 @@ def _sections(facts: Facts) -> list[Section]:
 def _gap_section(facts: Facts) -> Section:
     drawn = facts.gaps[:MOST_GAPS]
     more = len(facts.gaps) - len(drawn)
-    unseen = f" {more} more gain sets are in the table only." if more else ""
+    several = len({gap.run.provenance.plant for gap in facts.gaps}) > 1
+    rest = f"{more} more {'flights' if several else 'gain sets'}"
+    unseen = f" {rest} are in the table only." if more else ""
     return Section(
         id="gap",
         title="From the law to the aircraft",

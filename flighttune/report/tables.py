@@ -8,6 +8,7 @@ from flighttune.recording.page import number
 from flighttune.report.facts import Facts
 from flighttune.report.frame import PageTable
 from flighttune.report.headline import DEG, SYMBOLS
+from flighttune.scenario.sensors_table import SensorsTable
 
 TRACKED = (
     ("ITAE", "ITAE [rad\u00a0s²]", 1.0, 2),
@@ -97,7 +98,7 @@ def gap_table(facts: Facts) -> PageTable:
         for channel, symbol in SYMBOLS.items():
             steps = [float(s.metrics["ITAE"].to_dict()[channel]) for s in gap.ladder.steps]
             first = float(law[channel])
-            name = f"{gap.run.provenance.gains_name}, {symbol}"
+            name = f"{gap.name}, {symbol}"
             parts = (f"{step:+.2f}" if math.isfinite(step) else "–" for step in steps)
             rows.append((name, number(first, 2), *parts, number(first + sum(steps), 2)))
             labels.append(gap.run.label)
@@ -116,11 +117,32 @@ def provenance_table(facts: Facts) -> PageTable:
         ("runs from", facts.name),
         ("scenario, SHA-256", facts.scenario.sha256),
         ("seed", str(made.seed)),
+        *_sensors(facts.scenario.sensors),
         ("flown with", versions),
         ("time to fly", f"{sum(run.provenance.wall_s for run in facts.runs):.2f} s"),
         ("source of the scenario", facts.scenario.source or "–"),
     )
     return PageTable(title="Provenance", head=("what", "value"), rows=rows, label=("",) * len(rows))
+
+
+def _sensors(table: SensorsTable | None) -> list[tuple[str, str]]:
+    """What the controller saw in place of the true signals; empty without sensors."""
+    if table is None:
+        return []
+    signals = (
+        ("χ", table.chi_bias_deg, table.chi_noise_sd_deg, "°"),
+        ("γ", table.gamma_bias_deg, table.gamma_noise_sd_deg, "°"),
+        ("V_a", table.V_a_bias_mps, table.V_a_noise_sd_mps, " m/s"),
+    )
+    biases = [f"{symbol} {bias:+g}{unit}" for symbol, bias, _, unit in signals if bias]
+    noises = [f"{symbol} {sd:g}{unit}" for symbol, _, sd, unit in signals if sd]
+    lasts = table.noise_time_constant_s
+    colour = "white" if lasts is None else f"time constant {lasts:g} s"
+    told = [
+        f"bias of {', '.join(biases)}" if biases else "no bias",
+        f"noise, standard deviation {', '.join(noises)}, {colour}" if noises else "no noise",
+    ]
+    return [("sensors of the controller", "; ".join(told))]
 
 
 def _matrices(gains: PIGains) -> tuple[str, str]:

@@ -5,8 +5,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from flighttune.control.inner_loop import InnerLag
+from flighttune.plants.label import plant_label
 from flighttune.scenario.airframe_table import AirframeTable
-from flighttune.scenario.table import NotNegative, Positive, Table
+from flighttune.scenario.table import Name, NotNegative, Positive, Table
 
 LAG_KEYS = ("roll", "n_z")
 """First word of the keys of a channel's lag."""
@@ -17,11 +18,13 @@ class PlantTable(Table):
 
     ``kinematic`` is the paper's law, ``point_mass`` the exact point mass, ``point_mass_lag`` the
     same behind the lag of an inner loop, ``jsbsim`` an aircraft of six degrees of freedom. A
-    channel's lag is of first order, or of second order where a damping ratio is given.
+    channel's lag is of first order, or of second order where a damping ratio is given. A name tells
+    a plant from another one of the same kind and aircraft.
     """
 
     kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim"]
     aircraft: Annotated[str, Field(min_length=1)] | None = None
+    name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     airframe: AirframeTable | None = None
     roll_lag_rad_s: Positive | None = None
@@ -43,7 +46,7 @@ class PlantTable(Table):
     @model_validator(mode="after")
     def _lag_of_point_mass(self) -> "PlantTable":
         lagged = self.kind == "point_mass_lag"
-        given = self.model_fields_set - {"kind", "aircraft", "throttle_max", "airframe"}
+        given = self.model_fields_set - {"kind", "aircraft", "name", "throttle_max", "airframe"}
         if given and not lagged:
             raise ValueError(f"`{min(given)}` must be given with kind point_mass_lag only")
         for key in LAG_KEYS:
@@ -54,7 +57,7 @@ class PlantTable(Table):
     @property
     def label(self) -> str:
         """Name of the plant in tables, plots and files."""
-        return self.kind if self.aircraft is None else f"{self.kind}:{self.aircraft}"
+        return plant_label(self.kind, self.aircraft, self.name)
 
     def lags(self) -> tuple[InnerLag, InnerLag] | None:
         """Lag of roll and of load factor; None where there is none."""

@@ -81,7 +81,9 @@ def _sentence(problem: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{table}`{key}` {message}, got {got!r}."
     if kind == "union_tag_invalid" or kind == "union_tag_not_found":
         return f"{table}`{key}` must have a `shape` of step, ramp or doublet, got {got!r}."
-    message = message.replace("Input should be", "must be").replace("should have", "must have")
+    for soft in ("be", "have", "match"):
+        message = message.replace(f"should {soft}", f"must {soft}")
+    message = message.removeprefix("Input ")
     message = message.removeprefix("List ").removeprefix("String ").split(" after validation")[0]
     if kind == "model_type":
         message = "must be a table"

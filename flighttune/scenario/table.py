@@ -13,6 +13,7 @@ Inclination: TypeAlias = Annotated[float, Field(gt=-90.0, lt=90.0, allow_inf_nan
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
 Matrix: TypeAlias = list[list[Finite]]
+Name: TypeAlias = Annotated[str, Field(min_length=1, pattern=r"^[\w.*+-]+$")]
 
 
 def _pair(value: object) -> object:

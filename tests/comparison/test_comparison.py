@@ -19,7 +19,7 @@ from flighttune.flight import fly
 from flighttune.recording.check import check_recording
 from flighttune.recording.parquet import write_run
 from flighttune.recording.record import record
-from flighttune.scenario import load_scenario
+from flighttune.scenario import load_scenario, scenario_from
 
 TRAPEZOID = 1e-3
 """Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
@@ -215,6 +215,14 @@ def test_a_scenario_flies_with_gains_by_name_or_from_a_file(tmp_path):
     assert [run.label for run in by_name.runs] == ["kinematic / K1", "jsbsim:aerosonde / K1"]
     assert by_file.runs[0].provenance.gains.K_P == pytest.approx(np.diag([2.0, 2.0]))
     assert by_file.runs[0].label == "kinematic / mine"
+
+
+def test_the_scenario_of_chosen_gains_expects_nothing_of_others_and_is_valid():
+    run = load_source("paper_identified@paper").runs[0]
+
+    scenario = scenario_from(dict(run.provenance.scenario))
+
+    assert (scenario.gains, scenario.expect) == (["paper"], [])
 
 
 def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_line, tmp_path):

@@ -137,6 +137,18 @@ def in_sinusoid():
 
 
 @pytest.fixture(scope="session")
+def sensed(four_runs):
+    """The aircraft's second run, turned to south, as sensors with errors would have shown it."""
+    signals = four_runs[3].signals.copy()
+    signals["chi"] = (signals["chi"] + 2.7 + np.pi) % (2.0 * np.pi) - np.pi
+    swing = np.sin(7.0 * signals.index.to_numpy())
+    for name, bias, size in (("chi", 0.02, 0.01), ("gamma", 0.0, 0.3), ("V_a", 0.0, 3.0)):
+        signals[f"{name}_meas"] = signals[name] + bias + size * swing
+    made = four_runs[3].provenance
+    return made_up(signals, made.plant, made.gains_name, made.gains)
+
+
+@pytest.fixture(scope="session")
 def cut_short(four_runs):
     """A run that left the envelope after 7 s."""
     whole = four_runs[3]

@@ -110,3 +110,10 @@ def test_a_reason_with_bars_and_line_breaks_stays_one_cell():
 )
 def test_numbers_have_no_negative_zero_and_no_nan(value, shown):
     assert number(value) == shown
+
+
+def test_faint_lines_are_told_of_where_there_are_sensors(page, sensed):
+    told = scenario_page([sensed], scenario=sensed.provenance.scenario)
+
+    assert "what the sensors showed the controller" in told
+    assert "sensors" not in page

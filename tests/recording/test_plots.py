@@ -76,3 +76,31 @@ def test_a_scenario_without_limits_has_none():
 def test_calm_air_has_no_tab_of_its_own(four_runs, in_sinusoid):
     assert "Weather" not in shown_plots(four_runs)
     assert "Weather" in shown_plots([*four_runs, in_sinusoid])
+
+
+SEEN = {"chi": "chi_meas", "gamma": "gamma_meas", "V_a": "V_a_meas"}
+
+
+def plots_of(runs):
+    return {plot.signal: plot for plots in shown_plots(runs).values() for plot in plots}
+
+
+def test_what_sensors_showed_stands_behind_the_true_signals_where_there_are_sensors(
+    four_runs, sensed
+):
+    usual, found = plots_of(four_runs), plots_of([four_runs[0], sensed])
+
+    assert all(plot == PLOTS[signal] for signal, plot in usual.items())
+    for signal, plot in found.items():
+        assert plot.measured == SEEN.get(signal)
+        assert plot.heading.endswith("], measured faint" if signal in SEEN else "]")
+    assert {signal: plot for signal, plot in found.items() if signal not in SEEN} == {
+        signal: plot for signal, plot in usual.items() if signal not in SEEN
+    }
+
+
+def test_an_axis_reaches_over_what_sensors_showed(sensed):
+    low, high = value_range(plots_of([sensed])["V_a"], [sensed])
+
+    assert low < sensed.signals["V_a_meas"].min() < sensed.signals["V_a"].min()
+    assert high > sensed.signals["V_a_meas"].max() > sensed.signals["V_a"].max()

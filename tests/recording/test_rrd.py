@@ -391,3 +391,30 @@ def test_importing_the_package_does_not_import_rerun():
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
     assert json.loads(said.stdout) is False
+
+
+def test_what_sensors_showed_is_drawn_faintly_below_the_run_beside_its_signal(
+    four_runs, sensed, tmp_path
+):
+    write_recording([four_runs[0], sensed], tmp_path / "sensed.rrd", page="", title="Sensed")
+    found, key = Contents(tmp_path / "sensed.rrd"), KEYS[3]
+
+    for signal, factor in (("chi", DEGREES), ("gamma", DEGREES), ("V_a", 1.0)):
+        path = f"/plots/{signal}/_measured/{key}"
+        true = found.values(f"/plots/{signal}/{key}")[:, 0]
+        error = (sensed.signals[f"{signal}_meas"] - sensed.signals[signal]).to_numpy()
+        assert np.allclose(found.values(path)[:, 0] - true, error * factor, rtol=0.0, atol=1e-9)
+        (colour,) = found.static[path]["SeriesLines:colors"].to_pylist()[0]
+        (own, *_) = found.static[f"/plots/{signal}/{key}"]["SeriesLines:colors"].to_pylist()[0]
+        assert colour >> 8 == own >> 8
+        assert colour & 255 < 128 < own & 255
+        (name,) = found.static[path]["SeriesLines:names"].to_pylist()[0]
+        assert name == f"{sensed.label}, measured"
+        assert sorted([path, f"/plots/{signal}/{key}"])[0] == path  # in this order it is drawn
+    assert np.ptp(sensed.signals["chi"]) > 6.0  # through south, without a jump in the line
+    assert np.ptp(found.values(f"/plots/chi/_measured/{key}")) < 180.0
+    assert not [path for path in found.timed if "_measured" in path and KEYS[0] in path]
+
+
+def test_without_sensors_nothing_is_measured(contents):
+    assert not [path for path in [*contents.timed, *contents.static] if "_measured" in path]

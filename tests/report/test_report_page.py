@@ -241,3 +241,33 @@ def test_without_a_frontier_the_page_says_why(paper_source, monkeypatch, tmp_pat
     page = written.path.read_text(encoding="utf-8")
     assert "There is no curve of R_K against I_K: no stable gains were found" in page
     assert "Nothing can lie above" not in page
+
+
+def test_what_the_sensors_were_is_told_where_there_are_any(page, tmp_path):
+    written = write_report("sensor_noise@paper", tmp_path / "sensors.html")
+    text = written.path.read_text(encoding="utf-8")
+
+    assert "sensors of the controller" in text
+    assert "bias of χ +1°; noise, standard deviation χ 0.3°, γ 0.2°, V_a 0.5 m/s" in text
+    assert "time constant 0.5 s" in text
+    assert "errors of the sensors are not counted" in text
+    assert "sensors" not in page
+
+
+def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
+    source = load_source("heavy_and_aft@paper")
+    labels = [run.label for run in source.runs]
+
+    facts = facts_of(source)
+    written = write_report(source, tmp_path / "both.html")
+
+    assert [gap.name for gap in facts.gaps] == labels
+    nominal, heavy = facts.gaps
+    assert nominal.run.signals["chi"].iloc[-1] != heavy.run.signals["chi"].iloc[-1]
+    text = written.path.read_text(encoding="utf-8")
+    for label in labels:
+        assert f"{label}, χ" in text
+
+
+def test_the_gaps_of_one_aircraft_are_called_by_their_gains(paper_source):
+    assert [gap.name for gap in facts_of(paper_source).gaps] == ["paper", "tuned"]

@@ -75,11 +75,12 @@ def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_scenarios_without_the_tables_say_nothing_of_them(name):
+def test_scenarios_without_the_keys_say_nothing_of_them(name):
     values = load_scenario(name).as_dict()
 
-    assert "sensors" not in values
-    assert all("airframe" not in plant for plant in values["plant"])
+    assert ("sensors" in values) == (name == "sensor_noise")
+    for key in ("airframe", "name"):
+        assert any(key in plant for plant in values["plant"]) == (name == "heavy_and_aft")
 
 
 def test_the_tables_come_back_from_plain_values_and_from_another_process():
@@ -108,6 +109,40 @@ def test_impossible_values_are_refused_by_table_and_key(change, message):
 
     with pytest.raises(ScenarioError, match=message):
         scenario_from(given)
+
+
+def test_two_plants_of_one_label_are_told_to_have_a_name():
+    given = tables()
+    given["plant"] *= 2
+
+    with pytest.raises(ScenarioError) as got:
+        scenario_from(given)
+
+    assert str(got.value) == (
+        "scenario: `plant` must not name anything twice, got jsbsim:aerosonde, jsbsim:aerosonde; "
+        "a `name` of its own tells a plant apart."
+    )
+    given["plant"][1] = given["plant"][1] | {"name": "other"}
+    labels = [plant.label for plant in scenario_from(given).plant]
+    assert labels == ["jsbsim:aerosonde", "jsbsim:aerosonde:other"]
+
+
+@pytest.mark.parametrize("name", ["", "two words", "a:b", "a/b", "a[0]"])
+def test_a_name_is_of_the_characters_that_names_of_gains_are_of(name):
+    with pytest.raises(ScenarioError, match=r"^scenario: \[plant\] `name` must [^\n]*, got"):
+        scenario_from(tables(name=name))
+
+
+@pytest.mark.parametrize("name", ["heavy", "10-percent", "v1.2+cg*", "größer"])
+def test_a_plant_of_any_kind_may_have_a_name(name):
+    given = tables(name=name)
+    given["plant"].append({"kind": "kinematic", "name": name})
+
+    scenario = scenario_from(given)
+
+    labels = [f"jsbsim:aerosonde:{name}", f"kinematic:{name}"]
+    assert [plant.label for plant in scenario.plant] == labels
+    assert scenario_from(scenario.as_dict()) == scenario
 
 
 OF_THE_AIRCRAFT = [

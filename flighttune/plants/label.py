@@ -1,0 +1,41 @@
+"""What a plant is called in tables, plots and files, and the aircraft behind such a label."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+def plant_label(kind: str, aircraft: str | None = None, name: str | None = None) -> str:
+    """Label of a plant: ``kind``, ``kind:aircraft``, and ``:name`` behind it where it has one.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the plant, as in a scenario.
+    aircraft : str, optional
+        Aircraft that flies.
+    name : str, optional
+        What tells it from another plant of the same kind and aircraft.
+    """
+    return ":".join(part for part in (kind, aircraft, name) if part)
+
+
+def aircraft_of(label: str, tables: Sequence[Mapping[str, Any]]) -> str | None:
+    """The aircraft of a label; None for a plant that is none.
+
+    Parameters
+    ----------
+    label : str
+        As `plant_label` makes it.
+    tables : sequence of mapping
+        The ``[[plant]]`` tables of the scenario flown, as plain values.
+    """
+    for table in tables:
+        if label_of(table) == label:
+            return table.get("aircraft")
+    kind, _, aircraft = label.partition(":")
+    return aircraft or None if kind == "jsbsim" else None
+
+
+def label_of(table: Mapping[str, Any]) -> str:
+    """Label of a ``[[plant]]`` table given as plain values."""
+    return plant_label(table.get("kind", ""), table.get("aircraft"), table.get("name"))

@@ -1,0 +1,229 @@
+"""A nominal and an off-nominal aircraft in one scenario, through everything that names a plant."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flighttune.campaign import load_campaign, plan_campaign
+from flighttune.campaign.refly import scenario_of_run
+from flighttune.comparison import compare, load_source
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import InputError, ScenarioError
+from flighttune.flight import fly
+from flighttune.gap.explain import explain_gap
+from flighttune.palette import HUES, looks
+from flighttune.plants.label import aircraft_of, label_of, plant_label
+from flighttune.recording.airframe import span_of
+from flighttune.recording.cast import cast
+from flighttune.recording.load import load_recording
+from flighttune.recording.record import record
+from flighttune.refly import refly
+from flighttune.scenario import load_scenario, scenario_from
+
+NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
+SPAN = 2.8956
+"""Wing span of the Aerosonde in its file, m."""
+
+PAGE = (Path(__file__).parents[1] / "docs" / "off_nominal.md").read_text(encoding="utf-8")
+HALF_OF_THE_LAST_DIGIT = 0.0051
+
+
+@pytest.fixture(scope="module")
+def tables():
+    """Four seconds of the shipped scenario."""
+    tables = load_scenario("heavy_and_aft").as_dict() | {"gains": ["paper", "K1"], "expect": []}
+    tables["flight"]["duration_s"] = 4.0
+    return tables
+
+
+@pytest.fixture(scope="module")
+def flown(tables):
+    return fly(scenario_from(tables))
+
+
+@pytest.fixture(scope="module")
+def folder(flown, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("named") / "both"
+    record(flown, folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("parts", "label"),
+    [
+        (("kinematic",), "kinematic"),
+        (("jsbsim", "aerosonde"), NOMINAL),
+        (("jsbsim", "aerosonde", "heavy_aft"), HEAVY),
+        (("point_mass_lag", None, "slow"), "point_mass_lag:slow"),
+    ],
+)
+def test_a_label_is_kind_aircraft_and_name(parts, label):
+    table = {k: v for k, v in zip(("kind", "aircraft", "name"), parts, strict=False) if v}
+
+    assert plant_label(*parts) == label_of(table) == label
+    assert aircraft_of(label, [{"kind": "point_mass"}, table]) == table.get("aircraft")
+
+
+def test_a_label_of_another_scenario_has_its_aircraft_behind_the_kind():
+    assert aircraft_of("jsbsim:c172p", [{"kind": "kinematic"}]) == "c172p"
+    assert aircraft_of("point_mass_lag:slow", []) is None
+
+
+def test_both_fly_their_own_flight_and_the_nominal_one_to_the_same_bits(tables, flown):
+    alone = fly(scenario_from(tables | {"plant": tables["plant"][:1]})).runs
+    labels = [f"{plant} / {name}" for plant in (NOMINAL, HEAVY) for name in ("paper", "K1")]
+
+    assert [run.label for run in flown.runs] == labels
+    for usual, run, heavy in zip(alone, flown.runs, flown.runs[2:], strict=False):
+        assert np.array_equal(run.signals, usual.signals)
+        throttle = [one.signals["throttle"].iloc[0] for one in (run, heavy)]
+        assert throttle[1] > 1.05 * throttle[0]  # a climb at 45 deg, 10 % more weight
+
+
+def test_a_name_alone_changes_nothing_of_a_flight(tables, flown):
+    plant = tables["plant"][0] | {"name": "same"}
+
+    run = fly(scenario_from(tables | {"plant": [plant], "gains": ["paper"]})).runs[0]
+
+    assert run.label == f"{NOMINAL}:same / paper"
+    assert np.array_equal(run.signals, flown.runs[0].signals)
+
+
+def test_expectations_are_of_the_plant_of_that_label(tables):
+    limits = {"gains": "paper", "at_most": {"chi": {"ITAE": 1e-6}}}
+    missed = [
+        fly(scenario_from(tables | {"gains": ["paper"], "expect": [limits | {"plant": label}]}))
+        .missed[0]
+        .partition(" / ")[0]
+        for label in (NOMINAL, HEAVY)
+    ]
+
+    assert missed == [NOMINAL, HEAVY]
+    with pytest.raises(ScenarioError, match=rf"`plant` of .* one of {NOMINAL}, {HEAVY}, got 'h'"):
+        scenario_from(tables | {"expect": [limits | {"plant": "h"}]})
+
+
+def test_recording_and_files_keep_them_apart_in_the_order_of_the_scenario(flown, folder):
+    labels = [run.label for run in flown.runs]
+    assert {path.stem for path in folder.glob("*.parquet")} == {
+        f"jsbsim_aerosonde{name}-{gains}"
+        for name in ("", "_heavy_aft")
+        for gains in ("paper", "K1")
+    }
+    assert [member.key for member in cast(flown.runs)] == [
+        re.sub("[^A-Za-z0-9]+", "_", label) for label in labels
+    ]
+    assert [run.label for run in load_recording(folder).runs] == labels
+    (folder / "flight.rrd").rename(folder / "elsewhere")
+    try:
+        again = load_recording(folder).runs
+    finally:
+        (folder / "elsewhere").rename(folder / "flight.rrd")
+    assert [run.label for run in again] == labels
+    assert [reflown.difference for reflown in refly(again)] == [None] * 4
+
+
+def test_names_that_letters_do_not_tell_apart_have_files_of_their_own(tables, tmp_path):
+    plants = [tables["plant"][0] | {"name": name} for name in ("a*", "a_")]
+    flown = fly(scenario_from(tables | {"plant": plants, "gains": ["paper"]}))
+
+    files = record(flown, tmp_path)
+
+    assert len({*files.signals.values()}) == len(list(tmp_path.glob("*.parquet"))) == 2
+    assert [run.label for run in load_recording(files.recording).runs] == [*files.signals]
+
+
+def test_hue_tells_gains_and_shade_the_aircraft(flown):
+    found = looks((run.provenance.plant, run.provenance.gains_name) for run in flown.runs)
+
+    assert found[NOMINAL, "paper"].colour == HUES[0][1][0]
+    assert found[HEAVY, "paper"].colour == HUES[0][0][0]
+    assert [span_of(run) for run in flown.runs] == [SPAN] * 4
+
+
+def test_one_is_compared_with_the_other(folder):
+    found = compare(load_source(f"{folder}@{NOMINAL}"), load_source(f"{folder}@{HEAVY}"))
+
+    assert (found.comparable, found.reason) == (True, "")
+    assert [(pair.a.label, pair.b.label) for pair in found.pairs] == [
+        (f"{NOMINAL} / {name}", f"{HEAVY} / {name}") for name in ("paper", "K1")
+    ]
+
+
+def test_the_gap_is_that_of_the_plant_asked_for(tables, flown):
+    scenario = scenario_from(tables)
+
+    gap = explain_gap(scenario, PAPER_GAINS, name="paper", plant=HEAVY)
+
+    assert [run.provenance.plant for run in gap.runs][-2:] == ["point_mass_lag", HEAVY]
+    heavy = next(run for run in flown.runs if run.label == f"{HEAVY} / paper")
+    assert np.array_equal(gap.runs[-1].signals[[*heavy.signals]], heavy.signals)
+    assert explain_gap(scenario, PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
+    with pytest.raises(InputError, match=rf"`plant` must be one of {NOMINAL}, {HEAVY} .*got 'h'"):
+        explain_gap(scenario, PAPER_GAINS, plant="h")
+
+
+CAMPAIGN = """
+title = "Weight of one of two"
+scenario = "heavy_and_aft"
+runs = 3
+gains = ["paper"]
+[[disperse]]
+key = "{key}"
+distribution = "uniform"
+lower = 1.2
+upper = 1.3
+"""
+
+
+@pytest.mark.parametrize(
+    ("key", "nominal_too"),
+    [("plant.airframe.mass_factor", True), (f"plant[{HEAVY}].airframe.mass_factor", False)],
+)
+def test_a_campaign_disperses_all_aircraft_or_the_one_of_a_label(key, nominal_too, tmp_path):
+    file = tmp_path / "campaign.toml"
+    file.write_text(CAMPAIGN.format(key=key))
+
+    plan = plan_campaign(load_campaign(file))
+    nominal, heavy = plan.scenario_of(0).plant
+
+    assert [group.plant for group in plan.groups] == [NOMINAL, HEAVY]
+    assert 1.2 <= heavy.airframe.mass_factor <= 1.3
+    assert heavy.airframe.cg_aft_m == 0.02
+    assert (nominal.airframe is not None) == nominal_too
+    assert [scenario_of_run(plan, run).plant[0].label for run in (0, 1)] == [NOMINAL, HEAVY]
+
+
+def test_a_campaign_does_not_disperse_a_name(tmp_path):
+    file = tmp_path / "campaign.toml"
+    text = CAMPAIGN.format(key="plant.name").split("distribution")[0]
+    file.write_text(f'{text}distribution = "choice"\nvalues = ["a", "b"]\n')
+
+    with pytest.raises(ScenarioError, match=r"`plant\.name` .*what a plant is called"):
+        load_campaign(file)
+
+
+def test_the_table_of_the_page_is_what_the_shipped_scenario_flies():
+    flown = fly(load_scenario("heavy_and_aft"))
+    rows = re.findall(r"^\| `(jsbsim:\S+)` \| `(\w+)` \| (\S+) \| (\S+) \|$", PAGE, re.MULTILINE)
+
+    assert [f"{plant} / {gains}" for plant, gains, *_ in rows] == [r.label for r in flown.runs]
+    for plant, gains, *told in rows:
+        measured = flown.metrics.loc[(f"{plant} / {gains}", "gamma")]
+        wanted = [measured["ITAE"], np.rad2deg(measured["ST_rad"])]
+        assert [float(cell) for cell in told] == pytest.approx(wanted, abs=HALF_OF_THE_LAST_DIGIT)
+
+
+def test_the_weight_alone_makes_the_papers_gains_swing_more():
+    tables = load_scenario("heavy_and_aft").as_dict() | {"gains": ["paper"], "expect": []}
+    light, heavy = tables["plant"]
+    plants = [light, heavy | {"airframe": {"mass_factor": 1.1}}]
+    metrics = fly(scenario_from(tables | {"plant": plants})).metrics
+    told = float(re.search(r"ST (\S+) deg\.", PAGE).group(1))
+
+    swing = np.rad2deg(metrics.xs("gamma", level=1)["ST_rad"].to_numpy())
+
+    assert swing[1] == pytest.approx(told, abs=HALF_OF_THE_LAST_DIGIT)
+    assert swing[1] > swing[0]
