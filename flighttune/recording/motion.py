@@ -8,6 +8,7 @@ import rerun as rr
 
 from flighttune.arrays import FloatArray
 from flighttune.palette import NEUTRAL, rgb
+from flighttune.plants.air_path import OVER_GROUND
 from flighttune.recording.cast import Member
 from flighttune.recording.certified import Certified
 from flighttune.recording.geometry import positions
@@ -64,7 +65,8 @@ def log_motion(
     time, scale = times(signals.index), metres_per_mps(member, width)
     frame = f"{AIRCRAFT}/{member.key}"
     gamma = signals["gamma"].to_numpy(dtype=float)
-    speed = signals["V_g" if "V_g" in signals else "V_a"].to_numpy(dtype=float)
+    over_ground = "V_g" in signals and OVER_GROUND[0] not in signals
+    speed = signals["V_g" if over_ground else "V_a"].to_numpy(dtype=float)
     ahead = np.column_stack([np.cos(gamma), np.zeros(len(gamma)), -np.sin(gamma)])
     _log_arrow(stream, f"{frame}/velocity", time, ahead * (speed * scale)[:, None], member.look.rgb)
     if set(WIND) <= set(signals) and np.abs(signals[list(WIND)].to_numpy()).max() > LEAST_WIND:
