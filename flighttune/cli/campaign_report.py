@@ -75,8 +75,8 @@ def _print(found: "Findings") -> None:
             (
                 label_of(one.group),
                 str(one.n),
-                percent(one.success.value),
-                f"{percent(one.success.lo)} to {percent(one.success.hi)}",
+                f"{percent(one.success.value)} [{percent(one.success.lo)}, "
+                f"{percent(one.success.hi)}]",
                 *(
                     "-" if spread is None else with_interval(spread.percentiles[name], factor)
                     for name in (("p50", "p95") if how else ())
@@ -85,7 +85,7 @@ def _print(found: "Findings") -> None:
             )
         )
     measured = () if how is None else ("median", "95 %")
-    header = ("group", "flights", "succeed [%]", "interval [%]", *measured, "set held [%]")
+    header = ("group", "flights", "succeed [%]", *measured, "set held [%]")
     title = found.flown.plan.campaign.title
     print_table(title if how is None else f"{title}: {how.titled}", header, rows)
     for line in notes(found):

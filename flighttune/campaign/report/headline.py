@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+from flighttune.campaign.draws import SEED
+from flighttune.campaign.plan import Group
 from flighttune.campaign.report.findings import SUCCESS, Findings
 from flighttune.campaign.report.paired import Paired
 from flighttune.campaign.report.sensitivity import Influence
@@ -22,6 +24,11 @@ MOST_REASONS = 3
 
 MOST_PARAMETERS = 3
 MOST_PAIRS = 6
+LEAST_PART = 0.01
+"""Total index from which on a factor is named."""
+
+CHANCE = "chance in flight"
+"""What the seed stands for: noise of sensors and turbulence."""
 
 
 def headline(found: Findings) -> tuple[Answer, ...]:
@@ -147,30 +154,56 @@ def _certified(found: Findings) -> Answer:
 
 
 def _matters(found: Findings) -> Answer:
+    told = [
+        (f"{label_of(one.group)}, {SUCCESS if name == SUCCESS else shown(name).name}", one, name)
+        for one in found.groups
+        for name in (SUCCESS, found.measure)
+        if name is not None
+    ]
     sentences, named = [], []
-    for one in found.groups:
-        for name in (SUCCESS, found.measure):
-            told = found.influences.get((one.group, name or ""), ())
-            apart = [influence for influence in told if influence.apart][:MOST_PARAMETERS]
-            what = "success" if name == SUCCESS else shown(name).name if name else ""
-            if apart:
-                named.append(apart[0].parameter)
-                limit = 1.0 - found.confidence
-                parts = "; ".join(_told(influence, limit) for influence in apart)
-                sentences.append(f"{label_of(one.group)}, {what}: {parts}.")
-            elif told:
-                sentences.append(
-                    f"{label_of(one.group)}, {what}: none of {len(told)} parameters can be told "
-                    f"from chance by {told[0].n} flights."
-                )
+    for label, one, name in told:
+        first, said = _variance(found, one.group, name) or _ranks(found, one.group, name)
+        named += [first] if first else []
+        sentences += [f"{label}: {said}."] if said else []
     return Answer(
         question="What matters?",
         verdict="none",
         short=max(named, key=named.count) if named else "nothing that stands apart from chance",
-        sentences=tuple(sentences) or ("Too few flights to tell.",),
-        criterion="The strongest parameters that stand apart from chance; Holm's correction for "
-        "the number of tests.",
+        sentences=tuple(sentences) or ("Too few flights, or none differs from the others.",),
+        criterion="The strongest parameters that stand apart from chance; p-values with Holm's "
+        "correction for the number of tests.",
     )
+
+
+def _variance(found: Findings, group: Group, name: str) -> tuple[str, str] | None:
+    """The strongest factors by their total Sobol index, where there are some."""
+    indices = found.sobol.get((group, name))
+    if indices is None:
+        return None
+    factors = found.flown.plan.factors
+    order = sorted(range(len(factors)), key=lambda i: -indices.total[i])[:MOST_PARAMETERS]
+    parts = [
+        f"{CHANCE if factors[i] == SEED else factors[i]} has a part in "
+        f"{100.0 * indices.total[i]:.0f} % of the variance ({100.0 * indices.total_lo[i]:.0f} to "
+        f"{100.0 * indices.total_hi[i]:.0f} %) and makes {100.0 * max(0.0, indices.first[i]):.0f} "
+        "% by itself"
+        for i in order
+        if indices.total_lo[i] > LEAST_PART
+    ]
+    strongest = factors[order[0]]
+    return CHANCE if strongest == SEED else strongest, "; ".join(parts)
+
+
+def _ranks(found: Findings, group: Group, name: str) -> tuple[str, str]:
+    """The strongest parameters by ranks; empty where nothing can be said."""
+    told = found.influences.get((group, name), ())
+    apart = [influence for influence in told if influence.apart][:MOST_PARAMETERS]
+    if apart:
+        limit = 1.0 - found.confidence
+        return apart[0].parameter, "; ".join(_told(influence, limit) for influence in apart)
+    if not told:
+        return "", ""
+    return "", (f"none of {len(told)} parameters can be told from chance by {told[0].n} flights")
 
 
 def _told(one: Influence, limit: float) -> str:

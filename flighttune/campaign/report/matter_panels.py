@@ -21,6 +21,7 @@ from flighttune.report.frame import Picture, pictured
 PARAMETERS = 8
 """Rows of a panel of parameters."""
 
+TICKS = 6
 SCATTERED = 2
 """Parameters over which a measure is drawn."""
 
@@ -49,13 +50,15 @@ def sobol_panels(found: Findings) -> list[Picture]:
             continue
         what = SUCCESS if name == SUCCESS else shown(name or "").name
         title = f"{what}: Sobol indices, first (filled) and total (open)"
-        with rows_panel(title, "share of the variance", factors, 2 * len(own)) as axes:
+        order = np.argsort(-np.max([one.total for one in own.values()], axis=0), kind="stable")
+        names = [factors[i] for i in order]
+        with rows_panel(title, "share of the variance", names, 2 * len(own)) as axes:
             below = places(2 * len(own))
             for place, (group, one) in enumerate(own.items()):
                 look = looks[label_of(group)]
-                for i in range(len(factors)):
+                for row, i in enumerate(order.tolist()):
                     for kind in range(2):
-                        at = i + below[2 * place + kind]
+                        at = row + below[2 * place + kind]
                         dot(axes, at, _index(one, i, total=kind == 1), look, filled=kind == 0)
             axes.axvline(0.0, color=NEUTRAL, lw=1.0)
             pictures.append(pictured(axes, title))
@@ -79,6 +82,8 @@ def split_panels(found: Findings) -> list[Picture]:
                 axes.errorbar(one.centres, rate, yerr=around, fmt="o-", ms=5, color=colour, lw=1.3)
             if not found.flown.is_number(parameter):
                 axes.set_xticks(own[0].centres, own[0].labels)
+            else:
+                axes.locator_params(axis="x", nbins=TICKS)
             axes.set_ylim(-3.0, 103.0)
             pictures.append(pictured(axes, title))
     return pictures
@@ -105,6 +110,7 @@ def scatter_panels(found: Findings) -> list[Picture]:
                     lost, np.full(len(lost), 0.985), "x", ms=5, color=colour, mec=LIMIT,
                     transform=axes.get_xaxis_transform(),
                 )  # fmt: skip
+            axes.locator_params(axis="x", nbins=TICKS)
             pictures.append(pictured(axes, f"{title}; red crosses ended early"))
     return pictures
 

@@ -124,7 +124,7 @@ def _sections(found: Findings) -> list[Section]:
             title="Measures",
             note="Curves count all flights: where some were not completed they end below 100 %. "
             "The table is of completed flights that have a value; in brackets intervals by order "
-            "statistics.",
+            "statistics. Late is the last quarter of the flight.",
             pictures=distributions(found),
             tables=_filled([tables.measures_table(found)]),
         ),

@@ -13,7 +13,6 @@ from flighttune.campaign.report.words import (
     figures,
     label_of,
     percent,
-    percent_with_interval,
     probability,
     shown,
     with_interval,
@@ -48,9 +47,9 @@ def success_table(found: Findings) -> PageTable:
             (
                 label_of(one.group), str(one.n), str(one.successes),
                 percent(one.success.value),
-                f"{percent(one.success.lo)} to {percent(one.success.hi)}",
+                f"[{percent(one.success.lo)}, {percent(one.success.hi)}]",
                 *(str(count.get(status, 0)) for status in statuses),
-                "–" if known is None else percent_with_interval(known.of_all),
+                "–" if known is None else with_interval(known.of_all, 100.0),
             )
         )  # fmt: skip
     head = (
@@ -151,7 +150,7 @@ def sobol_table(found: Findings) -> PageTable:
         what = SUCCESS if name == SUCCESS else shown(name).name
         for i, factor in enumerate(found.flown.plan.factors):
             first, total = (
-                f"{value[i]:.2f} ({lo[i]:.2f} to {hi[i]:.2f})"
+                f"{value[i]:.2f} [{lo[i]:.2f}, {hi[i]:.2f}]"
                 for value, lo, hi in (
                     (one.first, one.first_lo, one.first_hi),
                     (one.total, one.total_lo, one.total_hi),
@@ -170,11 +169,11 @@ def paired_table(found: Findings) -> PageTable:
         low, middle, high = (
             figures(how.factor * value) for value in (one.median_lo, one.median, one.median_hi)
         )
-        wins = f"{percent(one.win_rate)} ({percent(one.lo)} to {percent(one.hi)})"
+        wins = f"{percent(one.win_rate)} [{percent(one.lo)}, {percent(one.hi)}]"
         rows.append(
             (
                 f"{one.a} against {one.b}, {one.plant}", str(one.n), wins,
-                f"{middle} ({low} to {high})", str(one.only_a), str(one.only_b),
+                f"{middle} [{low}, {high}]", str(one.only_a), str(one.only_b),
                 probability(one.p_success),
             )
         )  # fmt: skip
@@ -199,7 +198,7 @@ def telling_parameters(found: Findings) -> list[str]:
 
 
 def _correlation(one: Influence) -> str:
-    return "–" if math.isnan(one.rho) else f"{one.rho:+.2f} ({one.lo:+.2f} to {one.hi:+.2f})"
+    return "–" if math.isnan(one.rho) else f"{one.rho:+.2f} [{one.lo:+.2f}, {one.hi:+.2f}]"
 
 
 def _explained(one: Influence) -> str:

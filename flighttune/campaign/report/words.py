@@ -16,8 +16,8 @@ NAMES = {
     "ITAE_mean": "ITAE over time",
     "PT_s": "peak time",
     "MO_rad": "overshoot",
-    "MS_rad": "mean error, last quarter",
-    "ST_rad": "deviation, last quarter",
+    "MS_rad": "late mean error",
+    "ST_rad": "late deviation",
     "rise_s": "rise",
     "settling_s": "settling 5\u00a0%",
     "effort_rms": "effort rms",
@@ -105,11 +105,11 @@ def figures(value: float) -> str:
 
 
 def with_interval(one: Estimate, factor: float = 1.0) -> str:
-    """``4.63 (4.25 to 4.89)``; the interval alone has signs for a side that is not bounded."""
+    """``4.63 [4.25, 4.89]``; a side of the interval that is not bounded is infinite."""
     if math.isnan(one.value):
         return "–"
     low, value, high = (factor * number for number in (one.lo, one.value, one.hi))
-    return f"{figures(value)} ({figures(low)} to {figures(high)})"
+    return f"{figures(value)} [{figures(low)}, {figures(high)}]"
 
 
 def probability(p: float) -> str:
