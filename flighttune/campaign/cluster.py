@@ -32,8 +32,9 @@ LOCAL = {
 
 QUIET = ("distributed", "distributed.worker", "distributed.scheduler", "distributed.nanny",
          "distributed.client", "distributed.core", "tornado.application", "asyncio")  # fmt: skip
+NEEDED = ("dask", "distributed", "fsspec")
 INSTALL = "install it with: pip install 'flighttune[cluster]'"
-CONNECT_S = 20.0
+CONNECT_S = 10.0
 COUNT_S = 1.0
 """How old a count of the workers may be."""
 
@@ -182,8 +183,7 @@ def cluster(
         raise InputError("`workers` must not be given with `scheduler`, which has its own.")
     if workers is not None and workers < 1:
         raise InputError(f"`workers` must be at least 1, got {workers}.")
-    if not all(map(find_spec, ("dask", "distributed", "fsspec"))):
-        raise InputError(f"campaigns are flown by dask.distributed, which must be there: {INSTALL}")
+    check_installed()
     with ExitStack() as stack:
 
         def hire() -> Workers:
@@ -195,6 +195,18 @@ def cluster(
             return Workers(client, ours=scheduler is None)
 
         yield cache(hire)
+
+
+def check_installed() -> None:
+    """Check that what campaigns are flown with is there.
+
+    Raises
+    ------
+    InputError
+        If it is not; the message says how to install it.
+    """
+    if not all(map(find_spec, NEEDED)):
+        raise InputError(f"campaigns need {', '.join(NEEDED)}; {INSTALL}")
 
 
 def cores() -> int:

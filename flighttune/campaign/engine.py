@@ -42,10 +42,10 @@ class _Nobody:
     stopped = False
 
     def see(self, progress: CampaignProgress) -> None:
-        pass
+        """Look away."""
 
     def hear(self, sentence: str) -> None:
-        pass
+        """Look away."""
 
 
 def run_campaign(

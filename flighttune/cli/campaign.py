@@ -70,6 +70,9 @@ def run(
     Flights that fail are results: the exit status is 0. It is 1 where --until-halfwidth was not
     reached, 2 where the campaign was cut short, 130 after Ctrl-C; --resume does what is missing.
     """
+    from flighttune.campaign.cluster import check_installed
+
+    check_installed()
     folder = out if out is not None else str(Path("runs") / Path(file).stem)
     plan = _planned(file, runs, folder, resume=resume)
     if dry_run:

@@ -1,0 +1,173 @@
+"""``campaign run`` as a user meets it: stdout, stderr, an exit status, and Ctrl-C."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+
+import pytest
+from campaigns import (
+    bits,
+    children,
+    flying,
+    gone,
+    last_line,
+    some_parts,
+    write_campaign,
+)
+from commands import answer, flighttune
+
+from flighttune.campaign import load_campaign, plan_campaign
+from flighttune.campaign.dataset import open_dataset
+from flighttune.campaign.engine import run_campaign
+from flighttune.campaign.rows import fly_runs
+
+RUNS = 160
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write_campaign(tmp_path_factory.mktemp("files"), runs=RUNS)
+
+
+def test_one_json_object_says_what_was_flown(tmp_path, file, address):
+    out = tmp_path / "out"
+
+    done = answer("campaign", "run", file, "--runs", 8, "--scheduler", address, "--out", out)
+
+    assert done.keys() >= {"runs", "completed", "failed", "crashed", "wall_s", "rate_per_s"}
+    assert (done["runs"], done["planned"], done["crashed"]) == (8, 8, 0)
+    assert done["completed"] + done["failed"] == 8
+    assert done["dataset"] == str(out)
+    assert done["rate_per_s"] == pytest.approx(8 / done["wall_s"], rel=1e-12)
+    assert len(open_dataset(out).rows()) == 8
+
+    _, said = flighttune("campaign", "run", file, "--out", out, status=2)
+    assert said == (
+        f"flighttune: {out}: must not hold a campaign, got one of 8 runs; go on with it by "
+        "--resume, or give another --out.\n"
+    )
+
+
+def test_lines_say_how_far_it_is_where_nobody_watches(tmp_path, file, address):
+    shown, said = flighttune(
+        "campaign", "run", file, "--runs", 8, "--scheduler", address, "--out", tmp_path
+    )
+
+    assert "8 runs: " in shown
+    assert f"flighttune campaign report {tmp_path}" in shown
+    assert said.startswith("starting: 0 of 8 runs\nflying: ")
+
+
+def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address):
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "flighttune", "campaign", "run", str(file), "--runs", "8",
+               "--scheduler", address, "--out", str(tmp_path)]  # fmt: skip
+    environment = {**os.environ, "COLUMNS": "120", "TERM": "xterm"}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=theirs, env=environment
+    ) as process:
+        os.close(theirs)
+        seen = b""
+        while chunk := _read(ours):
+            seen += chunk
+        assert process.wait() == 0
+    os.close(ours)
+    assert b"flying" in seen
+    assert b"/8" in seen
+
+
+def _read(terminal):
+    try:
+        return os.read(terminal, 4096)
+    except OSError:  # the other end is closed
+        return b""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address, number):
+    out = tmp_path / "out"
+    with flying(file, "--out", out, "--workers", 2, "--json") as command:
+        some_parts(out)
+        below = children(command)
+        os.killpg(command.pid, number) if number == signal.SIGINT else command.send_signal(number)
+        assert command.wait(timeout=60) == 130
+        assert gone(below)
+        shown, said = command.communicate()
+    there = open_dataset(out).rows()
+    assert json.loads(shown)["interrupted"]
+    assert "Traceback" not in said
+    assert said.splitlines()[-1] == (
+        f"flighttune: interrupted, {len(there)} of {RUNS} runs are in {out}; go on with the same "
+        "command and --resume"
+    )
+
+    ours = plan_campaign(load_campaign(file))
+    run_campaign(ours, out, scheduler=address, resume=True)
+    assert bits(open_dataset(out).rows()) == bits(fly_runs(ours, range(RUNS)))
+
+
+def test_a_campaign_made_longer_stays_so_when_it_is_resumed(tmp_path, address):
+    file = write_campaign(tmp_path, runs=4)
+    for_all = ("campaign", "run", file, "--scheduler", address, "--out", tmp_path / "out")
+    assert answer(*for_all)["runs"] == 4
+    assert answer(*for_all, "--resume", "--runs", 6)["flown"] == 2
+
+    again = answer(*for_all, "--resume")
+
+    assert (again["runs"], again["flown"]) == (6, 0)
+
+
+def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
+    dry = ("campaign", "run", file, "--dry-run", "--workers", "3", "--runs", "4000")
+
+    found = answer(*dry, cwd=tmp_path)
+
+    assert (found["runs"], found["draws"], found["design"]) == (4000, 1000, "random")
+    assert [group["plant"] for group in found["groups"]] == ["jsbsim:aerosonde"] * 2 + [
+        "kinematic"
+    ] * 2
+    assert all(group["run_s"] > 0.0 for group in found["groups"])
+    assert found["disperse"][0]["key"] == "flight.V_a_mps"
+    assert found["wall_s"] == pytest.approx(found["core_s"] / 3, rel=1e-12)
+    assert found["rows_bytes"] > 4000 * 45
+    assert found["signals_bytes"] > 10_000
+    assert found["keep"]["failures"] == 2
+    assert not list(tmp_path.iterdir())
+
+    shown, _ = flighttune(*dry, cwd=tmp_path)
+    assert "4000 runs = 1000 draws (random, seed 3) by 4 groups" in shown
+    assert "of one core" in shown
+    assert "with 3 workers" in shown
+    assert "room: " in shown
+
+
+def test_a_half_width_that_is_not_reached_is_the_answer_no(tmp_path, file, address):
+    _, said = flighttune(
+        "campaign", "run", file, "--runs", 8, "--scheduler", address, "--out", tmp_path,
+        "--until-halfwidth", 0.01, status=1,
+    )  # fmt: skip
+
+    assert "the half width must be at most 0.01, got 0." in said.splitlines()[-1]
+
+
+def test_without_dask_one_line_says_what_to_install(file):
+    code = "import sys; sys.modules['distributed'] = None; from flighttune.cli import main; main()"
+    command = [sys.executable, "-c", code, "campaign", "run", str(file)]
+
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+
+    assert done.returncode == 2
+    assert done.stderr == (
+        "flighttune: campaigns need dask, distributed, fsspec; install it with: pip install "
+        "'flighttune[cluster]'\n"
+    )
+
+
+def test_nobody_at_the_address_is_one_line(tmp_path, file):
+    nobody = "tcp://127.0.0.1:1"
+    with flying(file, "--out", tmp_path / "out", "--scheduler", nobody) as command:
+        assert command.wait(timeout=90) == 2
+        assert f"{nobody}: no scheduler answers there" in last_line(command)

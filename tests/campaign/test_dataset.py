@@ -1,0 +1,322 @@
+"""The folder of a campaign: who may fly into it, what is there meanwhile, what is not trusted."""
+
+import json
+import os
+import uuid
+
+import duckdb
+import numpy as np
+import pandas as pd
+import psutil
+import pyarrow as pa
+import pytest
+from campaigns import Notes, bits, plan
+from scipy.stats import binomtest
+
+from flighttune.campaign.dataset import Dataset, dataset_hash, open_dataset
+from flighttune.campaign.engine import run_campaign
+from flighttune.campaign.lock import LOCK, held
+from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.spans import Chunks, Span, missing
+from flighttune.campaign.storage import Store
+from flighttune.errors import InputError, OutputError, RecordingError
+from flighttune.one_flight import library_versions
+from flighttune.recording.parquet import read_run
+
+RUNS = 12
+
+
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory):
+    return plan(tmp_path_factory.mktemp("files"), runs=RUNS)
+
+
+@pytest.fixture(scope="module")
+def rows(ours):
+    return fly_runs(ours, range(RUNS))
+
+
+@pytest.fixture
+def out(tmp_path, ours, rows):
+    """A campaign of which the runs 4 to 8 are missing."""
+    return written(tmp_path / "out", ours, rows.slice(0, 4), rows.slice(8, 4))
+
+
+def written(url, ours, *tables, versions=None):
+    dataset = Dataset(Store(url), ours, versions or library_versions())
+    dataset.write_plan()
+    for table in tables:
+        dataset.write_part(table)
+    return url
+
+
+@pytest.mark.parametrize("scheme", ["memory://", "file://", ""])
+def test_the_same_campaign_is_flown_into_any_folder_that_fsspec_reaches(
+    tmp_path, ours, rows, address, scheme
+):
+    place = f"{uuid.uuid4().hex}/out" if scheme == "memory://" else f"{tmp_path}/deep/out"
+
+    done = run_campaign(ours, scheme + place, scheduler=address)
+
+    assert bits(open_dataset(scheme + place).rows()) == bits(rows)
+    assert done.dataset == scheme + place
+    assert Store(scheme + place).names("") == ("campaign.json", "runs", "signals")
+
+
+def test_an_unknown_kind_of_folder_is_one_line(ours):
+    with pytest.raises(InputError, match=r"nowhere://x: must be a folder .* not known"):
+        run_campaign(ours, "nowhere://x")
+
+
+def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address):
+    ours = plan(tmp_path, runs=120)
+    counts = []
+
+    def read(progress):
+        if progress.done and progress.doing == "flying":
+            found = pd.read_parquet(tmp_path / "out" / "runs")
+            sql = f"SELECT count(*), count(DISTINCT run) FROM '{tmp_path}/out/runs/*.parquet'"
+            counts.append((len(found), found["run"].nunique(), *duckdb.sql(sql).fetchall()[0]))
+        return False
+
+    run_campaign(ours, tmp_path / "out", scheduler=address, onlooker=Notes(read))
+
+    assert len(counts) > 2
+    assert all(len(set(count)) == 1 for count in counts)
+    assert counts == sorted(counts)
+    assert counts[0][0] < counts[-1][0]
+
+
+def test_only_what_is_missing_is_flown(out, ours, rows, address):
+    before = {part.name: part.stat().st_mtime_ns for part in (out / "runs").iterdir()}
+
+    done = run_campaign(ours, out, scheduler=address, resume=True)
+
+    assert (done.flown, done.runs) == (4, RUNS)
+    assert bits(open_dataset(out).rows()) == bits(rows)
+    assert before == {name: (out / "runs" / name).stat().st_mtime_ns for name in before}
+
+
+def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows, address):
+    out = written(tmp_path, ours, rows)
+    run_campaign(ours, out, scheduler=address, resume=True)
+
+    done = run_campaign(ours, out, scheduler="tcp://127.0.0.1:1", resume=True)
+
+    assert (done.flown, done.runs, done.interrupted) == (0, RUNS, False)
+
+
+def test_a_campaign_that_is_there_is_not_flown_over(out, ours):
+    with pytest.raises(InputError, match="must not hold a campaign, got one of 12 runs; go on"):
+        run_campaign(ours, out)
+
+
+def test_another_campaign_is_refused_with_what_is_different(tmp_path, out):
+    other = plan(tmp_path, runs=RUNS, seed=4, duration=2.0)
+
+    with pytest.raises(
+        InputError, match=r"seed: was 3, is 4; scenario\.flight\.duration_s: was 1\.0, is 2\.0"
+    ):
+        run_campaign(other, out, resume=True)
+
+
+def test_rows_of_other_libraries_are_not_mixed(tmp_path, ours, rows):
+    out = written(tmp_path, ours, rows, versions={**library_versions(), "numpy": "1.0"})
+
+    with pytest.raises(InputError, match=r"other libraries.*numpy: was 1\.0, is "):
+        run_campaign(ours, out, resume=True)
+
+
+def test_a_campaign_can_grow_and_not_shrink(out, ours, address):
+    longer = ours.with_runs(RUNS + 6)
+
+    done = run_campaign(longer, out, scheduler=address, resume=True)
+
+    assert (done.flown, done.planned) == (10, RUNS + 6)
+    assert bits(open_dataset(out).rows()) == bits(fly_runs(longer, range(RUNS + 6)))
+    with pytest.raises(InputError, match=r"`runs` .* can only grow, was 18, is 12"):
+        run_campaign(ours, out, resume=True)
+
+
+def test_a_design_whose_draws_depend_on_their_number_cannot_grow(tmp_path):
+    ours = plan(tmp_path, runs=RUNS, top='design = "latin_hypercube"')
+    out = written(tmp_path / "out", ours)
+
+    with pytest.raises(InputError, match="`runs` must stay 12, got 13: the draws of a latin_hyper"):
+        run_campaign(ours.with_runs(RUNS + 1), out, resume=True)
+
+
+def truncated(data):
+    return data[: len(data) // 2]
+
+
+def with_a_flipped_bit(data):
+    middle = len(data) // 3
+    return data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+
+
+@pytest.mark.parametrize("damage", [truncated, with_a_flipped_bit, lambda _: b""])
+def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, ours, rows, address, damage):
+    part = sorted((out / "runs").iterdir())[0]
+    part.write_bytes(damage(part.read_bytes()))
+    notes = Notes()
+
+    done = run_campaign(ours, out, scheduler=address, resume=True, onlooker=notes)
+
+    assert done.flown == 8
+    assert bits(open_dataset(out).rows()) == bits(rows)
+    assert len(notes.heard) == 1
+    assert f"{part}: is damaged" in notes.heard[0]
+
+
+def test_a_file_that_holds_other_runs_than_its_name_says_is_not_believed(out, ours, rows, address):
+    part = sorted((out / "runs").iterdir())[0]
+    part.write_bytes((sorted((out / "runs").iterdir())[1]).read_bytes())
+
+    run_campaign(ours, out, scheduler=address, resume=True)
+
+    assert bits(open_dataset(out).rows()) == bits(rows)
+
+
+def test_a_run_in_two_files_is_refused(tmp_path, ours, rows):
+    out = written(tmp_path, ours, rows.slice(0, 4), rows.slice(2, 4))
+
+    with pytest.raises(RecordingError, match="a run must be in one file, got run 2 in part-0"):
+        run_campaign(ours, out, resume=True)
+
+
+def test_a_folder_without_a_campaign_is_one_line(tmp_path, ours):
+    with pytest.raises(RecordingError, match=r"must hold a campaign, got no campaign\.json"):
+        open_dataset(tmp_path)
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "mine.parquet").write_bytes(b"")
+    with pytest.raises(InputError, match=r"must be empty, got runs/ without campaign\.json"):
+        run_campaign(ours, tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, ours):
+    (tmp_path / "file").write_text("")
+
+    with pytest.raises(OutputError, match="must be writable"):
+        run_campaign(ours, tmp_path / "file" / "out")
+
+
+def test_two_campaigns_are_not_flown_into_one_folder(tmp_path, ours):
+    with (
+        held(Store(tmp_path)),
+        pytest.raises(InputError, match=f"is being flown into it by process {os.getpid()} on "),
+    ):
+        run_campaign(ours, tmp_path)
+    assert not (tmp_path / LOCK).exists()
+
+
+@pytest.mark.parametrize(
+    "owner", [{"pid": 2**22 + 1, "started": 1.0}, {"pid": os.getpid(), "started": 1.0}, {}]
+)
+def test_the_lock_of_a_process_that_is_gone_holds_nobody_up(tmp_path, owner):
+    mine = {"host": os.uname().nodename, **owner} if owner else {}
+    (tmp_path / LOCK).write_text(json.dumps(mine))
+
+    with held(Store(tmp_path)):
+        found = json.loads((tmp_path / LOCK).read_text())
+
+    assert found["pid"] == os.getpid()
+    assert found["started"] == psutil.Process().create_time()
+
+
+def test_the_lock_of_another_machine_is_believed(tmp_path):
+    (tmp_path / LOCK).write_text(json.dumps({"host": "other", "pid": 1, "started": 1.0}))
+
+    with (
+        pytest.raises(InputError, match="process 1 on other; if that one is gone, remove"),
+        held(Store(tmp_path)),
+    ):
+        pass
+
+
+def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path, address):
+    ours = plan(
+        tmp_path, runs=40, keep='failures = 3\nworst = 2\nsample = 2\nworst_by = "gamma.ITAE"'
+    )
+
+    done = run_campaign(ours, tmp_path / "out", scheduler=address)
+
+    found = open_dataset(tmp_path / "out")
+    rows = found.rows().to_pandas()
+    worst = rows["gamma.ITAE"].sort_values(ascending=False, kind="stable").index[:2]
+    failures = rows.index[~rows["success"]][:3]
+    assert {*worst, *failures} <= set(found.kept)
+    assert len(found.kept) == done.kept <= 7
+    for run in found.kept:
+        flight = read_run(tmp_path / "out" / "signals" / f"run-{run:010d}.parquet")
+        assert flight.status == rows["status"][run]
+        assert np.abs(flight.signals["chi_err"]).max() == rows["chi.peak_rad"][run]
+
+
+def test_the_hash_sees_every_bit_but_the_time_flights_took(tmp_path, ours, rows):
+    def digest(name, table):
+        return dataset_hash(written(tmp_path / name, ours, table))
+
+    def changed(column, value):
+        values = rows.column(column).to_pylist()
+        values[3] = value
+        field = rows.schema.field(column)
+        at = rows.schema.get_field_index(column)
+        return rows.set_column(at, field, pa.array(values, field.type))
+
+    ITAE = rows.column("chi.ITAE")[3].as_py()
+    plain = digest("plain", rows)
+
+    assert digest("wall", changed("wall_s", 99.0)) == plain
+    assert digest("bit", changed("chi.ITAE", np.nextafter(ITAE, 9.0))) != plain
+    assert digest("null", changed("chi.ITAE", None)) != plain
+    assert digest("text", changed("reason", "another")) != plain
+    assert digest("truth", changed("success", not rows.column("success")[3].as_py())) != plain
+
+
+def halfwidth(rows, group, n):
+    """By scipy: half width of Wilson's interval of the first n flights of a group."""
+    successes = int(rows["success"][rows["run"] % 4 == group][:n].sum())
+    interval = binomtest(successes, n).proportion_ci(method="wilson")
+    return (interval.high - interval.low) / 2.0
+
+
+def test_a_campaign_ends_at_the_first_look_that_is_sure_enough(tmp_path, address):
+    ours = plan(tmp_path, runs=4000, duration=0.2)
+
+    done = run_campaign(ours, tmp_path / "out", scheduler=address, until_halfwidth=0.016)
+
+    rows = open_dataset(tmp_path / "out").rows().to_pandas()
+    widths = [max(halfwidth(rows, group, n) for group in range(4)) for n in (100, 125)]
+    assert widths[0] > 0.016 >= widths[1]
+    assert rows["run"].tolist() == list(range(500))
+    assert done.halfwidth == pytest.approx(widths[1], abs=1e-12)
+    assert done.planned == 4000
+
+    again = run_campaign(
+        ours, tmp_path / "out", scheduler=address, until_halfwidth=0.016, resume=True
+    )
+    assert (again.flown, again.runs) == (0, 500)
+
+
+def test_what_is_missing_is_what_no_file_holds():
+    assert missing([], 3) == (Span(0, 3),)
+    assert missing([Span(4, 6), Span(0, 2)], 9) == (Span(2, 4), Span(6, 9))
+    assert missing([Span(0, 9)], 5) == ()
+
+
+def test_chunks_are_whole_draws_that_cover_the_gaps_and_shrink_to_the_end():
+    chunks = Chunks([Span(2, 40), Span(43, 1000)], draw=4)
+    taken = []
+    while (span := chunks.take(2)) is not None:
+        chunks.learn(span, 0.1 * span.runs)
+        taken.append(span)
+
+    assert [span.first for span in taken[1:]] == [
+        43 if span.end == 40 else span.end for span in taken[:-1]
+    ]
+    assert taken[0] == Span(2, 4)
+    assert all(span.end % 4 == 0 for span in taken)
+    assert max(span.runs for span in taken) * 0.1 <= 10.0 + 0.4
+    assert taken[-1].runs <= 4
+    assert chunks.left == 0
