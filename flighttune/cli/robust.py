@@ -115,7 +115,7 @@ def _print(found: "RobustChoice", title: str) -> None:
         more = "more" if one.behind >= 0.0 else "less"
         told = "" if one.behind_lo > 0.0 or one.behind_hi < 0.0 else ", which may be chance"
         say(
-            f"not to be chosen: {one.candidate.name} has {abs(one.behind):.3g} {more} "
+            f"the campaign's own {one.candidate.name} has {abs(one.behind):.3g} {more} "
             f"({one.behind_lo:.3g} to {one.behind_hi:.3g}){told}"
         )
 
