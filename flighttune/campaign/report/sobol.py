@@ -1,5 +1,6 @@
 """Sobol indices: how much of the variance each parameter makes, alone and with the others."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ from flighttune.errors import ShapeError
 
 RESAMPLES = 1000
 LEAST_BLOCKS = 8
+AT_ONCE = 4_000_000
+"""Weights of blocks that are held at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,15 +96,24 @@ def sobol_indices(
     mean = 0.5 * (f_A.mean() + f_B.mean())
     a, b, ab = f_A - mean, f_B - mean, f_AB - mean
     terms = np.vstack([b * (ab - a), 0.5 * (a - ab) ** 2, 0.5 * (a + b), 0.5 * (a**2 + b**2)])
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    weights = rng.multinomial(n, np.full(n, 1.0 / n), size=resamples)
     found = _indices(terms.mean(axis=1)[None], d)[0]
     tail = 0.5 - 0.5 * confidence
-    lo, hi = np.nanquantile(_indices(weights @ terms.T / n, d), [tail, 1.0 - tail], axis=0)
+    resampled = np.vstack(list(_resampled(terms, resamples, seed)))
+    lo, hi = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
     return SobolIndices(
         n=n, first=found[:d], first_lo=lo[:d], first_hi=hi[:d],
         total=found[d:], total_lo=lo[d:], total_hi=hi[d:],
     )  # fmt: skip
+
+
+def _resampled(terms: FloatArray, resamples: int, seed: int) -> Iterator[FloatArray]:
+    """Means of the terms over blocks drawn with replacement, some resamples at a time."""
+    n = terms.shape[1]
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    some = max(1, AT_ONCE // n)
+    for first in range(0, resamples, some):
+        size = min(some, resamples - first)
+        yield rng.multinomial(n, np.full(n, 1.0 / n), size=size) @ terms.T / n
 
 
 def _indices(means: FloatArray, d: int) -> FloatArray:
