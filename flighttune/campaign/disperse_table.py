@@ -41,6 +41,9 @@ POSSIBLE = {
 MOST_POINTS = 10_000
 """Values of one grid key."""
 
+MOST_SD = 8.0
+"""How far from the mean the bounds of a truncated normal distribution may begin."""
+
 
 class DisperseTable(Table):
     """``[[disperse]]``: one key of the scenario that differs from draw to draw.
@@ -136,10 +139,6 @@ class DisperseTable(Table):
     def _ladder(self) -> tuple[float, ...]:
         steps = np.linspace(_given(self.lower), _given(self.upper), int(_given(self.count)))
         return tuple(steps.tolist())
-
-
-MOST_SD = 8.0
-"""How far from the mean the bounds of a truncated normal distribution may begin."""
 
 
 class CorrelationTable(Table):

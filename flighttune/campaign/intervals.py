@@ -157,13 +157,14 @@ def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
     Returns
     -------
     float, 1
-        Between the number of clusters, or n where that is less, and n; n where every cluster holds
-        one value or there is only one cluster; the number of clusters where no value differs.
+        1 to n; n where every cluster holds one value or there is only one cluster, the number of
+        clusters where no value differs.
 
     Notes
     -----
     n over the design effect of [1]_: the variance of the mean as a ratio of totals over clusters,
-    over that of n independent values.
+    over that of n independent values. c clusters of one size whose members are all alike count as
+    c - 1.
 
     References
     ----------

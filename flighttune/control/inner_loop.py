@@ -16,6 +16,7 @@ from flighttune.errors import InputError, ShapeError
 
 HALF_POWER = math.sqrt(0.5)
 ROUNDING = 1e-14
+"""Distance from the half-power gain below which a frequency has it."""
 
 NO_DELAY = 1e-5
 """Delay (s) below which there is none: a section of 2/delay would only spoil the arithmetic."""

@@ -171,7 +171,7 @@ def check_air(
     ------
     ValueError
         If a sinusoid of the kinematic law is to disturb an aircraft, nobody meets the wind that
-        the others replay, or an aircraft is to be steered through air that others replay.
+        the others replay, or an aircraft is to be steered through the air in other wind as well.
     """
     if disturbance and aircraft and not disturbance.as_wind:
         raise ValueError(
@@ -180,8 +180,8 @@ def check_air(
         )
     if disturbance and disturbance.path == "air" and (wind or unsteady):
         raise ValueError(
-            '`path` of [disturbance] must be "ground" where there is other wind: it is over ground '
-            "that the other plants meet that"
+            '`path` of [disturbance] must be "ground" where there is other wind, which plants that '
+            "are no aircraft meet over ground"
         )
     if unsteady and not aircraft:
         name = "gust" if isinstance(unsteady, GustTable) else "turbulence"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flighttune.campaign.intervals import clopper_pearson, quantile_interval, wilson
+from flighttune.campaign.intervals import clopper_pearson, effective_size, quantile_interval, wilson
 from flighttune.errors import InputError
 
 ROUNDING = 1e-9
@@ -105,6 +105,15 @@ def test_the_interval_of_a_quantile_covers_at_least_as_often_as_it_says():
 
 def test_no_values_bound_no_quantile():
     assert quantile_interval([], 0.5) == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize("members", [2, 25])
+def test_clusters_whose_members_are_alike_are_as_sure_as_their_means(members):
+    means = np.array([0.0, 1.0, 1.0, 0.0, 2.0])
+    values, clusters = np.repeat(means, members), np.repeat(np.arange(5), members)
+    of_mean = means.var(ddof=1) / 5.0
+
+    assert effective_size(values, clusters) == pytest.approx(values.var() / of_mean)
 
 
 @pytest.mark.parametrize("q", [0.0, 1.0, 95.0])
