@@ -364,6 +364,18 @@ def test_a_damaged_recording_is_refused_in_one_line_whoever_reads_it(recording, 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("refuse", [check_recording, load_recording, partial(view, web=True)])
+def test_damage_where_a_message_begins_is_refused_like_any_other(recording, refuse, tmp_path):
+    path, data, at = tmp_path / "bad.rrd", bytearray(recording.read_bytes()), 12
+    while at < 2000:
+        at += 16 + int.from_bytes(data[at + 8 : at + 16], "little")
+    data[at : at + 12] = b"\xff" * 12
+    path.write_bytes(data)
+
+    with pytest.raises(RecordingError, match=rf"must be a sound .* damage at byte {at}"):
+        refuse(path)
+
+
 @pytest.mark.parametrize("data", [b"", b"hello, world" * 20], ids=["empty", "foreign"])
 def test_what_is_no_recording_is_refused_in_the_same_words_whoever_reads_it(data, tmp_path):
     path, said = tmp_path / "odd.rrd", []
