@@ -1,6 +1,8 @@
 """Gains tuned on the identified aircraft, flown: the paper's manoeuvre and others not used."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,6 +40,8 @@ NOTHING_ASKED = 0.01
 """ITAE, rad s^2, below which a channel was not asked to move."""
 
 AIRCRAFT = "jsbsim:aerosonde"
+PAGE = (Path(__file__).parents[1] / "docs/identification.md").read_text(encoding="utf-8")
+HALF_OF_THE_LAST_DIGIT = 0.0051
 LIMITS = {
     "phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0, "n_z": [-2.1, 2.1], "n_z_rate_per_s": 1.0,
 }  # fmt: skip
@@ -92,6 +96,26 @@ def test_itae_on_the_aircraft_is_less_than_half_of_the_papers(paper, channel):
     ratio = itae(paper, "tuned_identified")[channel] / itae(paper, "paper")[channel]
 
     assert ratio <= ON_THE_AIRCRAFT
+
+
+def test_the_table_of_the_page_is_what_the_scenario_flies(paper):
+    tables = load_scenario("paper_identified").as_dict() | {"gains": ["tuned_identified"]}
+    robust = fly(scenario_from(tables | {"tuning": {**tables["tuning"], "robust": True}}))
+    rows = {
+        "K* as printed": (paper, "paper"),
+        "`tuned` on the kinematic law": (paper, "tuned"),
+        "`tuned_identified`": (paper, "tuned_identified"),
+        "`tuned_identified`, robust": (robust, "tuned_identified"),
+    }
+    printed = np.array([*itae(paper, "paper").values()])
+    for title, (flown, gains) in rows.items():
+        (cells,) = re.findall(rf"^\| {re.escape(title)} \|(.*)\|$", PAGE, re.MULTILINE)
+        told = [float(number) for number in re.findall(r"[\d.]+", cells)]
+        law, aircraft = (
+            np.array([*itae(flown, gains, p).values()]) for p in ("kinematic", AIRCRAFT)
+        )
+        ratio = [] if gains == "paper" else aircraft / printed
+        assert told == pytest.approx([*law, *aircraft, *ratio], abs=HALF_OF_THE_LAST_DIGIT), title
 
 
 @pytest.mark.parametrize("channel", ["chi", "gamma"])
@@ -201,7 +225,9 @@ def test_one_q_proves_a_rate_at_every_condition_identified():
         assert np.linalg.eigvalsh(decay).max() < ROUNDING
     assert 0.0 < np.linalg.eigvalsh(tuned.Q)[0]
     assert tuned.R == pytest.approx(1.0 / np.linalg.eigvalsh(tuned.Q)[-1])
-    assert tuned.R > 5.0 * printed.R
+    for told, found in ((r"(\S+) /s for `tuned_identified`", tuned), (r"(\S+) for K\*,", printed)):
+        (rate,) = re.findall(told, PAGE)
+        assert float(rate) == pytest.approx(found.R, abs=0.1 * HALF_OF_THE_LAST_DIGIT)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,9 @@
 
 import json
 import math
+import re
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -332,3 +334,26 @@ def test_the_aircraft_is_left_as_it_was():
     identify_aircraft("aerosonde")
 
     assert plant.observe() == before
+
+
+def test_the_table_of_the_page_is_what_the_shipped_files_say():
+    page = (Path(__file__).parents[3] / "docs/identification.md").read_text(encoding="utf-8")
+    cell = r" *(\S+) *"
+    told = re.findall(
+        rf"^\|(?: (\w+), (\d+) m/s)? \| (roll|load factor) \|{cell}\|{cell}\|{cell}\|{cell}\|$",
+        page, re.MULTILINE,
+    )  # fmt: skip
+    assert [row[0] for row in told] == ["aerosonde", "", "c172p", "", "a4", ""]
+
+    shipped = []
+    for name, V_a, *_ in told[::2]:
+        found = json.loads((aircraft_folder(name) / "identified.json").read_text())
+        at = next(
+            one for one in found["conditions"]
+            if (one["V_a_mps"], one["gamma_deg"]) == (float(V_a), 0.0)
+        )  # fmt: skip
+        for channel in ("phi", "n_z"):
+            lag = at["channels"][channel]
+            digits = ("order", 0), ("bandwidth_rad_s", 1), ("delay_s", 3), ("fit_percent", 1)
+            shipped.append([f"{lag[key]:.{places}f}" for key, places in digits])
+    assert [list(row[3:]) for row in told] == shipped
