@@ -7,7 +7,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.gap.mismatch import Mismatch
-from flighttune.gap.ultimate_set import ROUNDING, entered_and_left, error_states
+from flighttune.gap.ultimate_set import ROUNDING, entered_and_left, states_of_run
 from flighttune.simulate.run import Run
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.reachable import ReachableSet
@@ -197,15 +197,10 @@ def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> Loo
     along the mismatch measured, from where the flight starts or the reference moved last.
     """
     unit = invariant_ellipsoid(A_K, E, L_d=1.0)
-    errors = run.signals[["chi_err", "gamma_err"]].to_numpy()
+    first_errors = run.signals[["chi_err", "gamma_err"]].to_numpy()[0]
     references = run.signals[["chi_ref", "gamma_ref"]].to_numpy()
     dt = np.diff(run.signals.index.to_numpy(dtype=float))
-    flown = error_states(
-        run.signals.index.to_numpy(dtype=float),
-        errors=(errors[:, 0], errors[:, 1]),
-        references=(references[:, 0], references[:, 1]),
-        rates=(found.rates[:, 0], found.rates[:, 1]),
-    )
+    flown = states_of_run(run, found)
     level, moved = flown.level(np.linalg.inv(unit.W)), flown.moved
     strength = np.linalg.norm(found.d_dot, axis=1)
     promised = level.copy()
@@ -222,5 +217,5 @@ def loop_flown(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> Loo
         unit=unit,
         reach=ReachableSet.of(A_K, E, L_d=1.0).peak_gain(slice(2, 4)).channels,
         errors=np.column_stack(flown.states[2:]),
-        asked=float(np.abs(references - references[0] + errors[0]).max()),
+        asked=float(np.abs(references - references[0] + first_errors).max()),
     )

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 from flighttune.arrays import FloatArray
 from flighttune.gap.certified_set import held_or_broken
 from flighttune.gap.mismatch import Mismatch
-from flighttune.gap.ultimate_set import ROUNDING, error_states
+from flighttune.gap.ultimate_set import ROUNDING, states_of_run
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
@@ -104,14 +104,7 @@ def free_flight(run: Run, found: Mismatch, A_K: FloatArray, E: FloatArray) -> Fr
     adds, ``tan(phi) - phi``, is neither in d nor in the loop: by that much a flight can be outside.
     """
     signals, t = run.signals, run.signals.index.to_numpy(dtype=float)
-    errors = signals[["chi_err", "gamma_err"]].to_numpy()
-    references = signals[["chi_ref", "gamma_ref"]].to_numpy()
-    flown = error_states(
-        t,
-        errors=(errors[:, 0], errors[:, 1]),
-        references=(references[:, 0], references[:, 1]),
-        rates=(found.rates[:, 0], found.rates[:, 1]),
-    )
+    flown = states_of_run(run, found)
     limited = (signals[["phi_limited", "n_z_limited"]].to_numpy()[:-1] > 0.0).any(axis=1)
     disturbed = np.flatnonzero(limited | flown.moved)
     first = int(disturbed[-1]) + 1 if len(disturbed) else 0

@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
+from flighttune.gap.mismatch import Mismatch
+from flighttune.simulate.run import Run
 
 ROUNDING = 1e-6
 """Part by which a set may be exceeded before it counts as broken."""
@@ -82,6 +84,26 @@ def error_states(
     return ErrorStates(
         states=(error_rates[0], error_rates[1], middles[0], middles[1]),
         moved=np.broadcast_to(moved, error_rates[0].shape),
+    )
+
+
+def states_of_run(run: Run, found: Mismatch) -> ErrorStates:
+    """The states s = (e', e) of one run.
+
+    Parameters
+    ----------
+    run : Run
+    found : Mismatch
+        Of that run.
+    """
+    errors, references = (
+        run.signals[[f"chi_{kind}", f"gamma_{kind}"]].to_numpy() for kind in ("err", "ref")
+    )
+    return error_states(
+        run.signals.index.to_numpy(dtype=float),
+        errors=(errors[:, 0], errors[:, 1]),
+        references=(references[:, 0], references[:, 1]),
+        rates=(found.rates[:, 0], found.rates[:, 1]),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import sobol_indices
 
@@ -75,6 +75,7 @@ def campaigns(draw):
     )
 
 
+@settings(max_examples=40)
 @given(campaign=campaigns())
 def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):
     plan = plan_campaign(campaign)
@@ -91,6 +92,7 @@ def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):
             assert list(map(repr, theirs)) == list(map(repr, column))
 
 
+@settings(max_examples=40)
 @given(campaign=campaigns(), more=st.integers(1, 40), first=st.integers(0, 40))
 def test_draws_do_not_depend_on_where_one_begins_or_ends(campaign, more, first):
     plan = plan_campaign(campaign)
