@@ -110,7 +110,14 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
 
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
-    """Those signals of `names` that a run has, as contiguous arrays."""
+    """Those signals of `names` that a run has, as contiguous arrays.
+
+    Parameters
+    ----------
+    run : Run
+    names : sequence of str
+        Any of `SIGNAL_UNITS`.
+    """
     table, columns = run.signals.to_numpy(), run.signals.columns
     return {
         name: np.ascontiguousarray(table[:, columns.get_loc(name)])

@@ -10,7 +10,14 @@ from flighttune.simulate.run import Run
 
 
 def plant_table(scenario: Scenario, label: str) -> PlantTable:
-    """The table of the plant with that label."""
+    """The table of a plant.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    label : str
+        Of one of its plants.
+    """
     return next(table for table in scenario.plant if table.label == label)
 
 
@@ -19,6 +26,12 @@ def leader_of(scenario: Scenario, group: Group) -> Group | None:
 
     In wind the plants that are no aircraft replay, gain set by gain set, what the first aircraft of
     the scenario met.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Of a draw, or the undispersed one.
+    group : Group
     """
     if not scenario.windy or plant_table(scenario, group.plant).aircraft is not None:
         return None
@@ -54,6 +67,10 @@ def fly_group(plan: Plan, scenario: Scenario, group: Group, *, led: Run | None =
 
 def nominal_flights(plan: Plan) -> Mapping[Group, Run]:
     """The undispersed flight of every group of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
 
     Raises
     ------

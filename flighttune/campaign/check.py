@@ -76,7 +76,16 @@ def dispersed_places(
 
 
 def acted(acts: Acts, value: Any, own: Any) -> Any:
-    """What a drawn value makes of the scenario's own."""
+    """What a drawn value makes of the scenario's own.
+
+    Parameters
+    ----------
+    acts : {"sets", "adds", "multiplies"}
+    value : plain value
+        Drawn; a number where it does not set.
+    own : plain value or None
+        What the undispersed scenario has; a number where it is not set.
+    """
     match acts:
         case "sets":
             return value

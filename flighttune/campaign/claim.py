@@ -100,6 +100,10 @@ class Claim:
 def claims(plan: Plan) -> Mapping[Group, Claim | None]:
     """The claim of each group of a plan.
 
+    Parameters
+    ----------
+    plan : Plan
+
     Returns
     -------
     mapping of Group to Claim or None

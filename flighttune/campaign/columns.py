@@ -95,7 +95,14 @@ def unit_of_key(key: str) -> str:
 
 
 def table_of(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
-    """Rows from their columns; a number that there is not (NaN) is null, but for dispersed keys."""
+    """Rows from their columns; a number that there is not (NaN) is null, but for dispersed keys.
+
+    Parameters
+    ----------
+    plan : Plan
+    columns : mapping of str to array_like
+        One a field of `row_schema`, all of one length.
+    """
     schema = row_schema(plan)
     return pa.Table.from_arrays(
         [

@@ -40,6 +40,11 @@ def unit_points(
     -------
     ndarray, shape (end - first, len(keys)), 1
         Inside the open unit interval.
+
+    Raises
+    ------
+    InputError
+        If there is no such design.
     """
     if end <= first or not keys:
         return np.empty((max(end - first, 0), len(keys)))

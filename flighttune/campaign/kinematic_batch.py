@@ -91,6 +91,13 @@ def batchable(scenario: Scenario, table: PlantTable) -> bool:
     """Whether the flight of a plant in a scenario can be flown in a batch.
 
     It is one of the paper's law, and nothing in the scenario is unknown to the batch.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Of a draw.
+    table : PlantTable
+        The plant.
     """
     if table.kind != "kinematic" or not _knows(table):
         return False

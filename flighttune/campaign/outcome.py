@@ -62,7 +62,14 @@ def flat(measured: Measured) -> Sequence[float]:
 
 
 def expected_of(scenario: Scenario, group: Group) -> list[ExpectTable]:
-    """The expectations that mean the runs of a group."""
+    """The expectations that mean the runs of a group.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Of a draw, or the undispersed one: they are never dispersed.
+    group : Group
+    """
     return [table for table in scenario.expect if table.meant(group.plant, group.gains)]
 
 

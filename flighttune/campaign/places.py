@@ -59,7 +59,14 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
 
 
 def value_at(tables: Mapping[str, Any], place: Place) -> Any:
-    """The value at a place; None where there is none."""
+    """The value at a place; None where there is none.
+
+    Parameters
+    ----------
+    tables : mapping
+        A scenario, or a table of one, as plain values.
+    place : Place
+    """
     found: Any = tables
     for step in place:
         if isinstance(found, Mapping):
@@ -72,7 +79,15 @@ def value_at(tables: Mapping[str, Any], place: Place) -> Any:
 
 
 def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
-    """A copy of `tables` with values put in; what is not on the way to one is shared."""
+    """A copy of `tables` with values put in; what is not on the way to one is shared.
+
+    Parameters
+    ----------
+    tables : mapping
+        A scenario, or a table of one, as plain values.
+    values : iterable of (Place, value)
+        Tables that a place leads through and that are not there are made.
+    """
     result = dict(tables)
     copied: dict[int, Any] = {id(result): result}
     for place, value in values:

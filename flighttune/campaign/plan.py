@@ -160,7 +160,13 @@ class Plan:
         return dispersed_places(self.campaign.disperse, self.scenario, self.campaign.title)
 
     def values_of(self, draw: int) -> dict[str, Any]:
-        """What is drawn for one draw, as plain values: by dispersed key, and ``seed``."""
+        """What is drawn for one draw, as plain values: by dispersed key, and ``seed``.
+
+        Raises
+        ------
+        InputError
+            If there is no such draw.
+        """
         if not 0 <= draw < self.draws:
             raise InputError(f"`draw` must be 0 to {self.draws - 1}, got {draw}.")
         first, at = divmod(draw, BLOCK)
@@ -201,6 +207,8 @@ class Plan:
         ------
         ScenarioError
             If the scenario, or an aircraft, refuses a drawn value; the message names the keys.
+        InputError
+            If there is no such draw.
         """
         scenario = validated(Scenario, self.tables_of(draw), f"draw {draw}")
         check_aircraft(scenario, f"draw {draw}")

@@ -82,7 +82,7 @@ def plan_fields(tables: Mapping[str, Any], source: str) -> dict[str, Any]:
 
 
 def plan_differences(plan: "Plan", other: "Plan") -> tuple[str, ...]:
-    """What of `plan` is otherwise in `other`, ``key: was X, is Y`` each."""
+    """What of `plan` is otherwise in `other`, ``key: was X, is Y`` each; see `Plan.differences`."""
     was, now = _leaves_of(plan), _leaves_of(other)
     return tuple(
         f"{key}: was {_said(was.get(key, UNTOLD))}, is {_said(now.get(key, UNTOLD))}"

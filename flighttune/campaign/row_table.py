@@ -17,7 +17,14 @@ from flighttune.theory.indicators import indicators_batch
 
 
 def row_table(plan: Plan, rows: Sequence[FlownRow]) -> pa.Table:
-    """Flown runs as rows, in the order given; their schema is `row_schema` of the plan."""
+    """Flown runs as rows, in the order given; their schema is `row_schema` of the plan.
+
+    Parameters
+    ----------
+    plan : Plan
+    rows : sequence of FlownRow
+        Each with its outcome.
+    """
     draws = [plan.draw_of(row.run) for row in rows]
     groups = [plan.group_of(row.run) for row in rows]
     drawn = [plan.values_of(draw) for draw in draws]

@@ -186,7 +186,13 @@ class MimoPI:
 
 
 def integral_time(K_P: FloatArray, K_I: FloatArray) -> float:
-    """``norm(K_P) / norm(K_I)``, s; infinite without integral gain."""
+    """``norm(K_P) / norm(K_I)``, s; infinite without integral gain.
+
+    Parameters
+    ----------
+    K_P, K_I : ndarray, shape (m, p), input unit per error unit, and that per second
+        Proportional and integral gain.
+    """
     integral = float(np.linalg.norm(K_I))
     return float(np.linalg.norm(K_P)) / integral if integral else math.inf
 

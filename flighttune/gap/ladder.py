@@ -115,7 +115,19 @@ def fly_aircraft(
     plant: str | None = None,
     progress: Progress | None = None,
 ) -> Run:
-    """Fly the top rung: a jsbsim plant of a scenario, the first one if `plant` names none.
+    """Fly the top rung: a jsbsim plant of a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    gains : PIGains or None
+        None where tuning found none.
+    name : str
+        Name of the gains in labels.
+    plant : str, optional
+        Label of the plant, where it is not the first one.
+    progress : callable, optional
+        As of `flighttune.flight.fly`.
 
     Raises
     ------
@@ -243,7 +255,13 @@ def _failure(run: Run) -> str:
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
-    """The jsbsim plant of a scenario with that label, the first one without.
+    """The jsbsim plant of a scenario that is the top of the ladder.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    plant : str, optional
+        Its label, where it is not the first one.
 
     Raises
     ------

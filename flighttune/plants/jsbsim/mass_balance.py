@@ -34,6 +34,9 @@ _TRIANGLE = 1e-9
 _LUMPS = 1e-6
 """Share of the mass above which load and fuel count."""
 
+_ANY_RATE_HZ = 200.0
+"""Rate of an aircraft that is weighed and not flown."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Body:
@@ -65,6 +68,16 @@ class MassBalance:
 
     def values(self, off: OffNominal) -> dict[str, float]:
         """Numbers of the empty aircraft that make the whole one as `off` says.
+
+        Parameters
+        ----------
+        off : OffNominal
+            Factors on the whole aircraft, and the shift of its centre of gravity.
+
+        Returns
+        -------
+        dict of str to float, lbf, in and slug ft^2
+            By the gaps of `open_mass_balance`, in its units.
 
         Raises
         ------
@@ -137,6 +150,10 @@ def weigh(root: Element, nominal: AircraftConfig) -> MassBalance:
     nominal : AircraftConfig
         The aircraft as its files say.
 
+    Returns
+    -------
+    MassBalance
+
     Raises
     ------
     PlantError
@@ -144,7 +161,7 @@ def weigh(root: Element, nominal: AircraftConfig) -> MassBalance:
     """
     from flighttune.plants.jsbsim.fdm import Fdm
 
-    read = Fdm(nominal, 200.0).reader
+    read = Fdm(nominal, _ANY_RATE_HZ).reader
     weight = read("inertia/weight-lbs")()
     cg = np.array([read(f"inertia/cg-{axis}-in")() for axis in "xyz"]) / _INCHES
     tensor = _tensor({name: read(f"inertia/{name}-slugs_ft2")() for name in _INERTIA})

@@ -17,7 +17,15 @@ _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 
 
 def gap(name: str, base: float = 1.0) -> str:
-    """Text that stands for the value of `name` times `base`."""
+    """Text that stands for the value of `name` times `base`.
+
+    Parameters
+    ----------
+    name : str
+        What `ModelText.filled` is given a value for.
+    base : float
+        What stands there in the aircraft's own file, where the value is a factor on it.
+    """
     return f"{{{{{name}*{base!r}}}}}"
 
 
@@ -30,10 +38,17 @@ class Sources:
     def root(self, file: Path, what: str) -> ElementTree.Element:
         """Return the root element of `file`.
 
+        Parameters
+        ----------
+        file : path
+            An XML file.
+        what : str
+            What an error message begins with.
+
         Raises
         ------
         PlantError
-            If it cannot be read; the message begins with `what`.
+            If it cannot be read.
         """
         try:
             self.stamps.append(stamp(file))

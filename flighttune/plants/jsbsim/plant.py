@@ -264,6 +264,11 @@ class JSBSimPlant:
 def check_off_nominal(config: AircraftConfig) -> None:
     """Refuse an aircraft that cannot be off the nominal as `config` says.
 
+    Parameters
+    ----------
+    config : AircraftConfig
+        With its `off_nominal`.
+
     Raises
     ------
     InputError

@@ -29,6 +29,15 @@ _NOT_OPERATIONS = ("description", "documentation")
 def scale_axis(root: Element, key: str, file: Path) -> None:
     """Multiply every function of the axis that belongs to `key`.
 
+    Parameters
+    ----------
+    root : Element
+        Main file of the aircraft.
+    key : str
+        One of `AXES`; the factor is its gap.
+    file : path
+        Where the main file stands.
+
     Raises
     ------
     InputError
@@ -48,6 +57,15 @@ def scale_axis(root: Element, key: str, file: Path) -> None:
 def scale_coefficient(root: Element, name: str, file: Path) -> None:
     """Multiply the one aerodynamic function, or named part of one, that is called `name`.
 
+    Parameters
+    ----------
+    root : Element
+        Main file of the aircraft.
+    name : str
+        Name in the file, or its part behind the last slash.
+    file : path
+        Where the main file stands.
+
     Raises
     ------
     InputError
@@ -66,6 +84,17 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
 
 def scale_thrust(root: Element, engines: Path, sources: Sources, file: Path) -> None:
     """Multiply the thrust of every engine: of its propeller, or of what pushes directly.
+
+    Parameters
+    ----------
+    root : Element
+        Main file of the aircraft; the files of engines and thrusters are put into it.
+    engines : path
+        Folder of those.
+    sources : Sources
+        Takes note of them.
+    file : path
+        Where the main file stands.
 
     Raises
     ------
@@ -98,10 +127,23 @@ def scale_thrust(root: Element, engines: Path, sources: Sources, file: Path) -> 
 def slow_actuators(root: Element, systems: Path, sources: Sources, file: Path) -> None:
     """Multiply the time constants of the surface actuators.
 
+    Parameters
+    ----------
+    root : Element
+        Main file of the aircraft; systems with such an actuator are put into it.
+    systems : path
+        Folder of those.
+    sources : Sources
+        Takes note of them.
+    file : path
+        Where the main file stands.
+
     Raises
     ------
     InputError
         If none of them has a lag.
+    PlantError
+        If the file of a system cannot be read.
     """
     for i, system in enumerate(root):
         if system.tag == "system" and system.get("file"):
