@@ -96,11 +96,11 @@ class DisperseTable(Table):
             )
         if weights is not None and (len(weights) != len(values) or not sum(weights) > 0.0):
             raise ValueError(
-                f"`weights` must be {len(values)} numbers, one a value and not all zero, "
-                f"got {weights}"
+                f"`weights` must be as many numbers as `values`, {len(values)}, and not all "
+                f"zero, got {weights}"
             )
         if self.acts != "sets" and values and _sort(values[0]) != "number":
-            raise ValueError(f"`values` must be numbers where it {self.acts}, got {values}")
+            raise ValueError(f"`values` must be numbers with `acts` {self.acts!r}, got {values}")
         return self
 
     def _check_truncation(self) -> None:

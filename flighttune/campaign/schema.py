@@ -78,16 +78,15 @@ class CampaignTable(Table):
         grids = [table.key for table in self.disperse if table.distribution == "grid"]
         if self.design == "grid" and not grids:
             raise ValueError(
-                "`design` must be another where no [[disperse]] has the distribution grid, got "
-                "'grid'"
+                "`design` must not be 'grid' where no [[disperse]] has the distribution grid"
             )
         if self.design == "saltelli" and (grids or self.correlation):
             what = f"grid of `{grids[0]}`" if grids else "[[correlation]]"
-            raise ValueError(f"`design` must be another where there is a {what}, got 'saltelli'")
+            raise ValueError(f"`design` must not be 'saltelli' where there is a {what}")
         if self.design == "saltelli" and not self.disperse:
-            raise ValueError("[[disperse]] must be given with design saltelli")
+            raise ValueError("[[disperse]] must be given with `design` 'saltelli'")
         if self.runs is None and self.design != "grid":
-            raise ValueError("`runs` must be given; only of a grid it is known without")
+            raise ValueError("`runs` must be given: only `design` 'grid' can do without")
         return self
 
     @property
