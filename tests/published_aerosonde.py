@@ -1,0 +1,81 @@
+"""The Aerosonde's equations of motion with its published coefficients, and factors on them."""
+
+import math
+
+import numpy as np
+
+from flighttune.plants.jsbsim.off_nominal import OffNominal
+from flighttune.units import FT
+
+MASS, MOTOR = 11.0, 120.0  # kg, N
+J = {"ixx": 0.8244, "iyy": 1.135, "izz": 1.759, "ixz": 0.1204}  # kg m2
+S, SPAN, CHORD = 0.55, 2.8956, 0.18994
+CG_AFT = 0.31 * CHORD  # m behind the point the coefficients refer to
+RHO_1000_M = 1.1116  # ISA
+NOMINAL = OffNominal()
+
+
+def accelerations(V_a, alpha, beta, rates, surfaces, throttle, off=NOMINAL):
+    """Body accelerations without gravity (m/s2) and angular accelerations (rad/s2)."""
+    f = {name.rpartition("/")[2]: factor for name, factor in off.coefficients}
+
+    def c(name, value):
+        return f.get(name, 1.0) * value
+
+    (p, q, r), (aileron, elevator, rudder) = rates, surfaces
+    q_hat, p_hat, r_hat = q * CHORD / (2 * V_a), p * SPAN / (2 * V_a), r * SPAN / (2 * V_a)
+    C_L = c("CL_alpha", 0.23 + 5.61 * alpha) + c("CL_q", 7.95 * q_hat)
+    C_L = c("CL", C_L + c("CL_de", 0.13 * elevator))
+    C_D = c("CD_0", 0.043) + c("CD_i", C_L**2 / (math.pi * 0.9 * SPAN**2 / S))
+    C_D = C_D + c("CD_de", 0.0135 * abs(elevator))
+    C_Y = c("CY_beta", -0.83 * beta) + c("CY_da", 0.075 * aileron) + c("CY_dr", 0.19 * rudder)
+    C_l = c("Cl_beta", -0.13 * beta) + c("Cl_p", -0.51 * p_hat) + c("Cl_r", 0.25 * r_hat)
+    C_l = C_l + c("Cl_da", 0.17 * aileron) + c("Cl_dr", 0.0024 * rudder)
+    C_m = c("Cm_0", 0.0135) + c("Cm_alpha", -2.74 * alpha) + c("Cm_q", -38.21 * q_hat)
+    C_m = C_m + c("Cm_de", -0.99 * elevator)
+    C_n = c("Cn_beta", 0.073 * beta) + c("Cn_p", -0.069 * p_hat) + c("Cn_r", -0.095 * r_hat)
+    C_n = C_n + c("Cn_da", -0.011 * aileron) + c("Cn_dr", -0.069 * rudder)
+    pressure_area = 0.5 * RHO_1000_M * V_a**2 * S
+    along_wind = np.array([-off.drag * C_D, off.side_force * C_Y, -off.lift * C_L])
+    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
+    wind_to_body = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
+    aerodynamic = pressure_area * wind_to_body @ along_wind
+    pull = np.array([off.thrust * MOTOR * throttle, 0.0, 0.0])
+    aft, right, down = off.cg_shift
+    motor = np.array([aft, -right, -down])  # from the centre of gravity, body axes
+    moment = pressure_area * np.array(
+        [
+            SPAN * off.roll_moment * C_l,
+            CHORD * off.pitch_moment * C_m,
+            SPAN * off.yaw_moment * C_n,
+        ]
+    )
+    moment += np.cross(motor + np.array([CG_AFT, 0.0, 0.0]), aerodynamic) + np.cross(motor, pull)
+    xx, yy, zz, xz = (getattr(off, name) * value for name, value in J.items())
+    tensor = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    rates = np.array(rates)
+    angular = np.linalg.solve(tensor, moment - np.cross(rates, tensor @ rates))
+    return (aerodynamic + pull) / (off.mass * MASS), angular
+
+
+def evaluated(fdm, V_a, alpha, beta, rates, surfaces, throttle):
+    """Put `fdm` into a state that no trim led to."""
+    channels = fdm.config.channels
+    settings = {
+        channels.engaged: 0.0,
+        "ic/h-sl-ft": 1000.0 / FT,
+        "ic/u-fps": V_a / FT * math.cos(alpha) * math.cos(beta),
+        "ic/v-fps": V_a / FT * math.sin(beta),
+        "ic/w-fps": V_a / FT * math.sin(alpha) * math.cos(beta),
+        "ic/p-rad_sec": rates[0],
+        "ic/q-rad_sec": rates[1],
+        "ic/r-rad_sec": rates[2],
+        channels.aileron_trim_rad: surfaces[0],
+        channels.elevator_trim_rad: surfaces[1],
+        channels.rudder_trim_rad: surfaces[2],
+        channels.throttle_trim: throttle,
+    }
+    for name, value in settings.items():
+        fdm.writer(name)(value)
+    fdm.evaluate()
+    return fdm
