@@ -8,7 +8,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.jsbsim.aircraft import AircraftConfig
-from flighttune.plants.jsbsim.model_text import gap
+from flighttune.plants.jsbsim.model_text import placeholder
 from flighttune.plants.jsbsim.off_nominal import OffNominal
 from flighttune.units import FT, SLUG
 
@@ -77,7 +77,7 @@ class MassBalance:
         Returns
         -------
         dict of str to float, lbf, in and slug ft^2
-            By the gaps of `open_mass_balance`, in its units.
+            By the placeholders of `open_mass_balance`, in its units.
 
         Raises
         ------
@@ -174,18 +174,18 @@ def weigh(root: Element, nominal: AircraftConfig) -> MassBalance:
 
 
 def open_mass_balance(root: Element) -> None:
-    """Put gaps where the file says what the empty aircraft weighs."""
+    """Put placeholders where the file says what the empty aircraft weighs."""
     (balance,) = root.findall("mass_balance")
     for element in balance.findall("*"):
         if element.tag in (*_INERTIA, "emptywt", "location"):
             balance.remove(element)
     balance.set("negated_crossproduct_inertia", "false")
     for name in _INERTIA:
-        SubElement(balance, name, unit="SLUG*FT2").text = gap(name)
-    SubElement(balance, "emptywt", unit="LBS").text = gap("emptywt")
+        SubElement(balance, name, unit="SLUG*FT2").text = placeholder(name)
+    SubElement(balance, "emptywt", unit="LBS").text = placeholder("emptywt")
     location = SubElement(balance, "location", name="CG", unit="IN")
     for axis in "xyz":
-        SubElement(location, axis).text = gap(f"cg_{axis}")
+        SubElement(location, axis).text = placeholder(f"cg_{axis}")
 
 
 def _as_written(root: Element, nominal: AircraftConfig) -> tuple[FloatArray, FloatArray]:

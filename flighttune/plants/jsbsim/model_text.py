@@ -1,4 +1,4 @@
-"""The text of an aircraft's main file with gaps for numbers: made once, filled for each flight."""
+"""The text of an aircraft's main file with placeholders: made once, filled for each flight."""
 
 import re
 from collections.abc import Hashable, Mapping
@@ -12,11 +12,11 @@ from flighttune.errors import PlantError
 Value = TypeVar("Value")
 Stamp = tuple[Path, int, int]
 
-_GAP = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
+_PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
 _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 
 
-def gap(name: str, base: float = 1.0) -> str:
+def placeholder(name: str, base: float = 1.0) -> str:
     """Text that stands for the value of `name` times `base`.
 
     Parameters
@@ -77,7 +77,7 @@ def unchanged(stamps: tuple[Stamp, ...]) -> bool:
         return False
 
 
-class Kept(Generic[Value]):
+class FileCache(Generic[Value]):
     """Values made from files, one a key, good as long as the files are as they were."""
 
     def __init__(self) -> None:
@@ -96,22 +96,30 @@ class Kept(Generic[Value]):
 
 @dataclass(frozen=True, slots=True)
 class ModelText:
-    """Pieces of text, and between each two of them a gap: a name and what its value multiplies."""
+    """A main file with placeholders.
+
+    Attributes
+    ----------
+    pieces : tuple of str
+        The text before, between and behind the placeholders.
+    placeholders : tuple of (str, float)
+        Name and base of each: what a value of that name multiplies.
+    """
 
     pieces: tuple[str, ...]
-    gaps: tuple[tuple[str, float], ...]
+    placeholders: tuple[tuple[str, float], ...]
 
     @classmethod
     def of(cls, root: ElementTree.Element) -> "ModelText":
-        """Text of an element tree whose gaps were made by `gap`."""
+        """Text of an element tree whose placeholders were made by `placeholder`."""
         text = _HEAD + ElementTree.tostring(root, encoding="unicode")
-        found = _GAP.split(text)
-        gaps = zip(found[1::3], map(float, found[2::3]), strict=True)
-        return cls(tuple(found[0::3]), tuple(gaps))
+        found = _PLACEHOLDER.split(text)
+        placeholders = zip(found[1::3], map(float, found[2::3]), strict=True)
+        return cls(tuple(found[0::3]), tuple(placeholders))
 
     def filled(self, values: Mapping[str, float]) -> str:
-        """Text with `values` in its gaps, to the last bit."""
-        numbers = [repr(values[name] * base) for name, base in self.gaps]
+        """Text with `values` in its placeholders, to the last bit."""
+        numbers = [repr(values[name] * base) for name, base in self.placeholders]
         return "".join(
             piece + number for piece, number in zip(self.pieces, [*numbers, ""], strict=True)
         )

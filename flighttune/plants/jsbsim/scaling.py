@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
 from flighttune.errors import InputError
-from flighttune.plants.jsbsim.model_text import Sources, gap
+from flighttune.plants.jsbsim.model_text import Sources, placeholder
 
 AXES = {
     "lift": "LIFT", "drag": "DRAG", "side_force": "SIDE",
@@ -18,7 +18,7 @@ SURFACE_ACTUATORS = tuple(f"fcs/{name}-actuator" for name in ("aileron", "elevat
 """Names by which the inner loop knows the actuators of the surfaces."""
 
 COEFFICIENT = "coefficient "
-"""What the gap of a factor on a single function begins with."""
+"""What the placeholder of a factor on a single function begins with."""
 
 _THRUST_OF = {"electric_engine": ("power",), "turbine_engine": ("milthrust", "maxthrust")}
 """Numbers proportional to the thrust of engines that push without a propeller."""
@@ -34,7 +34,7 @@ def scale_axis(root: Element, key: str, file: Path) -> None:
     root : Element
         Main file of the aircraft.
     key : str
-        One of `AXES`; the factor is its gap.
+        One of `AXES`; the factor is its placeholder.
     file : path
         Where the main file stands.
 
@@ -51,7 +51,7 @@ def scale_axis(root: Element, key: str, file: Path) -> None:
             f"`{key}_factor` must be left out: {file} has no {AXES[key]} axis, only {names}."
         )
     for function in functions:
-        _multiply_function(function, gap(key))
+        _multiply_function(function, placeholder(key))
 
 
 def scale_coefficient(root: Element, name: str, file: Path) -> None:
@@ -77,9 +77,9 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
         raise InputError(f"`coefficient_factors.{name}` must be {_one_of(name, named, file)}")
     parent, i, _ = found[0]
     if parent[i].tag == "function":
-        _multiply_function(parent[i], gap(f"{COEFFICIENT}{name}"))
+        _multiply_function(parent[i], placeholder(f"{COEFFICIENT}{name}"))
     else:
-        _multiply(parent, i, gap(f"{COEFFICIENT}{name}"))
+        _multiply(parent, i, placeholder(f"{COEFFICIENT}{name}"))
 
 
 def scale_thrust(root: Element, engines: Path, sources: Sources, file: Path) -> None:
@@ -112,7 +112,7 @@ def scale_thrust(root: Element, engines: Path, sources: Sources, file: Path) -> 
             if factor is None:
                 factor = SubElement(thruster_kind, "ct_factor")
                 factor.text = "1"
-            factor.text = gap("thrust", float(factor.text or 1.0))
+            factor.text = placeholder("thrust", float(factor.text or 1.0))
             continue
         numbers = [n for tag in _THRUST_OF.get(motor.tag, ()) for n in motor.findall(tag)]
         if not numbers:
@@ -121,7 +121,7 @@ def scale_thrust(root: Element, engines: Path, sources: Sources, file: Path) -> 
                 "propeller; known are electric and turbine engines, and propellers."
             )
         for number in numbers:
-            number.text = gap("thrust", float(number.text or 0.0))
+            number.text = placeholder("thrust", float(number.text or 0.0))
 
 
 def slow_actuators(root: Element, systems: Path, sources: Sources, file: Path) -> None:
@@ -157,7 +157,7 @@ def slow_actuators(root: Element, systems: Path, sources: Sources, file: Path) -
             f"{', '.join(SURFACE_ACTUATORS)} a number for its <lag>."
         )
     for lag in lags:
-        lag.text = gap("actuator_rate", float(lag.text or 0.0))
+        lag.text = placeholder("actuator_rate", float(lag.text or 0.0))
 
 
 def _lags(root: Element) -> Iterator[Element]:

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.aircraft import AircraftConfig
 from flighttune.plants.jsbsim.mass_balance import MassBalance, open_mass_balance, weigh
-from flighttune.plants.jsbsim.model_text import Kept, ModelText, Sources, stamp
+from flighttune.plants.jsbsim.model_text import FileCache, ModelText, Sources, stamp
 from flighttune.plants.jsbsim.off_nominal import OffNominal
 from flighttune.plants.jsbsim.scaling import (
     AXES,
@@ -50,8 +50,8 @@ class _Model:
     balance: MassBalance | None
 
 
-_MODELS: Kept[_Model] = Kept()
-_UNCONNECTED: Kept[bool] = Kept()
+_MODELS: FileCache[_Model] = FileCache()
+_UNCONNECTED: FileCache[bool] = FileCache()
 
 
 @contextmanager
@@ -141,7 +141,7 @@ def _folders(config: AircraftConfig) -> ModelFolders:
 
 
 def _made(key: tuple[object, ...], config: AircraftConfig, off: OffNominal) -> _Model:
-    """Read the files of an aircraft and put gaps where `off` has something other than 1."""
+    """Read the files of an aircraft and put placeholders where `off` has something other than 1."""
     sources, folders = Sources(), _folders(config)
     file = folders.model / f"{config.model}.xml"
     where = "be a file of JSBSim's" if config.wrapping is None else "be shipped with jsbsim"
