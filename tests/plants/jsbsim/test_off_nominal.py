@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import re
 import tempfile
 from pathlib import Path
 
@@ -291,3 +292,12 @@ def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
 
     with pytest.raises(InputError, match=r"`thrust_factor` must be left out: .* <rocket_engine>"):
         JSBSimPlant(folder, off_nominal=OffNominal(thrust=0.9))
+
+
+def test_the_page_names_every_coefficient_of_the_aerosonde():
+    page = (Path(__file__).parents[3] / "docs/off_nominal.md").read_text(encoding="utf-8")
+    model = (aircraft_folder("aerosonde") / "aerosonde.xml").read_text(encoding="utf-8")
+
+    told = re.findall(r"`(\w+)`", page.split("the Aerosonde has ")[1].split(";")[0])
+
+    assert sorted(told) == sorted(re.findall(r'name="aero/coefficient/(\w+)"', model))
