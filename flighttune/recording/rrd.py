@@ -32,7 +32,7 @@ from flighttune.whole_file import whole_file
 FAINT = 150
 """Opacity of thin lines, of 255."""
 
-FAINTEST = 80
+FAINTEST = 110
 """Opacity of what sensors showed."""
 
 

@@ -20,7 +20,7 @@ class ExplainedGap:
     Attributes
     ----------
     name : str
-        What flew: the gains, with the plant where several are told of.
+        What flew: the gains, and the name of the plant where it has one.
     run : Run
         The aircraft's, cut to the time all rungs flew.
     ladder : Ladder

@@ -232,9 +232,8 @@ def _gaps(
     """Of the first aircraft, as its files say and off the nominal."""
     found, without = [], []
     aircraft = [table for table in scenario.plant if table.aircraft is not None]
-    plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
+    plants = {table.label: table for table in aircraft if table.aircraft == aircraft[0].aircraft}
     flown = [run for run in runs if run.provenance.plant in plants]
-    several = len({run.provenance.plant for run in flown}) > 1
     for run in flown:
         if len(run.signals) > MOST_SAMPLES:
             without.append(
@@ -243,8 +242,8 @@ def _gaps(
             )
             continue
         try:
-            name = run.label if several else run.provenance.gains_name
-            found.append(explained_gap(scenario, run, name))
+            own, gains = plants[run.provenance.plant].name, run.provenance.gains_name
+            found.append(explained_gap(scenario, run, f"{gains} ({own})" if own else gains))
         except FlightTuneError as error:
             without.append(f"{run.label}: {error}")
     return tuple(found), tuple(without)

@@ -1,5 +1,7 @@
 """Panels of what is guaranteed and where the aircraft parts from it."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from flighttune.figures import FAINT, INK, PANEL, RC, line, on_white, panel, svg_uri, thinned
@@ -10,6 +12,9 @@ from flighttune.report.frame import Picture, pictured
 from flighttune.report.headline import DEG, SYMBOLS
 from flighttune.tuning.frontier_figure import frontier_figure
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 STEP_STYLES = ((":", 1.5), ("--", 1.5), ("-", 1.8))
 FLOOR = 1e-4
 """Lower end of the logarithmic axis of ``||s||``."""
@@ -18,6 +23,9 @@ TINY = 1e-9
 
 LEGEND_ROOM = 0.24
 """Part of an axis that is added for a legend of two lines."""
+
+LONGEST_TITLE = 64
+"""Letters that a title has room for at its usual size."""
 
 NAMES = {"chi": "course", "gamma": "path angle"}
 
@@ -77,6 +85,7 @@ def _steps(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
     t = gap.run.signals.index.to_numpy(dtype=float)
     title = f"{gap.name}: what each step adds to the {NAMES[channel]}"
     with panel(title, f"Δ{SYMBOLS[channel]} [deg]", height=3.1) as axes:
+        _fit_title(axes, title)
         for step, (style, width) in zip(gap.ladder.steps, STEP_STYLES, strict=True):
             look = facts.looks[gap.run.label]
             values = getattr(step, channel) * DEG
@@ -96,6 +105,7 @@ def _tube(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
     if gap.loop is not None and gap.verdict is not None:
         title += f"; dashed set {gap.verdict.sentence.removesuffix(' to say anything')}"
     with panel(title, rf"$e_\{channel}$ [deg]") as axes:
+        _fit_title(axes, title)
         t = signals.index.to_numpy(dtype=float)
         line(axes, t, signals[f"{channel}_err"].to_numpy() * DEG, look)
         if gap.loop is not None and gap.verdict is not None:
@@ -108,3 +118,10 @@ def _tube(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
                 axes.axhline(side, color=LIMIT, lw=1.0, ls=(0, (4, 2)))
         axes.set_xlim(0.0, t[-1])
         return pictured(axes, title)
+
+
+def _fit_title(axes: "Axes", title: str) -> None:
+    """Write a title that is longer than the panel smaller."""
+    if len(title) > LONGEST_TITLE:
+        size = float(axes.title.get_fontsize())
+        axes.set_title(title, fontsize=size * LONGEST_TITLE / len(title))

@@ -129,8 +129,8 @@ def _gap_section(facts: Facts) -> Section:
     drawn = facts.gaps[:MOST_GAPS]
     more = len(facts.gaps) - len(drawn)
     several = len({gap.run.provenance.plant for gap in facts.gaps}) > 1
-    rest = f"{more} more {'flights' if several else 'gain sets'}"
-    unseen = f" {rest} are in the table only." if more else ""
+    rest = f"{more} more {'flight' if several else 'gain set'}{' is' if more == 1 else 's are'}"
+    unseen = f" {rest} in the table only." if more else ""
     return Section(
         id="gap",
         title="From the law to the aircraft",

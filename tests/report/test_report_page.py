@@ -256,17 +256,16 @@ def test_what_the_sensors_were_is_told_where_there_are_any(page, tmp_path):
 
 def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
     source = load_source("heavy_and_aft@paper")
-    labels = [run.label for run in source.runs]
 
     facts = facts_of(source)
     written = write_report(source, tmp_path / "both.html")
 
-    assert [gap.name for gap in facts.gaps] == labels
+    assert [gap.name for gap in facts.gaps] == ["paper", "paper (heavy_aft)"]
     nominal, heavy = facts.gaps
     assert nominal.run.signals["chi"].iloc[-1] != heavy.run.signals["chi"].iloc[-1]
     text = written.path.read_text(encoding="utf-8")
-    for label in labels:
-        assert f"{label}, χ" in text
+    for gap in facts.gaps:
+        assert f"{gap.name}, χ" in text
 
 
 def test_the_gaps_of_one_aircraft_are_called_by_their_gains(paper_source):
