@@ -9,7 +9,7 @@ from flighttune.campaign.disperse_table import DisperseTable
 from flighttune.campaign.places import places_of, with_values
 from flighttune.campaign.schema import Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
-from flighttune.scenario.aircraft_check import check_aircraft
+from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.load import load_scenario, toml_tables, validated
 from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.schema import Scenario
@@ -93,6 +93,7 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
     whole = f"{source}: the scenario with the campaign's keys"
     scenario = validated(Scenario, tables, whole)
     check_aircraft(scenario, whole)
+    check_identified(scenario, whole)
     return scenario
 
 

@@ -85,6 +85,10 @@ def test_the_example_of_the_page_is_a_campaign(load):
         (HEAD + 'gains = ["paper", "K9"]\n', "`gains` must name tuned, paper, .*, got 'K9'."),
         (HEAD + "overrides.flight.V_a = 3.0\n", r"\[flight\] `V_a` is not a known key; did you"),
         (HEAD + "overrides.flight.V_a_mps = 1.0\n", r"\[flight\] `V_a_mps` must lie in 15 to 45"),
+        (
+            HEAD + 'overrides.tuning.identified = "b747"\n',
+            r"\[tuning\] `identified` must be .*b747",
+        ),
         (HEAD + "overrides.reference.x.y = 1.0\n", r"`x` is not a known key"),
         (HEAD + '[overrides]\n"limits.phi_deg[2]" = 1.0\n', r"\[overrides\] `limits.phi_deg\[2\]`"),
         (HEAD + '[keep]\nworst_by = "ITAE"\n', r"\[keep\] `worst_by` must be one of chi.ITAE, "),
