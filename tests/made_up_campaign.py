@@ -78,6 +78,7 @@ def made_up_rows(plan: Plan) -> pd.DataFrame:
     rows["gamma.ITAE"] = np.where(lost, np.nan, 0.2 + 0.01 * np.abs(phi))
     rows["chi.settling_s"] = np.where(lost | (V > 26.0), np.nan, 3.0)
     rows["R_K"], rows["I_K"] = 0.6, 5.2
-    rows["certified"] = np.where(phi < 0.0, "not entered", np.where(V < 25.0, "held", "broken"))
+    entered = np.where(V < 25.0, "held", "broken").astype(object)
+    rows["certified"] = np.where(lost, None, np.where(phi < 0.0, "not entered", entered))
     rows["wall_s"] = 0.01
     return rows

@@ -103,7 +103,9 @@ def test_the_certified_set_holds_as_often_as_it_was_made_to(by_group):
     """V below 25 m/s of 23 to 27, roll to the right: one half of one half."""
     for one in by_group.values():
         found = one.certified
-        assert found.held + found.broken + found.not_entered == one.n
+        assert found.held + found.broken + found.not_entered + found.lost == one.n
+        assert found.of_all.n == one.n
+        assert found.lost == sum(s.count for s in one.statuses if s.status != "completed")
         assert found.of_all.lo <= 0.25 <= found.of_all.hi
         assert found.of_entered.lo <= 0.5 <= found.of_entered.hi
         assert found.of_entered.n == found.held + found.broken

@@ -111,6 +111,7 @@ def _certified(one: CertifiedCount) -> dict[str, Any]:
         "held": one.held,
         "broken": one.broken,
         "not_entered": one.not_entered,
+        "lost": one.lost,
         "rate": one.of_all.value,
         "interval": _interval(one.of_all),
         "rate_of_entered": one.of_entered.value,

@@ -64,10 +64,10 @@ class CertifiedCount:
 
     Attributes
     ----------
-    held, broken, not_entered : int
-        Flights.
+    held, broken, not_entered, lost : int
+        Flights; lost ones were not completed.
     of_all : Estimate
-        Share that held of all flights for which that is known.
+        Share that held of all flights.
     of_entered : Estimate
         Share that held of those that entered the set.
     """
@@ -75,6 +75,7 @@ class CertifiedCount:
     held: int
     broken: int
     not_entered: int
+    lost: int
     of_all: Estimate
     of_entered: Estimate
 
@@ -205,15 +206,17 @@ def _certified(
 ) -> CertifiedCount | None:
     said = rows["certified"].to_numpy(dtype=object)
     held, broken, outside = (said == word for word in (HELD, BROKEN, NOT_ENTERED))
-    entered, known = held | broken, held | broken | outside
-    if not known.any():
+    lost = (rows["status"] != "completed").to_numpy()
+    entered = held | broken
+    if not (entered | outside).any():
         return None
+    all_of = entered | outside | lost
     of_all, of_entered = (
         share(held[kept], clusters[kept], method=method, confidence=confidence)
-        for kept in (known, entered)
+        for kept in (all_of, entered)
     )
     return CertifiedCount(
-        held=int(held.sum()), broken=int(broken.sum()), not_entered=int(outside.sum()),
+        held=int(held.sum()), broken=int(broken.sum()), not_entered=int(outside.sum()), lost=int(lost.sum()),
         of_all=of_all, of_entered=of_entered,
     )  # fmt: skip
 

@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from flighttune.campaign.plan import Group
+from flighttune.campaign.report.estimates import Estimate
 from flighttune.campaign.report.findings import SUCCESS, Findings
 from flighttune.campaign.report.sensitivity import Influence
 from flighttune.campaign.report.words import (
@@ -46,14 +47,13 @@ def success_table(found: Findings) -> PageTable:
         rows.append(
             (
                 label_of(one.group), str(one.n), str(one.successes),
-                percent(one.success.value),
-                f"[{percent(one.success.lo)}, {percent(one.success.hi)}]",
+                _percent(one.success),
                 *(str(count.get(status, 0)) for status in statuses),
-                "–" if known is None else with_interval(known.of_all, 100.0),
+                "–" if known is None else _percent(known.of_all),
             )
         )  # fmt: skip
     head = (
-        "group", "flights", "succeed", "rate [%]", "interval [%]",
+        "group", "flights", "succeed", "rate [%]",
         *(status.replace("_", " ") for status in statuses), "certified set held [%]",
     )  # fmt: skip
     return _by_group("How often", head, rows)
@@ -195,6 +195,10 @@ def telling_parameters(found: Findings) -> list[str]:
             strength[one.parameter] = max(one.strength, strength.get(one.parameter, 0.0))
     ordered = sorted(found.flown.keys, key=lambda key: -strength.get(key, 0.0))
     return ordered[:PARAMETERS]
+
+
+def _percent(one: Estimate) -> str:
+    return f"{percent(one.value)} [{percent(one.lo)}, {percent(one.hi)}]"
 
 
 def _correlation(one: Influence) -> str:
