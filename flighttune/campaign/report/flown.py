@@ -14,6 +14,9 @@ from flighttune.campaign.report.sensitivity import is_number
 from flighttune.campaign.schema import MEASURES
 from flighttune.errors import RecordingError
 
+TEXTS = ("reason", "missed", "certified")
+"""Columns that may be null, which then are empty."""
+
 TRIES = 3
 """Files may be put together while a campaign runs: what was listed is then in another file."""
 
@@ -127,7 +130,7 @@ def flown_of(
     versions : mapping of str to str, optional
     """
     rows = rows.reset_index(drop=True)
-    texts = {name: rows[name].fillna("").astype(str) for name in ("reason", "missed")}
+    texts = {name: rows[name].fillna("").astype(str) for name in TEXTS}
     numbers = {
         name: rows[name].to_numpy(dtype=float, na_value=np.nan) for name in MEASURES if name in rows
     }

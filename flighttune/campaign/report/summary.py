@@ -216,9 +216,13 @@ def _certified(
         for kept in (all_of, entered)
     )
     return CertifiedCount(
-        held=int(held.sum()), broken=int(broken.sum()), not_entered=int(outside.sum()), lost=int(lost.sum()),
-        of_all=of_all, of_entered=of_entered,
-    )  # fmt: skip
+        held=int(held.sum()),
+        broken=int(broken.sum()),
+        not_entered=int(outside.sum()),
+        lost=int(lost.sum()),
+        of_all=of_all,
+        of_entered=of_entered,
+    )
 
 
 def known_measures(groups: Sequence[GroupSummary]) -> tuple[str, ...]:
