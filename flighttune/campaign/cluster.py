@@ -22,11 +22,15 @@ if TYPE_CHECKING:
 
 LOCAL = {
     "distributed.worker.profile.enabled": False,
-    "distributed.scheduler.allowed-failures": 0,
-    "distributed.scheduler.worker-saturation": 1.1,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
-    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.scheduler.allowed-failures": 0,
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.admin.tick.interval": "5s",
+    "distributed.admin.tick.limit": "60s",
 }
 """Settings of dask for a cluster of our own; those of a cluster elsewhere are its owner's."""
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flighttune.campaign.plan import Plan
 
 HEADER = struct.Struct("<cqq")
-READY, BEGINS, ROWS, SIGNALS, RAISED = b"v", b"b", b"r", b"s", b"e"
+READY, BEGINS, ROWS, SIGNALS, RAISED, UNFIT = b"v", b"b", b"r", b"s", b"e", b"u"
 ORPHAN_LIMITS = 2.0
 """After this many time limits the process ends by itself: its parent, which ends it at the first,
 is gone."""
@@ -48,13 +48,16 @@ class Flyer:
     def serve(self, request: dict[str, Any]) -> None:
         """Answer one request: rows of a range of runs, or the signals of one run."""
         limit = request["limit"]
+        plan = self._planned(request["plan"])
+        if isinstance(plan, str):
+            self.tell(UNFIT, payload=plan.encode())
+            return
 
         def begins(run: int) -> None:
             _end_after(ORPHAN_LIMITS * limit)
             self.tell(BEGINS, run)
 
         try:
-            plan = self._planned(request["plan"])
             if "signals" in request:
                 begins(request["signals"])
                 self.tell(SIGNALS, request["signals"], _signals(plan, request["signals"]))
@@ -78,13 +81,23 @@ class Flyer:
         took = struct.pack("<d", time.perf_counter() - started)
         self.tell(ROWS, first, took + sink.getvalue().to_pybytes())
 
-    def _planned(self, text: str) -> "Plan":
+    def _planned(self, text: str) -> "Plan | str":
+        """The plan, ready to fly; or why rows flown here would not be those of the campaign."""
         if self._plan is None or text != self._text:
+            from flighttune.campaign.make import files_hash
             from flighttune.campaign.plan import plan_from
             from flighttune.campaign.warm_up import warm_up
+            from flighttune.errors import FlightTuneError
 
-            self._text, self._plan = text, plan_from(json.loads(text))
-            warm_up(self._plan)
+            try:
+                plan = plan_from(json.loads(text))
+                for name, was in plan.aircraft.items():
+                    if files_hash(name) != was:
+                        return f"the files of aircraft {name} must be those it was planned with"
+            except FlightTuneError as error:
+                return str(error)
+            warm_up(plan)
+            self._text, self._plan = text, plan
         return self._plan
 
 

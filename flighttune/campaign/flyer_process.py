@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import IO, Any, TypeAlias
 
-from flighttune.campaign.flyer import BEGINS, HEADER, RAISED, READY, ROWS, SIGNALS
+from flighttune.campaign.flyer import BEGINS, HEADER, RAISED, READY, ROWS, SIGNALS, UNFIT
 from flighttune.errors import PlantError
 
 START_S = 120.0
@@ -96,7 +96,13 @@ class FlyerProcess:
         self.versions = json.loads(payload)
 
     def rows(self, plan: str, first: int, end: int, limit: float) -> Flown | Fallen:
-        """Fly the runs `first` to `end` of a plan (its JSON), none longer than `limit` (s)."""
+        """Fly the runs `first` to `end` of a plan (its JSON), none longer than `limit` (s).
+
+        Raises
+        ------
+        PlantError
+            If the process does not come up, or has not the files that the plan was made with.
+        """
         return self._ask({"plan": plan, "first": first, "end": end, "limit": limit}, limit)
 
     def signals(self, plan: str, run: int, limit: float) -> Flown | Fallen:
@@ -140,6 +146,8 @@ class FlyerProcess:
                 return Flown(payload, 0.0)
             elif kind == RAISED:
                 return Fallen(run, "crashed", payload.decode())
+            elif kind == UNFIT:
+                raise PlantError(payload.decode())
             elif kind == SILENT:
                 self.close()
                 return Fallen(

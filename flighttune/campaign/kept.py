@@ -20,8 +20,9 @@ def chosen(dataset: Dataset) -> tuple[int, ...]:
     -------
     tuple of int
         In order. A failure is a run that does not meet what the campaign calls success; the worst
-        are those of the largest measure, not reached being the largest; the sample is drawn by the
-        seed of the campaign. Runs without a time history are not among them.
+        are those with the largest measure, of all groups together; the sample is drawn by the seed
+        of the campaign. Runs without a time history are not among them, and among the worst none
+        that do not have the measure.
     """
     campaign = dataset.plan.campaign
     keep = campaign.keep

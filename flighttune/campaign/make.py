@@ -45,12 +45,18 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
         gain_sets={name: gain_set(scenario, name, tuning) for name in names},
         groups=groups,
         runs=runs,
-        aircraft={name: _files_hash(name) for name in sorted(flown)},
+        aircraft={name: files_hash(name) for name in sorted(flown)},
     )
 
 
-def _files_hash(aircraft: str) -> str:
-    """Hash of the names and contents of an aircraft's files."""
+def files_hash(aircraft: str) -> str:
+    """Hash of the names and contents of an aircraft's files.
+
+    Raises
+    ------
+    InputError
+        If there is no such aircraft.
+    """
     folder = load_aircraft(aircraft).folder
     found = hashlib.sha256()
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):

@@ -110,12 +110,12 @@ def fly_chunk(
     """
     try:
         flyer = _flyer()
+        if refused := _refusal(flyer, versions):
+            return {"refused": refused}
+        chunk = _Chunk(flyer, plan, limit)
+        chunk.fly(first, end)
     except PlantError as error:
         return {"refused": str(error)}
-    if refused := _refusal(flyer, versions):
-        return {"refused": refused}
-    chunk = _Chunk(flyer, plan, limit)
-    chunk.fly(first, end)
     return {
         "tables": tuple(chunk.tables),
         "fallen": tuple(chunk.fallen),

@@ -250,3 +250,15 @@ def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
         pytest.raises(CampaignError, match=says),
     ):
         run_campaign(ours, tmp_path / "out", scheduler=unfit)
+
+
+def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
+    aircraft = aircraft_with(tmp_path / "aircraft", "")
+    ours = plan(tmp_path, runs=4, law=False, aircraft=(aircraft,))
+    file = tmp_path / "aircraft" / "aerosonde.xml"
+    file.write_text(file.read_text().replace("-38.21", "-38.22"))
+
+    with pytest.raises(
+        CampaignError, match=r"the files of aircraft .* must be those it was planned"
+    ):
+        run_campaign(ours, tmp_path / "out", scheduler=address)

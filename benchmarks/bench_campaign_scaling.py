@@ -1,0 +1,163 @@
+"""What the engine of campaigns costs: workers against one process that does nothing but fly.
+
+Run it with ``python benchmarks/bench_campaign_scaling.py``; ``--json`` prints one object.
+
+One process calls `fly_runs` for `RUNS` flights of 20 s of the Aerosonde on JSBSim, the airframe
+dispersed. ``flighttune campaign run`` then flies the same into a folder by local workers. Ideal is
+the time of the flights in the one process over the number of workers. The share of it that is
+reached is shown with the start and end of the workers, and from the first row on.
+
+Other work on the machine makes that worse, so processor time is shown too: of the flights in the
+one process over that of all processes of the campaign, and who of them took it. Exits with 1 where
+the share, start of the workers included, is below `LOWEST` both by the clock and by processor time.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pyarrow.parquet as pq
+
+RUNS, LOWEST = 2000, 0.9
+LOOK_S = 0.25
+CAMPAIGN = """
+title = "Scaling"
+scenario = "paper"
+seed = 1
+runs = {runs}
+gains = ["paper"]
+[[plant]]
+kind = "jsbsim"
+aircraft = "aerosonde"
+[keep]
+failures = 0
+worst = 0
+sample = 0
+"""
+DISPERSED = """
+[[disperse]]
+key = "{}"
+distribution = "uniform"
+lower = {}
+upper = {}
+"""
+KEYS = (
+    ("flight.V_a_mps", 24.0, 26.0),
+    ("flight.gamma_deg", 30.0, 45.0),
+    ("plant.airframe.mass_factor", 0.95, 1.05),
+    ("plant.airframe.lift_factor", 0.95, 1.05),
+)
+ALONE = """
+import json, sys, time
+from flighttune.campaign import load_campaign, plan_campaign
+from flighttune.campaign.rows import fly_runs
+plan = plan_campaign(load_campaign(sys.argv[1]))
+fly_runs(plan, range(2))
+began, busy = time.perf_counter(), time.process_time()
+fly_runs(plan, range(plan.runs))
+print(json.dumps([time.perf_counter() - began, time.process_time() - busy]))
+"""
+
+
+def one_process(file: Path) -> tuple[float, float]:
+    """Time of all flights in one process that is warm: clock, processor, s."""
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE, file], capture_output=True, text=True, check=True
+    )
+    wall, busy = json.loads(done.stdout)
+    return wall, busy
+
+
+def campaign(file: Path, out: Path, workers: int) -> dict[str, Any]:
+    """What ``campaign run`` says of itself, time from its first row on, and who took how much."""
+    command = [sys.executable, "-m", "flighttune", "campaign", "run", file, "--json",
+               "--out", out, "--workers", str(workers)]  # fmt: skip
+    began, first_row, busy = time.perf_counter(), None, {}
+    process = psutil.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    while process.poll() is None:
+        time.sleep(LOOK_S)
+        parts = list((out / "runs").glob("*.parquet"))
+        if parts and first_row is None:
+            first_row = time.perf_counter(), sum(pq.read_metadata(p).num_rows for p in parts)
+        _note(process, busy)
+    ended = time.perf_counter()
+    said = json.loads(process.communicate()[0])
+    if process.returncode or first_row is None or said["crashed"]:
+        raise SystemExit(f"not all flights could be flown: {said}")
+    since, there = first_row
+    shares: dict[str, float] = {}
+    for who, used in busy.values():
+        shares[who] = shares.get(who, 0.0) + used
+    return {
+        "command_s": ended - began,
+        "wall_s": said["wall_s"],
+        "from_first_row_s": (ended - since) * said["runs"] / (said["runs"] - there),
+        "busy_s": shares,
+        "files": len(list((out / "runs").iterdir())),
+    }
+
+
+def _note(main: psutil.Process, busy: dict[int, tuple[str, float]]) -> None:
+    """Note the processor time of every process of the campaign."""
+    try:
+        everyone = [main, *main.children(recursive=True)]
+    except psutil.Error:
+        return
+    for process in everyone:
+        try:
+            line, used = " ".join(process.cmdline()), process.cpu_times()
+        except psutil.Error:
+            continue
+        who = "main and scheduler" if process.pid == main.pid else "workers"
+        who = "flights" if "campaign.flyer" in line else who
+        busy[process.pid] = who, used.user + used.system
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print one object")
+    parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--workers", type=int, default=2)
+    asked = parser.parse_args()
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scaling.toml"
+        keys = "".join(DISPERSED.format(*key) for key in KEYS)
+        file.write_text(CAMPAIGN.format(runs=asked.runs) + keys)
+        wall, busy = one_process(file)
+        flown = campaign(file, Path(folder) / "out", asked.workers)
+    ideal = wall / asked.workers
+    shares = {
+        "with the start of the workers": ideal / flown["wall_s"],
+        "with the start of Python": ideal / flown["command_s"],
+        "from the first row on": ideal / flown["from_first_row_s"],
+        "by processor time": busy / sum(flown["busy_s"].values()),
+    }
+    kept = max(shares["with the start of the workers"], shares["by processor time"]) >= LOWEST
+    if asked.json:
+        result = {
+            "runs": asked.runs, "workers": asked.workers, "one_process_s": wall,
+            "one_process_busy_s": busy, **flown, "shares": shares, "lowest": LOWEST, "kept": kept,
+        }  # fmt: skip
+        print(json.dumps(result))
+        return 0 if kept else 1
+    print(
+        f"{asked.runs} flights: {wall:.1f} s in one process ({busy:.1f} s of processor), "
+        f"{flown['wall_s']:.1f} s with {asked.workers} workers, {flown['files']} files"
+    )
+    for who, took in flown["busy_s"].items():
+        print(f"  {who}: {took:.1f} s of processor")
+    for name, share in shares.items():
+        print(f"share of the ideal {name}: {share:.3f}")
+    print(f"at least {LOWEST} with the start of the workers: {'kept' if kept else 'not kept'}")
+    return 0 if kept else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

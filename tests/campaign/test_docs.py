@@ -1,0 +1,54 @@
+"""The recipes of docs/campaigns.md: Python and YAML that parse, options that exist."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from commands import flighttune
+
+from flighttune.campaign.progress import CampaignOutcome
+
+PAGE = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text()
+FENCES = re.findall(r"^```(\w*)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("code", [text for kind, text in FENCES if kind == "python"])
+def test_python_parses_and_imports_of_ours_exist(code):
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("flighttune"):
+            module = __import__(node.module, fromlist=["x"])
+            assert all(hasattr(module, alias.name) for alias in node.names)
+
+
+def test_the_cluster_of_kubernetes_hangs_together():
+    (text,) = [text for kind, text in FENCES if kind == "yaml"]
+    cluster = yaml.safe_load(text)
+    worker, scheduler = (cluster["spec"][part]["spec"]["containers"][0] for part in
+                         ("worker", "scheduler"))  # fmt: skip
+    service = cluster["spec"]["scheduler"]["service"]
+
+    assert (cluster["apiVersion"], cluster["kind"]) == ("kubernetes.dask.org/v1", "DaskCluster")
+    assert worker["image"] == scheduler["image"]
+    assert worker["args"][:3] == ["dask", "worker", "--name"]
+    assert worker["args"][-2:] == ["--nthreads", "1"]
+    assert service["selector"]["dask.org/cluster-name"] == cluster["metadata"]["name"]
+    ports = {port["name"]: port["containerPort"] for port in scheduler["ports"]}
+    assert {port["targetPort"]: port["port"] for port in service["ports"]} == ports
+    assert f"svc/{cluster['metadata']['name']}-scheduler 8786:8786" in PAGE
+
+
+def test_what_the_json_object_holds_is_said():
+    running = PAGE[PAGE.index("## Running") : PAGE.index("## On a cluster")]
+
+    assert all(f"`{name}`" in running for name in CampaignOutcome.__slots__)
+
+
+def test_options_that_are_named_exist():
+    running = PAGE[PAGE.index("## Running") : PAGE.index("## The dataset")]
+    named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", running))
+    known, _ = flighttune("campaign", "run", "--help")
+
+    of_dask = {"--port", "--nworkers", "--nthreads", "--name"}
+    assert named - of_dask <= set(re.findall(r"--[a-z][a-z-]+", known))
