@@ -5,7 +5,9 @@ import math
 import os
 import queue
 import signal
+import socket
 import tempfile
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -13,7 +15,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from flighttune.errors import CampaignError, InputError
 
@@ -39,6 +43,7 @@ QUIET = ("distributed", "distributed.worker", "distributed.scheduler", "distribu
 NEEDED = ("dask", "distributed", "fsspec")
 INSTALL = "install it with: pip install 'flighttune[cluster]'"
 CONNECT_S = 10.0
+STOP_S = 5.0
 COUNT_S = 1.0
 """How old a count of the workers may be."""
 
@@ -124,10 +129,16 @@ class Workers:
 
     def stop(self, here: Callable[[], object]) -> None:
         """Take back all tasks; workers of this machine are to call `here`, so that theirs end."""
-        with suppress(Exception):
-            self._client.cancel([future for future, _ in self._about.values()], force=True)
-            if self.ours:
-                self._client.run(here)
+
+        def take_back() -> None:
+            with suppress(Exception):  # they may be gone
+                self._client.cancel([future for future, _ in self._about.values()], force=True)
+                if self.ours:
+                    self._client.run(here)
+
+        thread = threading.Thread(target=take_back, daemon=True)
+        thread.start()
+        thread.join(STOP_S)
         self._about.clear()
 
     def _done(self, future: "Future") -> Done:
@@ -249,11 +260,19 @@ def _remote(scheduler: str) -> "Iterator[Client]":
 
     with dask.config.set({"distributed.comm.timeouts.connect": CONNECT_S}):
         try:
+            _knock(scheduler)
             client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise CampaignError(f"{scheduler}: no scheduler answers there: {error}") from error
         with client:
             yield client
+
+
+def _knock(scheduler: str) -> None:
+    """Raise OSError at once where nobody listens; dask tries for as long as it may take."""
+    at = urlsplit(scheduler)
+    if at.hostname and at.port:
+        socket.create_connection((at.hostname, at.port), CONNECT_S).close()
 
 
 @contextmanager
@@ -265,6 +284,7 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    resource_tracker.ensure_running()  # it would let signals through when it is started
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

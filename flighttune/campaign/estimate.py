@@ -12,7 +12,7 @@ from flighttune.campaign.dataset import parquet_bytes
 from flighttune.campaign.flyer_process import Fallen, Flown, FlyerProcess
 from flighttune.campaign.plan import Group, Plan
 
-ENOUGH_S = 2.0
+ENOUGH_S = 1.0
 """Flights are timed until a chunk of them takes this long."""
 
 MORE = 4

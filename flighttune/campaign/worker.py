@@ -80,11 +80,15 @@ class _Chunk:
 
     def _try(self, first: int, end: int) -> Fallen | None:
         found = self.flyer.rows(self.plan, first, end, self.limit)
-        if isinstance(found, Fallen):
-            return found
-        self.tables.append(found.data)
-        self.seconds += found.seconds
-        return None
+        if isinstance(found, Fallen) and found.run < 0:  # once that can have been by another hand
+            found = self.flyer.rows(self.plan, first, end, self.limit)
+        if isinstance(found, Flown):
+            self.tables.append(found.data)
+            self.seconds += found.seconds
+            return None
+        if found.run < 0:
+            raise PlantError(f"the undispersed flights cannot be flown: {found.reason}")
+        return found
 
 
 def fly_chunk(

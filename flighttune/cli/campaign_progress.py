@@ -38,6 +38,8 @@ class CampaignOnlooker:
         if progress.doing == "flying" and not progress.workers and not self._alone:
             self._alone = True
             self.hear("no worker is there yet; waiting for one")
+        new = progress.doing != self._doing
+        self._doing = progress.doing
         if self._bar is not None:
             self._bar.update(
                 self._task,
@@ -45,11 +47,12 @@ class CampaignOnlooker:
                 completed=progress.done,
                 total=progress.runs,
                 text=_text(progress),
+                refresh=new,
             )
             return
-        now, new = time.monotonic(), progress.doing != self._doing
+        now = time.monotonic()
         if new or now >= self._told_at + LINE_EVERY_S:
-            self._doing, self._told_at = progress.doing, now
+            self._told_at = now
             tell(f"{progress.doing}: {progress.done} of {progress.runs} runs{_text(progress)}")
 
     def hear(self, sentence: str) -> None:

@@ -46,7 +46,7 @@ def test_every_run_is_there_once_as_one_process_flies_it(tmp_path, monkeypatch, 
     assert not children()
 
 
-def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path):
+def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, address):
     ours = plan(tmp_path, runs=160)
     stops = Notes(lambda progress: progress.done > 0)
 
@@ -58,7 +58,7 @@ def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path):
     assert len(set(there)) == len(there) == first.runs
     assert not children()
 
-    second = run_campaign(ours, tmp_path / "out", workers=2, resume=True)
+    second = run_campaign(ours, tmp_path / "out", scheduler=address, resume=True)
 
     assert second.flown == 160 - first.runs
     assert bits(open_dataset(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))

@@ -252,6 +252,14 @@ def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
         run_campaign(ours, tmp_path / "out", scheduler=unfit)
 
 
+def test_an_aircraft_that_always_ends_the_process_is_one_line(tmp_path, address):
+    aircraft = aircraft_with(tmp_path / "aircraft", CIRCULAR.replace("24.9", "0.1"))
+    ours = plan(tmp_path, runs=4, law=False, aircraft=(aircraft,))
+
+    with pytest.raises(CampaignError, match=r"undispersed flights cannot be flown: .* SIGSEGV"):
+        run_campaign(ours, tmp_path / "out", scheduler=address)
+
+
 def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
     aircraft = aircraft_with(tmp_path / "aircraft", "")
     ours = plan(tmp_path, runs=4, law=False, aircraft=(aircraft,))
