@@ -30,8 +30,8 @@ LAYERS = (
 RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row.split()}
 ONLY_IN = {
     "cvxpy": "theory/lmi.py",
-    "dask": "campaign/cluster.py",
-    "distributed": "campaign/cluster.py",
+    "dask": "campaign/cluster",
+    "distributed": "campaign/cluster",
     "fsspec": "campaign/storage.py",
     "jsbsim": "plants/jsbsim",
     "numba": "simulate/batch",

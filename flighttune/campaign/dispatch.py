@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple
 
-from flighttune.campaign.cluster import Workers
+from flighttune.campaign.cluster_tasks import Workers
 from flighttune.errors import CampaignError
 
 WAITING_PER_THREAD = 2

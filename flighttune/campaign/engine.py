@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from flighttune.campaign.chunk_rows import chunk_rows
-from flighttune.campaign.cluster import Workers, cluster
+from flighttune.campaign.cluster import cluster
+from flighttune.campaign.cluster_tasks import Workers
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.dispatch import Task, dispatch
 from flighttune.campaign.kept import chosen

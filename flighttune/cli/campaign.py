@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flighttune.cli.campaign_fly import fly
-from flighttune.cli.campaign_progress import CampaignOnlooker, duration
+from flighttune.cli.campaign_progress import CampaignOnlooker, duration, rate
 from flighttune.cli.campaign_report import report
 from flighttune.cli.show import COULD_NOT_RUN, NO, JsonOption, fail, print_json, print_table, say
 from flighttune.errors import CampaignError, OutputError
@@ -133,7 +133,7 @@ def _print_outcome(done: "CampaignOutcome") -> None:
         f"{done.runs} runs: {done.completed} completed, {done.failed} failed"
         f"{others and f' ({others})'}, {done.crashed} crashed"
     )
-    say(f"flown now: {done.flown} in {duration(done.wall_s)}, {done.rate_per_s:.3g} a second")
+    say(f"flown now: {done.flown} in {duration(done.wall_s)}, {rate(done.rate_per_s)} a second")
     if done.halfwidth is not None:
         say(f"half width of the rates of success: at most {done.halfwidth:.3g}")
     say(f"dataset: {done.dataset}   (look at it with: flighttune campaign report {done.dataset})")

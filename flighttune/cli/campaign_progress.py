@@ -46,14 +46,15 @@ class CampaignOnlooker:
                 description=progress.doing,
                 completed=progress.done,
                 total=progress.runs,
-                text=_text(progress),
+                text=", ".join(_parts(progress)),
                 refresh=new,
             )
             return
         now = time.monotonic()
         if new or now >= self._told_at + LINE_EVERY_S:
             self._told_at = now
-            tell(f"{progress.doing}: {progress.done} of {progress.runs} runs{_text(progress)}")
+            there = f"{progress.doing}: {progress.done} of {progress.runs} runs"
+            tell(", ".join([there, *_parts(progress)]))
 
     def hear(self, sentence: str) -> None:
         """Show a sentence."""
@@ -107,17 +108,22 @@ class CampaignOnlooker:
             give_back()
 
 
-def _text(progress: "CampaignProgress") -> str:
+def _parts(progress: "CampaignProgress") -> list[str]:
     parts = []
     if progress.rate_per_s:
-        parts.append(f"{progress.rate_per_s:.3g} a second")
+        parts.append(f"{rate(progress.rate_per_s)} a second")
     if progress.left_s is not None and progress.doing == "flying":
         parts.append(f"{duration(progress.left_s)} left")
     if progress.failed:
         parts.append(f"{progress.failed} failed")
     if progress.crashed:
         parts.append(f"{progress.crashed} crashed")
-    return "".join(f", {part}" for part in parts)
+    return parts
+
+
+def rate(per_s: float) -> str:
+    """A number a second, to three figures or whole."""
+    return f"{per_s:.0f}" if per_s >= 100.0 else f"{per_s:.3g}"
 
 
 def duration(seconds: float) -> str:
