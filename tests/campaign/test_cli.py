@@ -15,6 +15,7 @@ from campaigns import (
     gone,
     last_line,
     some_parts,
+    wait_until,
     write_campaign,
 )
 from commands import answer, flighttune
@@ -94,7 +95,7 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address, number):
         below = children(command)
         os.killpg(command.pid, number) if number == signal.SIGINT else command.send_signal(number)
         assert command.wait(timeout=60) == 130
-        assert gone(below)
+        wait_until(lambda: gone(below))
         shown, said = command.communicate()
     there = open_dataset(out).rows()
     assert json.loads(shown)["interrupted"]

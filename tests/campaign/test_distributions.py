@@ -30,28 +30,29 @@ CONTINUOUS = [
     (LogNormal(1.1, 0.2), stats.lognorm(0.2, scale=1.1)),
     (Uniform(-3.0, 5.0), stats.uniform(-3.0, 8.0)),
 ]
+NAMES = [str(distribution) for distribution, _ in CONTINUOUS]
 
 
-@pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=str)
+@pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=NAMES)
 def test_draws_follow_the_cdf_of_scipy(distribution, known):
     u = np.random.default_rng(3).random(POINTS)
 
     assert stats.kstest(distribution.at(u), known.cdf).pvalue > CHANCE
 
 
-@pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=str)
+@pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=NAMES)
 def test_the_cdf_of_a_value_is_the_point_it_came_from(distribution, known):
     u = np.linspace(0.001, 0.999, 501)
 
     assert known.cdf(distribution.at(u)) == pytest.approx(u, abs=1e-9)
 
 
-@pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=str)
+@pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=NAMES)
 def test_what_a_campaign_is_checked_at_is_the_median(distribution, known):
     assert distribution.central == pytest.approx(known.median(), rel=1e-9)
 
 
-@pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=str)
+@pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=NAMES)
 def test_the_outermost_points_give_finite_values_inside_the_bounds(distribution, known):
     values = distribution.at(np.array([SMALLEST_POINT, LARGEST_POINT]))
     low, high = known.support()
