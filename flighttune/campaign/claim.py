@@ -12,6 +12,7 @@ from flighttune.campaign.alone import nominal_flights, plant_table
 from flighttune.campaign.plan import Group, Plan
 from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.linear_model import kinematic_model
+from flighttune.gap.certified_set import too_wide
 from flighttune.gap.mismatch import mismatch
 from flighttune.gap.ultimate_set import ROUNDING, Kept, error_states, kept
 from flighttune.metrics import signal_arrays
@@ -19,6 +20,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.attractor import invariant_ellipsoid
 from flighttune.theory.indicators import indicators
+from flighttune.units import wrap_angle
 
 HALF = 0.5
 """Part of the flight from which a claim is looked at where the campaign gives no time."""
@@ -41,12 +43,20 @@ class Claim:
         Time from which flights are looked at.
     tube : tuple of float, rad
         Largest errors of course and of flight-path angle in the set.
+    asked : float, rad
+        Largest change of course or of flight-path angle that the undispersed flight is asked for.
     """
 
     shape: FloatArray
     L_d: float
     t_from: float
     tube: tuple[float, float]
+    asked: float
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether the set is so wide that hardly a flight would be outside: see `too_wide`."""
+        return too_wide(self.tube, self.asked)
 
     def of_run(self, run: Run) -> Kept | None:
         """Whether the claim holds in a flight; None where it was not completed."""
@@ -174,7 +184,22 @@ def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> Claim 
     unit = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0)
     shape = np.asarray(np.linalg.inv(unit.W), dtype=np.float64)
     widths = (np.sqrt(np.diag(unit.W))[2:] * L_d).tolist()
-    return Claim(shape=shape, L_d=L_d, t_from=t_from, tube=(widths[0], widths[1]))
+    return Claim(
+        shape=shape,
+        L_d=L_d,
+        t_from=t_from,
+        tube=(widths[0], widths[1]),
+        asked=_asked(scenario),
+    )
+
+
+def _asked(scenario: Scenario) -> float:
+    """Largest change of course or of flight-path angle from the start to the reference, rad."""
+    t = np.arange(0.0, scenario.flight.duration_s, 1.0 / scenario.controller.rate_hz)
+    chi, gamma = scenario.followed().sampled(t)
+    start = scenario.condition
+    turn = chi - chi[0] + wrap_angle(float(chi[0]) - start.chi)
+    return float(max(np.abs(turn).max(), np.abs(gamma - start.gamma).max()))
 
 
 def _measured(scenario: Scenario, run: Run | None, t_from: float) -> float | None:

@@ -58,13 +58,8 @@ class Verdict:
 
     @property
     def says_nothing(self) -> bool:
-        """Whether hardly a flight would be outside.
-
-        The set lets an error be more than half of the largest change asked for (and more than 5
-        deg), half a circle of course, or a path to the vertical.
-        """
-        all_of_it = self.tube[0] >= math.pi or self.tube[1] >= math.pi / 2.0
-        return all_of_it or max(self.tube) > max(TOO_WIDE * self.asked, NEVER_TOO_WIDE)
+        """Whether hardly a flight would be outside: see `too_wide`."""
+        return too_wide(self.tube, self.asked)
 
     @property
     def sentence(self) -> str:
@@ -160,6 +155,23 @@ class LoopFlown:
     def tube(self) -> FloatArray:
         """Largest errors of course and path angle that are promised, shape (n, 2), rad."""
         return np.sqrt(self.promised[:, None] * np.diag(self.unit.W)[2:])
+
+
+def too_wide(tube: tuple[float, float], asked: float) -> bool:
+    """Whether hardly a flight would be outside of a set.
+
+    The set lets an error be more than half of the largest change asked for (and more than 5 deg),
+    half a circle of course, or a path to the vertical.
+
+    Parameters
+    ----------
+    tube : tuple of float, rad
+        Largest errors of course and of flight-path angle in the set.
+    asked : float, rad
+        Largest change asked for; see `Verdict`.
+    """
+    all_of_it = tube[0] >= math.pi or tube[1] >= math.pi / 2.0
+    return all_of_it or max(tube) > max(TOO_WIDE * asked, NEVER_TOO_WIDE)
 
 
 def held_or_broken(t_broken: float | None) -> str:

@@ -16,6 +16,7 @@ from flighttune.gap.mismatch import mismatch
 
 START = uniform("flight.chi_deg", 10.0, 30.0)
 UNSTABLE = {"name": "away", "K_P": [[-1.0, 0.0], [0.0, -1.0]], "K_I": [[0.0, 0.0], [0.0, 0.0]]}
+ROUNDING = 1e-12
 WAVE = {"chi_amplitude": 0.05, "chi_omega_rad_s": 2.0}
 
 
@@ -44,6 +45,8 @@ def test_bound_set_and_verdict_of_the_undispersed_flight_are_those_of_gap(plants
         said = verdict_of_gap(made, run, t_from)
         assert claim.L_d == said.L_d
         assert claim.tube == said.tube
+        assert claim.asked == pytest.approx(said.asked, abs=ROUNDING)
+        assert claim.says_nothing == said.says_nothing
         assert (claim.of_run(run) == "held") == said.held
         assert (claim.of_run(run) == "broken") == (said.t_broken is not None)
 

@@ -1,6 +1,7 @@
 """The report of a campaign: the JSON object, the page, and what a browser makes of it."""
 
 import base64
+import math
 import re
 import shutil
 
@@ -29,7 +30,7 @@ from flighttune.campaign.report.findings import findings
 from flighttune.campaign.report.flown import flown_of, load_flown
 from flighttune.campaign.report.headline import headline
 from flighttune.campaign.report.page import notes, write_page
-from flighttune.campaign.report.words import looks_of, percent
+from flighttune.campaign.report.words import figures, label_of, looks_of, percent
 from flighttune.errors import InputError, RecordingError
 from flighttune.palette import looks
 
@@ -191,6 +192,14 @@ def test_the_headline_says_which_gains_hold_and_how_surely(made_up, page):
     assert any("the course error passed 180 deg" in line for line in wrong.sentences)
     held = sum(one.certified.held for one in by_group.values())
     assert certified.short == f"in {held} of 800 flights"
+    for group, claim in made_up.claims.items():
+        widths = " and ".join(
+            f"{figures(math.degrees(width))}° of {name}"
+            for name, width in zip("χγ", claim.tube, strict=True)
+        )
+        said = next(line for line in certified.sentences if line.startswith(label_of(group)))
+        assert f"of at most {widths}" in said
+    assert {group.plant for group in made_up.claims} == {"jsbsim:aerosonde"}
     assert matters.short == "flight.V_a_mps"
 
 

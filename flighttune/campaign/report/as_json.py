@@ -3,11 +3,13 @@
 from dataclasses import asdict
 from typing import Any
 
+from flighttune.campaign.claim import Claim
 from flighttune.campaign.report.estimates import Estimate
 from flighttune.campaign.report.findings import SUCCESS, Findings
 from flighttune.campaign.report.reasons import Reason
 from flighttune.campaign.report.summary import CertifiedCount, Distribution, GroupSummary
 from flighttune.campaign.report.worst import worst_first
+from flighttune.units import DEG
 
 WORST = 5
 
@@ -25,13 +27,18 @@ def findings_json(found: Findings) -> dict[str, Any]:
         "confidence": found.confidence,
         "worst_by": found.measure,
         "groups": [
-            {**_group(one), **_flights(found, one), **_matters(found, one)} for one in found.groups
+            {
+                **_group(one, found.claims.get(one.group)),
+                **_flights(found, one),
+                **_matters(found, one),
+            }
+            for one in found.groups
         ],
         "paired": [asdict(one) for one in found.paired],
     }
 
 
-def _group(one: GroupSummary) -> dict[str, Any]:
+def _group(one: GroupSummary, claim: Claim | None) -> dict[str, Any]:
     return {
         "gains": one.group.gains,
         "plant": one.group.plant,
@@ -47,7 +54,7 @@ def _group(one: GroupSummary) -> dict[str, Any]:
             for why in status.reasons
         ],
         "missed": [_reason(why) for why in one.missed],
-        "certified": None if one.certified is None else _certified(one.certified),
+        "certified": None if one.certified is None else _certified(one.certified, claim),
         "metrics": {name: _spread(spread) for name, spread in one.measures.items()},
     }
 
@@ -106,8 +113,15 @@ def _spread(one: Distribution) -> dict[str, Any]:
     return {**values, "mean": one.mean, "n": one.n, **intervals}
 
 
-def _certified(one: CertifiedCount) -> dict[str, Any]:
+def _certified(one: CertifiedCount, claim: Claim | None) -> dict[str, Any]:
+    claimed = {} if claim is None else {
+        "L_d_rad_s2": claim.L_d,
+        "from_s": claim.t_from,
+        "tube_deg": [width / DEG for width in claim.tube],
+        "says_nothing": claim.says_nothing,
+    }  # fmt: skip
     return {
+        **claimed,
         "held": one.held,
         "broken": one.broken,
         "not_entered": one.not_entered,

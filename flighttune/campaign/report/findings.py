@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
+from flighttune.campaign.claim import Claim, claims
 from flighttune.campaign.draws import SEED
 from flighttune.campaign.intervals import CONFIDENCE
 from flighttune.campaign.plan import Group
@@ -18,6 +19,7 @@ from flighttune.campaign.report.paired import Paired, paired, scores
 from flighttune.campaign.report.sensitivity import Influence, classes_of, influences, is_number
 from flighttune.campaign.report.sobol import SobolIndices, sobol_indices
 from flighttune.campaign.report.summary import GroupSummary, summaries
+from flighttune.errors import FlightTuneError
 
 SUCCESS = "success"
 SPLIT_INTO = 5
@@ -68,6 +70,9 @@ class Findings:
     splits : tuple of Split
         Of every group that both succeeded and failed, by the parameter that matters most to it.
     settling : tuple of Settling
+    claims : mapping of Group to Claim
+        What the certified set of each group is; empty where no flight was held against one, or the
+        undispersed flights that it is measured on cannot be flown here.
     """
 
     flown: Flown
@@ -80,6 +85,7 @@ class Findings:
     sobol: Mapping[tuple[Group, str], SobolIndices]
     splits: tuple[Split, ...]
     settling: tuple[Settling, ...]
+    claims: Mapping[Group, Claim]
 
 
 def findings(
@@ -109,13 +115,22 @@ def findings(
                 sobol[group, name] = indices
         split = _split(flown, group, rows, found[group, SUCCESS], method, confidence)
         splits += [split] if split is not None else []
+    groups = summaries(flown, method=method, confidence=confidence)
     return Findings(
-        flown=flown, method=method, confidence=confidence, measure=measure,
-        groups=summaries(flown, method=method, confidence=confidence),
+        flown=flown, method=method, confidence=confidence, measure=measure, groups=groups,
         paired=paired(flown.rows, measure, confidence=confidence) if measure else (),
         influences=found, sobol=sobol, splits=tuple(splits),
         settling=settling(flown, measure, method=method, confidence=confidence) if measure else (),
+        claims=_claims(flown) if any(one.certified for one in groups) else {},
     )  # fmt: skip
+
+
+def _claims(flown: Flown) -> dict[Group, Claim]:
+    try:
+        found = claims(flown.plan)
+    except FlightTuneError:
+        return {}
+    return {group: claim for group, claim in found.items() if claim is not None}
 
 
 def values_of(rows: pd.DataFrame, name: str) -> FloatArray:

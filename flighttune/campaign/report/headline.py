@@ -18,6 +18,7 @@ from flighttune.campaign.report.words import (
     shown,
 )
 from flighttune.report.frame import Answer, share_verdict
+from flighttune.units import DEG
 
 MOST_REASONS = 3
 """Reasons told of one group; the tables have all."""
@@ -141,16 +142,31 @@ def _certified(found: Findings) -> Answer:
             else "; no flight entered it"
         )
         sentences.append(
-            f"{label_of(one.group)}: the certified ultimate set was entered and held in "
-            f"{count.held} of {count.of_all.n} flights, "
+            f"{label_of(one.group)}: the certified ultimate set{_size(found, one.group)} was "
+            f"entered and held in {count.held} of {count.of_all.n} flights, "
             f"{percent_with_interval(count.of_all)}{of_entered}."
         )
     return Answer(
         question="Does the certified bound hold?",
-        verdict=share_verdict(held, known),
+        verdict="none" if _says_nothing(found) else share_verdict(held, known),
         short=f"in {held} of {known} flights",
         sentences=tuple(sentences),
     )
+
+
+def _size(found: Findings, group: Group) -> str:
+    """How large the errors in the set of a group are, and whether that says anything."""
+    claim = found.claims.get(group)
+    if claim is None:
+        return ""
+    chi, gamma = (figures(width / DEG) for width in claim.tube)
+    nothing = ", too wide to say anything" if claim.says_nothing else ""
+    return f" (errors from {claim.t_from:g} s on of at most {chi}° of χ and {gamma}° of γ{nothing})"
+
+
+def _says_nothing(found: Findings) -> bool:
+    """Whether every set is too wide to say anything."""
+    return bool(found.claims) and all(claim.says_nothing for claim in found.claims.values())
 
 
 def _matters(found: Findings) -> Answer:
