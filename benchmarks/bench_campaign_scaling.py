@@ -56,7 +56,7 @@ KEYS = (
 ALONE = """
 import json, sys, time
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.flying.rows import fly_runs
 plan = plan_campaign(load_campaign(sys.argv[1]))
 fly_runs(plan, range(2))
 began, busy = time.perf_counter(), time.process_time()

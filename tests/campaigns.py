@@ -142,7 +142,7 @@ def wait_until(condition, seconds=60.0):
 
 def flyers(process):
     """The processes that fly below one."""
-    return [p for p in children(process) if "flighttune.campaign.flyer" in p.cmdline()]
+    return [p for p in children(process) if "flighttune.campaign.engine.flyer" in p.cmdline()]
 
 
 def gone(processes):

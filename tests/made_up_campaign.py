@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from flighttune.campaign.load import load_campaign
-from flighttune.campaign.make import plan_campaign
-from flighttune.campaign.plan import Plan
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.make import plan_campaign
+from flighttune.campaign.planning.plan import Plan
 
 CAMPAIGN = """
 title    = "Rows that were made up"

@@ -27,12 +27,19 @@ LAYERS = (
     "paper campaign",
     "cli",
 )  # lowest first; names in one row do not import each other
-RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row.split()}
+CAMPAIGN = ("intervals", "planning", "flying dataset", "engine report", "choice")
+
+
+def ranked(rows):
+    return {name: rank for rank, row in enumerate(rows) for name in row.split()}
+
+
+RANK, RANK_OF_CAMPAIGN = ranked(LAYERS), ranked(CAMPAIGN)
 ONLY_IN = {
     "cvxpy": "theory/lmi.py",
-    "dask": "campaign/cluster",
-    "distributed": "campaign/cluster",
-    "fsspec": "campaign/storage.py",
+    "dask": "campaign/engine/cluster",
+    "distributed": "campaign/engine/cluster",
+    "fsspec": "campaign/dataset/storage.py",
     "jsbsim": "plants/jsbsim",
     "numba": "simulate/batch",
     "rerun": "recording",
@@ -58,3 +65,16 @@ def test_imports_point_downwards(path):
         assert where.startswith(ONLY_IN.get(root, where)), f"{where} may not import {root}"
         if root == "flighttune" and rest and rest[0] != layer:
             assert RANK[rest[0]] < RANK[layer], f"{where} imports upwards: {module}"
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in MODULES if path.is_relative_to(PACKAGE / "campaign")],
+    ids=lambda path: path.relative_to(PACKAGE / "campaign").as_posix(),
+)
+def test_rooms_of_a_campaign_import_downwards_too(path):
+    room = path.relative_to(PACKAGE / "campaign").parts[0].removesuffix(".py")
+    for module in imported_modules(path):
+        if module.startswith("flighttune.campaign.") and module.split(".")[2] != room:
+            other = module.split(".")[2]
+            assert RANK_OF_CAMPAIGN[other] < RANK_OF_CAMPAIGN[room], f"{path}: {module}"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.refly import scenario_of_run
+from flighttune.campaign.flying.refly import scenario_of_run
 from flighttune.comparison import compare, load_source
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, ScenarioError

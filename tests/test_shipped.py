@@ -1,4 +1,4 @@
-"""Aircraft, scenarios and campaigns that come with the package are found by name, wherever it is installed."""
+"""What ships with the package is found by name, wherever it is installed."""
 
 import shutil
 import subprocess

@@ -7,20 +7,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flighttune.campaign.load import load_campaign
-    from flighttune.campaign.make import plan_campaign
-    from flighttune.campaign.plan import Group, Plan, plan_from
-    from flighttune.campaign.schema import Campaign
+    from flighttune.campaign.planning.load import load_campaign
+    from flighttune.campaign.planning.make import plan_campaign
+    from flighttune.campaign.planning.plan import Group, Plan, plan_from
+    from flighttune.campaign.planning.schema import Campaign
 
 __all__ = ["Campaign", "Group", "Plan", "load_campaign", "plan_campaign", "plan_from"]
 
 _HOMES = {
-    "load_campaign": "load",
-    "plan_campaign": "make",
-    "Group": "plan",
-    "Plan": "plan",
-    "plan_from": "plan",
-    "Campaign": "schema",
+    "load_campaign": "planning.load",
+    "plan_campaign": "planning.make",
+    "Group": "planning.plan",
+    "Plan": "planning.plan",
+    "plan_from": "planning.plan",
+    "Campaign": "planning.schema",
 }
 
 

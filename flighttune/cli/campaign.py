@@ -12,9 +12,9 @@ from flighttune.cli.show import COULD_NOT_RUN, NO, JsonOption, fail, print_json,
 from flighttune.errors import CampaignError, OutputError
 
 if TYPE_CHECKING:
-    from flighttune.campaign.estimate import Estimate
-    from flighttune.campaign.plan import Plan
-    from flighttune.campaign.progress import CampaignOutcome
+    from flighttune.campaign.engine.estimate import Estimate
+    from flighttune.campaign.engine.progress import CampaignOutcome
+    from flighttune.campaign.planning.plan import Plan
 
 INTERRUPTED = 130
 KEPT = "what has been flown is kept, go on with the same command and --resume"
@@ -70,7 +70,7 @@ def run(
     Flights that fail are results: the exit status is 0. It is 1 where --until-halfwidth was not
     reached, 2 where the campaign was cut short, 130 after Ctrl-C; --resume does what is missing.
     """
-    from flighttune.campaign.cluster import check_installed
+    from flighttune.campaign.engine.cluster import check_installed
 
     check_installed()
     folder = out if out is not None else str(Path("runs") / Path(file).stem)
@@ -78,7 +78,7 @@ def run(
     if dry_run:
         _dry_run(plan, workers, as_json=as_json)
         return
-    from flighttune.campaign.engine import run_campaign
+    from flighttune.campaign.engine.engine import run_campaign
 
     onlooker = CampaignOnlooker()
     try:
@@ -115,8 +115,8 @@ def _planned(file: str, runs: int | None, folder: str, *, resume: bool) -> "Plan
 
     plan = plan_campaign(load_campaign(file), runs=runs)
     if runs is None and resume:
-        from flighttune.campaign.dataset import CAMPAIGN, open_dataset
-        from flighttune.campaign.storage import Store
+        from flighttune.campaign.dataset.dataset import CAMPAIGN, open_dataset
+        from flighttune.campaign.dataset.storage import Store
 
         if Store(folder).exists(CAMPAIGN):
             return plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
@@ -140,8 +140,8 @@ def _print_outcome(done: "CampaignOutcome") -> None:
 
 
 def _dry_run(plan: "Plan", workers: int | None, *, as_json: bool) -> None:
-    from flighttune.campaign.cluster import cores
-    from flighttune.campaign.estimate import estimate
+    from flighttune.campaign.engine.cluster import cores
+    from flighttune.campaign.engine.estimate import estimate
 
     cost = estimate(plan)
     if cost.fallen:

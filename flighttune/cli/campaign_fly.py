@@ -9,8 +9,8 @@ import typer
 from flighttune.cli.show import NO, JsonOption, fail, print_json, progress_bar, say, tell
 
 if TYPE_CHECKING:
-    from flighttune.campaign.dataset import Dataset
-    from flighttune.campaign.refly import RowDifference
+    from flighttune.campaign.dataset.dataset import Dataset
+    from flighttune.campaign.flying.refly import RowDifference
 
 FALLEN = ("crashed", "timed_out")
 """Of such a run there is nothing to compare, and it may do here what it did there."""
@@ -31,8 +31,8 @@ def fly(
 
     Exit status 1 if it is not, to the bit; every difference is shown.
     """
-    from flighttune.campaign.dataset import open_dataset
-    from flighttune.campaign.refly import fly_again, row_differences
+    from flighttune.campaign.dataset.dataset import open_dataset
+    from flighttune.campaign.flying.refly import fly_again, row_differences
     from flighttune.recording.record import record
 
     dataset = open_dataset(folder)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from flighttune.cli.show import tell
 
 if TYPE_CHECKING:
-    from flighttune.campaign.progress import CampaignProgress
+    from flighttune.campaign.engine.progress import CampaignProgress
 
 LINE_EVERY_S = 10.0
 

@@ -37,7 +37,7 @@ def report(
     """
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out}: --out must end in .html.")
-    from flighttune.campaign.dataset import dataset_hash
+    from flighttune.campaign.dataset.dataset import dataset_hash
     from flighttune.campaign.report.as_json import findings_json
     from flighttune.campaign.report.findings import findings
     from flighttune.campaign.report.flown import load_flown

@@ -10,7 +10,7 @@ from flighttune.cli.gain_sets import gains_json, print_gains, write_json
 from flighttune.cli.show import NO, fail, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from flighttune.campaign.choice import Judged, RobustChoice
+    from flighttune.campaign.choice.choice import Judged, RobustChoice
 
 INTERRUPTED = 130
 
@@ -70,8 +70,8 @@ def tune_by_flying(
 ) -> None:
     """Choose gains of the frontier by flying them, and say how sure that is."""
     from flighttune.campaign import load_campaign
-    from flighttune.campaign.choice import RobustSettings
-    from flighttune.campaign.robust import tune_robust
+    from flighttune.campaign.choice.choice import RobustSettings
+    from flighttune.campaign.choice.robust import tune_robust
     from flighttune.cli.campaign_progress import CampaignOnlooker
 
     settings = RobustSettings(**given)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, plan_of, tables_of, uniform
 
-from flighttune.campaign.alone import nominal_flights
-from flighttune.campaign.claim import claims
-from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.flying.alone import nominal_flights
+from flighttune.campaign.flying.claim import claims
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.linear_model import kinematic_model
 from flighttune.gap.certified_set import loop_flown

@@ -21,9 +21,9 @@ from campaigns import (
 from commands import answer, flighttune
 
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.dataset import open_dataset
-from flighttune.campaign.engine import run_campaign
-from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.dataset.dataset import open_dataset
+from flighttune.campaign.engine.engine import run_campaign
+from flighttune.campaign.flying.rows import fly_runs
 
 RUNS = 160
 

@@ -13,12 +13,12 @@ import pytest
 from campaigns import Notes, bits, plan
 from scipy.stats import binomtest
 
-from flighttune.campaign.dataset import Dataset, dataset_hash, open_dataset
-from flighttune.campaign.engine import run_campaign
-from flighttune.campaign.lock import LOCK, held
-from flighttune.campaign.rows import fly_runs
-from flighttune.campaign.spans import Chunks, Span, missing
-from flighttune.campaign.storage import Store
+from flighttune.campaign.dataset.dataset import Dataset, dataset_hash, open_dataset
+from flighttune.campaign.dataset.lock import LOCK, held
+from flighttune.campaign.dataset.spans import Chunks, Span, missing
+from flighttune.campaign.dataset.storage import Store
+from flighttune.campaign.engine.engine import run_campaign
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import InputError, OutputError, RecordingError
 from flighttune.one_flight import library_versions
 from flighttune.recording.parquet import read_run

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.stats import qmc
 
-from flighttune.campaign.copula import correlated, factor
-from flighttune.campaign.design import SOBOL_BITS, run_seeds, unit_points
-from flighttune.campaign.disperse_table import CorrelationTable
+from flighttune.campaign.planning.copula import correlated, factor
+from flighttune.campaign.planning.design import SOBOL_BITS, run_seeds, unit_points
+from flighttune.campaign.planning.disperse_table import CorrelationTable
 from flighttune.errors import InputError
 
 KEYS = ["flight.V_a_mps", "flight.chi_deg", "wind.speed_mps"]

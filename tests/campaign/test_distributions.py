@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flighttune.campaign.distributions import (
+from flighttune.campaign.planning.distributions import (
     LARGEST_POINT,
     SMALLEST_POINT,
     Choice,

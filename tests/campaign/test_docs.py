@@ -8,7 +8,7 @@ import pytest
 import yaml
 from commands import flighttune
 
-from flighttune.campaign.progress import CampaignOutcome
+from flighttune.campaign.engine.progress import CampaignOutcome
 
 PAGE = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text()
 FENCES = re.findall(r"^```(\w*)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)

@@ -7,11 +7,11 @@ from pathlib import Path
 import psutil
 from campaigns import Notes, bits, children, plan
 
-from flighttune.campaign.columns import row_schema
-from flighttune.campaign.dataset import open_dataset
-from flighttune.campaign.dispatch import WAITING_PER_THREAD
-from flighttune.campaign.engine import run_campaign
-from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.dataset.dataset import open_dataset
+from flighttune.campaign.engine.dispatch import WAITING_PER_THREAD
+from flighttune.campaign.engine.engine import run_campaign
+from flighttune.campaign.flying.columns import row_schema
+from flighttune.campaign.flying.rows import fly_runs
 
 
 def listening(progress):

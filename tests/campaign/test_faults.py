@@ -28,9 +28,9 @@ from campaigns import (
 )
 
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.dataset import open_dataset
-from flighttune.campaign.engine import run_campaign
-from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.dataset.dataset import open_dataset
+from flighttune.campaign.engine.engine import run_campaign
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import CampaignError
 
 RUNS = 160

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, uniform
 
-from flighttune.campaign.alone import fly_group
-from flighttune.campaign.claim import claims
-from flighttune.campaign.kinematic_batch import KNOWN, batchable
-from flighttune.campaign.outcome import flat
-from flighttune.campaign.rows import fly_runs
-from flighttune.campaign.schema import MEASURES
+from flighttune.campaign.flying.alone import fly_group
+from flighttune.campaign.flying.claim import claims
+from flighttune.campaign.flying.kinematic_batch import KNOWN, batchable
+from flighttune.campaign.flying.outcome import flat
+from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.schema import MEASURES
 from flighttune.expectations import missed_expectations
 from flighttune.metrics import measures
 from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario

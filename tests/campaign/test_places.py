@@ -2,7 +2,7 @@
 
 import pytest
 
-from flighttune.campaign.places import places_of, value_at, with_values
+from flighttune.campaign.planning.places import places_of, value_at, with_values
 from flighttune.errors import InputError
 
 TABLES = {

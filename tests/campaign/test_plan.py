@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from scipy.stats import sobol_indices
 
 from flighttune.campaign import Campaign, load_campaign, plan_campaign, plan_from
-from flighttune.campaign.draws import SEED
-from flighttune.campaign.schema import CampaignTable
+from flighttune.campaign.planning.draws import SEED
+from flighttune.campaign.planning.schema import CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.outer_loop import gain_set
 from flighttune.scenario import load_scenario, scenario_from

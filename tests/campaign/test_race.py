@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttune.campaign.race import ordered_quantile, race
+from flighttune.campaign.choice.race import ordered_quantile, race
 from flighttune.errors import InputError
 
 

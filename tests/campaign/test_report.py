@@ -24,8 +24,8 @@ from commands import answer, flighttune
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
-from flighttune.campaign.dataset import Dataset, dataset_hash
-from flighttune.campaign.engine import run_campaign
+from flighttune.campaign.dataset.dataset import Dataset, dataset_hash
+from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.report.findings import findings
 from flighttune.campaign.report.flown import flown_of, load_flown
 from flighttune.campaign.report.headline import headline

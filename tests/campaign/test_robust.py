@@ -10,10 +10,10 @@ from campaigns import Notes
 from commands import answer, flighttune
 
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.candidates import frontier_candidates, own_candidates, with_gains
-from flighttune.campaign.choice import RobustSettings
-from flighttune.campaign.robust import scored, tune_robust
-from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.choice.candidates import frontier_candidates, own_candidates, with_gains
+from flighttune.campaign.choice.choice import RobustSettings
+from flighttune.campaign.choice.robust import scored, tune_robust
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import InputError
 from flighttune.outer_loop import tuning_problem
 from flighttune.scenario import load_gains

@@ -21,10 +21,10 @@ from dispersed import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flighttune.campaign.columns import row_schema, unit_of_key
-from flighttune.campaign.plan import plan_from
-from flighttune.campaign.refly import scenario_of_run
-from flighttune.campaign.rows import fallen_row, fly_run, fly_runs
+from flighttune.campaign.flying.columns import row_schema, unit_of_key
+from flighttune.campaign.flying.refly import scenario_of_run
+from flighttune.campaign.flying.rows import fallen_row, fly_run, fly_runs
+from flighttune.campaign.planning.plan import plan_from
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight import fly
 from flighttune.refly import refly

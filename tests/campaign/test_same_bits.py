@@ -3,10 +3,10 @@
 import pytest
 from campaigns import dask_cluster, plan
 
-from flighttune.campaign.dataset import Dataset, dataset_hash
-from flighttune.campaign.engine import run_campaign
-from flighttune.campaign.rows import fly_runs
-from flighttune.campaign.storage import Store
+from flighttune.campaign.dataset.dataset import Dataset, dataset_hash
+from flighttune.campaign.dataset.storage import Store
+from flighttune.campaign.engine.engine import run_campaign
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.one_flight import library_versions
 
 RUNS = 48

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from flighttune.campaign import load_campaign
-from flighttune.campaign.disperse_table import CorrelationTable, DisperseTable
-from flighttune.campaign.schema import CampaignTable, CertificateTable, KeepTable
+from flighttune.campaign.planning.disperse_table import CorrelationTable, DisperseTable
+from flighttune.campaign.planning.schema import CampaignTable, CertificateTable, KeepTable
 from flighttune.errors import ScenarioError
 from flighttune.scenario import load_scenario
 

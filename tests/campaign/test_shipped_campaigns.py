@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.rows import fly_runs
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.shipped import campaign_names
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
 from flighttune.campaign.intervals import effective_size, wilson
-from flighttune.campaign.plan import Group
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.report.estimates import percentile, share
 from flighttune.campaign.report.findings import findings
 from flighttune.campaign.report.flown import flown_of

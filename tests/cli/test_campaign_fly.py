@@ -9,9 +9,9 @@ import pytest
 from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
-from flighttune.campaign.dataset import Dataset
-from flighttune.campaign.rows import fly_runs
-from flighttune.campaign.storage import Store
+from flighttune.campaign.dataset.dataset import Dataset
+from flighttune.campaign.dataset.storage import Store
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.metrics import channel_metrics
 from flighttune.one_flight import library_versions
 from flighttune.recording.load import load_recording

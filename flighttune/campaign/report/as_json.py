@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
-from flighttune.campaign.claim import Claim
+from flighttune.campaign.flying.claim import Claim
 from flighttune.campaign.report.estimates import Estimate
 from flighttune.campaign.report.findings import SUCCESS, Findings
 from flighttune.campaign.report.reasons import Reason

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.campaign.intervals import CONFIDENCE
-from flighttune.campaign.plan import Group
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.report.estimates import Estimate, Method, percentile, share
 from flighttune.campaign.report.flown import Flown
 from flighttune.campaign.report.summary import PERCENTILES

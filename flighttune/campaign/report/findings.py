@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.claim import Claim, claims
-from flighttune.campaign.draws import SEED
+from flighttune.campaign.flying.claim import Claim, claims
 from flighttune.campaign.intervals import CONFIDENCE
-from flighttune.campaign.plan import Group
+from flighttune.campaign.planning.draws import SEED
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.report.convergence import Settling, settling
 from flighttune.campaign.report.estimates import Estimate, Method, share
 from flighttune.campaign.report.flown import Flown

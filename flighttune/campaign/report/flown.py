@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from flighttune.campaign.dataset import open_dataset
-from flighttune.campaign.plan import Group, Plan
+from flighttune.campaign.dataset.dataset import open_dataset
+from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.report.sensitivity import is_number
-from flighttune.campaign.schema import MEASURES
 from flighttune.errors import RecordingError
 
 TEXTS = ("reason", "missed", "certified")

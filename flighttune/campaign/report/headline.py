@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from flighttune.campaign.draws import SEED
-from flighttune.campaign.plan import Group
+from flighttune.campaign.planning.draws import SEED
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.report.findings import SUCCESS, Findings
 from flighttune.campaign.report.paired import Paired
 from flighttune.campaign.report.sensitivity import Influence

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from flighttune.campaign.columns import unit_of_key
-from flighttune.campaign.plan import Group
+from flighttune.campaign.flying.columns import unit_of_key
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.report.estimates import Estimate
 from flighttune.campaign.report.findings import SUCCESS, Findings, values_of
 from flighttune.campaign.report.panels import DOTS, dot, places, rows_panel

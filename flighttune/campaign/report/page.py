@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.dataset import dataset_hash
+from flighttune.campaign.dataset.dataset import dataset_hash
 from flighttune.campaign.report import tables
 from flighttune.campaign.report.findings import SUCCESS, Findings
 from flighttune.campaign.report.headline import headline

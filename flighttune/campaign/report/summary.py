@@ -8,7 +8,7 @@ import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.intervals import CONFIDENCE
-from flighttune.campaign.plan import Group
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.report.estimates import Estimate, Method, percentile, share
 from flighttune.campaign.report.flown import Flown
 from flighttune.campaign.report.reasons import Reason, reasons

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from flighttune.campaign.plan import Group
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.report.estimates import Estimate
 from flighttune.campaign.report.findings import SUCCESS, Findings
 from flighttune.campaign.report.sensitivity import Influence

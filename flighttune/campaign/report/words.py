@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from flighttune.campaign.columns import unit_of_measure
-from flighttune.campaign.plan import Group, Plan
+from flighttune.campaign.flying.columns import unit_of_measure
+from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.report.estimates import Estimate
 from flighttune.palette import Look, many_looks
 from flighttune.scenario.expect_table import ExpectTable

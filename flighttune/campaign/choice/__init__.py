@@ -1,0 +1,1 @@
+"""Gains chosen by what they fly to."""

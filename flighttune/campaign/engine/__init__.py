@@ -1,0 +1,1 @@
+"""Plans flown by the workers of a cluster."""

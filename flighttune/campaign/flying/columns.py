@@ -1,0 +1,127 @@
+"""Columns of a campaign's rows: names, types and units, fixed by the plan alone."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pyarrow as pa
+
+from flighttune.campaign.planning.disperse_table import DisperseTable
+from flighttune.campaign.planning.plan import Plan
+from flighttune.campaign.planning.schema import MEASURES
+from flighttune.metrics import METRICS
+
+UNITS_OF_ENDINGS = {
+    "_mps2": "m/s^2",
+    "_mps": "m/s",
+    "_rad_s": "rad/s",
+    "_rad": "rad",
+    "_dps": "deg/s",
+    "_deg": "deg",
+    "_hz": "1/s",
+    "_per_s": "1/s",
+    "_amplitude": "rad/s",
+    "_m": "m",
+    "_s": "s",
+}
+"""Unit of a key of a scenario by how it ends, longest ending first."""
+
+TRACKED = {**METRICS, "peak_rad": "rad"}
+FLIGHT_UNITS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_max_rad": "rad"}
+
+BEFORE = {
+    "run": pa.int64(),
+    "draw": pa.int64(),
+    "plant": pa.string(),
+    "gains": pa.string(),
+    "seed": pa.int64(),
+}
+"""Columns before the dispersed keys."""
+
+OUTCOME = {
+    "status": pa.string(),
+    "reason": pa.string(),
+    "success": pa.bool_(),
+    "missed": pa.string(),
+}
+"""Columns after the dispersed keys, before the measures."""
+
+AFTER = {
+    "R_K": (pa.float64(), "1/s"),
+    "I_K": (pa.float64(), "s^2"),
+    "certified": (pa.string(), None),
+    "wall_s": (pa.float64(), "s"),
+}
+"""Columns after the measures: type and unit."""
+
+
+def row_schema(plan: Plan) -> pa.Schema:
+    """The schema of the rows of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+
+    Returns
+    -------
+    Schema
+        A field a column; its metadata has the ``unit`` where there is one (``1`` for a number
+        without).
+    """
+    return pa.schema(
+        [
+            *(pa.field(name, kind, nullable=False) for name, kind in BEFORE.items()),
+            *(_of_key(table) for table in plan.campaign.disperse),
+            *(pa.field(name, kind, nullable=False) for name, kind in OUTCOME.items()),
+            *(_field(name, pa.float64(), unit_of_measure(name)) for name in MEASURES),
+            *(_field(name, kind, unit) for name, (kind, unit) in AFTER.items()),
+        ]
+    )
+
+
+def unit_of_measure(name: str) -> str:
+    """Unit of a measure by its column, such as ``chi.ITAE``."""
+    subject, measure = name.split(".")
+    if subject == "flight":
+        return FLIGHT_UNITS[measure]
+    if measure == "effort_rms":
+        return "rad" if subject == "chi" else "1"
+    return TRACKED[measure]
+
+
+def unit_of_key(key: str) -> str:
+    """Unit of a key of a scenario, from how it ends."""
+    name = key.split(".")[-1].split("[")[0]
+    return next((unit for end, unit in UNITS_OF_ENDINGS.items() if name.endswith(end)), "1")
+
+
+def table_of(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
+    """Rows from their columns; a number that there is not (NaN) is null, but for dispersed keys.
+
+    Parameters
+    ----------
+    plan : Plan
+    columns : mapping of str to array_like
+        One a field of `row_schema`, all of one length.
+    """
+    schema = row_schema(plan)
+    return pa.Table.from_arrays(
+        [
+            pa.array(columns[field.name], field.type, from_pandas=field.name not in plan.keys)
+            for field in schema
+        ],
+        schema=schema,
+    )
+
+
+def _of_key(table: DisperseTable) -> pa.Field:
+    values = table.values or [0.0]
+    if isinstance(values[0], str):
+        return _field(table.key, pa.string(), None)
+    if isinstance(values[0], bool):
+        return _field(table.key, pa.bool_(), None)
+    kind = pa.int64() if all(isinstance(value, int) for value in values) else pa.float64()
+    return _field(table.key, kind, "1" if table.acts == "multiplies" else unit_of_key(table.key))
+
+
+def _field(name: str, kind: pa.DataType, unit: str | None) -> pa.Field:
+    return pa.field(name, kind, metadata=None if unit is None else {"unit": unit})

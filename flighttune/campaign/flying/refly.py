@@ -1,0 +1,168 @@
+"""Any run of a plan flown again by itself, as ``flighttune fly`` flies a scenario."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from flighttune.campaign.flying.alone import leader_of
+from flighttune.campaign.flying.claim import claims
+from flighttune.campaign.flying.outcome import expected_of, flat, misses
+from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.campaign.planning.schema import MEASURES
+from flighttune.errors import InputError
+from flighttune.flight import FlownScenario, fly
+from flighttune.metrics import measures
+from flighttune.one_flight import Progress
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlownAgain:
+    """A run of a plan flown again.
+
+    Attributes
+    ----------
+    flown : FlownScenario
+        The scenario of this flight alone, and all that came of it; in wind with the flight of the
+        aircraft whose wind the run replays.
+    run : Run
+        The run itself.
+    """
+
+    flown: FlownScenario
+    run: Run
+
+
+def scenario_of_run(plan: Plan, run: int) -> Scenario:
+    """The scenario of one run of a plan: its draw, its plant and its gains, these as numbers.
+
+    Parameters
+    ----------
+    plan : Plan
+    run : int
+
+    Returns
+    -------
+    Scenario
+        Flown as any other it gives the flight of the run, to the bit. In wind it also has the
+        aircraft whose wind the run replays.
+
+    Raises
+    ------
+    InputError
+        If there is no such run, or no gains for it.
+    ScenarioError
+        If the scenario, or an aircraft, refuses what was drawn.
+    """
+    if not 0 <= run < plan.runs:
+        raise InputError(f"`run` must be 0 to {plan.runs - 1}, got {run}.")
+    group, scenario = plan.group_of(run), plan.scenario_of(plan.draw_of(run))
+    leader = leader_of(scenario, group)
+    flying = [group] if leader is None else [leader, group]
+    tables = scenario.as_dict()
+    labels = [table.label for table in scenario.plant]
+    tables["plant"] = [tables["plant"][labels.index(one.plant)] for one in flying]
+    tables["gains"] = [_as_numbers(plan, group)]
+    tables["title"] = f"{scenario.title}, run {run}"
+    tables["expect"] = [
+        table
+        for table, expect in zip(tables["expect"], scenario.expect, strict=True)
+        if expect.meant(group.plant, group.gains)
+    ]
+    return scenario_from(tables)
+
+
+def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownAgain:
+    """Fly one run of a plan by itself.
+
+    Parameters
+    ----------
+    plan : Plan
+    run : int
+    progress : callable, optional
+        Told how far each flight is.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        As `scenario_of_run`.
+    PlantError
+        If an aircraft cannot be built.
+    """
+    group = plan.group_of(run)
+    flown = fly(scenario_of_run(plan, run), progress=progress)
+    found = next(one for one in flown.runs if one.provenance.plant == group.plant)
+    return FlownAgain(flown=flown, run=found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowDifference:
+    """Where a run that was flown again is not what its row says.
+
+    Attributes
+    ----------
+    column : str
+    in_row, flown : float, str, bool or None
+        Both values, as the row has them.
+    """
+
+    column: str
+    in_row: Any
+    flown: Any
+
+
+def row_differences(
+    plan: Plan, run: int, flown: Run, row: Mapping[str, Any]
+) -> tuple[RowDifference, ...]:
+    """Every column in which a run that was flown again differs from its row, to the bit.
+
+    Parameters
+    ----------
+    plan : Plan
+    run : int
+    flown : Run
+        That run, as `fly_again` has it.
+    row : mapping
+        Its row; a null is None.
+    """
+    group = plan.group_of(run)
+    measured, claim = measures(flown), claims(plan)[group]
+    missed = misses(expected_of(plan.scenario, group), flown.status, flown.reason, measured)
+    values = dict(zip(MEASURES, map(_or_null, flat(measured)), strict=True))
+    again = {
+        "status": flown.status,
+        "reason": flown.reason,
+        "success": not missed,
+        "missed": "; ".join(missed),
+        **values,
+        "certified": claim and claim.of_run(flown),
+    }
+    return tuple(
+        RowDifference(column=name, in_row=row[name], flown=value)
+        for name, value in again.items()
+        if not _same(row[name], value)
+    )
+
+
+def _or_null(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Equal to the bit: zeros of either sign are two numbers."""
+    if isinstance(a, float) and isinstance(b, float):
+        return a.hex() == b.hex()
+    return bool(a == b)
+
+
+def _as_numbers(plan: Plan, group: Group) -> dict[str, Any]:
+    gains = plan.gain_sets[group.gains]
+    if gains is None:
+        raise InputError(
+            f"`gains` must have been found to fly, got none for {group.gains}: its tuning problem "
+            "is infeasible."
+        )
+    return {"name": group.gains, "K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()}
