@@ -25,7 +25,7 @@ import psutil
 import pyarrow.parquet as pq
 
 RUNS, LOWEST = 2000, 0.9
-LOOK_S = 0.25
+LOOK_S = 0.5
 CAMPAIGN = """
 title = "Scaling"
 scenario = "paper"
@@ -80,8 +80,7 @@ def campaign(file: Path, out: Path, workers: int) -> dict[str, Any]:
                "--out", out, "--workers", str(workers)]  # fmt: skip
     began, first_row, busy = time.perf_counter(), None, {}
     process = psutil.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    while process.poll() is None:
-        time.sleep(LOOK_S)
+    while _flies_on(process):
         parts = list((out / "runs").glob("*.parquet"))
         if parts and first_row is None:
             first_row = time.perf_counter(), sum(pq.read_metadata(p).num_rows for p in parts)
@@ -103,6 +102,15 @@ def campaign(file: Path, out: Path, workers: int) -> dict[str, Any]:
     }
 
 
+def _flies_on(process: psutil.Popen) -> bool:
+    """Wait for the end, but not longer than until it is time for another look."""
+    try:
+        process.wait(LOOK_S)
+    except psutil.TimeoutExpired:
+        return True
+    return False
+
+
 def _note(main: psutil.Process, busy: dict[int, tuple[str, float]]) -> None:
     """Note the processor time of every process of the campaign."""
     try:
@@ -115,7 +123,7 @@ def _note(main: psutil.Process, busy: dict[int, tuple[str, float]]) -> None:
         except psutil.Error:
             continue
         who = "main and scheduler" if process.pid == main.pid else "workers"
-        who = "flights" if "campaign.flyer" in line else who
+        who = "flights" if "campaign.engine.flyer" in line else who
         busy[process.pid] = who, used.user + used.system
 
 

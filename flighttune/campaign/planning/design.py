@@ -6,7 +6,6 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.planning.distributions import LARGEST_POINT, SMALLEST_POINT
@@ -93,12 +92,16 @@ def _stream(seed: int, key: str, skipped: int) -> np.random.Generator:
 @lru_cache(maxsize=256)
 def _strata(seed: int, key: str, points: int) -> FloatArray:
     """One coordinate of a Latin hypercube: the coordinates of one are independent permutations."""
+    from scipy.stats import qmc
+
     column = qmc.LatinHypercube(1, rng=_stream(seed, key, 0)).random(points)[:, 0]
     column.flags.writeable = False
     return column
 
 
 def _sobol(seed: int, keys: tuple[str, ...], first: int, end: int) -> FloatArray:
+    from scipy.stats import qmc
+
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     engine = qmc.Sobol(len(keys), bits=SOBOL_BITS, rng=rng)
     if first:

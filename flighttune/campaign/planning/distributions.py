@@ -6,7 +6,6 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
-from scipy.stats import truncnorm
 
 from flighttune.arrays import FloatArray
 
@@ -64,6 +63,8 @@ class Normal:
         """Values at points `u` of the open unit interval, shape as `u`."""
         if np.isinf(self.lower) and np.isinf(self.upper):
             return self.mean + self.sd * ndtri(u)
+        from scipy.stats import truncnorm
+
         a, b = (self.lower - self.mean) / self.sd, (self.upper - self.mean) / self.sd
         values = self.mean + self.sd * truncnorm.ppf(u, a, b)
         return np.clip(values, self.lower, self.upper)

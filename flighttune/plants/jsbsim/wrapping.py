@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from xml.etree.ElementTree import Element
@@ -42,7 +42,7 @@ class ModelFolders:
     systems: Path
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class _Model:
     """What flights of an aircraft with the same things off the nominal have in common."""
 
@@ -114,9 +114,14 @@ def main_file_text(config: AircraftConfig) -> str | None:
     scaled, coefficients = off.scaled, off.scaled_coefficients
     systems = config.wrapping and config.wrapping.systems
     key = (config.file, config.model, systems, off.loaded, tuple(scaled), tuple(coefficients))
-    model = _MODELS.find(key) or _made(key, config, off)
-    values = {f"{COEFFICIENT}{name}": factor for name, factor in coefficients.items()} | scaled
-    values["actuator_rate"] = 1.0 / off.actuator_lag
+    return _filled(_MODELS.find(key) or _made(key, config, off), off)
+
+
+@lru_cache(maxsize=8)
+def _filled(model: _Model, off: OffNominal) -> str:
+    """The main file of one aircraft: asked for when it is checked, and again when it is flown."""
+    factors = {f"{COEFFICIENT}{name}": factor for name, factor in off.scaled_coefficients.items()}
+    values = factors | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
     if model.balance is not None:
         values |= model.balance.values(off)
     return model.text.filled(values)
