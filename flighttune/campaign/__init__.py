@@ -7,12 +7,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flighttune.campaign.engine.engine import run_campaign
     from flighttune.campaign.planning.load import load_campaign
     from flighttune.campaign.planning.make import plan_campaign
     from flighttune.campaign.planning.plan import Group, Plan, plan_from
     from flighttune.campaign.planning.schema import Campaign
 
-__all__ = ["Campaign", "Group", "Plan", "load_campaign", "plan_campaign", "plan_from"]
+__all__ = [
+    "Campaign", "Group", "Plan", "load_campaign", "plan_campaign", "plan_from", "run_campaign",
+]  # fmt: skip
 
 _HOMES = {
     "load_campaign": "planning.load",
@@ -21,6 +24,7 @@ _HOMES = {
     "Plan": "planning.plan",
     "plan_from": "planning.plan",
     "Campaign": "planning.schema",
+    "run_campaign": "engine.engine",
 }
 
 
