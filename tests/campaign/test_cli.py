@@ -167,6 +167,19 @@ def test_without_dask_one_line_says_what_to_install(file):
     )
 
 
+@pytest.mark.parametrize("address", ["nonsense", "tcp://host", "tcp://host:many", "tcp://:8786"])
+def test_what_is_no_address_is_one_line_and_leaves_no_folder(tmp_path, file, address):
+    out = tmp_path / "out"
+
+    said, error = flighttune(
+        "campaign", "run", file, "--out", out, "--scheduler", address, status=2
+    )
+
+    assert said == ""
+    assert error == f"flighttune: `scheduler` must be tcp://HOST:PORT, got '{address}'.\n"
+    assert not out.exists()
+
+
 def test_nobody_at_the_address_is_one_line(tmp_path, file):
     nobody = "tcp://127.0.0.1:1"
     with flying(file, "--out", tmp_path / "out", "--scheduler", nobody) as command:

@@ -211,6 +211,34 @@ def test_where_everything_holds_the_headline_says_so(tmp_path):
 
     assert holds.verdict == "yes"
     assert wrong.sentences == ("Every flight succeeds.",)
+    assert holds.short == "paper, K3 100 % on kinematic; paper, K3 100 % on jsbsim:aerosonde"
+
+
+def test_the_headline_names_all_that_matter_alike(tmp_path):
+    """Roll alone moves the course with one gain set, airspeed alone with the other."""
+    made = made_up_plan(tmp_path, runs=160)
+    rows = made_up_rows(made).assign(status="completed", success=True, missed=None, reason=None)
+    roll = (rows["gains"] == "paper").to_numpy()
+    rows.loc[roll, "chi.ITAE"] = rows["flight.phi_deg"] + 20.0
+
+    matters = headline(findings(flown_of(rows, made)))[-1]
+
+    assert matters.short == "flight.phi_deg, flight.V_a_mps"
+
+
+def test_draws_on_which_gain_sets_are_tied_are_told_of(tmp_path):
+    made = made_up_plan(tmp_path, runs=80)
+    rows = made_up_rows(made)
+    lost = rows["draw"] < 5
+    rows.loc[lost, "status"] = "no_trim"
+
+    holds = headline(findings(flown_of(rows, made)))[0]
+
+    assert any(
+        "On the same 20 draws on kinematic, ITAE of χ is less with K3 than with paper on 100 % of "
+        "the 15 on which they differ, by " in line
+        for line in holds.sentences
+    )
 
 
 def test_every_part_is_on_the_page_and_nothing_points_outside(page):

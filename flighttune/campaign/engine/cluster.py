@@ -70,6 +70,8 @@ def cluster(
     if workers is not None and workers < 1:
         raise InputError(f"`workers` must be at least 1, got {workers}.")
     check_installed()
+    if scheduler is not None:
+        _host_and_port(scheduler)
     with ExitStack() as stack:
 
         def hire() -> Workers:
@@ -141,9 +143,18 @@ def _remote(scheduler: str) -> "Iterator[Client]":
 
 def _knock(scheduler: str) -> None:
     """Raise OSError at once where nobody listens; dask tries for as long as it may take."""
-    at = urlsplit(scheduler)
-    if at.hostname and at.port:
-        socket.create_connection((at.hostname, at.port), CONNECT_S).close()
+    socket.create_connection(_host_and_port(scheduler), CONNECT_S).close()
+
+
+def _host_and_port(scheduler: str) -> tuple[str, int]:
+    try:
+        at = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
+        found = at.hostname, at.port
+    except ValueError:
+        found = None, None
+    if not found[0] or not found[1]:
+        raise InputError(f"`scheduler` must be tcp://HOST:PORT, got {scheduler!r}.")
+    return found[0], found[1]
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """The headline of a campaign's report: which gains hold, how often and how surely; then why not."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 from flighttune.campaign.planning.draws import SEED
@@ -42,11 +43,11 @@ def headline(found: Findings) -> tuple[Answer, ...]:
     return tuple(answers)
 
 
-def best_of(found: Findings, plant: str) -> GroupSummary:
-    """The group of a plant that succeeds most often; the first of several."""
-    return max(
-        (one for one in found.groups if one.group.plant == plant), key=lambda one: one.success.value
-    )
+def best_of(found: Findings, plant: str) -> list[GroupSummary]:
+    """The groups of a plant that succeed most often, in the order of the groups."""
+    there = [one for one in found.groups if one.group.plant == plant]
+    most = max(one.success.value for one in there)
+    return [one for one in there if one.success.value == most]
 
 
 def plants_of(found: Findings) -> list[str]:
@@ -64,7 +65,9 @@ def _holds(found: Findings) -> Answer:
     sentences += [_against(one) for one in _told_pairs(found)]
     best = [best_of(found, plant) for plant in plants_of(found)]
     short = "; ".join(
-        f"{one.group.gains} {percent(one.success.value)} % on {one.group.plant}" for one in best
+        f"{', '.join(one.group.gains for one in alike)} {percent(alike[0].success.value)} % "
+        f"on {alike[0].group.plant}"
+        for alike in best
     )
     intervals = "Clopper and Pearson's" if found.method == "clopper-pearson" else "Wilson's"
     return Answer(
@@ -79,7 +82,7 @@ def _holds(found: Findings) -> Answer:
 
 def _told_pairs(found: Findings) -> list[Paired]:
     """The best of each plant against the others."""
-    best = {plant: best_of(found, plant).group.gains for plant in plants_of(found)}
+    best = {plant: best_of(found, plant)[0].group.gains for plant in plants_of(found)}
     return [one for one in found.paired if best[one.plant] in (one.a, one.b)][:MOST_PAIRS]
 
 
@@ -93,10 +96,12 @@ def _against(one: Paired) -> str:
     wins = one.win_rate if first == one.a else 1.0 - one.win_rate
     less, least, most = (figures(-measure.factor * value) for value in (median, high, low))
     only = f"{one.only_a} draws only {one.a} succeeds, on {one.only_b} only {one.b}"
+    differ = one.wins_a + one.wins_b
+    those = f" of the {differ} on which they differ" if differ < one.n else ""
     told = "" if low <= 0.0 <= high else f", by {less} {measure.unit} ({least} to {most}) in median"
     return (
         f"On the same {one.n} draws on {one.plant}, {measure.name} is less with {first} than with "
-        f"{other} on {percent(wins)} %{told}; on {only} ({probability(one.p_success)})."
+        f"{other} on {percent(wins)} %{those}{told}; on {only} ({probability(one.p_success)})."
     )
 
 
@@ -184,11 +189,17 @@ def _matters(found: Findings) -> Answer:
     return Answer(
         question="What matters?",
         verdict="none",
-        short=max(named, key=named.count) if named else "nothing that stands apart from chance",
+        short=", ".join(_most_named(named)) or "nothing that stands apart from chance",
         sentences=tuple(sentences) or ("Too few flights, or none differs from the others.",),
         criterion="The strongest parameters that stand apart from chance; p-values with Holm's "
         "correction for the number of tests.",
     )
+
+
+def _most_named(named: list[str]) -> list[str]:
+    """The names that stand there most often, in the order of the first of each."""
+    counts = Counter(named)
+    return [name for name, count in counts.items() if count == max(counts.values())]
 
 
 def _variance(found: Findings, group: Group, name: str) -> tuple[str, str] | None:
