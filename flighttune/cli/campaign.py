@@ -131,9 +131,13 @@ def _print_outcome(done: "CampaignOutcome") -> None:
     )
     say(
         f"{done.runs} runs: {done.completed} completed, {done.failed} failed"
-        f"{others and f' ({others})'}, {done.crashed} crashed"
+        f"{others and f' ({others})'}, {done.crashed} crashed; {done.succeeded} met every demand"
     )
-    say(f"flown now: {done.flown} in {duration(done.wall_s)}, {rate(done.rate_per_s)} a second")
+    say(
+        f"flown now: {done.flown} in {duration(done.wall_s)}, {rate(done.rate_per_s)} a second"
+        if done.flown
+        else "nothing was missing"
+    )
     if done.halfwidth is not None:
         say(f"half width of the rates of success: at most {done.halfwidth:.3g}")
     say(f"dataset: {done.dataset}   (look at it with: flighttune campaign report {done.dataset})")

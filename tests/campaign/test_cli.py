@@ -43,7 +43,9 @@ def test_one_json_object_says_what_was_flown(tmp_path, file, address):
     assert done["completed"] + done["failed"] == 8
     assert done["dataset"] == str(out)
     assert done["rate_per_s"] == pytest.approx(8 / done["wall_s"], rel=1e-12)
-    assert len(open_dataset(out).rows()) == 8
+    rows = open_dataset(out).rows()
+    assert len(rows) == 8
+    assert done["succeeded"] == rows.column("success").to_pylist().count(True)
 
     _, said = flighttune("campaign", "run", file, "--out", out, status=2)
     assert said == (

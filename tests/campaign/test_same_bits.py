@@ -1,7 +1,7 @@
 """The same rows to the bit whoever flies them, and however the runs are divided."""
 
 import pytest
-from campaigns import dask_cluster, plan
+from campaigns import SPEED, dask_cluster, plan
 
 from flighttune.campaign.dataset.dataset import Dataset, dataset_hash
 from flighttune.campaign.dataset.storage import Store
@@ -10,11 +10,23 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.one_flight import library_versions
 
 RUNS = 48
+KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
+        "plant.airframe.coefficient_factors.Cm_alpha", "sensors.chi_noise_sd_deg",
+        "sensors.V_a_noise_sd_mps")  # fmt: skip
+UNIFORM = """
+[[disperse]]
+key = "{}"
+distribution = "uniform"
+lower = 0.95
+upper = 1.05
+""".format
 
 
 @pytest.fixture(scope="module")
 def ours(tmp_path_factory):
-    return plan(tmp_path_factory.mktemp("files"), runs=RUNS)
+    return plan(
+        tmp_path_factory.mktemp("files"), runs=RUNS, disperse=SPEED + "".join(map(UNIFORM, KEYS))
+    )
 
 
 @pytest.fixture(scope="module")

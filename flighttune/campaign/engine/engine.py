@@ -185,6 +185,7 @@ class _Flight:
             completed=tally.completed,
             failed=tally.failed,
             crashed=tally.crashed,
+            succeeded=tally.succeeded,
             statuses=dict(sorted(tally.statuses.items())),
             flown=flown,
             kept=len(self._dataset.kept),

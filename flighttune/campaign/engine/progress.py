@@ -9,13 +9,15 @@ import pyarrow as pa
 
 @dataclass(slots=True)
 class Tally:
-    """Statuses of the runs that are there, counted."""
+    """Statuses and successes of the runs that are there, counted."""
 
     statuses: Counter[str] = field(default_factory=Counter)
+    succeeded: int = 0
 
     def add(self, rows: pa.Table) -> None:
         """Count the rows of a table."""
         self.statuses.update(rows.column("status").to_pylist())
+        self.succeeded += sum(rows.column("success").to_pylist())
 
     @property
     def runs(self) -> int:
@@ -89,6 +91,8 @@ class CampaignOutcome:
         Ended early, never began, or took too long.
     crashed : int
         Ended the process that flew them.
+    succeeded : int
+        Met every expectation.
     statuses : mapping of str to int
         How many there are of each status.
     flown : int
@@ -112,6 +116,7 @@ class CampaignOutcome:
     completed: int
     failed: int
     crashed: int
+    succeeded: int
     statuses: dict[str, int]
     flown: int
     kept: int
