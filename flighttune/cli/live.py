@@ -86,9 +86,15 @@ def ctrl_c(first: Callable[[], object]) -> Iterator[None]:
 
 @contextmanager
 def terminated_like_ctrl_c() -> Iterator[None]:
-    """Treat SIGTERM in the block as Ctrl-C, so that what the block opened is closed."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Treat SIGTERM in the block as Ctrl-C, so that what the block opened is closed.
+
+    Ctrl-C itself is heard too, also where the command was started with it turned off, as shells do
+    in the background.
+    """
+    numbers = (signal.SIGTERM, signal.SIGINT)
+    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

@@ -7,8 +7,10 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from flighttune.errors import RecordingError
@@ -83,14 +85,22 @@ def listening(port):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGTERM to catch")
 @pytest.mark.usefixtures("without_screen")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_command_that_is_ended_leaves_no_viewer_behind(recording, number):
-    command = [sys.executable, "-u", "-m", "flighttune", "view", str(recording)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
-        said = running.stdout.readline()
-        ports = [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", said)]
-        before = [listening(port) for port in ports]
-        running.send_signal(number)
-        assert running.wait(timeout=20.0) == 0
+@pytest.mark.parametrize("shell", [[], ["sh", "-c", '"$@" & wait', "sh"]], ids=["", "background"])
+def test_a_command_that_is_ended_leaves_no_viewer_behind(recording, number, shell):
+    command = [*shell, sys.executable, "-u", "-m", "flighttune", "view", str(recording)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as running:
+        try:
+            said = running.stdout.readline()
+            ports = [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", said)]
+            before = [listening(port) for port in ports]
+            (viewing,) = psutil.Process(running.pid).children() if shell else [running]
+            viewing.send_signal(number)
+            assert running.wait(timeout=20.0) == 0
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(running.pid, signal.SIGKILL)
 
     assert before == [True, True]
     assert not any(listening(port) for port in ports)
