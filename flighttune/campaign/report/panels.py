@@ -145,7 +145,7 @@ def _shares(title: str, of: dict[str, Estimate], looks: dict[str, Look]) -> Pict
             min(one.lo for one in of.values()), max(one.hi for one in of.values())
         ))  # fmt: skip
         room = 0.06 * max(high - low, 1.0)
-        axes.set_xlim(max(-1.0, low - room), min(101.0, high + room))
+        axes.set_xlim(max(-1.0, low - room), min(104.0, high + 2.5 * room))
         return pictured(axes, title)
 
 
