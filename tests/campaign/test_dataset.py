@@ -3,6 +3,7 @@
 import json
 import os
 import uuid
+from dataclasses import replace
 
 import duckdb
 import numpy as np
@@ -136,6 +137,16 @@ def test_a_campaign_can_grow_and_not_shrink(out, ours, address):
     assert bits(open_dataset(out).rows()) == bits(fly_runs(longer, range(RUNS + 6)))
     with pytest.raises(InputError, match=r"`runs` .* can only grow, was 18, is 12"):
         run_campaign(ours, out, resume=True)
+
+
+def test_a_campaign_goes_on_with_the_gains_it_began_with(out, ours, address):
+    tuned_elsewhere = {
+        name: replace(gains, K_P=gains.K_P * (1.0 + 1e-9)) for name, gains in ours.gain_sets.items()
+    }
+
+    run_campaign(replace(ours, gain_sets=tuned_elsewhere), out, scheduler=address, resume=True)
+
+    assert bits(open_dataset(out).rows()) == bits(fly_runs(ours, range(RUNS)))
 
 
 def test_a_design_whose_draws_depend_on_their_number_cannot_grow(tmp_path):

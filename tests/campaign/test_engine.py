@@ -1,6 +1,7 @@
 """Campaigns flown by real workers: every run once, as one process flies it."""
 
 import json
+import os
 import tempfile
 from pathlib import Path
 
@@ -81,3 +82,11 @@ def test_a_million_runs_wait_nowhere(tmp_path, address):
     assert sizes[-1][1] - sizes[0][1] < 60e6
     assert json.loads((tmp_path / "out" / "campaign.json").read_text())["plan"]["runs"] == 10**6
     assert (tmp_path / "out" / "campaign.json").stat().st_size < 20_000
+
+
+def test_a_local_cluster_leaves_the_environment_as_it_was(tmp_path):
+    made, before = plan(tmp_path, runs=2, duration=0.2), dict(os.environ)
+
+    run_campaign(made, tmp_path / "out", workers=1)
+
+    assert dict(os.environ) == before

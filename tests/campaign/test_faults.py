@@ -180,7 +180,8 @@ def test_the_main_process_killed_leaves_no_worker_and_whole_files(
     out = tmp_path / "out"
     here = {**os.environ, "TMPDIR": str(tmp_path)}
     with flying(file, "--out", out, "--workers", "2", env=here) as command:
-        some_parts(out, 2)
+        some_parts(out)
+        command.suspend()  # so that it cannot have flown everything before it is killed
         below = children(command)
         assert len(below) >= 3
         command.kill()

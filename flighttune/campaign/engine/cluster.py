@@ -110,6 +110,7 @@ def _local(workers: int) -> "Iterator[Client]":
     from distributed import Client, LocalCluster
 
     with (
+        _environment_kept(),
         tempfile.TemporaryDirectory(prefix="flighttune-", ignore_cleanup_errors=True) as folder,
         dask.config.set({**LOCAL, "temporary-directory": folder}),
     ):
@@ -124,6 +125,18 @@ def _local(workers: int) -> "Iterator[Client]":
             )
         with made, Client(made, set_as_default=False) as client:
             yield client
+
+
+@contextmanager
+def _environment_kept() -> Iterator[None]:
+    """Undo what dask writes to the environment for its workers: threads of BLAS change bits."""
+    before = dict(os.environ)
+    try:
+        yield
+    finally:
+        for name in os.environ.keys() - before.keys():
+            del os.environ[name]
+        os.environ.update(before)
 
 
 @contextmanager

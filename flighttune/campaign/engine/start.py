@@ -41,6 +41,7 @@ def started(store: Store, plan: Plan, *, resume: bool) -> Dataset:
             f"{store.url}: must not hold a campaign, got one of {found.plan.runs} runs; go on with "
             "it by --resume, or give another --out."
         )
+    plan = plan.with_gains_of(found.plan)
     changed = found.plan.with_runs(plan.runs).differences(plan)
     if changed:
         raise InputError(f"{store.url}: holds another campaign: {'; '.join(changed)}.")

@@ -129,6 +129,14 @@ class Plan:
         """The same plan for another number of flights."""
         return replace(self, runs=runs)
 
+    def with_gains_of(self, other: "Plan") -> "Plan":
+        """The same plan with the gains as `other` has them, where they are of the same names.
+
+        Tuning gives other last digits with another number of BLAS threads.
+        """
+        same = self.gain_sets.keys() == other.gain_sets.keys()
+        return replace(self, gain_sets=other.gain_sets) if same else self
+
     def draw_of(self, run: int) -> int:
         """The draw that a run flies."""
         return run // len(self.groups)
