@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from flighttune.figures import on_white, svg_uri
@@ -102,6 +103,25 @@ class Section:
     pictures: Sequence[Picture] = ()
     tables: Sequence[PageTable] = ()
     legend: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """A page that was written.
+
+    Attributes
+    ----------
+    path : Path
+        The HTML file.
+    answers : tuple of Answer
+        Its headline.
+    sections : tuple of str
+        Titles of its parts.
+    """
+
+    path: Path
+    answers: tuple[Answer, ...]
+    sections: tuple[str, ...]
 
 
 def share_verdict(good: int, count: int) -> Verdict:

@@ -1,12 +1,11 @@
 """The report as one HTML file that needs nothing else."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.comparison import Source, load_source
 from flighttune.report.facts import Facts, facts_of
-from flighttune.report.frame import Answer, Section, page_template
+from flighttune.report.frame import Answer, Report, Section, page_template
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel, gap_panels
 from flighttune.report.headline import headline
 from flighttune.report.panels import commands, paths, tracking
@@ -31,25 +30,6 @@ NO_CURVE = (
     "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
     "scenario's tuning."
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
-    """A report that was written.
-
-    Attributes
-    ----------
-    path : Path
-        The HTML file.
-    answers : tuple of Answer
-        Its headline.
-    sections : tuple of str
-        Titles of its parts.
-    """
-
-    path: Path
-    answers: tuple[Answer, ...]
-    sections: tuple[str, ...]
 
 
 def write_report(source: str | Path | Source, path: str | Path) -> Report:

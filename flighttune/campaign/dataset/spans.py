@@ -82,11 +82,6 @@ class Chunks:
         self.left -= end - gap.first
         return Span(gap.first, end)
 
-    def put_back(self, span: Span) -> None:
-        """Hand out `span` once more: its worker was lost."""
-        self._gaps.append(span)
-        self.left += span.runs
-
     def __iter__(self) -> Iterator[Span]:
         return iter(self._gaps[::-1])
 

@@ -1,7 +1,6 @@
 """The report of a campaign as one HTML file that needs nothing else."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from flighttune.campaign.report.matter_panels import (
 )
 from flighttune.campaign.report.panels import against, convergence, distributions, rates
 from flighttune.campaign.report.words import looks_of
-from flighttune.report.frame import Answer, PageTable, Section, page_template
+from flighttune.report.frame import Answer, PageTable, Report, Section, page_template
 from flighttune.report.toml_text import toml_text
 from flighttune.shipped import scenario_names
 from flighttune.whole_file import whole_file
@@ -26,26 +25,7 @@ from flighttune.whole_file import whole_file
 PACKAGE, TEMPLATE = "flighttune.campaign.report", "page.html.jinja"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CampaignPage:
-    """A page that was written.
-
-    Attributes
-    ----------
-    path : Path
-        The HTML file.
-    answers : tuple of Answer
-        Its headline.
-    sections : tuple of str
-        Titles of its parts.
-    """
-
-    path: Path
-    answers: tuple[Answer, ...]
-    sections: tuple[str, ...]
-
-
-def write_page(found: Findings, path: str | Path) -> CampaignPage:
+def write_page(found: Findings, path: str | Path) -> Report:
     """Write one self-contained page about a campaign.
 
     Parameters
@@ -56,7 +36,7 @@ def write_page(found: Findings, path: str | Path) -> CampaignPage:
 
     Returns
     -------
-    CampaignPage
+    Report
 
     Raises
     ------
@@ -66,7 +46,7 @@ def write_page(found: Findings, path: str | Path) -> CampaignPage:
     answers, sections = headline(found), _sections(found)
     with whole_file(Path(path)) as part:
         part.write_text(_page(found, answers, sections), encoding="utf-8")
-    return CampaignPage(
+    return Report(
         path=Path(path), answers=answers, sections=tuple(section.title for section in sections)
     )
 

@@ -1,6 +1,6 @@
 """What the flights of each group came to: shares and percentiles with their intervals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -223,8 +223,3 @@ def _certified(
         of_all=of_all,
         of_entered=of_entered,
     )
-
-
-def known_measures(groups: Sequence[GroupSummary]) -> tuple[str, ...]:
-    """Measures that any group has, in the order of the columns."""
-    return tuple(dict.fromkeys(name for one in groups for name in one.measures))
