@@ -3,14 +3,28 @@ PYTHON := $(VENV)/bin/python
 STAMP  := $(VENV)/installed
 DEBIAN := mesa-vulkan-drivers chromium
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
+PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile
 
-.PHONY: demo test lint bench clean picture-packages
+.PHONY: demo check test soak lint bench lines clean picture-packages
 
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
 
+# The inner loop of whoever changes the code: style, types and the fast tests in under a minute.
+# Types are checked while the tests run.
+check: $(STAMP)
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/pyright > $(VENV)/pyright.txt 2>&1 & types=$$!; \
+	$(PYTEST) -m "not slow and not soak"; tests=$$?; \
+	wait $$types; status=$$?; cat $(VENV)/pyright.txt; [ $$tests = 0 ] && [ $$status = 0 ]
+
 test: $(STAMP) picture-packages lint
-	$(PYTHON) -m pytest -n 2 --dist loadfile
+	$(PYTEST) -m "not soak"
+
+# What takes minutes: long fuzzing, thousands of flights, every picture at every size.
+soak: $(STAMP) picture-packages
+	$(PYTEST) -m soak
 
 lint: $(STAMP)
 	$(VENV)/bin/ruff check .
@@ -18,7 +32,10 @@ lint: $(STAMP)
 	$(VENV)/bin/pyright
 
 bench: $(STAMP)
-	for each in benchmarks/bench_*.py; do echo "== $$each"; $(PYTHON) $$each || exit 1; done
+	$(PYTHON) benchmarks/all.py
+
+lines: $(STAMP)
+	$(PYTHON) tests/lines.py
 
 clean:
 	rm -rf $(VENV) runs dist build .pytest_cache .ruff_cache .hypothesis .benchmarks

@@ -15,21 +15,20 @@ if TYPE_CHECKING:
         verify,
     )
     from flighttune.comparison import Comparison, compare
-    from flighttune.control.closed_loop import closed_loop
     from flighttune.control.gains import PAPER_GAINS, PIGains
     from flighttune.control.limits import Limits
-    from flighttune.control.linear_model import LinearModel, kinematic_model
+    from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
     from flighttune.control.mimo_pi import MimoPI
     from flighttune.errors import FlightTuneError
-    from flighttune.flight import FlownScenario, fly
-    from flighttune.gap.explain import Gap, explain_gap
+    from flighttune.flight.fly import FlownScenario, fly
+    from flighttune.flight.gap import Gap, explain_gap
+    from flighttune.flight.outer_loop import certify_scenario, tune_scenario, tuning_problem
+    from flighttune.identify.file import load_identified, save_identified
+    from flighttune.identify.identify import identify_aircraft
     from flighttune.metrics import channel_metrics, flight_metrics
-    from flighttune.outer_loop import certify_scenario, tune_scenario, tuning_problem
     from flighttune.plants.base import FlightCondition
-    from flighttune.plants.identification.file import load_identified, save_identified
-    from flighttune.plants.jsbsim.identify import identify_aircraft
     from flighttune.plants.jsbsim.plant import JSBSimPlant
-    from flighttune.plants.kinematic import KinematicPlant
+    from flighttune.plants.point_mass import PointMassPlant
     from flighttune.recording.load import Recording, load_recording
     from flighttune.recording.record import record
     from flighttune.report.page import Report, write_report
@@ -46,21 +45,20 @@ __version__ = "0.1.0"
 _HOMES = {
     "certificates": ("Certificate", "certify", "load_certificate", "save_certificate", "verify"),
     "comparison": ("Comparison", "compare"),
-    "control.closed_loop": ("closed_loop",),
     "control.gains": ("PAPER_GAINS", "PIGains"),
     "control.limits": ("Limits",),
-    "control.linear_model": ("LinearModel", "kinematic_model"),
+    "control.linear_model": ("LinearModel", "closed_loop", "kinematic_model"),
     "control.mimo_pi": ("MimoPI",),
     "errors": ("FlightTuneError",),
-    "flight": ("FlownScenario", "fly"),
-    "outer_loop": ("certify_scenario", "tune_scenario", "tuning_problem"),
-    "gap.explain": ("Gap", "explain_gap"),
+    "flight.fly": ("FlownScenario", "fly"),
+    "flight.outer_loop": ("certify_scenario", "tune_scenario", "tuning_problem"),
+    "flight.gap": ("Gap", "explain_gap"),
     "metrics": ("channel_metrics", "flight_metrics"),
     "plants.base": ("FlightCondition",),
-    "plants.identification.file": ("load_identified", "save_identified"),
-    "plants.jsbsim.identify": ("identify_aircraft",),
+    "identify.file": ("load_identified", "save_identified"),
+    "identify.identify": ("identify_aircraft",),
     "plants.jsbsim.plant": ("JSBSimPlant",),
-    "plants.kinematic": ("KinematicPlant",),
+    "plants.point_mass": ("PointMassPlant",),
     "recording.load": ("Recording", "load_recording"),
     "recording.record": ("record",),
     "report.page": ("Report", "write_report"),
@@ -84,11 +82,11 @@ __all__ = [
     "Gap",
     "Indicators",
     "JSBSimPlant",
-    "KinematicPlant",
     "Limits",
     "LinearModel",
     "MimoPI",
     "PIGains",
+    "PointMassPlant",
     "Recording",
     "Reference",
     "Report",

@@ -1,5 +1,6 @@
-"""Float arrays: the aliases, and the checks applied where arrays come in."""
+"""Numbers and float arrays: the aliases, and the checks applied where they come in."""
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -9,6 +10,27 @@ from flighttune.errors import InputError, ShapeError
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 Floats: TypeAlias = float | FloatArray
+
+
+def check_positive(unit: str = "", **values: float | None) -> None:
+    """Refuse the first of `values` that is not positive and finite; None is not looked at."""
+    for name, value in values.items():
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"`{name}` must be positive, got {value} {unit}".rstrip() + ".")
+
+
+def check_not_negative(unit: str = "", **values: float) -> None:
+    """Refuse the first of `values` that is negative or not finite."""
+    for name, value in values.items():
+        if not (math.isfinite(value) and value >= 0.0):
+            raise InputError(f"`{name}` must not be negative, got {value} {unit}".rstrip() + ".")
+
+
+def check_finite(unit: str = "", **values: npt.ArrayLike) -> None:
+    """Refuse the first of `values`, numbers or tuples of them, that is not finite."""
+    for name, value in values.items():
+        if not np.isfinite(value).all():
+            raise InputError(f"`{name}` must be finite, got {value} {unit}".rstrip() + ".")
 
 
 def read_only_matrix(name: str, value: npt.ArrayLike) -> FloatArray:

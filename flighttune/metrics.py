@@ -1,26 +1,29 @@
 """How well a run followed its reference: the paper's measures and the usual step measures."""
 
-import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from flighttune.arrays import FloatArray
+from flighttune.simulate.measures import NO_STEP, SMALLEST_STEP, error_measures
 from flighttune.simulate.run import Run
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CHANNELS = {"chi": "phi", "gamma": "n_z"}
 """Controlled quantity and the command that mostly moves it."""
 
 MEASURED = (
-    "chi_err", "gamma_err", "gamma_ref", "phi_cmd", "n_z_cmd", "phi_limited", "n_z_limited",
-    "V_a", "n_z", "alpha",
-)  # fmt: skip
+    *(f"{channel}_err" for channel in CHANNELS),
+    *(f"{command}_{kind}" for command in CHANNELS.values() for kind in ("cmd", "limited")),
+    "gamma_ref",
+    "V_a",
+    "n_z",
+    "alpha",
+)
 """Signals that measures are taken of."""
-
-NO_STEP = 1e-6
-SMALLEST_STEP = math.radians(0.1)
-SETTLING_BAND = 0.05
 
 METRICS: dict[str, str] = {
     "ITAE": "rad s^2",
@@ -34,10 +37,10 @@ METRICS: dict[str, str] = {
     "effort_rms": "rad (chi), 1 (gamma)",
     "saturation_s": "s",
 }
-"""Columns of `channel_metrics` and their units."""
+"""Columns of `channel_metrics`, the fields of `ErrorMeasures`, and their units."""
 
 
-def channel_metrics(run: Run) -> pd.DataFrame:
+def channel_metrics(run: Run) -> "pd.DataFrame":
     r"""Tracking measures of a run, one row a channel.
 
     Parameters
@@ -81,9 +84,10 @@ def channel_metrics(run: Run) -> pd.DataFrame:
 
     ITAE, PT, MO, MS and ST are those of arXiv 2411.13140, section 5.2, which names them in words.
     """
-    columns = {str(name): run.signals[name].to_numpy() for name in run.signals}
-    t = run.signals.index.to_numpy(dtype=float)
+    t, columns = run.signals.index.to_numpy(dtype=float), signal_arrays(run, MEASURED)
     rows = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
+    import pandas as pd
+
     return pd.DataFrame.from_dict(rows, orient="index", columns=list(METRICS), dtype=float)
 
 
@@ -142,7 +146,7 @@ def flight_metrics(run: Run) -> dict[str, float]:
         ``V_a_dev_mps``, the largest deviation of airspeed from the start; ``n_z_min``, ``n_z_max``;
         ``alpha_max_rad``, the largest magnitude of angle of attack, where the plant has one.
     """
-    return _flight_measures({str(name): run.signals[name].to_numpy() for name in run.signals})
+    return _flight_measures(signal_arrays(run, MEASURED))
 
 
 def _flight_measures(columns: Mapping[str, FloatArray]) -> dict[str, float]:
@@ -160,63 +164,11 @@ def _flight_measures(columns: Mapping[str, FloatArray]) -> dict[str, float]:
 def _channel_measures(
     t: FloatArray, columns: Mapping[str, FloatArray], channel: str
 ) -> dict[str, float]:
-    command, error = CHANNELS[channel], columns[f"{channel}_err"]
+    command = CHANNELS[channel]
     steady = np.cos(columns["gamma_ref"]) if command == "n_z" else 0.0
-    effort = columns[f"{command}_cmd"] - steady
-    return {
-        **_integral_measures(t, error),
-        **_step_measures(t, error),
-        "effort_rms": math.sqrt(float(np.mean(effort**2))),
-        "saturation_s": _time_true(t, columns[f"{command}_limited"] != 0.0),
-    }
-
-
-def _integral_measures(t: FloatArray, error: FloatArray) -> dict[str, float]:
-    itae = float(np.trapezoid(t * np.abs(error), t))
-    span = float(t[-1])
-    settled = error[t >= 0.75 * span]
-    return {
-        "ITAE": itae,
-        "ITAE_mean": itae / span if span > 0.0 else math.nan,
-        "MS_rad": float(np.mean(settled)),
-        "ST_rad": float(np.std(settled)),
-    }
-
-
-def _step_measures(t: FloatArray, error: FloatArray) -> dict[str, float]:
-    away = np.flatnonzero(np.abs(error) > NO_STEP)
-    if not len(away):
-        return {"PT_s": math.nan, "MO_rad": 0.0, "rise_s": math.nan, "settling_s": math.nan}
-    first = int(away[0])
-    step = abs(float(error[first]))
-    beyond = -math.copysign(1.0, error[first]) * error[first:]
-    peak = int(np.argmax(beyond))
-    measures = {"PT_s": float(t[first + peak]), "MO_rad": max(0.0, float(beyond[peak]))}
-    if step < SMALLEST_STEP:
-        return {**measures, "rise_s": math.nan, "settling_s": math.nan}
-    t = t[first:]
-    left = -beyond / step
-    outside = np.flatnonzero(np.abs(left) > SETTLING_BAND)
-    settled = int(outside[-1]) + 1
-    rise = _first_below(t, left, 0.1) - _first_below(t, left, 0.9)
-    return {
-        **measures,
-        "rise_s": rise,
-        "settling_s": float(t[settled] - t[0]) if settled < len(t) else math.nan,
-    }
-
-
-def _first_below(t: FloatArray, left: FloatArray, level: float) -> float:
-    """Time at which `left`, the part of the step still to go, first passes `level`."""
-    below = np.flatnonzero(left <= level)
-    if not len(below):
-        return math.nan
-    k = int(below[0])
-    if k == 0:
-        return float(t[0])
-    after, before, t_after = float(left[k]), float(left[k - 1]), float(t[k])
-    return (float(t[k - 1]) - t_after) / (before - after) * (level - after) + t_after
-
-
-def _time_true(t: FloatArray, flag: np.ndarray) -> float:
-    return float(np.sum(np.diff(t)[flag[:-1]]))
+    return error_measures(
+        t,
+        columns[f"{channel}_err"],
+        columns[f"{command}_cmd"] - steady,
+        columns[f"{command}_limited"],
+    )._asdict()

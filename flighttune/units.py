@@ -5,6 +5,9 @@ import math
 G_0 = 9.80665
 """Standard gravity, m/s^2."""
 
+G_PAPER = 9.81
+"""Acceleration of gravity in Table 1 of arXiv 2411.13140, m/s^2."""
+
 FT = 0.3048
 """One foot, m."""
 
@@ -16,6 +19,9 @@ SLUG = 14.593902937206
 
 DEG = math.pi / 180.0
 """One degree, rad."""
+
+DEG_PER_RAD = 180.0 / math.pi
+"""One radian, deg: the factor of what is shown in degrees."""
 
 
 def wrap_angle(angle: float) -> float:

@@ -90,7 +90,7 @@ def plan(folder, *, in_total=None, **settings):
 
 
 class Notes:
-    """An onlooker that writes everything down, and stops a campaign when `until` says so."""
+    """An observer that writes everything down, and stops a campaign when `until` says so."""
 
     def __init__(self, until=lambda progress: False):
         self.seen, self.heard, self.stopped, self._until = [], [], False, until
@@ -124,11 +124,20 @@ def bits(rows):
 def children(process=None):
     """All processes below one, this one by default; without dask's own and Python's cleaner."""
     found = []
-    for one in (process or psutil.Process()).children():
-        line = " ".join(one.cmdline())
-        if "-m dask" not in line and "resource_tracker" not in line:
-            found += [one, *children(one)]
+    with suppress(psutil.NoSuchProcess):  # ended while it was asked
+        for one in (process or psutil.Process()).children():
+            line = " ".join(_command_line(one))
+            if line and "-m dask" not in line and "resource_tracker" not in line:
+                found += [one, *children(one)]
     return found
+
+
+def _command_line(process):
+    """A process's command line; empty of one that has ended."""
+    try:
+        return process.cmdline()
+    except psutil.NoSuchProcess:
+        return []
 
 
 def wait_until(condition, seconds=60.0):
@@ -142,12 +151,20 @@ def wait_until(condition, seconds=60.0):
 
 def flyers(process):
     """The processes that fly below one."""
-    return [p for p in children(process) if "flighttune.campaign.engine.flyer" in p.cmdline()]
+    return [p for p in children(process) if "flighttune.campaign.engine.flyer" in _command_line(p)]
 
 
 def gone(processes):
     """Whether none of these processes is there any more."""
-    return all(not p.is_running() or p.status() == psutil.STATUS_ZOMBIE for p in processes)
+    return not any(_alive(process) for process in processes)
+
+
+def _alive(process):
+    """Whether a process runs; it may end while it is asked, which psutil raises."""
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 @contextmanager

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.make import plan_campaign
-from flighttune.campaign.planning.plan import Plan
+from flighttune.campaign.planning.plan import Plan, plan_campaign
 
 CAMPAIGN = """
 title    = "Rows that were made up"

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figures.screenshot import NEEDS_DRIVER, HeadlessViewer
 from PIL import Image
 
 from flighttune.errors import RecordingError
-from flighttune.recording.screenshot import NEEDS_DRIVER, HeadlessViewer
 
 DEMANDED = os.environ.get("CI", "").lower() == "true"
 """Whether a machine that cannot draw fails the test instead of skipping it."""

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from flighttune.plants.jsbsim.off_nominal import OffNominal
+from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.units import FT
 
 MASS, MOTOR = 11.0, 120.0  # kg, N

@@ -1,80 +1,98 @@
-"""Imports point downwards, and heavy libraries stay behind one module each."""
+"""Imports point one way, between rooms and inside them; heavy libraries stay behind one door."""
 
 import ast
+import re
+from collections import defaultdict
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "flighttune"
-LAYERS = (
-    "errors units palette",
-    "arrays shipped whole_file",
-    "figures notebook",
-    "theory control",
-    "plants",
-    "simulate",
-    "metrics",
-    "tuning",
-    "certificates",
-    "scenario",
-    "outer_loop",
-    "one_flight expectations",
-    "flight",
-    "gap refly",
-    "recording",
-    "comparison",
-    "report",
-    "paper campaign",
-    "cli",
-)  # lowest first; names in one row do not import each other
-CAMPAIGN = ("intervals", "planning", "flying dataset", "engine report", "choice")
-
-
-def ranked(rows):
-    return {name: rank for rank, row in enumerate(rows) for name in row.split()}
-
-
-RANK, RANK_OF_CAMPAIGN = ranked(LAYERS), ranked(CAMPAIGN)
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "flighttune"
 ONLY_IN = {
     "cvxpy": "theory/lmi.py",
     "dask": "campaign/engine/cluster",
     "distributed": "campaign/engine/cluster",
-    "fsspec": "campaign/dataset/storage.py",
     "jsbsim": "plants/jsbsim",
-    "numba": "simulate/batch",
+    "numba": "simulate/kernel.py",
     "rerun": "recording",
 }  # a file, or the folder it may be used in
-MODULES = sorted(path for path in PACKAGE.rglob("[!_]*.py") if "shipped" not in path.parent.parts)
 
 
 def imported_modules(path):
+    """Every module that a file names, in functions and under TYPE_CHECKING too."""
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path} has a relative import"
             yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
-def test_imports_point_downwards(path):
-    where = path.relative_to(PACKAGE).as_posix()
-    layer = where.split("/")[0].removesuffix(".py")
-    for module in imported_modules(path):
-        root, *rest = module.split(".")
-        assert where.startswith(ONLY_IN.get(root, where)), f"{where} may not import {root}"
-        if root == "flighttune" and rest and rest[0] != layer:
-            assert RANK[rest[0]] < RANK[layer], f"{where} imports upwards: {module}"
+def where(path):
+    return path.relative_to(PACKAGE).as_posix()
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in MODULES if path.is_relative_to(PACKAGE / "campaign")],
-    ids=lambda path: path.relative_to(PACKAGE / "campaign").as_posix(),
-)
-def test_rooms_of_a_campaign_import_downwards_too(path):
-    room = path.relative_to(PACKAGE / "campaign").parts[0].removesuffix(".py")
-    for module in imported_modules(path):
-        if module.startswith("flighttune.campaign.") and module.split(".")[2] != room:
-            other = module.split(".")[2]
-            assert RANK_OF_CAMPAIGN[other] < RANK_OF_CAMPAIGN[room], f"{path}: {module}"
+MODULES = {
+    "flighttune." + where(path).removesuffix(".py").replace("/", "."): path
+    for path in sorted(PACKAGE.rglob("[!_]*.py"))
+    if "_shipped" not in path.parts
+}
+IMPORTS = {
+    name: {module for module in imported_modules(path) if module in MODULES} - {name}
+    for name, path in MODULES.items()
+}
+
+
+def folder_of(module, depth):
+    return ".".join(module.split(".")[: depth + 1])
+
+
+def circle_of(graph):
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as found:
+        return " <- ".join(found.args[1])
+    return None
+
+
+def test_no_module_is_reached_from_its_own_imports():
+    assert circle_of(IMPORTS) is None
+
+
+@pytest.mark.parametrize("depth", [1, 2], ids=["rooms", "folders of rooms"])
+def test_folders_import_each_other_one_way(depth):
+    graph = defaultdict(set)
+    for module, imports in IMPORTS.items():
+        own = folder_of(module, depth)
+        graph[own] |= {folder_of(other, depth) for other in imports} - {own}
+    assert circle_of(graph) is None
+
+
+def rows_of_the_map():
+    """The rooms that the README lists, lowest first; those of one row do not import each other."""
+    block = (ROOT / "README.md").read_text(encoding="utf-8").split("```\nflighttune/\n")[1]
+    for line in block.split("\n```")[0].splitlines():
+        if re.match(r"  \w", line):
+            yield re.split(r"\s{2,}", line.strip())[0].replace("/", "").split()
+
+
+def test_the_map_in_the_readme_names_every_room_and_imports_point_up_the_list():
+    rank = {room: row for row, rooms in enumerate(rows_of_the_map()) for room in rooms}
+    names = {folder_of(module, 1).removeprefix("flighttune.") for module in MODULES}
+    assert set(rank) == names
+    for module, imports in IMPORTS.items():
+        own = rank[folder_of(module, 1).removeprefix("flighttune.")]
+        for other in imports:
+            room = folder_of(other, 1).removeprefix("flighttune.")
+            if not module.startswith(f"flighttune.{room}"):
+                assert rank[room] < own or own == rank[room] == 0, f"{module} imports {other}"
+
+
+@pytest.mark.parametrize("library", ONLY_IN)
+def test_a_heavy_library_is_imported_in_one_place(library):
+    for path in MODULES.values():
+        roots = {module.split(".")[0] for module in imported_modules(path)}
+        assert library not in roots or where(path).startswith(ONLY_IN[library]), where(path)

@@ -11,15 +11,15 @@ from flighttune.campaign.flying.refly import scenario_of_run
 from flighttune.comparison import compare, load_source
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, ScenarioError
-from flighttune.flight import fly
-from flighttune.gap.explain import explain_gap
-from flighttune.palette import HUES, looks
+from flighttune.flight.fly import fly
+from flighttune.flight.gap import explain_gap
+from flighttune.flight.refly import refly
 from flighttune.plants.label import aircraft_of, label_of, plant_label
-from flighttune.recording.airframe import span_of
-from flighttune.recording.cast import cast
+from flighttune.present.palette import HUES, looks
+from flighttune.recording.entities import runs_to_draw
+from flighttune.recording.geometry import span_of
 from flighttune.recording.load import load_recording
 from flighttune.recording.record import record
-from flighttune.refly import refly
 from flighttune.scenario import load_scenario, scenario_from
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
@@ -112,7 +112,7 @@ def test_recording_and_files_keep_them_apart_in_the_order_of_the_scenario(flown,
         for name in ("", "_heavy_aft")
         for gains in ("paper", "K1")
     }
-    assert [member.key for member in cast(flown.runs)] == [
+    assert [member.key for member in runs_to_draw(flown.runs)] == [
         re.sub("[^A-Za-z0-9]+", "_", label) for label in labels
     ]
     assert [run.label for run in load_recording(folder).runs] == labels

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.flight import fly
-from flighttune.gap.explain import explain_gap
+from flighttune.flight.fly import fly
+from flighttune.flight.gap import explain_gap
+from flighttune.flight.refly import refly
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.recording.load import load_recording
 from flighttune.recording.record import record
-from flighttune.refly import refly
 from flighttune.scenario import load_scenario, scenario_from
 
 PAGE = (Path(__file__).parents[1] / "docs" / "off_nominal.md").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.flight import fly
+from flighttune.flight.fly import fly
 from flighttune.scenario import load_scenario, scenario_from
 
 WIND = ("wind_north", "wind_east", "wind_down")

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flighttune.flight import fly
+from flighttune.flight.fly import fly
 from flighttune.scenario import load_scenario
 from flighttune.shipped import scenario_names
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted((ROOT / "scenarios").glob("*.py"))

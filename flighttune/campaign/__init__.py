@@ -9,17 +9,22 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from flighttune.campaign.engine.engine import run_campaign
     from flighttune.campaign.planning.load import load_campaign
-    from flighttune.campaign.planning.make import plan_campaign
-    from flighttune.campaign.planning.plan import Group, Plan, plan_from
+    from flighttune.campaign.planning.plan import Group, Plan, plan_campaign, plan_from
     from flighttune.campaign.planning.schema import Campaign
 
 __all__ = [
-    "Campaign", "Group", "Plan", "load_campaign", "plan_campaign", "plan_from", "run_campaign",
-]  # fmt: skip
+    "Campaign",
+    "Group",
+    "Plan",
+    "load_campaign",
+    "plan_campaign",
+    "plan_from",
+    "run_campaign",
+]
 
 _HOMES = {
     "load_campaign": "planning.load",
-    "plan_campaign": "planning.make",
+    "plan_campaign": "planning.plan",
     "Group": "planning.plan",
     "Plan": "planning.plan",
     "plan_from": "planning.plan",

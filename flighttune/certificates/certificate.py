@@ -5,12 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import FloatArray, check_positive, read_only_matrix
 from flighttune.control.envelope import Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
-from flighttune.notebook import matrix, number, table
+from flighttune.present.numbers import matrix, number
+from flighttune.present.tables import Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,10 +43,7 @@ class Claim:
     conditions: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("rate", "radius", "L_d", "g"):
-            value: float | None = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"`{name}` must be positive, got {value}.")
+        check_positive(rate=self.rate, radius=self.radius, L_d=self.L_d, g=self.g)
         for one, other in (("radius", "L_d"), ("envelope", "g")):
             if (getattr(self, one) is None) != (getattr(self, other) is None):
                 raise InputError(f"`{one}` and `{other}` must be given together.")
@@ -106,11 +104,7 @@ class Certificate:
     scenario_sha256: str | None = None
 
     def __post_init__(self) -> None:
-        if (self.gains.inputs, self.gains.errors) != (self.model.inputs, self.model.errors):
-            raise InputError(
-                f"`gains` must act from {self.model.errors} on {self.model.inputs}, "
-                f"got {self.gains.errors} on {self.gains.inputs}."
-            )
+        self.model.check_channels(self.gains)
         n, _, p = self.model.shape
         for name in ("Q", "W"):
             if getattr(self, name) is not None:
@@ -133,15 +127,15 @@ class Certificate:
                 f"{len(self.claim.conditions)} conditions."
             )
         for one in self.models:
-            if (one.states, one.inputs, one.errors) != (
-                self.model.states, self.model.inputs, self.model.errors
-            ):  # fmt: skip
+            if one.names != self.model.names:
                 raise InputError("`models` must have the states, inputs and errors of `model`.")
         object.__setattr__(self, "made_with", MappingProxyType(dict(self.made_with)))
 
     def _repr_html_(self) -> str:
         claim = self.claim
-        rows = [("rate", f"{number(claim.rate, 6)} 1/s; the norm falls at half of it or faster")]
+        rows = [
+            ("rate", f"{number(claim.rate, '.6g')} 1/s; the norm decays at half of it or faster")
+        ]
         if claim.radius is not None and claim.L_d is not None:
             within = f"{number(claim.radius)} under a disturbance of rate {number(claim.L_d)}"
             rows.append(("ultimate radius", within))
@@ -153,4 +147,4 @@ class Certificate:
             ("K_I", matrix(self.gains.K_I)),
             ("made with", ", ".join(f"{key}: {value}" for key, value in self.made_with.items())),
         ]
-        return table("Certificate", rows)
+        return Table(title="Certificate", head=(), rows=rows).html()

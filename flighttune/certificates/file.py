@@ -1,14 +1,18 @@
-"""Certificates as JSON: written whole or not at all, read with one-line complaints."""
+"""Certificates as JSON: written whole or not at all, and read strictly."""
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeAlias
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flighttune.certificates.certificate import Certificate, Claim
 from flighttune.control.envelope import Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
+from flighttune.mistakes import first_mistake
 from flighttune.whole_file import whole_file
 
 FORMAT = "flighttune certificate 1"
@@ -22,6 +26,76 @@ UNITS = {
 }
 
 Tables = dict[str, Any]
+Ends: TypeAlias = Annotated[tuple[float, float], Field(strict=False)]  # a list in JSON
+Matrix: TypeAlias = list[list[float]]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class _Envelope(_Table):
+    V_a_mps: Ends
+    gamma_rad: Ends
+    phi_rad: Ends
+    n_z: Ends
+    g_mps2: float
+
+
+class _Condition(_Table):
+    V_a_mps: float
+    gamma_rad: float
+
+
+class _Claim(_Table):
+    rate_per_s: float
+    radius: float | None = None
+    disturbance_rate_bound: float | None = None
+    envelope: _Envelope | None = None
+    conditions: list[_Condition] | None = None
+    holds: str | None = None
+
+
+class _Matrices(_Table):
+    A: Matrix
+    B: Matrix
+    C: Matrix
+
+
+class _Model(_Matrices):
+    states: list[str]
+    inputs: list[str]
+    errors: list[str]
+
+
+class _Gains(_Table):
+    K_P: Matrix
+    K_I: Matrix
+
+
+class _Polytope(_Table):
+    factor: Ends
+    lower: list[float]
+    upper: list[float]
+
+
+class _Evidence(_Table):
+    Q: Matrix
+    W: Matrix | None = None
+    multiplier_per_s: float | None = None
+    polytope: _Polytope | None = None
+
+
+class _File(_Table):
+    format: str
+    claim: _Claim
+    units: dict[str, str]
+    model: _Model
+    models: list[_Matrices] | None = None
+    gains: _Gains
+    evidence: _Evidence
+    made_with: dict[str, str] = Field(default_factory=dict)
+    scenario_sha256: str | None = None
 
 
 def save_certificate(certificate: Certificate, path: str | Path) -> None:
@@ -45,7 +119,7 @@ def save_certificate(certificate: Certificate, path: str | Path) -> None:
 
 
 def load_certificate(path: str | Path) -> Certificate:
-    """Read a certificate; nothing about it is believed before `verify` has checked it.
+    """Read a certificate; nothing in it is trusted before `verify` has checked it.
 
     Raises
     ------
@@ -54,7 +128,7 @@ def load_certificate(path: str | Path) -> Certificate:
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
-        tables = json.loads(text, parse_constant=_no_constant)
+        tables = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_unique)
     except OSError as error:
         raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
     except ValueError as error:
@@ -79,7 +153,7 @@ def certificate_tables(certificate: Certificate) -> Tables:
         "units": UNITS,
         "model": _matrices(model)
         | {name: list(getattr(model, name)) for name in ("states", "inputs", "errors")},
-        "gains": {"K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()},
+        "gains": gains.as_lists(),
         "evidence": {
             "Q": certificate.Q.tolist(),
             "W": None if certificate.W is None else certificate.W.tolist(),
@@ -125,138 +199,85 @@ def certificate_from(tables: Any) -> Certificate:
     """
     if not isinstance(tables, dict) or tables.get("format") != FORMAT:
         raise InputError(f"`format` must be {FORMAT!r}.")
-    _known(
-        tables,
-        {"format", "claim", "units", "model", "models", "gains", "evidence", "made_with"}
-        | {"scenario_sha256"},
-        "",
-    )
-    claim, model = _table(tables, "claim"), _table(tables, "model")
-    gains, evidence = _table(tables, "gains"), _table(tables, "evidence")
-    if tables.get("units") != UNITS:
-        raise InputError("`units` must be those of this format: nothing is converted.")
-    _known(
-        claim,
-        {"rate_per_s", "radius", "disturbance_rate_bound", "envelope", "conditions", "holds"},
-        "claim.",
-    )
-    _known(model, {"A", "B", "C", "states", "inputs", "errors"}, "model.")
-    _known(gains, {"K_P", "K_I"}, "gains.")
-    _known(evidence, {"Q", "W", "multiplier_per_s", "polytope"}, "evidence.")
     try:
-        names = {key: tuple(map(str, model[key])) for key in ("states", "inputs", "errors")}
+        file = _File.model_validate(tables)
+    except ValidationError as error:
+        raise InputError(first_mistake(error)) from error
+    if file.units != UNITS:
+        raise InputError("`units` must be those of this format: nothing is converted.")
+    evidence = file.evidence
+    try:
         return Certificate(
-            claim=_claim(claim),
-            model=LinearModel(A=model["A"], B=model["B"], C=model["C"], **names),
+            claim=_claim(file.claim),
+            model=_linear_model(file.model, file.model),
             gains=PIGains(
-                K_P=gains["K_P"],
-                K_I=gains["K_I"],
-                inputs=names["inputs"],
-                errors=names["errors"],
+                K_P=np.array(file.gains.K_P),
+                K_I=np.array(file.gains.K_I),
+                inputs=tuple(file.model.inputs),
+                errors=tuple(file.model.errors),
             ),
-            Q=evidence["Q"],
-            W=evidence.get("W"),
-            multiplier=_optional("evidence.multiplier_per_s", evidence.get("multiplier_per_s")),
-            hull=_hull(evidence.get("polytope")),
-            models=tuple(_model(one, names) for one in _list("models", tables.get("models"))),
-            made_with={str(key): str(name) for key, name in tables.get("made_with", {}).items()},
-            scenario_sha256=tables.get("scenario_sha256"),
+            Q=np.array(evidence.Q),
+            W=None if evidence.W is None else np.array(evidence.W),
+            multiplier=evidence.multiplier_per_s,
+            hull=None if evidence.polytope is None else _hull(evidence.polytope),
+            models=tuple(_linear_model(one, file.model) for one in file.models or ()),
+            made_with=file.made_with,
+            scenario_sha256=file.scenario_sha256,
         )
-    except KeyError as error:
-        raise InputError(f"`{error.args[0]}` must be given.") from error
-    except InputError:
+    except InputError:  # is a ValueError too
         raise
-    except (TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"the values must be numbers, lists and names: {error}.") from error
+    except ValueError as error:  # NumPy's, of rows that differ in length
+        raise InputError(f"the matrices must have rows of one length: {error}.") from error
 
 
-def _claim(tables: Tables) -> Claim:
-    envelope = tables.get("envelope")
-    if envelope is not None:
-        _known(envelope, {"V_a_mps", "gamma_rad", "phi_rad", "n_z", "g_mps2"}, "claim.envelope.")
+def _claim(table: _Claim) -> Claim:
+    envelope = table.envelope
     claim = Claim(
-        rate=_number("claim.rate_per_s", tables["rate_per_s"]),
-        radius=_optional("claim.radius", tables.get("radius")),
-        L_d=_optional("claim.disturbance_rate_bound", tables.get("disturbance_rate_bound")),
+        rate=table.rate_per_s,
+        radius=table.radius,
+        L_d=table.disturbance_rate_bound,
         envelope=None
         if envelope is None
         else Envelope(
-            V_a=_range("claim.envelope.V_a_mps", envelope["V_a_mps"]),
-            gamma=_range("claim.envelope.gamma_rad", envelope["gamma_rad"]),
-            phi=_range("claim.envelope.phi_rad", envelope["phi_rad"]),
-            n_z=_range("claim.envelope.n_z", envelope["n_z"]),
+            V_a=envelope.V_a_mps,
+            gamma=envelope.gamma_rad,
+            phi=envelope.phi_rad,
+            n_z=envelope.n_z,
         ),
-        g=None if envelope is None else _number("claim.envelope.g_mps2", envelope["g_mps2"]),
-        conditions=tuple(
-            _condition(one) for one in _list("claim.conditions", tables.get("conditions"))
-        ),
+        g=None if envelope is None else envelope.g_mps2,
+        conditions=tuple((one.V_a_mps, one.gamma_rad) for one in table.conditions or ()),
     )
     place = claim.place if claim.conditions else None
-    if tables.get("holds") != place:
+    if table.holds != place:
         raise InputError(f"`claim.holds` must be {place!r}, as the conditions say.")
     return claim
 
 
-def _condition(tables: Any) -> tuple[float, float]:
-    _known(tables, {"V_a_mps", "gamma_rad"}, "claim.conditions[].")
-    return (
-        _number("claim.conditions[].V_a_mps", tables["V_a_mps"]),
-        _number("claim.conditions[].gamma_rad", tables["gamma_rad"]),
+def _linear_model(matrices: _Matrices, names: _Model) -> LinearModel:
+    return LinearModel(
+        A=np.array(matrices.A),
+        B=np.array(matrices.B),
+        C=np.array(matrices.C),
+        states=tuple(names.states),
+        inputs=tuple(names.inputs),
+        errors=tuple(names.errors),
     )
 
 
-def _model(tables: Any, names: dict[str, tuple[str, ...]]) -> LinearModel:
-    _known(tables, {"A", "B", "C"}, "models[].")
-    return LinearModel(A=tables["A"], B=tables["B"], C=tables["C"], **names)
-
-
-def _hull(tables: Tables | None) -> JacobianHull | None:
-    if tables is None:
-        return None
-    _known(tables, {"factor", "lower", "upper"}, "evidence.polytope.")
+def _hull(table: _Polytope) -> JacobianHull:
     return JacobianHull(
-        factor=_range("evidence.polytope.factor", tables["factor"]),
-        lower=tables["lower"],
-        upper=tables["upper"],
+        factor=table.factor, lower=np.array(table.lower), upper=np.array(table.upper)
     )
 
 
-def _table(tables: Tables, key: str) -> Tables:
-    table = tables.get(key)
-    if not isinstance(table, dict):
-        raise InputError(f"`{key}` must be an object.")
+def _unique(pairs: list[tuple[str, Any]]) -> Tables:
+    """An object of a JSON file; a key that is given twice would hide its first value."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"`{twice}` is given twice")
     return table
-
-
-def _list(key: str, values: Any) -> list[Any]:
-    """The list of a key; empty where it is not given."""
-    if not isinstance(values, list | None):
-        raise InputError(f"`{key}` must be a list, got {values!r}.")
-    return values or []
-
-
-def _known(tables: Any, keys: set[str], where: str) -> None:
-    if not isinstance(tables, dict):
-        raise InputError(f"`{where.rstrip('.')}` must be an object.")
-    unknown = sorted(set(tables) - keys)
-    if unknown:
-        raise InputError(f"`{where}{unknown[0]}` must not be there: the key is unknown.")
-
-
-def _number(key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"`{key}` must be a number, got {value!r}.")
-    return float(value)
-
-
-def _range(key: str, values: Any) -> tuple[float, float]:
-    if not isinstance(values, list) or len(values) != 2:
-        raise InputError(f"`{key}` must be [low, high], got {values!r}.")
-    return _number(key, values[0]), _number(key, values[1])
-
-
-def _optional(key: str, value: Any) -> float | None:
-    return None if value is None else _number(key, value)
 
 
 def _no_constant(name: str) -> float:

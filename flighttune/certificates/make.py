@@ -10,12 +10,10 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.certificates.certificate import Certificate, Claim
-from flighttune.certificates.coverage import vertex_matrices
-from flighttune.certificates.verify import verify
-from flighttune.control.closed_loop import closed_loop, disturbance_entry
+from flighttune.certificates.verify import verify, vertex_matrices
 from flighttune.control.envelope import Envelope, Hull, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
 from flighttune.errors import InputError
 from flighttune.theory.attractor import invariant_ellipsoid
 from flighttune.theory.certificate import FACTORS, Verification, provable_rate
@@ -160,7 +158,7 @@ def _ellipsoid(loops: FloatArray, E: FloatArray, L_d: float) -> tuple[Ellipsoid 
         if common.W is None:
             return None, common.reason
         return ((common.W + common.W.T) / 2.0, common.multiplier), ""  # symmetric to the last bit
-    single = invariant_ellipsoid(loops[0], E, L_d=L_d, room=1e-6)
+    single = invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6)  # else rounding refutes it
     return (single.W, single.multiplier), ""
 
 

@@ -1,12 +1,144 @@
 """Checking a certificate from its numbers alone: no solver, no trust in who made it."""
 
+import itertools
+from collections.abc import Sequence
+from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
+
 from flighttune.certificates.certificate import Certificate
-from flighttune.certificates.coverage import coverage_checks, vertex_matrices
 from flighttune.certificates.file import load_certificate
-from flighttune.control.closed_loop import disturbance_entry
-from flighttune.theory.certificate import Check, Verification, radius_checks, rate_checks
+from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
+from flighttune.control.gains import PIGains
+from flighttune.control.linear_model import LinearModel, disturbance_entry
+from flighttune.theory.certificate import (
+    Check,
+    Verification,
+    margin_check,
+    radius_checks,
+    rate_checks,
+)
+from flighttune.theory.exact import Interval, Rationals, cosine, exact, product, sine
+
+
+def vertex_matrices(
+    model: LinearModel,
+    gains: PIGains,
+    hull: JacobianHull | None,
+    models: Sequence[LinearModel] = (),
+) -> tuple[Rationals, ...]:
+    """A_K at every vertex of the polytope, or of the model and `models`, without rounding.
+
+    Loops that are the same are one vertex.
+
+    Returns
+    -------
+    tuple of ndarray of Fraction, shape (n + p, n + p)
+        ``[[A + B K_P C, B K_I], [C, 0]]``, assembled in rational arithmetic.
+    """
+    if hull is None:
+        distinct: list[Rationals] = []
+        for one in (model, *models):
+            loop = _closed_loop(exact(one.A), exact(one.B), exact(one.C), gains)
+            if not any(np.array_equal(loop, other) for other in distinct):
+                distinct.append(loop)
+        return tuple(distinct)
+    box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
+    factors = sorted({Fraction(end) for end in hull.factor})
+    return tuple(
+        _closed_loop(*_jacobians([factor * entry for entry in corner]), exact(model.C), gains)
+        for factor in factors
+        for corner in itertools.product(*box)
+    )
+
+
+def coverage_checks(
+    model: LinearModel, envelope: Envelope, hull: JacobianHull, *, g: float
+) -> list[Check]:
+    """That the polytope contains the Jacobian at every condition of the envelope, and the model's.
+
+    Parameters
+    ----------
+    model : LinearModel
+    envelope : Envelope
+    hull : JacobianHull
+    g : float, m/s^2
+    """
+    slowest, fastest = (Fraction(V) for V in envelope.V_a)
+    rates = (Fraction(g) / fastest, Fraction(g) / slowest)
+    sine_phi = (sine(envelope.phi[0])[0], sine(envelope.phi[1])[1])
+    n_z = (Fraction(envelope.n_z[0]), Fraction(envelope.n_z[1]))
+    cosines = [cosine(angle) for angle in envelope.phi]
+    level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
+    cosine_phi = (
+        min(low for low, _ in cosines),
+        Fraction(1) if level else max(high for _, high in cosines),
+    )
+    boxes: list[Interval] = [
+        (sine(envelope.gamma[0])[0], sine(envelope.gamma[1])[1]),
+        (1 / cosine_phi[1] ** 2, 1 / cosine_phi[0] ** 2),
+        product(n_z, sine_phi),
+        cosine_phi,
+    ]
+    checks = []
+    if hull.factor == (1.0, 1.0):
+        boxes = [product(rates, box) for box in boxes]
+    else:
+        checks.append(_inside("g/V of the envelope", rates, hull.factor))
+    for name, box, ends in zip(ENTRIES, boxes, _ends(hull), strict=True):
+        checks.append(_inside(f"{name} of the envelope", box, ends))
+    return [*checks, _model_check(model, hull)]
+
+
+def _ends(hull: JacobianHull) -> list[tuple[float, float]]:
+    return list(zip(hull.lower.tolist(), hull.upper.tolist(), strict=True))
+
+
+def _closed_loop(A: Rationals, B: Rationals, C: Rationals, gains: PIGains) -> Rationals:
+    n, p = len(A), len(C)
+    A_K = exact(np.zeros((n + p, n + p)))
+    A_K[:n, :n] = A + B @ exact(gains.K_P) @ C
+    A_K[:n, n:] = B @ exact(gains.K_I)
+    A_K[n:, :n] = C
+    return A_K
+
+
+def _jacobians(entries: Sequence[Fraction]) -> tuple[Rationals, Rationals]:
+    a, b1, b2, b3 = entries
+    A, B = exact(np.zeros((2, 2))), exact(np.zeros((2, 2)))
+    A[1, 1] = a
+    B[0, 0], B[1, 0], B[1, 1] = -b1, b2, -b3
+    return A, B
+
+
+def _inside(name: str, inner: Interval, outer: tuple[float, float]) -> Check:
+    margin = min(inner[0] - Fraction(outer[0]), Fraction(outer[1]) - inner[1])
+    return margin_check(f"{name} inside [{outer[0]:.6g}, {outer[1]:.6g}]", margin)
+
+
+def _model_check(model: LinearModel, hull: JacobianHull) -> Check:
+    """That the model is the chi/gamma law's, with entries in the polytope for some factor."""
+    name = "trim model inside the polytope"
+    A, B = exact(model.A), exact(model.B)
+    if model.shape != (2, 2, 2) or not np.array_equal(model.C, np.eye(2)):
+        return Check(name=name, margin=-np.inf, exact=False)
+    entries = [A[1, 1], -B[0, 0], B[1, 0], -B[1, 1]]
+    expected = _jacobians(entries)
+    if not (np.array_equal(A, expected[0]) and np.array_equal(B, expected[1])):
+        return Check(name=name, margin=-np.inf, exact=False)
+    low, high = (Fraction(end) for end in hull.factor)
+    margin = high - low
+    for entry, (lower, upper) in zip(entries, _ends(hull), strict=True):
+        for side, bound in ((1, Fraction(upper)), (-1, -Fraction(lower))):
+            limit = side * entry
+            if bound > 0:
+                low = max(low, limit / bound)
+            elif bound < 0:
+                high = min(high, limit / bound)
+            elif limit > 0:
+                margin = min(margin, -limit)
+    return margin_check(name, min(margin, high - low))
 
 
 def verify(certificate: Certificate | str | Path) -> Verification:

@@ -1,45 +1,99 @@
-"""Commands about an aircraft itself: its inner loop and its steady flights."""
+"""Commands about an aircraft itself: trims, and design and identification of its inner loop."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
-from flighttune.cli.show import NO, JsonOption, fail, print_json, print_table, say
+from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.present.numbers import number
+from flighttune.present.tables import Table
+from flighttune.units import DEG
 
 if TYPE_CHECKING:
-    from flighttune.plants.jsbsim.design_aircraft import DesignedAircraft
-    from flighttune.plants.jsbsim.trim_table import TrimRow
+    from flighttune.control.inner_loop import InnerLag
+    from flighttune.identify.design import DesignedAircraft
+    from flighttune.identify.identify import AircraftIdentification
+    from flighttune.plants.jsbsim.trim import TrimRow
+
+GOOD_FIT = 90.0
+"""Share of the variance, in percent, below which the answer of `identify` is no."""
 
 AircraftArgument = Annotated[
-    str, typer.Argument(metavar="AIRCRAFT", help="A shipped aircraft, or the folder of one.")
+    str, Argument(metavar="AIRCRAFT", help="A shipped aircraft, or the folder of one.")
 ]
+HeightOption = Annotated[float, Option("--h", help="Height above sea level in m.")]
+
+
+def trim(
+    aircraft: AircraftArgument,
+    V_a: Annotated[
+        list[float] | None,
+        Option("--V-a", help="Airspeed in m/s; repeatable [default: six over the envelope]."),
+    ] = None,
+    gamma: Annotated[
+        list[float] | None,
+        Option("--gamma", help="Flight-path angle in deg; repeatable [default: -10 to 45]."),
+    ] = None,
+    phi: Annotated[float, Option("--phi", help="Bank angle in deg.")] = 0.0,
+    h: HeightOption = 1000.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Trim AIRCRAFT over its envelope; where no trim exists, say why."""
+    from flighttune.aircraft.aircraft import load_aircraft
+    from flighttune.plants.jsbsim.trim import trim_table
+
+    config = load_aircraft(aircraft)
+    angles = [angle * DEG for angle in gamma] if gamma else None
+    rows = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
+    head = "V_a m/s", "γ deg", "α deg", "β deg", "elevator", "rudder", "throttle", "no trim"
+    emit(
+        {"aircraft": aircraft, "trims": [_trim_json(row) for row in rows]},
+        [table(f"{config.title}: steady flight", head, [_trim_cells(row) for row in rows])],
+        as_json=as_json,
+    )
+    if not any(row.point for row in rows):
+        fail(f"{aircraft}: no steady flight among {len(rows)}: {rows[0].reason}", NO)
 
 
 def design(
     aircraft: AircraftArgument,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show the gains; write no file and no figure.")
+        bool, Option("--dry-run", help="Print the gains; write no file and no figure.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Make the gains of AIRCRAFT's inner loop, fly its steps, write gains and figure."""
-    from flighttune.plants.jsbsim.aircraft import load_aircraft
-    from flighttune.plants.jsbsim.design_aircraft import design_aircraft, write_gains
+    """Design the gains of AIRCRAFT's inner loop, check its step responses and write the gains."""
+    from flighttune.aircraft.aircraft import load_aircraft
+    from flighttune.identify.design import design_aircraft, write_gains
 
     designed = design_aircraft(load_aircraft(aircraft))
     config, figure = designed.config, None
-    written = not (dry_run or designed.missed)
-    if written:
-        from flighttune.plants.jsbsim.step_figure import draw_steps
+    written = None if dry_run or designed.missed else config.file
+    if written is not None:
+        from flighttune.identify.step_figure import draw_steps
 
-        write_gains(config.file, config.gains)
+        write_gains(written, config.gains)
         figure = draw_steps(config, designed.checks, config.folder)
-    if as_json:
-        print_json(_design_json(designed, config.file if written else None, figure))
-    else:
-        _print_design(designed, written)
+    answer = {
+        "written": written,
+        "figure": figure,
+        "gains": config.gains,
+        "steps": [
+            {
+                **pick(check.step, "channel overshoot"),
+                "V_a_mps": check.step.V_a,
+                "step": check.step.size,
+                "t90_s": check.step.t90,
+                "met": check.met,
+            }
+            for check in designed.checks
+        ],
+    }
+    emit(answer, _design_text(designed, written), as_json=as_json)
     if designed.missed:
         first = designed.missed[0]
         fail(
@@ -51,65 +105,107 @@ def design(
         )
 
 
-def trim(
+def identify(
     aircraft: AircraftArgument,
     V_a: Annotated[
-        list[float] | None, typer.Option("--V-a", help="Airspeeds in m/s; by default the envelope.")
+        list[float] | None,
+        Option("--V-a", help="Airspeed in m/s; repeatable [default: that of the design]."),
     ] = None,
     gamma: Annotated[
-        list[float] | None, typer.Option("--gamma", help="Flight-path angles in deg.")
+        list[float] | None,
+        Option("--gamma", help="Flight-path angle in deg; repeatable [default: 0]."),
     ] = None,
-    phi: Annotated[float, typer.Option("--phi", help="Bank in deg.")] = 0.0,
-    h: Annotated[float, typer.Option("--h", help="Height in m.")] = 1000.0,
+    h: HeightOption = 1000.0,
+    seed: Annotated[int, Option(help="Seed of the excitation.", min=0)] = 0,
+    out: Annotated[
+        Path | None,
+        Option(
+            help="Model file; a figure of the same name goes with it "
+            "[default: runs/identified/AIRCRAFT.json]."
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show the steady flights of AIRCRAFT, and why there is none where there is none."""
-    from flighttune.plants.jsbsim.aircraft import load_aircraft
-    from flighttune.plants.jsbsim.trim_table import trim_table
+    """Identify AIRCRAFT's roll and load-factor response in flight; write a model to tune on."""
+    from flighttune.identify.file import identified_tables, save_identified
+    from flighttune.identify.identify import identify_aircraft
+    from flighttune.report.identification import identification_figure, save_figure
 
-    config = load_aircraft(aircraft)
-    rows = trim_table(
-        config,
-        V_a=V_a or None,
-        gamma=None if not gamma else [math.radians(angle) for angle in gamma],
-        phi=math.radians(phi),
-        h=h,
-    )
-    if as_json:
-        print_json({"aircraft": aircraft, "trims": [_trim_json(row) for row in rows]})
-    else:
-        _print_trims(config.title, rows)
-    if not any(row.point for row in rows):
-        fail(f"{aircraft}: no steady flight among {len(rows)}: {rows[0].reason}", NO)
-
-
-def _design_json(
-    designed: "DesignedAircraft", file: Path | None, figure: Path | None
-) -> dict[str, Any]:
-    return {
-        "written": None if file is None else str(file),
-        "figure": None if figure is None else str(figure),
-        "gains": dict(designed.config.gains),
-        "steps": [
+    check_ending(out, ".json")
+    angles = [angle * DEG for angle in gamma or (0.0,)]
+    found = identify_aircraft(aircraft, V_a=V_a or (), gamma=angles, h=h, seed=seed)
+    name, nominal = found.identified.aircraft, found.conditions[0]
+    model = out or Path("runs") / "identified" / f"{name}.json"
+    figure = model.with_suffix(".png")
+    place = f"{name} at {nominal.condition.V_a:g} m/s, {nominal.condition.gamma / DEG:g} deg"
+    save_identified(found.identified, model)
+    save_figure(identification_figure(nominal, place), figure)
+    tables = identified_tables(found.identified)
+    answer = {
+        "aircraft": tables["aircraft"],
+        "channels": tables["conditions"][0]["channels"],
+        "conditions": tables["conditions"],
+        "skipped": found.skipped,
+        "modes": [
             {
-                "channel": check.step.channel,
-                "V_a_mps": check.step.V_a,
-                "step": check.step.size,
-                "t90_s": check.step.t90,
-                "overshoot": check.step.overshoot,
-                "met": check.met,
+                "name": mode.name,
+                "eigenvalue_per_s": mode.eigenvalue,
+                "natural_frequency_rad_s": mode.natural_frequency,
+                "damping": mode.damping,
             }
-            for check in designed.checks
+            for mode in found.rigid_body.modes
         ],
+        "model": model,
+        "figure": figure,
+    }
+
+    def text() -> Iterator[Table | str]:
+        yield from _identification_text(found, place)
+        yield f"model: {model}   figure: {figure}"
+
+    emit(answer, text(), as_json=as_json)
+    poor = [
+        f"{channel} at {c.V_a:g} m/s, {c.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
+        for c in found.identified.conditions
+        for channel, fitted in (("phi", c.phi), ("n_z", c.n_z))
+        if fitted.fit_percent < GOOD_FIT
+    ]
+    if poor:
+        fail(f"{aircraft}: a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}", NO)
+
+
+def _trim_json(row: "TrimRow") -> dict[str, Any]:
+    condition, point = row.condition, row.point
+    angles = "alpha beta theta aileron elevator rudder"
+    return {
+        "V_a_mps": condition.V_a,
+        **_in_deg(condition, "gamma phi"),
+        "h_m": condition.h,
+        "trim": point and {**_in_deg(point, angles), "throttle": point.throttle},
+        "reason": row.reason,
     }
 
 
-def _print_design(designed: "DesignedAircraft", written: bool) -> None:
+def _in_deg(value: object, names: str) -> dict[str, float]:
+    """Angles of `value` in degrees, with the unit at the end of each key."""
+    return {f"{name}_deg": math.degrees(angle) for name, angle in pick(value, names).items()}
+
+
+def _trim_cells(row: "TrimRow") -> tuple[str, ...]:
+    cells = ["-"] * 5
+    if row.point is not None:
+        angles = pick(row.point, "alpha beta elevator rudder").values()
+        cells = [*(f"{angle / DEG:.2f}" for angle in angles), f"{row.point.throttle:.3f}"]
+    return f"{row.condition.V_a:g}", f"{row.condition.gamma / DEG:g}", *cells, row.reason
+
+
+def _design_text(designed: "DesignedAircraft", written: Path | None) -> Iterator[Table | str]:
+    config = designed.config
     gains = [
-        (name, f"{value:.4g}", f"{designed.previous.get(name, math.nan):.4g}")
-        for name, value in designed.config.gains.items()
+        (name, f"{value:.4g}", number(designed.previous.get(name, math.nan)))
+        for name, value in config.gains.items()
     ]
-    print_table(designed.config.title, ("gain", "designed", "before"), gains)
+    yield table(config.title, ("gain", "designed", "before"), gains)
     steps = [
         (
             check.name,
@@ -121,44 +217,51 @@ def _print_design(designed: "DesignedAircraft", written: bool) -> None:
         )
         for check in designed.checks
     ]
-    header = ("step", "t90 in s", "at most", "overshoot in %", "at most", "met")
-    print_table("steps flown", header, steps)
-    say(f"written: {designed.config.file}" if written else "nothing is written")
+    head = ("step", "t90 in s", "at most", "overshoot in %", "at most", "met")
+    yield table("step responses", head, steps)
+    yield f"written: {written}" if written else "nothing is written"
 
 
-def _trim_json(row: "TrimRow") -> dict[str, Any]:
-    c, point = row.condition, row.point
-    found = (
-        None
-        if point is None
-        else {
-            "alpha_deg": math.degrees(point.alpha),
-            "beta_deg": math.degrees(point.beta),
-            "theta_deg": math.degrees(point.theta),
-            "aileron_deg": math.degrees(point.aileron),
-            "elevator_deg": math.degrees(point.elevator),
-            "rudder_deg": math.degrees(point.rudder),
-            "throttle": point.throttle,
-        }
+def _identification_text(found: "AircraftIdentification", place: str) -> Iterator[Table | str]:
+    columns = "V_a m/s, gamma deg, channel, order, w rad/s, damping, lag s, delay s"
+    rows = [
+        (
+            f"{c.V_a:g}",
+            f"{c.gamma / DEG:g}",
+            name,
+            *_lag_cells(channel.lag),
+            f"{channel.cross:.3f}",
+            f"{channel.fit_percent:.1f}",
+        )
+        for c in found.identified.conditions
+        for name, channel in (("phi", c.phi), ("n_z", c.n_z))
+    ]
+    yield table(
+        f"{found.identified.aircraft}: identified inner loop",
+        (*columns.split(", "), "bandwidth rad/s", "cross", "fit %"),
+        rows,
     )
-    return {
-        "V_a_mps": c.V_a,
-        "gamma_deg": math.degrees(c.gamma),
-        "phi_deg": math.degrees(c.phi),
-        "h_m": c.h,
-        "trim": found,
-        "reason": row.reason,
-    }
+    yield (
+        "fit: share of the variance explained in a manoeuvre not used for the fit; cross: largest "
+        "response of the other channel, 1/rad (phi) and rad (n_z)"
+    )
+    for reason in found.skipped:
+        yield f"left out: {reason}"
+    modes = []
+    for mode in found.rigid_body.modes:
+        pole = mode.eigenvalue
+        values = (pole.real, pole.imag, mode.natural_frequency, mode.damping)
+        modes.append((mode.name, *(f"{value:.3f}" for value in values)))
+    head = ("mode", "real part 1/s", "imaginary part rad/s", "w rad/s", "damping")
+    yield table(f"{place}: airframe without the inner loop", head, modes)
 
 
-def _print_trims(title: str, rows: "tuple[TrimRow, ...]") -> None:
-    table = []
-    for row in rows:
-        c, point = row.condition, row.point
-        found = ("-",) * 5
-        if point is not None:
-            angles = (point.alpha, point.beta, point.elevator, point.rudder)
-            found = (*(f"{math.degrees(a):.2f}" for a in angles), f"{point.throttle:.3f}")
-        table.append((f"{c.V_a:g}", f"{math.degrees(c.gamma):g}", *found, row.reason))
-    header = ("V_a m/s", "γ deg", "α deg", "β deg", "elevator", "rudder", "throttle", "no trim")
-    print_table(f"{title}: steady flight", header, table)
+def _lag_cells(lag: "InnerLag") -> tuple[str, ...]:
+    return (
+        str(lag.order),
+        f"{lag.natural_frequency:.2f}",
+        f"{lag.damping:.2f}" if lag.order > 1 else "-",
+        f"{lag.lag:.3f}" if lag.order > 2 else "-",
+        f"{lag.delay:.3f}",
+        f"{lag.bandwidth:.2f}",
+    )

@@ -5,17 +5,14 @@ from typing import Annotated
 
 import typer
 
-from flighttune.cli.aircraft import design, trim
+from flighttune.cli.aircraft import design, identify, trim
 from flighttune.cli.campaign import campaign
 from flighttune.cli.certificates import certify, verify
 from flighttune.cli.compare import compare
-from flighttune.cli.flights import fly, list_shipped, view
+from flighttune.cli.flights import fly, list_shipped, refly, view
 from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
-from flighttune.cli.identify import identify
-from flighttune.cli.paper import reproduce
-from flighttune.cli.refly import refly
-from flighttune.cli.report import report
+from flighttune.cli.report import report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, fail
 from flighttune.errors import FlightTuneError
 
@@ -24,25 +21,18 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings={"max_content_width": 100},
+    rich_markup_mode=None,  # Rich would take "[default: ...]" in a help text for markup and drop it
     help="Tune a fixed-wing outer loop with a certificate, fly it on the kinematic law and on "
     "JSBSim, and see in one recording where they part.",
     epilog="Exit status: 0 fine, 1 the answer is no, 2 could not run.",
 )
-app.command()(fly)
-app.command()(tune)
-app.command()(certify)
-app.command()(verify)
-app.command()(frontier)
-app.command()(design)
-app.command()(trim)
-app.command()(identify)
-app.command()(gap)
-app.command()(compare)
-app.command()(report)
-app.command()(refly)
+ON_SCENARIOS = fly, tune, certify, verify, frontier, gap
+ON_AIRCRAFT = trim, design, identify
+ON_RUNS = compare, report, refly, view
+for command in (*ON_SCENARIOS, *ON_AIRCRAFT, *ON_RUNS, reproduce):
+    app.command()(command)
 app.command("list")(list_shipped)
-app.command()(view)
-app.command()(reproduce)
 app.add_typer(campaign)
 
 

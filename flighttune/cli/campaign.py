@@ -1,67 +1,163 @@
-"""Commands about campaigns: many flights, on this machine or on a cluster."""
+"""Commands about campaigns: fly them, report on them, fly a run again, tune by flying."""
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+from typer import Argument, Option, Typer
 
-from flighttune.cli.campaign_fly import fly
-from flighttune.cli.campaign_progress import CampaignOnlooker, duration, rate
-from flighttune.cli.campaign_report import report
-from flighttune.cli.show import COULD_NOT_RUN, NO, JsonOption, fail, print_json, print_table, say
-from flighttune.errors import CampaignError, OutputError
+from flighttune.cli.gain_sets import gains_json, gains_table, write_json
+from flighttune.cli.options import GainsFileOption, JsonOption, check_ending, out_folder
+from flighttune.cli.progress import campaign_display, duration, progress_bar, rate
+from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick, table, tell
+from flighttune.errors import CampaignError, OutputError, RecordingError
+from flighttune.present.names import metric_label
+from flighttune.present.numbers import MISSING, percent, percent_interval
+from flighttune.present.tables import Table
 
 if TYPE_CHECKING:
+    from flighttune.campaign.choice.robust import Judged, RobustChoice
+    from flighttune.campaign.dataset import Dataset
     from flighttune.campaign.engine.estimate import Estimate
     from flighttune.campaign.engine.progress import CampaignOutcome
+    from flighttune.campaign.flying.refly import RowDifference
     from flighttune.campaign.planning.plan import Plan
+    from flighttune.campaign.statistics.findings import Findings
 
-INTERRUPTED = 130
 KEPT = "what has been flown is kept, go on with the same command and --resume"
+CRASHED = ("crashed", "timed_out")
+"""Such a run has no measures to compare, and it may crash or hang here as it did there."""
 
-campaign = typer.Typer(
+CampaignArgument = Annotated[
+    str, Argument(metavar="CAMPAIGN", help="A campaign file, or the name of a shipped one.")
+]
+WorkersOption = Annotated[
+    int | None, Option(help="Processes on this machine [default: one per core].", min=1)
+]
+SchedulerOption = Annotated[
+    str | None,
+    Option(metavar="ADDRESS", help="Fly on the workers of a dask scheduler, tcp://HOST:PORT."),
+]
+
+campaign = Typer(
     name="campaign",
     no_args_is_help=True,
     help="Fly a scenario thousands of times, dispersed, on one machine or a cluster.",
 )
-campaign.command()(report)
-campaign.command()(fly)
+
+
+@campaign.command()
+def report(
+    folder: Annotated[
+        str, Argument(metavar="DIR", help="Folder of a campaign; it may still be running.")
+    ],
+    out: Annotated[
+        Path | None,
+        Option("--out", "-o", help="HTML file to write [default: report.html in a local DIR]."),
+    ] = None,
+    interval: Annotated[
+        Literal["wilson", "clopper-pearson"], Option(help="Interval of rates.")
+    ] = "wilson",
+    confidence: Annotated[float, Option(help="Confidence of intervals, 0 to 1.")] = 0.95,
+    as_json: JsonOption = False,
+) -> None:
+    """Report success rates with intervals, failures and influences of the campaign in DIR.
+
+    The page is one file and needs no network.
+    """
+    check_ending(out, ".html", ".htm")
+    from flighttune.campaign.dataset import dataset_hash
+    from flighttune.campaign.statistics.findings import findings
+    from flighttune.campaign.statistics.flights import load_flights
+    from flighttune.report.campaign.as_json import findings_json
+    from flighttune.report.campaign.page import write_page
+
+    found = findings(load_flights(folder), method=interval, confidence=confidence)
+    if out is None and Path(folder).is_dir():
+        out = Path(folder) / "report.html"
+    page = None if out is None else write_page(found, out).path
+    answer = {**findings_json(found), "sha256": dataset_hash(folder), "page": page}
+    emit(answer, _findings_text(found, page), as_json=as_json)
+
+
+@campaign.command()
+def fly(
+    folder: Annotated[str, Argument(metavar="DIR", help="Folder of a campaign.")],
+    run: Annotated[int, Option(help="Number of the run, as in the column `run`.", min=0)],
+    out: Annotated[Path | None, out_folder("runs/NAME-run-N")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly a run of the campaign in DIR again, record it and compare it with its row.
+
+    Exit status 1 if they are not equal to the bit; every difference is listed.
+    """
+    from flighttune.campaign.dataset import open_dataset
+    from flighttune.campaign.flying.refly import fly_again, row_differences
+    from flighttune.flight.refly import changed_versions
+    from flighttune.recording.record import record
+
+    dataset = open_dataset(folder)
+    row = _row(dataset, run)
+    if row["status"] in CRASHED:
+        tell(f"run {run} {row['status'].replace('_', ' ')} in the campaign: {row['reason']}")
+    name = f"{Path(folder).name}-run-{run}"
+    with progress_bar() as progress:
+        again = fly_again(dataset.plan, run, progress=progress)
+    files = record(again.flown, out or Path("runs") / name, name=name)
+    differences = row_differences(dataset.plan, run, row)
+    versions = changed_versions(dataset.versions)
+    answer = {
+        "run": run,
+        "plant": row["plant"],
+        "gains": row["gains"],
+        **pick(again.run, "status reason"),
+        "equal": not differences,
+        "differences": differences,
+        "versions": {key: {"campaign": then, "now": now} for key, (then, now) in versions.items()},
+        "row": row,
+        **pick(files, "recording signals"),
+    }
+
+    def text() -> Iterator[str]:
+        yield f"run {run}: {row['plant']} / {row['gains']}, draw {row['draw']}"
+        for key in dataset.plan.keys:
+            yield f"  {key} = {row[key]!r}"
+        ended = f"{row['status']}: {row['reason']}" if row["reason"] else row["status"]
+        yield f"row: {ended}; {row['missed'] or 'a success'}"
+        yield from map(_difference_text, differences)
+        if not differences:
+            yield "flown again: status and every measure equal to the bit"
+        for library, (then, now) in versions.items():
+            yield f"{library}: {then} in the campaign, {now} now"
+        yield f"recording: {files.recording}   (open it with: flighttune view {files.recording})"
+
+    emit(answer, text(), as_json=as_json)
+    if differences:
+        fail(f"{folder}: run {run}: {_difference_text(differences[0])}", NO)
 
 
 @campaign.command()
 def run(
-    file: Annotated[
-        str, typer.Argument(metavar="CAMPAIGN", help="A campaign file, or a shipped one's name.")
-    ],
+    file: CampaignArgument,
     runs: Annotated[
-        int | None, typer.Option(help="Flights in total; by default what the file says.", min=1)
+        int | None, Option(help="Flights in total [default: as in the file].", min=1)
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(help="Processes on this machine; by default one a core.", min=1),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="Fly on the workers of a dask scheduler, tcp://HOST:PORT."
-        ),
-    ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option(help="Folder or URL of the dataset; by default runs/NAME."),
-    ] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Fly what is missing of the campaign in --out.")
+        bool, Option("--resume", help="Fly what is missing of the campaign in --out.")
     ] = False,
     until_halfwidth: Annotated[
         float | None,
-        typer.Option(
+        Option(
             metavar="H",
-            help="Stop once the 95 % interval of every group's rate of success is within +-H.",
+            help="Stop once the 95 % interval of every group's success rate is within +-H.",
         ),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show the plan, its cost and its room; keep nothing.")
+        bool, Option("--dry-run", help="Show the plan, its cost and disk space; keep nothing.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -73,16 +169,19 @@ def run(
     from flighttune.campaign.engine.cluster import check_installed
 
     check_installed()
-    folder = out if out is not None else str(Path("runs") / Path(file).stem)
+    folder = out or str(Path("runs") / Path(file).stem)
     plan = _planned(file, runs, folder, resume=resume)
     if dry_run:
-        _dry_run(plan, workers, as_json=as_json)
+        from flighttune.campaign.engine.cluster import cores
+        from flighttune.campaign.engine.estimate import estimate
+
+        cost, count = estimate(plan), workers or cores()
+        emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count), as_json=as_json)
         return
     from flighttune.campaign.engine.engine import run_campaign
 
-    onlooker = CampaignOnlooker()
     try:
-        with onlooker.ends_at_ctrl_c(), onlooker.shown():
+        with campaign_display() as observer:
             done = run_campaign(
                 plan,
                 folder,
@@ -90,14 +189,11 @@ def run(
                 scheduler=scheduler,
                 resume=resume,
                 until_halfwidth=until_halfwidth,
-                onlooker=onlooker,
+                observer=observer,
             )
     except (CampaignError, OutputError) as error:
         raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
-    if as_json:
-        print_json(done.as_dict())
-    else:
-        _print_outcome(done)
+    emit(done.as_dict(), _outcome_text(done), as_json=as_json)
     if done.interrupted:
         there = f"{done.runs} of {done.planned} runs are in {done.dataset}"
         fail(f"interrupted, {there}; go on with the same command and --resume", INTERRUPTED)
@@ -109,109 +205,292 @@ def run(
         )
 
 
+@campaign.command()
+def tune(
+    file: CampaignArgument,
+    metric: Annotated[
+        list[str] | None,
+        Option(
+            help="Column of a campaign's rows to minimise; several are added up "
+            "[default: chi.ITAE]."
+        ),
+    ] = None,
+    percentile: Annotated[float, Option(help="Percentile of the metric to minimise.")] = 95.0,
+    min_success: Annotated[
+        float, Option(help="Share of the draws, 0 to 1, on which the gains must succeed.")
+    ] = 0.0,
+    candidates: Annotated[int, Option(min=2, max=200, help="Points of the frontier.")] = 12,
+    draws: Annotated[
+        int | None, Option(min=1, help="Draws to decide on [default: all of the campaign].")
+    ] = None,
+    plant: Annotated[
+        list[str] | None,
+        Option(help="Plant to fly [default: all]; the worst plant of a draw counts."),
+    ] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    out: GainsFileOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Choose gains on the frontier of CAMPAIGN's scenario by flying them on its draws.
+
+    The gains with the lowest percentile of a metric are chosen; their probability of being the
+    best of the candidates is given.
+    """
+    from flighttune.campaign import load_campaign
+    from flighttune.campaign.choice.robust import METRICS, RobustSettings, tune_robust
+
+    check_ending(out, ".json")
+    settings = RobustSettings(
+        metrics=tuple(metric) if metric else METRICS,
+        percentile=percentile,
+        least_success=min_success,
+        candidates=candidates,
+        draws=draws,
+        plants=tuple(plant or ()),
+    )
+    loaded = load_campaign(file)
+    with campaign_display() as observer:
+        found = tune_robust(
+            loaded, settings, workers=workers, scheduler=scheduler, observer=observer
+        )
+    answer = _choice_json(found, file)
+    written = out if found.status == "chosen" else None
+    if written is not None:
+        write_json(written, answer)
+    emit(answer, _choice_text(found, loaded.title, written), as_json=as_json)
+    if found.status != "chosen":
+        fail(f"{file}: {found.reason}", INTERRUPTED if found.status == "interrupted" else NO)
+
+
+def _findings_text(found: "Findings", page: Path | None) -> Iterator[Table | str]:
+    from flighttune.report.campaign.headline import headline
+    from flighttune.report.campaign.page import notes
+    from flighttune.report.campaign.words import label_of, with_interval
+
+    label = None if found.measure is None else metric_label(found.measure)
+    rows = []
+    for one in found.groups:
+        spread, certified = one.measures.get(found.measure or ""), one.certified
+        rows.append(
+            (
+                label_of(one.group),
+                str(one.n),
+                percent_interval(one.success.value, one.success.lo, one.success.hi),
+                *(
+                    MISSING
+                    if spread is None
+                    else with_interval(spread.percentiles[p], label.factor)
+                    for p in ("p50", "p95")
+                    if label
+                ),
+                MISSING if certified is None else percent(certified.of_all.value),
+            )
+        )
+    measured = ("median", "95 %") if label else ()
+    title = found.flights.plan.campaign.title
+    yield table(
+        f"{title}: {label.heading}" if label else title,
+        ("group", "flights", "succeed [%]", *measured, "set held [%]"),
+        rows,
+    )
+    yield from notes(found)
+    success, *others = headline(found)
+    yield from success.sentences[len(found.groups) :]
+    for answer in others:
+        yield f"{answer.question} {answer.short}"
+        for sentence in answer.sentences:
+            yield f"  {sentence}"
+    if page is not None:
+        yield f"page: {page}   (one file, it opens without a network)"
+
+
+def _row(dataset: "Dataset", run: int) -> dict[str, Any]:
+    for span in dataset.spans:
+        if span.first <= run < span.end:
+            return dataset.read_part(span).slice(run - span.first, 1).to_pylist()[0]
+    raise RecordingError(
+        f"{dataset.folder}: `run` must be one that was flown, got {run} of {dataset.plan.runs}."
+    )
+
+
+def _difference_text(one: "RowDifference") -> str:
+    return f"`{one.column}` differs: {one.in_row!r} in the row, {one.flown!r} flown again"
+
+
 def _planned(file: str, runs: int | None, folder: str, *, resume: bool) -> "Plan":
     """The plan of a file; a campaign that was made longer by --runs stays so when it is resumed."""
     from flighttune.campaign import load_campaign, plan_campaign
 
     plan = plan_campaign(load_campaign(file), runs=runs)
     if runs is None and resume:
-        from flighttune.campaign.dataset.dataset import CAMPAIGN, open_dataset
-        from flighttune.campaign.dataset.storage import Store
+        from flighttune.campaign.dataset import CAMPAIGN, open_dataset
 
-        if Store(folder).exists(CAMPAIGN):
+        if (Path(folder) / CAMPAIGN).exists():
             return plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
     return plan
 
 
-def _print_outcome(done: "CampaignOutcome") -> None:
+def _outcome_text(done: "CampaignOutcome") -> Iterator[str]:
     others = ", ".join(
         f"{count} {status.replace('_', ' ')}"
         for status, count in done.statuses.items()
         if status not in ("completed", "crashed")
     )
-    say(
+    yield (
         f"{done.runs} runs: {done.completed} completed, {done.failed} failed"
         f"{others and f' ({others})'}, {done.crashed} crashed; {done.succeeded} met every demand"
     )
-    say(
+    yield (
         f"flown now: {done.flown} in {duration(done.wall_s)}, {rate(done.rate_per_s)} a second"
         if done.flown
         else "nothing was missing"
     )
     if done.halfwidth is not None:
-        say(f"half width of the rates of success: at most {done.halfwidth:.3g}")
-    say(f"dataset: {done.dataset}   (look at it with: flighttune campaign report {done.dataset})")
-
-
-def _dry_run(plan: "Plan", workers: int | None, *, as_json: bool) -> None:
-    from flighttune.campaign.engine.cluster import cores
-    from flighttune.campaign.engine.estimate import estimate
-
-    cost = estimate(plan)
-    if cost.fallen:
-        fail(f"the first flights cannot be timed: {cost.fallen}", COULD_NOT_RUN)
-    count = workers or cores()
-    if as_json:
-        print_json(_plan_json(plan, cost, count))
-    else:
-        _print_plan(plan, cost, count)
+        yield f"half width of the success rates: at most {done.halfwidth:.3g}"
+    yield f"dataset: {done.dataset}   (look at it with: flighttune campaign report {done.dataset})"
 
 
 def _plan_json(plan: "Plan", cost: "Estimate", workers: int) -> dict[str, Any]:
     campaign = plan.campaign
     return {
         "title": campaign.title,
-        "runs": plan.runs,
-        "draws": plan.draws,
-        "design": campaign.design,
-        "seed": campaign.seed,
+        **pick(plan, "runs draws"),
+        **pick(campaign, "design seed"),
         "groups": [
             {"plant": group.plant, "gains": group.gains, "run_s": cost.group_s.get(group)}
             for group in plan.groups
         ],
-        "disperse": [
-            table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse
-        ],
+        "disperse": [one.model_dump(mode="json", exclude_none=True) for one in campaign.disperse],
         "keep": campaign.keep.model_dump(mode="json"),
         "time_limit_s": campaign.time_limit_s,
         "timed_runs": cost.timed,
         "core_s": cost.core_s,
         "workers": workers,
         "wall_s": cost.wall_s(workers),
-        "rows_bytes": cost.rows_bytes,
-        "signals_bytes": cost.signals_bytes,
+        **pick(cost, "rows_bytes signals_bytes"),
     }
 
 
-def _print_plan(plan: "Plan", cost: "Estimate", workers: int) -> None:
-    campaign, groups = plan.campaign, len(plan.groups)
-    print_table(
+def _plan_text(plan: "Plan", cost: "Estimate", workers: int) -> Iterator[Table | str]:
+    campaign, keep = plan.campaign, plan.campaign.keep
+    yield table(
         f"{campaign.title}: {plan.runs} runs = {plan.draws} draws ({campaign.design}, seed "
-        f"{campaign.seed}) by {groups} groups",
+        f"{campaign.seed}) by {len(plan.groups)} groups",
         ("plant", "gains", "s a run"),
-        [(g.plant, g.gains, f"{cost.group_s.get(g, float('nan')):.2g}") for g in plan.groups],
+        [(g.plant, g.gains, f"{cost.group_s.get(g, math.nan):.2g}") for g in plan.groups],
     )
-    rows = [
-        (table.key, table.distribution, table.acts, _numbers(table)) for table in campaign.disperse
-    ]
-    print_table("dispersed", ("key", "distribution", "acts", "numbers"), rows)
-    keep = campaign.keep
-    say(
+    rows = []
+    for one in campaign.disperse:
+        given = one.model_dump(exclude_none=True, exclude={"key", "distribution", "acts"})
+        numbers = ", ".join(f"{name} {value}" for name, value in given.items())
+        rows.append((one.key, one.distribution, one.acts, numbers))
+    yield table("dispersed", ("key", "distribution", "acts", "numbers"), rows)
+    yield (
         f"signals kept: the first {keep.failures} failures, the worst {keep.worst} by "
         f"{keep.worst_by}, a sample of {keep.sample}; a run takes at most "
         f"{campaign.time_limit_s:g} s"
     )
-    say(
+    yield (
         f"cost, from {cost.timed} runs flown now: {duration(cost.core_s)} of one core, "
         f"{duration(cost.wall_s(workers))} with {workers} workers"
     )
-    say(f"room: {_size(cost.rows_bytes)} of rows, up to {_size(cost.signals_bytes)} of signals")
-
-
-def _numbers(table: Any) -> str:
-    given = table.model_dump(exclude_none=True, exclude={"key", "distribution", "acts"})
-    return ", ".join(f"{name} {value}" for name, value in given.items())
+    rows_size, signals_size = _size(cost.rows_bytes), _size(cost.signals_bytes)
+    yield f"disk space: {rows_size} of rows, up to {signals_size} of signals"
 
 
 def _size(count: int) -> str:
     return f"{count / 1e6:.3g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
+
+
+def _choice_json(found: "RobustChoice", file: str) -> dict[str, Any]:
+    best = {} if found.best is None else _judged_json(found.best)
+    of_best = [
+        "name",
+        "K_P",
+        "K_I",
+        "R_K",
+        "I_K",
+        "value",
+        "interval",
+        "success",
+        "success_interval",
+    ]
+    return {
+        **pick(found, "status reason"),
+        "campaign": file,
+        **{key: best.get(key) for key in (*of_best, "success", "success_interval")},
+        **pick(found, "metrics percentile p_best loss draws flights"),
+        "candidates": [_judged_json(one) for one in found.candidates],
+        "beside": [_judged_json(one) for one in found.own],
+    }
+
+
+def _judged_json(one: "Judged") -> dict[str, Any]:
+    return {
+        "name": one.candidate.name,
+        **gains_json(one.candidate.gains),
+        **pick(one.candidate, "R_K I_K"),
+        "draws": one.draws,
+        "value": one.percentile,
+        "interval": [one.lo, one.hi],
+        "success": one.success,
+        "success_interval": [one.success_lo, one.success_hi],
+        **pick(one, "p_best dropped behind"),
+        "behind_interval": [one.behind_lo, one.behind_hi],
+    }
+
+
+def _choice_text(found: "RobustChoice", title: str, out: Path | None) -> Iterator[Table | str]:
+    best = found.best
+    if best is None:
+        return
+    of = f"{found.percentile:g}th percentile of {' + '.join(found.metrics)}"
+    head = [
+        "gains",
+        "I_K [s²]",
+        "R_K [1/s]",
+        "draws",
+        "succeed [%]",
+        "percentile",
+        "behind",
+        "best",
+    ]
+    yield table(f"{title}: {of}", head, [_row_of(one) for one in (*found.candidates, *found.own)])
+    yield gains_table(f"{found.status}: {best.candidate.name}", best.candidate.gains)
+    yield (
+        f"{of}: {best.percentile:.4g} (95 % interval {_range(best.lo, best.hi)}); "
+        f"{100.0 * best.success:.1f} % of {best.draws} draws succeed "
+        f"({100.0 * best.success_lo:.1f} to {100.0 * best.success_hi:.1f} %)"
+    )
+    yield (
+        f"the best of {len(found.candidates)} candidates with probability {found.p_best:.2f}; "
+        f"expected loss to the true best {found.loss:.2g}; {found.flights} flights"
+    )
+    for one in found.own:
+        more = "more" if one.behind >= 0.0 else "less"
+        chance = "" if one.behind_lo > 0.0 or one.behind_hi < 0.0 else ", which may be chance"
+        yield (
+            f"the campaign's own {one.candidate.name} has {abs(one.behind):.3g} {more} "
+            f"({_range(one.behind_lo, one.behind_hi, '.3g')}){chance}"
+        )
+    if out is not None:
+        yield f"gains: {out}"
+
+
+def _row_of(one: "Judged") -> tuple[str, ...]:
+    behind = f"{one.behind:.3g} ({_range(one.behind_lo, one.behind_hi, '.3g')})"
+    return (
+        one.candidate.name,
+        f"{one.candidate.I_K:.5g}",
+        f"{one.candidate.R_K:.4f}",
+        str(one.draws),
+        f"{100.0 * one.success:.1f}",
+        f"{one.percentile:.4g} ({_range(one.lo, one.hi)})",
+        "dropped" if one.dropped else behind,
+        "-" if math.isnan(one.p_best) else f"{one.p_best:.3f}",
+    )
+
+
+def _range(lo: float, hi: float, form: str = ".4g") -> str:
+    return f"{lo:{form}} to {hi:{form}}"

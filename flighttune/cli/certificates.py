@@ -1,25 +1,27 @@
-"""Commands that say what is guaranteed of gains, and check what others say."""
+"""Commands that certify gains, and check certificates."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from flighttune.cli.gain_sets import (
-    GainsOption,
     chosen_gains,
     gains_json,
     margins_json,
     margins_of,
-    say_margins,
+    margins_text,
 )
-from flighttune.cli.show import NO, JsonOption, ScenarioArgument, fail, print_json, print_table, say
+from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument
+from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.present.tables import Table
 
 EIGENVALUES_A_LINE = 4
 
 if TYPE_CHECKING:
-    from flighttune.certificates import Certification, Verification
+    from flighttune.certificates import Certification
     from flighttune.theory.indicators import Indicators
 
 
@@ -28,29 +30,29 @@ def certify(
     gains: GainsOption = None,
     envelope: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--envelope",
-            help="Claim the rate over the scenario's envelope; with the identified model: at every "
-            "condition identified.",
+            help="Certify the rate over the scenario's envelope or, with the identified model, at "
+            "every identified condition.",
         ),
     ] = False,
     L_d: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--L-d",
-            help="Bound of the disturbance's derivative in rad/s^2, for a claim on the ultimate "
-            "radius; by default that of the scenario's disturbance.",
+            help="Bound on the disturbance's derivative in rad/s^2, to certify an ultimate radius "
+            "[default: that of the scenario's disturbance].",
         ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Write a certificate to this file.")] = None,
+    out: Annotated[Path | None, Option(help="File to write the certificate to.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """R_K, I_K, margins and a certificate of gains on the linear model of SCENARIO.
+    """Compute R_K, I_K and margins of gains on the linear model of SCENARIO, and certify them.
 
-    Exit status 1 if the loop is unstable or the certificate is refused.
+    Exit status 1 if the loop is unstable or no certificate can be proven.
     """
-    from flighttune.control.closed_loop import closed_loop
-    from flighttune.outer_loop import certify_scenario, largest_certified, tuning_scaling
+    from flighttune.control.linear_model import closed_loop
+    from flighttune.flight.outer_loop import certify_scenario, largest_certified, tuning_scaling
     from flighttune.scenario import load_scenario
     from flighttune.theory.indicators import indicators
 
@@ -62,37 +64,46 @@ def certify(
     in_tune = None if scaling is None else indicators(closed_loop(model, chosen), scaling=scaling)
     made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d)
     identified = loaded.tuning.model == "identified"
-    reach = largest_certified(loaded, chosen) if envelope and not identified else None
+    largest = largest_certified(loaded, chosen) if envelope and not identified else None
     if out is not None and made.certificate is not None:
         from flighttune.certificates import save_certificate
 
         save_certificate(made.certificate, out)
-    claimed = None if made.certificate is None else made.certificate.claim.rate
     margins = margins_of(model, chosen)
-    if as_json:
-        print_json(
-            {
-                **_indicators_json(found),
-                "scaled": None if in_tune is None else _scaled_json(in_tune),
-                "gains": name,
-                **gains_json(chosen),
-                "margins": margins_json(margins),
-                "certificate": _certification_json(made, out),
-                "envelope": None
-                if not envelope
-                else {"R_K": claimed, "largest_factor": None if reach is None else reach.factor},
-            }
-        )
-    else:
-        _print_indicators(name, found)
-        _say_units(in_tune, robust=identified and loaded.tuning.robust)
-        say_margins(margins)
-        asked = "at the trim"
-        if envelope:
-            asked = "at every condition identified" if identified else "over the envelope"
-        _say_certification(made, asked, out)
-        if reach is not None:
-            say(f"largest certified envelope: {reach.factor:.3f} times the scenario's")
+    answer = {
+        **pick(found, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
+        "scaled": in_tune and pick(in_tune, "R_K I_K scaling"),
+        "gains": name,
+        **gains_json(chosen),
+        "margins": margins_json(margins),
+        "certificate": _certification_json(made, out),
+        "envelope": {
+            "R_K": made.certificate and made.certificate.claim.rate,
+            "largest_factor": largest and largest.factor,
+        }
+        if envelope
+        else None,
+    }
+
+    def text() -> Iterator[Table | str]:
+        yield from _indicators_text(name, found)
+        if in_tune is None:
+            yield "units of state: plain, as in `tune`"
+        else:
+            worst = " here, `tune` has the worst condition"
+            yield (
+                f"units of state: plain; in the scaled ones of `tune` R_K is {in_tune.R_K:.5f}, "
+                f"I_K {in_tune.I_K:.4f}{worst if identified and loaded.tuning.robust else ''}"
+            )
+        yield from margins_text(margins)
+        where = "at every condition identified" if identified else "over the envelope"
+        yield _certification_text(made, where if envelope else "at the trim")
+        if out is not None and made.certificate is not None:
+            yield f"certificate: {out}   (check it with: flighttune verify {out})"
+        if largest is not None:
+            yield f"largest certified envelope: {largest.factor:.3f} times the scenario's"
+
+    emit(answer, text(), as_json=as_json)
     if found.status != "stable":
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if made.status != "certified" and (envelope or out is not None):
@@ -100,7 +111,7 @@ def certify(
 
 
 def verify(
-    certificate: Annotated[Path, typer.Argument(metavar="FILE", help="A certificate.")],
+    certificate: Annotated[Path, Argument(metavar="FILE", help="Certificate file.")],
     as_json: JsonOption = False,
 ) -> None:
     """Check a certificate without any solver, in floating point and exactly.
@@ -110,94 +121,56 @@ def verify(
     from flighttune.certificates import verify as verify_certificate
 
     found = verify_certificate(certificate)
-    if as_json:
-        print_json({"valid": found.valid, "reason": found.reason, "checks": _checks_json(found)})
-    else:
-        rows = [
-            (one.name, f"{one.margin:.3e}", "proven" if one.exact else "broken")
-            for one in found.checks
-        ]
-        verdict = "valid: every inequality is proven" if found.valid else "not valid"
-        print_table(f"{certificate}: {verdict}", ("check", "margin", "exact"), rows)
+    verdict = "valid: every inequality is proven" if found.valid else "not valid"
+    rows = [
+        (one.name, f"{one.margin:.3e}", "proven" if one.exact else "broken") for one in found.checks
+    ]
+    text = [table(f"{certificate}: {verdict}", ("check", "margin", "exact"), rows)]
+    emit(pick(found, "valid reason checks"), text, as_json=as_json)
     if not found.valid:
         fail(f"{certificate}: {found.reason}", NO)
 
 
-def _indicators_json(found: "Indicators") -> dict[str, Any]:
-    return {
-        "status": found.status,
-        "reason": found.reason,
-        "R_K": found.R_K,
-        "I_K": found.I_K,
-        "scaling": found.scaling.tolist(),
-        "spectral_abscissa": found.spectral_abscissa,
-        "eigenvalues": [[value.real, value.imag] for value in found.eigenvalues.tolist()],
-        "Q": None if found.Q is None else found.Q.tolist(),
-    }
-
-
-def _scaled_json(found: "Indicators") -> dict[str, Any]:
-    return {"R_K": found.R_K, "I_K": found.I_K, "scaling": found.scaling.tolist()}
-
-
-def _checks_json(found: "Verification") -> list[dict[str, Any]]:
-    return [{"name": one.name, "margin": one.margin, "exact": one.exact} for one in found.checks]
-
-
 def _certification_json(made: "Certification", out: Path | None) -> dict[str, Any]:
-    claim = None if made.certificate is None else made.certificate.claim
+    claim = made.certificate and made.certificate.claim
     return {
-        "status": made.status,
-        "reason": made.reason,
-        "rate": None if claim is None else claim.rate,
-        "radius": None if claim is None else claim.radius,
-        "L_d": None if claim is None else claim.L_d,
-        "holds": None if claim is None else claim.place,
-        "conditions": []
-        if claim is None
-        else [{"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in claim.conditions],
-        "checks": [] if made.verification is None else _checks_json(made.verification),
-        "file": str(out) if out is not None and claim is not None else None,
+        **pick(made, "status reason"),
+        **(pick(claim, "rate radius L_d") if claim else dict.fromkeys(("rate", "radius", "L_d"))),
+        "holds": claim and claim.place,
+        "conditions": [
+            {"V_a_mps": V_a, "gamma_rad": gamma}
+            for V_a, gamma in (claim.conditions if claim else ())
+        ],
+        "checks": made.verification.checks if made.verification else [],
+        "file": claim and out,
     }
 
 
-def _print_indicators(name: str, found: "Indicators") -> None:
-    print_table(
+def _indicators_text(name: str, found: "Indicators") -> Iterator[Table | str]:
+    yield table(
         f"{name}: {found.status}",
         ("R_K [1/s]", "I_K [s²]", "spectral abscissa [1/s]"),
         [(f"{found.R_K:.4f}", f"{found.I_K:.4f}", f"{found.spectral_abscissa:.4f}")],
     )
     values = [f"{value:.3f}" for value in found.eigenvalues]
+    head = "eigenvalues [1/s]:"
     for start in range(0, len(values), EIGENVALUES_A_LINE):
-        head = "eigenvalues [1/s]:" if start == 0 else " " * len("eigenvalues [1/s]:")
-        say("  ".join([head, *values[start : start + EIGENVALUES_A_LINE]]))
+        yield "  ".join([head, *values[start : start + EIGENVALUES_A_LINE]])
+        head = " " * len(head)
 
 
-def _say_units(in_tune: "Indicators | None", *, robust: bool) -> None:
-    if in_tune is None:
-        say("units of state: plain, as in `tune`")
-        return
-    say(
-        f"units of state: plain; in the scaled ones of `tune` R_K is {in_tune.R_K:.5f}, "
-        f"I_K {in_tune.I_K:.4f}{' here, `tune` has the worst condition' if robust else ''}"
-    )
-
-
-def _say_certification(made: "Certification", asked: str, out: Path | None) -> None:
+def _certification_text(made: "Certification", asked: str) -> str:
     import numpy as np
 
     if made.certificate is None:
-        say(f"no certificate {asked}: {made.reason}")
-        return
+        return f"no certificate {asked}: {made.reason}"
     claim = made.certificate.claim
     where = claim.place if claim.conditions else asked
-    checks = 0 if made.verification is None else len(made.verification.checks)
+    checks = len(made.verification.checks) if made.verification else 0
     radius = "" if claim.radius is None else f", ultimate radius {claim.radius:.5f} rad"
     spread = math.sqrt(float(np.linalg.cond(made.certificate.Q)))
-    say(
+    return (
         f"proven {where}: s'Qs falls at {claim.rate:.5f} 1/s, so the norm of s at "
         f"{claim.rate / 2.0:.5f} 1/s from at most {spread:.2f} times its start{radius} "
         f"({checks} exact checks)"
     )
-    if out is not None:
-        say(f"certificate: {out}   (check it with: flighttune verify {out})")

@@ -1,68 +1,54 @@
-"""Commands that fly, and show what was flown."""
+"""Commands that fly a scenario, fly a recording again, open one, and list what ships."""
 
 import math
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Iterator
 from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
-from flighttune.cli.show import (
-    NO,
-    JsonOption,
-    ScenarioArgument,
-    fail,
-    print_json,
-    print_table,
-    progress_bar,
-    say,
-)
-from flighttune.errors import RecordingError
+from flighttune.cli.options import JsonOption, ScenarioArgument, out_folder
+from flighttune.cli.progress import progress_bar, raise_on_interrupt
+from flighttune.cli.show import NO, emit, fail, pick, say, table
+from flighttune.errors import RecordingError, ScenarioError
+from flighttune.present.tables import Table
+from flighttune.units import DEG_PER_RAD
 
 if TYPE_CHECKING:
-    from flighttune.flight import FlownScenario
+    from flighttune.flight.fly import FlownScenario
+    from flighttune.flight.refly import Difference
+    from flighttune.recording.record import RecordedFiles
     from flighttune.simulate.run import Run
 
 
 def fly(
     scenario: ScenarioArgument,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of the recording; by default runs/NAME, with --live runs/NAME-live."
-        ),
-    ] = None,
-    view: Annotated[bool, typer.Option("--view", help="Open the recording in the viewer.")] = False,
+    out: Annotated[Path | None, out_folder("runs/NAME, with --live runs/NAME-live")] = None,
+    view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
     live: Annotated[
         bool,
-        typer.Option(
-            "--live", help="Show the flights in the viewer; Ctrl-C ends them, and keeps them."
-        ),
+        Option("--live", help="Show the flights in the viewer; Ctrl-C ends them, and keeps them."),
     ] = False,
-    pace: Annotated[
-        str, typer.Option(help="With --live: seconds of flight a second, or max.")
-    ] = "1",
+    pace: Annotated[str, Option(help="With --live: seconds of flight a second, or max.")] = "1",
     as_json: JsonOption = False,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
-    from flighttune.cli.live import pace_of, watched
-    from flighttune.flight import fly as fly_scenario
+    from flighttune.cli.live import live_viewer, pace_of
+    from flighttune.flight.fly import fly as fly_scenario
     from flighttune.recording.record import record
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     name = Path(scenario).stem
-    folder = out if out is not None else Path("runs") / (f"{name}-live" if live else name)
-    seen = watched(loaded, pace=pace_of(pace), quiet=as_json) if live else nullcontext()
-    with seen as watcher:
+    folder = out or Path("runs") / (f"{name}-live" if live else name)
+    viewer = live_viewer(loaded, pace=pace_of(pace), quiet=as_json) if live else nullcontext()
+    with viewer as observer:
         with progress_bar() as progress:
-            flown = fly_scenario(loaded, progress=progress, watcher=watcher)
+            flown = fly_scenario(loaded, progress=progress, observer=observer)
         files = record(flown, folder, name=name)
-        if as_json:
-            print_json(_flown_json(flown, files.recording, files.signals))
-        else:
-            _print_flown(flown, files.recording)
+        emit(_flown_json(flown, files), _flown_text(flown, files.recording), as_json=as_json)
     if view:
         _open(files.recording)
     if flown.missed:
@@ -70,47 +56,105 @@ def fly(
         fail(f"{flown.missed[0]}{more}", NO)
 
 
-def list_shipped(as_json: JsonOption = False) -> None:
-    """Show the scenarios, campaigns and aircraft that come with the package."""
-    from flighttune.campaign import load_campaign
-    from flighttune.scenario import load_scenario
-    from flighttune.shipped import aircraft_names, campaign_names, scenario_names
+def refly(
+    recording: Annotated[
+        Path,
+        Argument(
+            metavar="RECORDING",
+            help="A recording, the folder of one, or a Parquet file of one run.",
+        ),
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Fly RECORDING again from the scenario and seed in it, and compare it bit by bit.
 
-    shown = {
-        "scenarios": {name: load_scenario(name) for name in scenario_names()},
-        "campaigns": {name: load_campaign(name) for name in campaign_names()},
+    Exit status 1 if a bit differs; the first difference is shown.
+    """
+    from flighttune.flight.refly import refly as fly_again
+    from flighttune.recording.load import load_recording
+
+    found = load_recording(recording)
+    try:
+        with progress_bar() as progress:
+            flights = fly_again(found.runs, progress=progress)
+    except (RecordingError, ScenarioError) as error:
+        raise RecordingError(f"{recording}: {error}") from error
+    different = [one for one in flights if one.difference]
+    versions = {name: pair for one in flights for name, pair in one.versions.items()}
+    answer = {
+        "equal": not different,
+        "missing": found.missing,
+        "versions": {
+            name: {"recorded": then, "now": now} for name, (then, now) in versions.items()
+        },
+        "runs": [
+            {
+                "run": one.recorded.label,
+                "status": one.recorded.status,
+                "samples": len(one.recorded.signals),
+                "equal": one.difference is None,
+                "difference": one.difference
+                and {"t_s": one.difference.t, **pick(one.difference, "what recorded reflown")},
+            }
+            for one in flights
+        ],
     }
-    header = ("name", "title", "verifies")
-    rows = {
-        kind: [(name, one.title, one.verifies) for name, one in files.items()]
-        for kind, files in shown.items()
+
+    def text() -> Iterator[Table | str]:
+        rows = [
+            (run["run"], run["status"], str(run["samples"]), _difference_text(one.difference))
+            for run, one in zip(answer["runs"], flights, strict=True)
+        ]
+        yield table(f"{recording}, flown again", ("run", "status", "samples", "result"), rows)
+        for line in found.missing:
+            yield f"missing: {line}"
+        for name, (then, now) in versions.items():
+            yield f"{name}: {then} then, {now} now"
+
+    emit(answer, text(), as_json=as_json)
+    if different:
+        first = different[0]
+        fail(f"{recording}: {first.recorded.label}: {_difference_text(first.difference)}", NO)
+
+
+def list_shipped(as_json: JsonOption = False) -> None:
+    """List the scenarios, campaigns and aircraft that come with the package."""
+    from flighttune import shipped
+
+    files = {
+        "scenarios": map(shipped.scenario_file, shipped.scenario_names()),
+        "campaigns": map(shipped.campaign_file, shipped.campaign_names()),
     }
-    if as_json:
-        listed = {
-            kind: [dict(zip(header, row, strict=True)) for row in rows[kind]] for kind in rows
-        }
-        print_json({**listed, "aircraft": list(aircraft_names())})
-        return
-    for kind in rows:
-        print_table(kind, header, rows[kind])
-    say(f"aircraft: {', '.join(aircraft_names())}")
+    listed = {kind: [_heading(path) for path in paths] for kind, paths in files.items()}
+    aircraft = shipped.aircraft_names()
+    text = [
+        *(
+            table(kind, list(rows[0]), [list(row.values()) for row in rows])
+            for kind, rows in listed.items()
+        ),
+        f"aircraft: {', '.join(aircraft)}",
+    ]
+    emit({**listed, "aircraft": aircraft}, text, as_json=as_json)
 
 
 def view(
-    path: Annotated[
-        Path, typer.Argument(metavar="PATH", help="A recording, or the folder of one.")
-    ],
+    path: Annotated[Path, Argument(metavar="PATH", help="A recording, or the folder of one.")],
 ) -> None:
     """Open a recording in the Rerun viewer."""
     _open(path)
 
 
+def _heading(path: Path) -> dict[str, str]:
+    """Name, title and claim of a shipped file; the whole file is checked by a test, not here."""
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    return {"name": path.stem, "title": tables["title"], "verifies": tables.get("verifies", "")}
+
+
 def _open(path: Path) -> None:
-    from flighttune.cli.live import terminated_like_ctrl_c
-    from flighttune.recording.view import view as open_viewer
+    from flighttune.recording.viewer import view as open_viewer
 
     with (
-        terminated_like_ctrl_c(),
+        raise_on_interrupt(),
         open_viewer(_recording_in(path)) as viewer,
         suppress(KeyboardInterrupt),
     ):
@@ -128,32 +172,26 @@ def _recording_in(path: Path) -> Path:
     return recordings[0]
 
 
-def _flown_json(
-    flown: "FlownScenario", recording: Path, signals: Mapping[str, Path]
-) -> dict[str, Any]:
+def _flown_json(flown: "FlownScenario", files: "RecordedFiles") -> dict[str, Any]:
     runs = []
     for run in flown.runs:
         found = flown.indicators.get(run.provenance.gains_name)
-        flew = run.label in signals
         runs.append(
             {
                 "plant": run.provenance.plant,
                 "gains": run.provenance.gains_name,
-                "status": run.status,
-                "reason": run.reason,
+                **pick(run, "status reason"),
                 "duration_s": run.duration,
-                "signals": str(signals[run.label]) if flew else None,
+                "signals": files.signals.get(run.label),
                 "metrics": flown.metrics_of(run),
-                "indicators": {
-                    "R_K": None if found is None else found.R_K,
-                    "I_K": None if found is None else found.I_K,
-                },
+                "indicators": pick(found, "R_K I_K") if found else {"R_K": None, "I_K": None},
             }
         )
-    return {"recording": str(recording), "runs": runs, "missed": list(flown.missed)}
+    return {"recording": files.recording, "runs": runs, "missed": flown.missed}
 
 
-def _print_flown(flown: "FlownScenario", recording: Path) -> None:
+def _flown_text(flown: "FlownScenario", recording: Path) -> Iterator[Table | str]:
+    metrics = {"ITAE": 1.0, "MO_rad": DEG_PER_RAD, "settling_s": 1.0}
     rows = []
     for run in flown.runs:
         found = flown.indicators.get(run.provenance.gains_name)
@@ -162,40 +200,44 @@ def _print_flown(flown: "FlownScenario", recording: Path) -> None:
                 run.provenance.plant,
                 run.provenance.gains_name,
                 run.status,
-                "-" if found is None else f"{found.R_K:.4f}",
-                "-" if found is None else f"{found.I_K:.3f}",
+                f"{found.R_K:.4f}" if found else "-",
+                f"{found.I_K:.3f}" if found else "-",
                 *(
-                    _cell(flown, run, channel, key, unit)
-                    for key, unit in (
-                        ("ITAE", 1.0),
-                        ("MO_rad", 180.0 / math.pi),
-                        ("settling_s", 1.0),
-                    )
+                    _metric_cell(flown, run, channel, key, factor)
+                    for key, factor in metrics.items()
                     for channel in ("chi", "gamma")
                 ),
             )
         )
-    header = (
-        "plant", "gains", "status", "R_K", "I_K",
-        "ITAE χ", "ITAE γ", "MO χ", "MO γ", "settle χ", "settle γ",
-    )  # fmt: skip
-    print_table(flown.scenario.title, header, rows)
-    say(
+    head = "plant, gains, status, R_K, I_K, ITAE χ, ITAE γ, MO χ, MO γ, settle χ, settle γ"
+    yield table(flown.scenario.title, head.split(", "), rows)
+    yield (
         "R_K in 1/s and I_K in s² hold for the kinematic law; ITAE in rad s², maximum overshoot MO "
         "in deg, settling to 5 % in s"
     )
     for run in flown.runs:
         if run.status != "completed":
-            say(f"{run.label}: {run.status.replace('_', ' ')}: {run.reason}")
-    say(f"recording: {recording}   (open it with: flighttune view {recording})")
+            yield f"{run.label}: {run.status.replace('_', ' ')}: {run.reason}"
+    yield f"recording: {recording}   (open it with: flighttune view {recording})"
 
 
-def _cell(flown: "FlownScenario", run: "Run", channel: str, key: str, unit: float) -> str:
+def _metric_cell(flown: "FlownScenario", run: "Run", channel: str, key: str, factor: float) -> str:
     from flighttune.metrics import has_step
 
     if (run.label, channel) not in flown.metrics.index:
         return "-"
-    value = float(flown.metrics.at[(run.label, channel), key]) * unit
+    value = float(flown.metrics.at[(run.label, channel), key]) * factor
     if math.isfinite(value):
         return f"{value:.2f}"
     return "never" if has_step(run, channel) else "-"
+
+
+def _difference_text(difference: "Difference | None") -> str:
+    if difference is None:
+        return "equal to the bit"
+    when = "" if difference.t is None else f" at t = {difference.t:g} s"
+    recorded, reflown = (
+        value if isinstance(value, str) else repr(value)
+        for value in (difference.recorded, difference.reflown)
+    )
+    return f"{difference.what} differs{when}: {recorded} recorded, {reflown} flown again"

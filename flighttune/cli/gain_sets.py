@@ -1,12 +1,12 @@
-"""Gains by name or file, and how they and their margins are shown."""
+"""Gains by name or file, and how commands print them and their margins."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from flighttune.cli.show import NO, fail, json_text, print_table, say
+from flighttune.cli.show import NO, fail, json_text, pick, table
+from flighttune.present.tables import Table
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
@@ -14,23 +14,14 @@ if TYPE_CHECKING:
     from flighttune.control.margins import LoopMargins
     from flighttune.scenario import Scenario
 
-GainsOption = Annotated[
-    str | None,
-    typer.Option(
-        help="A gain set (paper, K1..K6, tuned, or a name of the scenario) or a file with K_P and "
-        "K_I; by default the scenario's first."
-    ),
-]
-
 
 def chosen_gains(scenario: "Scenario", wanted: str | None) -> tuple[str, "PIGains"]:
     """Name and gains of what ``--gains`` asks for; exits with status 1 where tuning finds none."""
-    from flighttune.outer_loop import gain_set
+    from flighttune.flight.outer_loop import gain_set
     from flighttune.scenario import load_gains
 
     if wanted is None:
-        first = scenario.gains[0]
-        wanted = first if isinstance(first, str) else first.name
+        wanted = scenario.gain_names[0]
     if Path(wanted).suffix.lower() in (".json", ".toml"):
         return wanted, load_gains(wanted)
     gains = gain_set(scenario, wanted)
@@ -48,18 +39,16 @@ def margins_of(model: "LinearModel", gains: "PIGains | None") -> "LoopMargins | 
 
 def gains_json(gains: "PIGains | None") -> dict[str, Any]:
     """``K_P`` and ``K_I`` as nested lists, null where there are no gains."""
-    if gains is None:
-        return {"K_P": None, "K_I": None}
-    return {"K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()}
+    return {"K_P": None, "K_I": None} if gains is None else dict(gains.as_lists())
 
 
-def print_gains(title: str, gains: "PIGains | None") -> None:
-    """Print gains as a table, a row a command."""
+def gains_table(title: str, gains: "PIGains | None") -> Table:
+    """Gains as a table, a row a command; no rows where there are no gains."""
     rows = []
     if gains is not None:
         for name, row in zip(("phi [rad]", "n_z [1]"), gains.K, strict=True):
-            rows.append((name, *(f"{round(value, 4) + 0.0:.4f}" for value in row)))
-    print_table(title, ("", "e_chi", "e_gamma", "int e_chi", "int e_gamma"), rows)
+            rows.append((name, *(f"{value:z.4f}" for value in row)))
+    return table(title, ("", "e_chi", "e_gamma", "int e_chi", "int e_gamma"), rows)
 
 
 def write_json(path: Path, value: dict[str, Any]) -> None:
@@ -77,16 +66,14 @@ def margins_json(margins: "LoopMargins | None") -> dict[str, Any] | None:
     return {
         "channels": {
             one.channel: {
-                "gain_increase": one.gain_increase,
-                "gain_decrease": one.gain_decrease,
+                **pick(one, "gain_increase gain_decrease"),
                 "phase_margin_deg": math.degrees(one.phase_margin),
                 "delay_margin_s": one.delay_margin,
             }
             for one in margins.channels
         },
         "all": {
-            "disk_margin": margins.disk_margin,
-            "disk_gain": margins.disk_gain,
+            **pick(margins, "disk_margin disk_gain"),
             "disk_phase_deg": math.degrees(margins.disk_phase),
             "delay_margin_s": margins.delay_margin,
             "lag_margin_s": margins.lag_margin,
@@ -94,17 +81,17 @@ def margins_json(margins: "LoopMargins | None") -> dict[str, Any] | None:
     }
 
 
-def say_margins(margins: "LoopMargins | None") -> None:
-    """Print the margins, a channel a line and all channels at once."""
+def margins_text(margins: "LoopMargins | None") -> Iterator[str]:
+    """The margins in lines, one a channel and one for all channels at once."""
     if margins is None:
         return
     for one in margins.channels:
-        say(
+        yield (
             f"margins of {one.channel}: gain {_factor(one.gain_decrease)} to "
             f"{_factor(one.gain_increase)}, "
             f"phase {math.degrees(one.phase_margin):.0f} deg, delay {one.delay_margin:.3f} s"
         )
-    say(
+    yield (
         f"all at once: gain x{1.0 / margins.disk_gain:.2f} to x{margins.disk_gain:.2f}, phase "
         f"{math.degrees(margins.disk_phase):.0f} deg, delay {margins.delay_margin:.3f} s, "
         f"first-order lag {margins.lag_margin:.3f} s"

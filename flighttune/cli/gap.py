@@ -1,35 +1,30 @@
-"""The command that says why the aircraft flies otherwise than the paper's law."""
+"""The command that explains why the aircraft flies otherwise than the paper's law."""
 
 import math
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+from typer import Option
 
-from flighttune.cli.gain_sets import GainsOption, chosen_gains
-from flighttune.cli.show import (
-    NO,
-    JsonOption,
-    ScenarioArgument,
-    fail,
-    print_json,
-    print_table,
-    progress_bar,
-    say,
-)
+from flighttune.cli.gain_sets import chosen_gains
+from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument, out_folder
+from flighttune.cli.progress import progress_bar
+from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.present.numbers import number
+from flighttune.present.tables import Table
+from flighttune.units import DEG_PER_RAD
 
 if TYPE_CHECKING:
-    from flighttune.gap.certified_set import Verdict
-    from flighttune.gap.explain import Gap
-    from flighttune.gap.free_flight import FreeFlight
-    from flighttune.gap.ladder import Step
-    from flighttune.gap.lag_fit import FittedLag
+    from flighttune.flight.gap import Gap
+    from flighttune.flight.ladder import Ladder, Step
+    from flighttune.guarantee.flight_check import FreeFlight
+    from flighttune.guarantee.ultimate_set import Verdict
+    from flighttune.identify.fit import FittedLag
+    from flighttune.simulate.run import Run
 
-DEGREES = 180.0 / math.pi
-
-SHOWN = (("ITAE", 1.0), ("MO_rad", DEGREES), ("ST_rad", DEGREES), ("saturation_s", 1.0))
-"""Metrics of the printed table and the factor to the unit shown; ``--json`` has them all."""
+METRICS = (("ITAE", 1.0), ("MO_rad", DEG_PER_RAD), ("ST_rad", DEG_PER_RAD), ("saturation_s", 1.0))
+"""Metrics of the printed table and the factor to its unit; ``--json`` has them all."""
 
 
 def gap(
@@ -37,33 +32,31 @@ def gap(
     gains: GainsOption = None,
     plant: Annotated[
         str | None,
-        typer.Option(
-            help="Label of the aircraft, as `flighttune fly` shows it; by default the first one."
-        ),
+        Option(help="Label of the aircraft as `fly` prints it [default: the first aircraft]."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder of figure and recording; by default runs/NAME-gap."),
-    ] = None,
+    out: Annotated[Path | None, out_folder("runs/NAME-gap")] = None,
     lag: Annotated[
         Literal["identified", "fitted"] | None,
-        typer.Option(
-            help="Lag of the third rung: of the aircraft's model file, or fitted to this flight. "
-            "By default the model file, where there is one."
+        Option(
+            help="Lag of the third rung: from the aircraft's model file, or fitted to this flight "
+            "[default: the model file, where there is one]."
         ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Fly gains up a ladder from the paper's law to the aircraft; say what each step adds."""
-    from flighttune.gap.explain import explain_gap
-    from flighttune.gap.figure import save_gap_figure
+    """Fly gains up a ladder from the paper's law to the aircraft; say what each step adds.
+
+    Exit status 1 if a rung cannot be flown, or the flight breaks its certified bound.
+    """
+    from flighttune.flight.gap import explain_gap
+    from flighttune.flight.gap_figure import save_gap_figure
     from flighttune.recording.record import record
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
     stem = f"{Path(scenario).stem}-gap"
-    folder = out if out is not None else Path("runs") / stem
+    folder = out or Path("runs") / stem
     with progress_bar() as progress:
         found = explain_gap(
             loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
@@ -72,13 +65,9 @@ def gap(
     figure = None if found.ladder is None else folder / "gap.png"
     if figure is not None:
         save_gap_figure(found, figure)
-    if as_json:
-        signals = {label: str(path) for label, path in files.signals.items()}
-        print_json({**gap_json(found, signals), **_files(files.recording, figure)})
-    else:
-        _print(found)
-        for what, path in _files(files.recording, figure).items():
-            say(f"{what}: {path}")
+    written = {"recording": files.recording, "figure": figure}
+    text = [*_text(found), *(f"{what}: {path}" for what, path in written.items())]
+    emit({**gap_json(found, files.signals), **written}, text, as_json=as_json)
     if found.status != "explained":
         fail(f"{scenario}: {found.reason}", NO)
     if found.verdict is None or not found.verdict.held:
@@ -86,18 +75,16 @@ def gap(
         fail(f"{scenario}: gains {name}: the certified set: {why}", NO)
 
 
-def gap_json(found: "Gap", signals: dict[str, str]) -> dict[str, Any]:
-    """A gap as plain values; `signals` are the files of the rungs by label."""
+def gap_json(found: "Gap", signals: Mapping[str, Path]) -> dict[str, Any]:
+    """A gap as ``--json`` has it; `signals` are the files of the rungs by label."""
     flown, ladder = found.flown(), found.ladder
     return {
-        "status": found.status,
-        "reason": found.reason,
+        **pick(found, "status reason"),
         "gains": found.runs[-1].provenance.gains_name,
         "ladder": [
             {
                 "plant": run.provenance.plant,
-                "status": run.status,
-                "reason": run.reason,
+                **pick(run, "status reason"),
                 "duration_s": run.duration,
                 "signals": signals.get(run.label),
                 "metrics": flown.metrics_of(run),
@@ -115,10 +102,6 @@ def gap_json(found: "Gap", signals: dict[str, str]) -> dict[str, Any]:
         "largest_residual": ladder and ladder.residual,
         "mismatch": _mismatch_json(found),
     }
-
-
-def _files(recording: Path, figure: Path | None) -> dict[str, str | None]:
-    return {"recording": str(recording), "figure": None if figure is None else str(figure)}
 
 
 def _lag_json(fitted: "FittedLag") -> dict[str, Any]:
@@ -151,35 +134,42 @@ def _step_json(step: "Step") -> dict[str, Any]:
 def _mismatch_json(found: "Gap") -> dict[str, Any] | None:
     if found.mismatch is None:
         return None
-    verdict, loop = found.verdict, found.loop
+    verdict, check = found.verdict, found.check
+    settled = check and check.settled
     return {
-        "L_d": found.mismatch.L_d,
-        "bound": found.mismatch.bound,
+        **pick(found.mismatch, "L_d bound"),
         "held": verdict and verdict.held,
         "t_broken": verdict and verdict.t_broken,
-        "says_nothing": verdict and verdict.says_nothing,
+        "says_nothing": verdict and verdict.claim.vacuous,
         "verdict": verdict and _verdict_json(verdict),
-        "settled": found.settled and _verdict_json(found.settled),
+        "settled": settled and _verdict_json(settled),
         "free": found.free and _free_json(found.free),
-        "approach": loop
-        and {"held": loop.t_promise_broken() is None, "t_broken": loop.t_promise_broken()},
+        "approach": check and {"held": check.t_broken is None, "t_broken": check.t_broken},
     }
 
 
 def _verdict_json(verdict: "Verdict") -> dict[str, Any]:
-    values = asdict(verdict)
-    values["asked_rad"] = values.pop("asked")
-    for name in ("tube", "reach"):
-        values[f"{name}_rad"] = dict(zip(("chi", "gamma"), values.pop(name), strict=True))
-    return {**values, "says_nothing": verdict.says_nothing, "sentence": verdict.sentence}
+    claim = verdict.claim
+    return {
+        **pick(verdict, "held t_entered t_broken"),
+        **pick(claim, "t_from L_d radius"),
+        "tube_rad": _channels(claim.tube),
+        "reach_rad": _channels(claim.reach),
+        "asked_rad": claim.commanded,
+        "says_nothing": claim.vacuous,
+        "sentence": verdict.sentence,
+    }
+
+
+def _channels(pair: tuple[float, float]) -> dict[str, float]:
+    return dict(zip(("chi", "gamma"), pair, strict=True))
 
 
 def _free_json(free: "FreeFlight") -> dict[str, Any]:
     return {
-        "t_from": free.t_from,
-        "L_d": free.L_d,
-        "widest_rad": dict(zip(("chi", "gamma"), free.widest, strict=True)),
-        "at_end_rad": dict(zip(("chi", "gamma"), free.at_end, strict=True)),
+        **pick(free, "t_from L_d"),
+        "widest_rad": _channels(free.widest),
+        "at_end_rad": _channels(free.at_end),
         "held": free.t_broken is None,
         "t_broken": free.t_broken,
         "outside_rad": float(free.outside.max()),
@@ -190,80 +180,81 @@ def _rms(values: Any) -> float:
     return math.sqrt(float((values**2).mean()))
 
 
-def _print(found: "Gap") -> None:
-    if found.ladder is None:
+def _text(found: "Gap") -> Iterator[Table | str]:
+    ladder = found.ladder
+    if ladder is None:
         return
-    ladder, gains = found.ladder, found.runs[-1].provenance.gains_name
-
-    def cells(metrics: Any, shape: str) -> list[str]:
-        return [
-            _cell(float(metrics.loc[channel, key]) * unit, shape)
-            for key, unit in SHOWN
-            for channel in ("chi", "gamma")
-        ]
-
-    first, last = found.runs[0], found.runs[-1]
-    rows: list[tuple[str, ...]] = [
-        (first.provenance.plant, "-", "-", *cells(ladder.known_metrics(first), ".2f"))
-    ]
-    for step in (*ladder.steps, ladder.whole):
-        adds = step.adds if step is ladder.whole else f"+ {step.adds}"
-        apart = [f"{_rms(values) * DEGREES:.2f}" for values in (step.chi, step.gamma)]
-        rows.append((adds, *apart, *cells(step.metrics, "+.2f")))
-    rows.append((last.provenance.plant, "-", "-", *cells(ladder.known_metrics(last), ".2f")))
-    header = (
-        "plant, or step to the next", "Δχ rms", "Δγ rms", "ITAE χ", "ITAE γ", "MO χ", "MO γ",
-        "ST χ", "ST γ", "held χ", "held γ",
-    )  # fmt: skip
-    print_table(f"{found.scenario.title}; gains {gains}", header, rows)
-    say(
+    yield _ladder_table(found, ladder)
+    yield (
         "a step is upper minus lower plant; differences, MO and ST in deg, ITAE in rad s², time "
-        f"held by limits in s; sum of the steps against the whole: {ladder.residual:.0e}"
+        f"at limits in s; sum of the steps against the whole: {ladder.residual:.0e}"
     )
     if ladder.failed:
         why = "; ".join(f"{plant} {reason}" for plant, reason in ladder.failed.items())
-        say(f"no metrics of, from or to a rung that failed: {why}")
-    _say_lags(found)
-    _say_mismatch(found)
-
-
-def _cell(value: float, shape: str) -> str:
-    return f"{value:{shape}}" if math.isfinite(value) else "-"
-
-
-def _say_lags(found: "Gap") -> None:
-    assert found.ladder is not None
-    loop = found.ladder.inner_loop
+        yield f"no metrics of, from or to a rung that failed: {why}"
+    loop = ladder.inner_loop
     for name, fitted in (("phi", loop.phi), ("n_z", loop.n_z)):
-        lag, told = fitted.lag, fitted.fit_percent
-        share = f"{told:.2f} % of this flight" if math.isfinite(told) else "not commanded here"
-        say(
+        lag, percent = fitted.lag, fitted.fit_percent
+        share = (
+            f"{percent:.2f} % of this flight" if math.isfinite(percent) else "not commanded here"
+        )
+        yield (
             f"inner loop {name} ({loop.source}): order {lag.order}, {lag.natural_frequency:.2f} "
             f"rad/s, delay {lag.delay:.3f} s; {share}"
         )
+    yield from _mismatch_text(found)
 
 
-def _say_mismatch(found: "Gap") -> None:
+def _ladder_table(found: "Gap", ladder: "Ladder") -> Table:
+    from flighttune.flight.ladder import rung_metrics
+
+    def cells(metrics: Any, form: str) -> list[str]:
+        return [
+            number(float(metrics.loc[channel, key]) * factor, form, missing="-")
+            for key, factor in METRICS
+            for channel in ("chi", "gamma")
+        ]
+
+    def rung(run: "Run") -> list[str]:
+        return [run.provenance.plant, "-", "-", *cells(rung_metrics(run), ".2f")]
+
+    rows = [rung(found.runs[0])]
+    for step in (*ladder.steps, ladder.whole):
+        adds = step.adds if step is ladder.whole else f"+ {step.adds}"
+        apart = [f"{_rms(values) * DEG_PER_RAD:.2f}" for values in (step.chi, step.gamma)]
+        rows.append([adds, *apart, *cells(step.metrics, "+.2f")])
+    rows.append(rung(found.runs[-1]))
+    head = "plant or step to the next, Δχ rms, Δγ rms, ITAE χ, ITAE γ, MO χ, MO γ, ST χ, ST γ"
+    title = f"{found.scenario.title}; gains {found.runs[-1].provenance.gains_name}"
+    return table(title, [*head.split(", "), "limited χ", "limited γ"], rows)
+
+
+def _mismatch_text(found: "Gap") -> Iterator[str]:
+    from flighttune.guarantee.ultimate_set import held_or_broken
+
     if found.mismatch is None:
         return
-    say(
+    yield (
         f"mismatch d, rates flown minus the law's: |d| up to {found.mismatch.bound:.3f} rad/s, "
         f"its derivative up to L_d = {found.mismatch.L_d:.3f} rad/s²"
     )
-    for name, verdict in (("whole flight", found.verdict), ("second half", found.settled)):
-        if verdict is not None:
-            chi, gamma = (width * DEGREES for width in verdict.tube)
-            say(
-                f"certified set, {name}: L_d {verdict.L_d:.3f} rad/s², errors end within "
-                f"{chi:.1f} deg (chi) and {gamma:.1f} deg (gamma): {verdict.sentence}"
-            )
-    if found.loop is not None:
-        say(f"promised way into it, which knows no limits: {found.loop.promise_sentence}")
-    free = found.free
+    check, free = found.check, found.free
+    if check is not None:
+        for name, verdict in (("whole flight", found.verdict), ("second half", check.settled)):
+            if verdict is not None:
+                yield (
+                    f"ultimate set, {name}: L_d {verdict.claim.L_d:.3f} rad/s², errors end within "
+                    f"{_in_deg(verdict.claim.tube)}: {verdict.sentence}"
+                )
+        yield f"transient bound, outside the limits: {held_or_broken(check.t_broken)}"
     if free is not None:
-        widest, end = ([width * DEGREES for width in each] for each in (free.widest, free.at_end))
-        say(
+        yield (
             f"no limit from {free.t_from:.2f} s on, L_d {free.L_d:.3f} rad/s²: errors within "
-            f"{widest[0]:.1f} deg (chi) and {widest[1]:.1f} deg (gamma) of those of the linear "
-            f"loop left alone, at the end within {end[0]:.1f} and {end[1]:.1f} deg: {free.sentence}"
+            f"{_in_deg(free.widest)} of those of the linear loop left alone, at the end within "
+            f"{_in_deg(free.at_end)}: {free.sentence}"
         )
+
+
+def _in_deg(pair: tuple[float, float]) -> str:
+    chi, gamma = (width * DEG_PER_RAD for width in pair)
+    return f"{chi:.1f} deg (chi) and {gamma:.1f} deg (gamma)"

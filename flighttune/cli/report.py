@@ -1,59 +1,99 @@
-"""The command that writes a page to send to a colleague."""
+"""Commands that write pages: on runs, and on the paper's figures, tables and claims."""
 
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
-from flighttune.cli.show import JsonOption, print_json, say
-from flighttune.errors import InputError
+from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.progress import progress_bar
+from flighttune.cli.show import emit, table
+from flighttune.present.tables import Table
+
+if TYPE_CHECKING:
+    from flighttune.paper.claims.base import Finding
 
 
 def report(
     path: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="PATH",
             help="A run folder, a recording or a Parquet file; or SCENARIO@GAINS, which is flown.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="HTML file to write.")] = Path(
-        "report.html"
-    ),
+    out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
     as_json: JsonOption = False,
 ) -> None:
     """Write one page about runs: headline, figures, tables and how to fly them again.
 
-    The page needs no network and nothing beside it.
+    The page is one file and needs no network.
     """
     from flighttune.report.page import write_report
 
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"{out}: --out must end in .html.")
+    check_ending(out, ".html", ".htm")
     written = write_report(path, out)
-    if as_json:
-        print_json(
-            {
-                "report": str(written.path),
-                "bytes": written.path.stat().st_size,
-                "headline": [
-                    {
-                        "question": answer.question,
-                        "verdict": answer.verdict,
-                        "short": answer.short,
-                        "criterion": answer.criterion,
-                        "sentences": list(answer.sentences),
-                    }
-                    for answer in written.answers
-                ],
-                "sections": list(written.sections),
-            }
-        )
-        return
-    for answer in written.answers:
-        say(f"{answer.question} {answer.short}")
-        if answer.criterion:
-            say(f"  {answer.criterion}")
-        for sentence in answer.sentences:
-            say(f"  {sentence}")
-    say(f"report: {written.path}")
+    answer = {
+        "report": written.path,
+        "bytes": written.path.stat().st_size,
+        "headline": written.answers,
+        "sections": written.sections,
+    }
+
+    def text() -> Iterator[str]:
+        for one in written.answers:
+            yield f"{one.question} {one.short}"
+            for sentence in (one.criterion, *one.sentences):
+                if sentence:
+                    yield f"  {sentence}"
+        yield f"report: {written.path}"
+
+    emit(answer, text(), as_json=as_json)
+
+
+def reproduce(
+    items: Annotated[
+        list[str] | None,
+        Argument(metavar="[ITEM ...]", help="Figures and tables by name [default: all]."),
+    ] = None,
+    out: Annotated[Path, Option(help="Folder for figures, tables and page.")] = Path(
+        "runs/reproduce"
+    ),
+    as_json: JsonOption = False,
+) -> None:
+    """Reproduce the figures and tables of arXiv 2411.13140 and judge its claims."""
+    from flighttune.paper.claims.base import VERDICTS
+    from flighttune.paper.reproduce import reproduce as reproduce_items
+
+    with progress_bar() as progress:
+        made = reproduce_items(items or (), out, progress=progress)
+
+    def text() -> Iterator[Table | str]:
+        counts = Counter(finding.verdict for finding in made.findings)
+        verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
+        if items:
+            yield f"claims: {verdicts}; the page lists them"
+        else:
+            head = ("claim", "verdict", "the paper says", "agree", "expected", "computed")
+            rows = [(f.claim.id, f.verdict, f.claim.text, *_cells(f)) for f in made.findings]
+            yield table(verdicts, head, rows)
+            yield "agree: comparisons; expected and computed: of the first that does not agree"
+        yield f"page: {made.page}"
+        if made.recording is not None:
+            yield f"recording: {made.recording}   (open it with: flighttune view {made.recording})"
+
+    emit(made.as_dict(), text(), as_json=as_json)
+
+
+def _cells(finding: "Finding") -> tuple[str, str, str]:
+    """How many comparisons agree, and both sides of the first that does not."""
+    from flighttune.paper.claims.base import text_of
+
+    checks = finding.checks
+    if not checks:
+        return "-", "-", "-"
+    first = next((check for check in checks if not check.holds), checks[0])
+    agreeing = f"{sum(check.holds for check in checks)} of {len(checks)}"
+    return agreeing, text_of(first.expected), text_of(first.computed)

@@ -7,12 +7,20 @@ from typing import Any
 
 import pandas as pd
 
-from flighttune.comparison.measures import Row, largest_distance, metric_rows, until
-from flighttune.comparison.pairing import differences, paired, why_not
+from flighttune.comparison.pairs import (
+    Row,
+    differences,
+    largest_distance,
+    metric_rows,
+    paired,
+    until,
+    why_not,
+)
 from flighttune.comparison.source import Source, load_source
 from flighttune.errors import InputError
-from flighttune.flight import FlownScenario
-from flighttune.notebook import number, table
+from flighttune.flight.fly import FlownScenario
+from flighttune.present.numbers import number
+from flighttune.present.tables import Table
 from flighttune.simulate.run import Run
 
 SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
@@ -26,7 +34,7 @@ COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
-    """Two runs of one manoeuvre, held against each other.
+    """Two runs of one manoeuvre, compared.
 
     Attributes
     ----------
@@ -93,7 +101,8 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         if not self.comparable:
-            return table("Comparison: not comparable", [("reason", self.reason)])
+            rows = [("reason", self.reason)]
+            return Table(title="Comparison: not comparable", head=(), rows=rows).html()
         rows: list[tuple[str, ...]] = [
             (
                 f"{row['run_a']} | {row['run_b']}",
@@ -107,7 +116,8 @@ class Comparison:
         if len(self.pairs) > MOST_PAIRS:
             rows.append((f"{len(self.pairs) - MOST_PAIRS} more pairs in `metrics`", *[""] * 5))
         title = f"Comparison: paths at most {number(self.max_distance)} m apart"
-        return table(title, rows, head=("runs", "metric", "first", "second", "change", "better"))
+        head = ("runs", "metric", "first", "second", "change", "better")
+        return Table(title=title, head=head, rows=rows).html()
 
 
 def compare(

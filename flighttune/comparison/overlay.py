@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from flighttune.comparison.compare import Comparison
 from flighttune.metrics import channel_metrics, flight_metrics
-from flighttune.recording.page import number, scenario_page, table
+from flighttune.present.numbers import number
+from flighttune.present.tables import Table
+from flighttune.recording.page import scenario_page
 from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import Run
 
@@ -45,7 +46,7 @@ def write_overlay(found: Comparison, path: str | Path) -> None:
 
 
 def overlaid(found: Comparison) -> list[Run]:
-    """Every run of a comparison once; runs of one label are told apart by letters of their source.
+    """Every run of a comparison once, with a letter for the source if runs share a label.
 
     The first source is A, the next one B and so on.
     """
@@ -72,16 +73,14 @@ def _named(run: Run, gains_name: str) -> Run:
 
 
 def _table(found: Comparison) -> str:
-    rows: list[list[str]] = []
-    for row in found.metrics.to_dict(orient="records"):
-        values: list[Any] = [row["a"], row["b"], row["diff"]]
-        rows.append(
-            [
-                f"{row['run_a']} and {row['run_b']}",
-                f"{row['channel']} {row['name']} [{row['unit']}]",
-                *(number(float(value), 4) for value in values),
-                BETTER[str(row["better"])],
-            ]
+    rows = [
+        (
+            f"{row['run_a']} and {row['run_b']}",
+            f"{row['channel']} {row['name']} [{row['unit']}]",
+            *(number(float(row[key]), "z.4f") for key in ("a", "b", "diff")),
+            BETTER[str(row["better"])],
         )
-    heads = ("first and second", "metric", "first", "second", "difference", "better")
-    return table(heads, rows)
+        for row in found.metrics.to_dict(orient="records")
+    ]
+    head = ("first and second", "metric", "first", "second", "difference", "better")
+    return Table(title="Compared", head=head, rows=rows).markdown()

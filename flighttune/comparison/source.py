@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flighttune.errors import InputError, RecordingError
-from flighttune.flight import fly
+from flighttune.flight.fly import fly
 from flighttune.recording.load import load_recording
 from flighttune.scenario.load import load_gains, load_scenario
 from flighttune.scenario.schema import GainsTable
@@ -111,7 +111,7 @@ def _flown(place: str, choice: str) -> tuple[Run, ...]:
         entry: str | GainsTable = choice
         if file.suffix.lower() in GAINS_FILES:
             gains = load_gains(file)
-            entry = GainsTable(name=file.stem, K_P=gains.K_P.tolist(), K_I=gains.K_I.tolist())
+            entry = GainsTable(name=file.stem, **gains.as_lists())
         else:
             given = [g for g in scenario.gains if isinstance(g, GainsTable) and g.name == choice]
             entry = given[0] if given else choice

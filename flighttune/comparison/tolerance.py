@@ -1,24 +1,24 @@
 """How much a metric may change before it counts: tolerances for regression."""
 
-import difflib
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flighttune.comparison.compare import Comparison
-from flighttune.comparison.measures import FLIGHT, FLIGHT_UNITS, WANTED, better
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+
+from flighttune.comparison.compare import Comparison, Pair
+from flighttune.comparison.pairs import BETTER_IF, FLIGHT, FLIGHT_UNITS, better
 from flighttune.errors import InputError
 from flighttune.metrics import CHANNELS, METRICS
+from flighttune.scenario.load import toml_tables, validated
 
 DISTANCE, DURATION = "max_distance_m", "duration_s"
-OPTIONS = ("absolute", "relative", "only_worse")
+STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tolerance:
+class Tolerance(BaseModel):
     """Largest change ``|b - a|`` of a metric: ``absolute + relative |a|``.
 
     Attributes
@@ -26,18 +26,20 @@ class Tolerance:
     absolute : float, unit of the metric
     relative : float, 1
     only_worse : bool
-        Whether a change for the better may be of any size.
+        Whether an improvement may be of any size.
     """
 
-    absolute: float = 0.0
-    relative: float = 0.0
+    model_config = STRICT
+
+    absolute: float = Field(default=0.0, ge=0.0)
+    relative: float = Field(default=0.0, ge=0.0)
     only_worse: bool = False
 
-    def __post_init__(self) -> None:
-        for name in ("absolute", "relative"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"`{name}` must not be negative, got {value}.")
+    @model_validator(mode="after")
+    def _is_given(self) -> "Tolerance":
+        if not {"absolute", "relative"} & self.model_fields_set:
+            raise ValueError("must give `absolute` or `relative`")
+        return self
 
     def allows(self, name: str, a: float, b: float) -> bool:
         """Whether metric `name` may go from `a` to `b`; both missing is no change."""
@@ -45,11 +47,26 @@ class Tolerance:
             return True
         if self.only_worse and better(name, a, b) == "b":
             return True
-        return abs(b - a) <= self.room(a)
+        return abs(b - a) <= self.largest_change(a)
 
-    def room(self, a: float) -> float:
+    def largest_change(self, a: float) -> float:
         """Largest change from `a`."""
         return self.absolute + self.relative * abs(a)
+
+
+def _tables(name: str, metrics: Mapping[str, str], **more: Any) -> type[BaseModel]:
+    """A model with an optional tolerance for each metric."""
+    fields: dict[str, Any] = dict.fromkeys(metrics, (Tolerance, None))
+    return create_model(name, __config__=STRICT, **fields, **more)
+
+
+OfChannel = _tables("OfChannel", METRICS)
+ToleranceFile = _tables(
+    "ToleranceFile",
+    {**BETTER_IF, DISTANCE: "m"},
+    **dict.fromkeys(CHANNELS, (OfChannel, None)),
+    **{FLIGHT: (_tables("OfFlight", FLIGHT_UNITS), None)},
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,24 +90,9 @@ class Violation:
     b: float
     allowed: float
 
-    @classmethod
-    def of(
-        cls,
-        labels: tuple[str, str],
-        channel: str,
-        name: str,
-        values: tuple[float, float],
-        allowed: float,
-    ) -> "Violation":
-        """The violation of one metric of the runs of two labels."""
-        return cls(
-            run_a=labels[0], run_b=labels[1], channel=channel, name=name,
-            a=values[0], b=values[1], allowed=allowed,
-        )  # fmt: skip
-
     @property
     def sentence(self) -> str:
-        """What was allowed and what came."""
+        """The limit and the value that exceeds it."""
         return (
             f"{self.run_b}: {self.channel} {self.name} must be within {self.allowed:.4g} of "
             f"{self.a:.6g}, got {self.b:.6g}."
@@ -118,21 +120,12 @@ def load_tolerances(path: str | Path) -> dict[str, Tolerance]:
         If the file cannot be read, or a metric or an option is unknown.
     """
     path = Path(path)
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: must be a readable file, got: {error.strerror}.") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: must be valid TOML, got: {error}.") from error
     found: dict[str, Tolerance] = {}
-    for key, value in tables.items():
-        if key in (*CHANNELS, FLIGHT):
-            for name, one in _table(path, key, value).items():
-                _check_known(path, name, tuple(FLIGHT_UNITS if key == FLIGHT else METRICS), key)
-                found[f"{key}.{name}"] = _tolerance(path, f"{key}.{name}", one)
-        else:
-            _check_known(path, key, (*WANTED, DISTANCE), "")
-            found[key] = _tolerance(path, key, value)
+    for key, value in validated(ToleranceFile, toml_tables(path), str(path)):
+        if isinstance(value, Tolerance):
+            found[key] = value
+        elif value is not None:
+            found |= {f"{key}.{name}": one for name, one in value if one is not None}
     if not found:
         raise InputError(f"{path}: must hold a tolerance for at least one metric, got none.")
     return found
@@ -145,54 +138,46 @@ def violations(found: Comparison, tolerances: Mapping[str, Tolerance]) -> list[V
     ----------
     found : Comparison
     tolerances : mapping of str to Tolerance
-        What `load_tolerances` returns; a metric without one is not looked at. A run that ended
-        early where the first one was completed is out in any case.
+        What `load_tolerances` returns; a metric without one is not checked. A run that ended
+        early where the first one was completed violates any tolerance.
     """
     out = []
     for row in found.metrics.to_dict(orient="records"):
-        name, a, b = str(row["name"]), float(row["a"]), float(row["b"])
-        limit = tolerances.get(f"{row['channel']}.{name}", tolerances.get(name))
+        name, channel, a, b = (
+            str(row["name"]),
+            str(row["channel"]),
+            float(row["a"]),
+            float(row["b"]),
+        )
+        limit = tolerances.get(f"{channel}.{name}", tolerances.get(name))
         if limit is not None and not limit.allows(name, a, b):
-            labels, allowed = (str(row["run_a"]), str(row["run_b"])), limit.room(a)
-            out.append(Violation.of(labels, str(row["channel"]), name, (a, b), allowed))
+            out.append(
+                Violation(
+                    run_a=str(row["run_a"]),
+                    run_b=str(row["run_b"]),
+                    channel=channel,
+                    name=name,
+                    a=a,
+                    b=b,
+                    allowed=limit.largest_change(a),
+                )
+            )
     apart = tolerances.get(DISTANCE)
     for pair in found.pairs:
-        labels = (pair.a.label, pair.b.label)
         if pair.status[0] == "completed" != pair.status[1]:
-            out.append(Violation.of(labels, FLIGHT, DURATION, pair.durations, 0.0))
+            out.append(_of_flight(pair, DURATION, pair.durations, 0.0))
         if apart is not None and pair.max_distance > apart.absolute:
-            values = 0.0, pair.max_distance
-            out.append(Violation.of(labels, FLIGHT, DISTANCE, values, apart.absolute))
+            out.append(_of_flight(pair, DISTANCE, (0.0, pair.max_distance), apart.absolute))
     return out
 
 
-def _table(path: Path, key: str, value: Any) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(
-            f"{path}: `{key}` must be a table with one of {', '.join(OPTIONS)}, got {value!r}."
-        )
-    return value
-
-
-def _tolerance(path: Path, key: str, value: Any) -> Tolerance:
-    table = _table(path, key, value)
-    for option, one in table.items():
-        _check_known(path, option, OPTIONS, key)
-        wanted = bool if option == "only_worse" else (int, float)
-        if not isinstance(one, wanted) or (option != "only_worse" and isinstance(one, bool)):
-            kind = "true or false" if option == "only_worse" else "a number"
-            raise InputError(f"{path}: [{key}] `{option}` must be {kind}, got {one!r}.")
-    if not {"absolute", "relative"} & table.keys():
-        raise InputError(f"{path}: [{key}] must give `absolute` or `relative`, got {table}.")
-    try:
-        return Tolerance(**table)
-    except InputError as error:
-        raise InputError(f"{path}: [{key}] {error}") from error
-
-
-def _check_known(path: Path, name: str, known: tuple[str, ...], table: str) -> None:
-    if name in known:
-        return
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(known)}."
-    raise InputError(f"{path}: {f'[{table}] ' if table else ''}`{name}` is not known; {hint}")
+def _of_flight(pair: Pair, name: str, values: tuple[float, float], allowed: float) -> Violation:
+    return Violation(
+        run_a=pair.a.label,
+        run_b=pair.b.label,
+        channel=FLIGHT,
+        name=name,
+        a=values[0],
+        b=values[1],
+        allowed=allowed,
+    )

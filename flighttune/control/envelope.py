@@ -15,10 +15,9 @@ from typing import Literal
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, read_only_vector
-from flighttune.control.closed_loop import closed_loop
+from flighttune.arrays import FloatArray, check_positive, read_only_vector
 from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, ShapeError
 
 ENTRIES = ("a", "b1", "b2", "b3")
@@ -181,8 +180,7 @@ def jacobian_hull(envelope: Envelope, *, g: float, hull: Hull = "speed") -> Jaco
     and a product is extreme at ends of its factors. A function that is affine in each of several
     numbers lies, over a box of them, in the convex hull of its corner values.
     """
-    if not (math.isfinite(g) and g > 0.0):
-        raise InputError(f"`g` must be positive, got {g} m/s^2.")
+    check_positive("m/s^2", g=g)
     if hull not in ("entries", "speed"):
         raise InputError(f'`hull` must be "entries" or "speed", got {hull!r}.')
     factor = (g / envelope.V_a[1], g / envelope.V_a[0])

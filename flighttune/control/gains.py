@@ -58,10 +58,9 @@ class PIGains:
         """The stacked gain (K_P, K_I), shape (m, 2 p)."""
         return np.hstack([self.K_P, self.K_I])
 
-    @classmethod
-    def from_stacked(cls, K: FloatArray) -> "PIGains":
-        """Gains of the roll and load-factor loop from a stacked (K_P, K_I), shape (2, 4)."""
-        return cls(K_P=K[:, : K.shape[1] // 2], K_I=K[:, K.shape[1] // 2 :])
+    def as_lists(self) -> dict[str, list[list[float]]]:
+        """``K_P`` and ``K_I`` as nested lists, as files and ``--json`` have them."""
+        return {"K_P": self.K_P.tolist(), "K_I": self.K_I.tolist()}
 
 
 PAPER_GAINS = PIGains(

@@ -1,4 +1,4 @@
-"""The inner loop as the outer one sees it: a lag of order one to three and a delay a channel."""
+"""Lags and delays between command and response, appended to a model; the lag of an inner loop."""
 
 import math
 from collections.abc import Sequence
@@ -10,9 +10,96 @@ import numpy.typing as npt
 from scipy.linalg import block_diag
 from scipy.optimize import root_scalar
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, read_only_vector
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
+
+
+def with_input_lag(model: LinearModel, bandwidths: npt.ArrayLike) -> LinearModel:
+    """The model behind a first-order lag of each input.
+
+    Parameters
+    ----------
+    model : LinearModel
+        n states, m inputs, p errors.
+    bandwidths : array_like, shape (m,) or (), rad/s
+        Inverse time constants from command to input, positive.
+
+    Returns
+    -------
+    LinearModel
+        States (x, u), n + m of them; its inputs are the commands. The loop closes on the errors
+        alone: output feedback.
+
+    Raises
+    ------
+    ShapeError
+        If `bandwidths` is not one number or m of them.
+    InputError
+        If one is not positive and finite.
+    """
+    each = _one_per_input("bandwidths", bandwidths, len(model.inputs)).tolist()
+    return with_inner_loop(model, [InnerLag(order=1, natural_frequency=w) for w in each])
+
+
+def with_input_delay(model: LinearModel, delay: npt.ArrayLike, *, sections: int = 1) -> LinearModel:
+    """The model behind a delay of its inputs, by Pade sections.
+
+    A sampled controller with zero-order hold delays its command by half its sample time on
+    average; add the time it computes. The delay stands after the command: apply this to a model
+    that has its lag already.
+
+    Parameters
+    ----------
+    model : LinearModel
+        n states, m inputs, p errors.
+    delay : array_like, shape (m,) or (), s
+        Delay of each input, positive.
+    sections : int
+        Number of first-order Pade sections ``(1 - s h/2) / (1 + s h/2)`` in a row, ``h = delay /
+        sections``; the phase error falls with its square.
+
+    Returns
+    -------
+    LinearModel
+        n + m `sections` states; a section's own state is its command behind a lag of h/2, so that
+        it has the unit of the input.
+
+    Raises
+    ------
+    ShapeError
+        If `delay` is not one number or m of them.
+    InputError
+        If a delay is not positive and finite, or `sections` not at least 1.
+    """
+    if sections < 1:
+        raise InputError(f"`sections` must be at least 1, got {sections}.")
+    n, m, p = model.shape
+    rate = 2.0 * sections / _one_per_input("delay", delay, m)
+    A = np.block([[model.A, 2.0 * model.B], [np.zeros((m, n)), -np.diag(rate)]])
+    delayed = LinearModel(
+        A=A,
+        B=np.vstack([-model.B, np.diag(rate)]),
+        C=np.hstack([model.C, np.zeros((p, m))]),
+        states=(*model.states, *(f"{name}_delay_{sections}" for name in model.inputs)),
+        inputs=model.inputs,
+        errors=model.errors,
+    )
+    if sections == 1:
+        return delayed
+    rest = np.broadcast_to(delay, (m,)) * (sections - 1) / sections
+    return with_input_delay(delayed, rest, sections=sections - 1)
+
+
+def _one_per_input(name: str, value: npt.ArrayLike, m: int) -> FloatArray:
+    try:
+        values = read_only_vector(name, np.broadcast_to(value, (m,)))
+    except ValueError as error:
+        raise ShapeError(f"`{name}` must have shape ({m},), got {np.shape(value)}.") from error
+    if not (values > 0.0).all():
+        raise InputError(f"`{name}` must be positive, got {values.tolist()}.")
+    return values
+
 
 HALF_POWER = math.sqrt(0.5)
 ROUNDING = 1e-14
@@ -26,7 +113,7 @@ Order: TypeAlias = Literal[1, 2, 3]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InnerLag:
-    r"""From command to what is flown, gain one at rest.
+    r"""Lag from command to response, static gain one.
 
     ``exp(-s delay)`` times ``w / (s + w)`` (order 1), ``w^2 / (s^2 + 2 z w s + w^2)`` (order 2), or
     the latter and ``1 / (1 + s lag)`` (order 3).
@@ -96,7 +183,7 @@ class InnerLag:
     def undelayed(self) -> tuple[FloatArray, FloatArray]:
         """A and B, shapes (order, order) and (order,), of the lag alone.
 
-        Every state has the unit of the channel; the first one is what is flown.
+        Every state has the unit of the channel; the first one is the response.
         """
         w = self.natural_frequency
         if self.order == 1:
@@ -148,14 +235,14 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
     sizes = [len(A) for A, _ in parts]
     inside = np.asarray(block_diag(*(A for A, _ in parts)), dtype=float)
     commands = np.asarray(block_diag(*(B[:, None] for _, B in parts)), dtype=float)
-    flown = np.zeros((n, sum(sizes)))
-    flown[:, np.cumsum([0, *sizes[:-1]])] = model.B
+    from_lags = np.zeros((n, sum(sizes)))
+    from_lags[:, np.cumsum([0, *sizes[:-1]])] = model.B
     names = [
         (name, *(f"{name}_lag_{i}" for i in range(1, lag.order)), f"{name}_delay")[:size]
         for name, lag, size in zip(model.inputs, lags, sizes, strict=True)
     ]
     return LinearModel(
-        A=np.block([[model.A, flown], [np.zeros((sum(sizes), n)), inside]]),
+        A=np.block([[model.A, from_lags], [np.zeros((sum(sizes), n)), inside]]),
         B=np.vstack([np.zeros((n, m)), commands]),
         C=np.hstack([model.C, np.zeros((p, sum(sizes)))]),
         states=(*model.states, *(name for group in names for name in group)),
@@ -165,7 +252,7 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
 
 
 def inner_loop_scaling(model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
-    """Units of s = (x', e) of `with_inner_loop` in which a lag counts by what it does to x'.
+    """Return units of s = (x', e) of `with_inner_loop` in which a lag counts by its effect on x'.
 
     A state of the lag of input i is measured in units of ``1 / norm(B[:, i])``, B of `model`: of
     the chi/gamma law the rate of roll then enters as the angular acceleration it causes. States and

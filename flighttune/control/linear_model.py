@@ -1,11 +1,13 @@
-"""Linear models of what the outer loop acts on."""
+"""Linear models of what the outer loop acts on, and the loops that gains close on them."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import FloatArray, check_positive, read_only_matrix
+from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ShapeError
 
 
@@ -35,6 +37,25 @@ class LinearModel:
             if matrix.shape != shape:
                 raise ShapeError(f"`{name}` must have shape {shape}, got {matrix.shape}.")
             object.__setattr__(self, name, matrix)
+
+    @property
+    def names(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the states, inputs and errors."""
+        return self.states, self.inputs, self.errors
+
+    def check_channels(self, gains: PIGains) -> None:
+        """Refuse gains for other channels.
+
+        Raises
+        ------
+        InputError
+            If `gains` does not act from the errors of this model on its inputs.
+        """
+        if (gains.inputs, gains.errors) != (self.inputs, self.errors):
+            raise InputError(
+                f"`gains` must act from {self.errors} on {self.inputs}, "
+                f"got {gains.errors} on {gains.inputs}."
+            )
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -73,9 +94,7 @@ def kinematic_model(
     The Jacobians of arXiv 2411.13140 below its Eq. (40). The paper prints n_z = cos(gamma_c)/g at
     the equilibrium; its own model gives cos(gamma_c)/cos(phi). With phi = 0 the value drops out.
     """
-    for name, value in (("V_a", V_a), ("g", g)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"`{name}` must be positive, got {value}.")
+    check_positive(V_a=V_a, g=g)
     for name, value in (("gamma", gamma), ("phi", phi)):
         if not abs(value) < math.pi / 2:
             raise InputError(f"`{name}` must lie inside +-pi/2, got {value} rad.")
@@ -91,3 +110,62 @@ def kinematic_model(
         inputs=("phi", "n_z"),
         errors=("chi", "gamma"),
     )
+
+
+def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
+    """A_K of the loop ``s' = A_K s + d_s`` with ``s = (x', e)``.
+
+    Parameters
+    ----------
+    model : LinearModel
+        n states, m inputs, p errors.
+    gains : PIGains
+        Gains whose channels are those of `model`.
+
+    Returns
+    -------
+    ndarray, shape (n + p, n + p)
+        ``[[A + B K_P C, B K_I], [C, 0]]``; the paper's A_K(0) where C = I.
+
+    Raises
+    ------
+    InputError
+        If the channels of `gains` are not those of `model`.
+
+    Notes
+    -----
+    Theorem 2 of arXiv 2411.13140, with an output matrix C.
+    """
+    model.check_channels(gains)
+    return closed_loops(model, gains.K)
+
+
+def closed_loops(model: LinearModel, K: npt.ArrayLike) -> FloatArray:
+    """A_K of many stacked gains (K_P, K_I): shape (..., m, 2 p) to (..., n + p, n + p).
+
+    Raises
+    ------
+    ShapeError
+        If the last two axes of `K` are not (m, 2 p).
+    """
+    n, m, p = model.shape
+    K = np.asarray(K, dtype=float)
+    if K.shape[-2:] != (m, 2 * p):
+        raise ShapeError(f"`K` must have shape (..., {m}, {2 * p}), got {K.shape}.")
+    A_K = np.zeros((*K.shape[:-2], n + p, n + p))
+    A_K[..., :n, :n] = model.A + model.B @ K[..., :p] @ model.C
+    A_K[..., :n, n:] = model.B @ K[..., p:]
+    A_K[..., n:, :n] = model.C
+    return A_K
+
+
+def disturbance_entry(model: LinearModel) -> FloatArray:
+    """E of ``d_s = E d'``: where the derivative of a state disturbance enters s = (x', e).
+
+    Returns
+    -------
+    ndarray, shape (n + p, n)
+        ``[I; 0]``: the disturbance reaches the velocity form only through its derivative.
+    """
+    n, _, p = model.shape
+    return np.vstack([np.eye(n), np.zeros((p, n))])

@@ -4,23 +4,43 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag, eigvals
 from scipy.optimize import root_scalar
 
 from flighttune.arrays import FloatArray
-from flighttune.control.closed_loop import closed_loop
 from flighttune.control.gains import PIGains
-from flighttune.control.lag import with_input_lag
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.inner_loop import with_input_lag
+from flighttune.control.linear_model import LinearModel, closed_loop
 
 GRID_PER_DECADE = 60
-NO_GAIN = 1e-9
-"""A destabilising factor this small is the rounding of none at all."""
 LONGEST_LAG = 1e3
 SHORTEST_LAG = 1e-4
+
+NO_GAIN = 1e-9
+"""A destabilising factor this small is the rounding of none at all."""
+
+ON_AXIS = 1e-5
+"""Relative distance from the imaginary axis within which a zero is taken to lie on it. Rounding
+moves a double zero by 1e-8; a zero let in by mistake is sorted out by the frequency response."""
+
+BAND = 1e6
+"""Crossings are looked for within this factor of the closed loop's slowest and fastest eigenvalues:
+a zero at infinity comes out of a pencil as a very large one."""
+
+DISK_ACCURACY = 1e-10
+"""Relative: no frequency has a disk margin smaller than the result by more."""
+
+SWEEPS = 10
+"""Of the balancing of three or more inputs; two are balanced by the first."""
+
+Loop: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""A, B, C of a strictly proper loop L(s), from inputs to minus what the controller sends them."""
+
+Interval: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,23 +116,19 @@ def loop_margins(model: LinearModel, gains: PIGains) -> LoopMargins | None:
 
     Notes
     -----
-    Channel margins and the multi-loop disk margin (balanced, by the structured singular value of
-    ``(S - T)/2``) are python-control's; see Seiler, Packard and Gahinet, *An introduction to disk
-    margins*, IEEE Control Systems 40(5), 2020.
+    The disk margin is balanced: the structured singular value of ``(S - T)/2``. P. Seiler,
+    A. Packard and P. Gahinet, *An introduction to disk margins*, IEEE Control Systems 40(5), 2020.
     """
-    A_K = closed_loop(model, gains)
-    if not np.linalg.eigvals(A_K).real.max() < 0.0:
+    if not _is_stable(closed_loop(model, gains)):
         return None
-    import control
-
-    omega = _frequencies(A_K)
-    loop = control.ss(*_opened(model, gains, tuple(range(len(model.inputs)))))
-    disk, gain_dB, phase_deg = control.disk_margins(loop, omega)
+    loop = _opened(model, gains)
+    disk = _disk_margin(loop)
     return LoopMargins(
-        channels=tuple(_channel(model, gains, i, control) for i in range(len(model.inputs))),
-        disk_margin=float(disk),
-        disk_gain=float(10.0 ** (gain_dB / 20.0)),
-        disk_phase=math.radians(float(phase_deg)),
+        channels=tuple(_channel_margins(loop, i, name) for i, name in enumerate(model.inputs)),
+        disk_margin=disk,
+        # the disk meets the real axis at 1/gain and gain, and the unit circle at +-phase
+        disk_gain=(2.0 + disk) / (2.0 - disk) if disk < 2.0 else math.inf,
+        disk_phase=2.0 * math.atan(disk / 2.0),
         delay_margin=delay_margin(model, gains),
         lag_margin=lag_margin(model, gains),
     )
@@ -131,7 +147,7 @@ def lag_margin(model: LinearModel, gains: PIGains) -> float:
     InputError
         If the channels of `gains` are not those of `model`.
     """
-    if not np.linalg.eigvals(closed_loop(model, gains)).real.max() < 0.0:
+    if not _is_stable(closed_loop(model, gains)):
         return 0.0
 
     def abscissa(log_lag: float) -> float:
@@ -167,64 +183,155 @@ def delay_margin(model: LinearModel, gains: PIGains) -> float:
     phase says at which delay h.
     """
     A_K = closed_loop(model, gains)
-    if not np.linalg.eigvals(A_K).real.max() < 0.0:
+    if not _is_stable(A_K):
         return 0.0
-    A, B, C, _ = _opened(model, gains, tuple(range(len(model.inputs))))
+    loop = _opened(model, gains)
 
-    def eigenvalues(omega: float) -> npt.NDArray[np.complex128]:
-        loop = C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B)
-        values = np.asarray(np.linalg.eigvals(loop), dtype=complex)
-        return values[np.argsort(np.abs(values))]
+    def eigenvalues(omega: float | FloatArray) -> npt.NDArray[np.complex128]:
+        values = np.asarray(np.linalg.eigvals(_response(loop, omega)), dtype=complex)
+        return np.take_along_axis(values, np.argsort(np.abs(values), axis=-1), axis=-1)
 
-    omega = _frequencies(A_K).tolist()
-    excess = np.abs([eigenvalues(w) for w in omega]) - 1.0
+    decades = np.log10(np.abs(np.linalg.eigvals(A_K)))
+    low, high = decades.min() - 2.0, decades.max() + 2.0
+    omega = np.logspace(low, high, int((high - low) * GRID_PER_DECADE))
+    excess = np.abs(eigenvalues(omega)) - 1.0
     delays = [math.inf]
     for step, k in np.argwhere(excess[:-1] * excess[1:] <= 0.0):
         crossing = _root(
             lambda w, k=k: float(np.abs(eigenvalues(w)[k])) - 1.0, omega[step], omega[step + 1]
         )
-        phase = np.angle(eigenvalues(crossing)[k])
-        delays.append(float((phase + math.pi) % (2.0 * math.pi)) / crossing)
-    return float(min(delays))
-
-
-def _opened(
-    model: LinearModel, gains: PIGains, cut: tuple[int, ...]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """State space from the cut inputs to minus what the controller would send them."""
-    n, m, p = model.shape
-    closed = [i for i in range(m) if i not in cut]
-    K_P, K_I = gains.K_P @ model.C, gains.K_I
-    A = np.zeros((n + p, n + p))
-    A[:n, :n] = model.A + model.B[:, closed] @ K_P[closed]
-    A[:n, n:] = model.B[:, closed] @ K_I[closed]
-    A[n:, :n] = model.C
-    B = np.vstack([model.B[:, cut], np.zeros((p, len(cut)))])
-    C = -np.hstack([K_P[list(cut)], K_I[list(cut)]])
-    return A, B, C, np.zeros((len(cut), len(cut)))
-
-
-def _channel(model: LinearModel, gains: PIGains, i: int, control: Any) -> ChannelMargins:
-    loop = control.ss(*_opened(model, gains, (i,)))
-    gain, phase, _, _, crossover, _ = control.stability_margins(loop, returnall=True)
-    lag = np.deg2rad(np.mod(phase, 360.0))
-    with np.errstate(divide="ignore"):
-        delays = lag / crossover
-    return ChannelMargins(
-        channel=model.inputs[i],
-        gain_increase=float(min(gain[gain > 1.0], default=math.inf)),
-        gain_decrease=float(max(gain[(gain > NO_GAIN) & (gain < 1.0)], default=0.0)),
-        phase_margin=float(min(lag, default=math.inf)),
-        delay_margin=float(min(delays, default=math.inf)),
-    )
+        delays.append(float(_phase_lag(eigenvalues(crossing)[k])) / crossing)
+    return min(delays)
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
     return float(root_scalar(function, bracket=(low, high), xtol=1e-12).root)
 
 
-def _frequencies(A_K: FloatArray) -> FloatArray:
-    """A grid two decades wider than the closed loop's eigenvalues, rad/s."""
-    size = np.abs(np.linalg.eigvals(A_K))
-    low, high = np.log10(size.min()) - 2.0, np.log10(size.max()) + 2.0
-    return np.logspace(low, high, int((high - low) * GRID_PER_DECADE))
+def _is_stable(A_K: FloatArray) -> bool:
+    return bool(np.linalg.eigvals(A_K).real.max() < 0.0)
+
+
+def _opened(model: LinearModel, gains: PIGains) -> Loop:
+    n, m, p = model.shape
+    A = np.block([[model.A, np.zeros((n, p))], [model.C, np.zeros((p, p))]])
+    B = np.vstack([model.B, np.zeros((p, m))])
+    return A, B, -np.hstack([gains.K_P @ model.C, gains.K_I])
+
+
+def _response(loop: Loop, omega: float | FloatArray) -> npt.NDArray[np.complex128]:
+    """``C (jw - A)^-1 B`` at frequencies of shape (...), rad/s: shape (..., m, m)."""
+    A, B, C = loop
+    s = 1j * np.asarray(omega)[..., None, None]
+    return C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
+
+
+def _phase_lag(value: Any) -> Any:
+    """By how much more lag, rad, a value on the unit circle becomes -1."""
+    return (np.angle(value) + math.pi) % (2.0 * math.pi)
+
+
+def _channel_margins(loop: Loop, i: int, name: str) -> ChannelMargins:
+    A, B, C = loop
+    others = [j for j in range(B.shape[1]) if j != i]
+    A, B, C = A - B[:, others] @ C[others], B[:, [i]], C[[i]]
+
+    # phase crossovers are among the zeros of L(s) - L(-s), where L is real
+    doubled = block_diag(A, -A), np.vstack([B, B]), np.hstack([C, C])
+    values = _response((A, B, C), _zeros_on_axis(*doubled, np.zeros((1, 1))))[:, 0, 0]
+    real = np.abs(values.imag) < ON_AXIS * np.abs(values)
+    gain = 1.0 / np.abs(values[real & (values.real < 0.0)])
+
+    crossover = _level_crossings(1.0, (A, B, C), 0.0)
+    values = _response((A, B, C), crossover)[:, 0, 0]
+    on_circle = np.abs(np.abs(values) - 1.0) < ON_AXIS
+    lag, crossover = _phase_lag(values[on_circle]), crossover[on_circle]
+    return ChannelMargins(
+        channel=name,
+        gain_increase=float(min(gain[gain > 1.0], default=math.inf)),
+        gain_decrease=float(max(gain[(gain > NO_GAIN) & (gain < 1.0)], default=0.0)),
+        phase_margin=float(min(lag, default=math.inf)),
+        delay_margin=float(min(lag / crossover, default=math.inf)),
+    )
+
+
+def _disk_margin(loop: Loop) -> float:
+    """``1 / mu`` with the largest structured singular value mu of ``M = (S - T)/2``.
+
+    Exact for one and two inputs, a lower bound for more. At one frequency mu is the smallest norm
+    of ``D M D^-1`` over diagonal D. With that D kept for all frequencies, the zeros of a pencil say
+    where the norm exceeds a level (N. A. Bruinsma and M. Steinbuch, Systems & Control Letters 14,
+    1990); everywhere else mu is below the level as well. Frequencies are excluded in this way until
+    none is left (C. Lawrence, A. Tits and P. Van Dooren, Automatica 36, 2000), so that no peak
+    hides between the points of a grid.
+    """
+    A, B, C = loop
+    closed = (A - B @ C, B, -C)  # M = I/2 + this one's response
+    speeds = np.abs(np.linalg.eigvals(closed[0]))
+    peak = 0.5  # M at infinity
+    candidates = [(float(speeds.min()) / BAND, float(speeds.max()) * BAND)]
+    while candidates:
+        low, high = max(candidates, key=lambda ends: ends[1] / ends[0])
+        M = 0.5 * np.eye(B.shape[1]) + _response(closed, math.sqrt(low * high))
+        d = _balancing(M)
+        peak = max(peak, float(np.linalg.norm(M * (d[:, None] / d), 2)))
+        balanced = (closed[0], B / d, -C * d[:, None])
+        candidates = _above((1.0 + DISK_ACCURACY) * peak, balanced, candidates)
+    return 1.0 / peak
+
+
+def _balancing(M: npt.NDArray[np.complex128]) -> FloatArray:
+    """Diagonal of the D with the smallest Frobenius norm of ``D M D^-1``.
+
+    Of two inputs it has the smallest 2-norm too: the determinant does not depend on D, so that the
+    larger singular value falls with the sum of the squares.
+    """
+    size = np.abs(M) + 1e-15 * np.linalg.norm(M)  # finite where inputs are decoupled
+    d = np.ones(len(M))
+    for _ in range(SWEEPS):
+        for i in range(len(M)):
+            others = np.arange(len(M)) != i
+            row, column = size[i, others] / d[others], size[others, i] * d[others]
+            if others.any():
+                d[i] = math.sqrt(np.linalg.norm(column) / np.linalg.norm(row))
+    return d
+
+
+def _above(level: float, loop: Loop, intervals: list[Interval]) -> list[Interval]:
+    """The parts of `intervals` where the norm of ``I/2 + C (jw - A)^-1 B`` exceeds `level`."""
+    crossings = _level_crossings(level, loop, 0.5)
+    parts: list[Interval] = []
+    for low, high in intervals:
+        inside = crossings[(low < crossings) & (crossings < high)]
+        parts += pairwise([low, *inside.tolist(), high])
+    middle = np.sqrt([low * high for low, high in parts])
+    M = 0.5 * np.eye(loop[1].shape[1]) + _response(loop, middle)
+    norms = np.linalg.norm(M, 2, axis=(1, 2))
+    return [part for part, norm in zip(parts, norms, strict=True) if norm > level]
+
+
+def _level_crossings(level: float, loop: Loop, direct: float) -> FloatArray:
+    """Frequencies where a singular value of ``G = direct I + C (s - A)^-1 B`` equals `level`.
+
+    There ``[[level I, G(s)], [G(-s)', level I]]`` is singular. Unlike the Hamiltonian matrix its
+    pencil needs no inverse of ``level^2 - direct^2``, which vanishes where the peak is at infinity.
+    """
+    A, B, C = loop
+    none = np.zeros_like(B)
+    return _zeros_on_axis(
+        block_diag(A, -A.T),
+        np.block([[none, B], [C.T, none]]),
+        block_diag(C, -B.T),
+        np.asarray(np.kron([[level, direct], [direct, level]], np.eye(B.shape[1])), dtype=float),
+    )
+
+
+def _zeros_on_axis(A: Any, B: FloatArray, C: Any, D: FloatArray) -> FloatArray:
+    """Positive frequencies of the zeros of ``D + C (s - A)^-1 B`` on the imaginary axis, rising."""
+    unit = float(np.linalg.norm(A, 2))  # of time: the pencil is then of order one
+    pencil = np.block([[A / unit, B], [C / unit, D]])
+    order = np.diag(np.repeat([1.0, 0.0], [len(A), len(D)]))
+    zeros = np.asarray(eigvals(pencil, order), dtype=complex)
+    real, imag, size = np.real(zeros), np.imag(zeros), np.abs(zeros)
+    on_axis = (size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)
+    return np.sort(unit * imag[on_axis])

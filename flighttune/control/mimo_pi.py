@@ -1,13 +1,13 @@
 """The discrete multivariable PI controller: one for every plant."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from collections.abc import MutableSequence, Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
+import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, ShapeError
@@ -15,32 +15,85 @@ from flighttune.units import wrap_angle
 
 AntiWindup: TypeAlias = Literal["none", "conditional", "back_calculation"]
 
+Vector: TypeAlias = MutableSequence[Any] | npt.NDArray[Any]
+
+ANTI_WINDUP: tuple[AntiWindup, ...] = get_args(AntiWindup)
+
 FREE, MAGNITUDE_LIMITED, RATE_LIMITED = 0, 1, 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MimoPIState:
-    """What the controller holds after a step, one entry a channel.
+class ChannelLaw(NamedTuple):
+    """What the law has for one command.
 
     Attributes
     ----------
-    error : tuple of float, length p
-        Reference minus actual, wrapped where the channel is an angle of a full turn.
-    u : tuple of float, length m
-        Command after all limits.
-    unlimited : tuple of float, length m
-        Command before them.
-    integral : tuple of float, length m, input unit
-        Part of the command that comes from the integrator.
-    limited : tuple of int, length m
-        0 free, 1 held by a magnitude limit, 2 held by a rate limit.
+    K_P, K_I_half : sequence of float, length p
+        Its row of K_P, and of ``K_I dt/2``: the trapezoidal rule on the sum of two errors.
+    lower, upper : float
+        Its range.
+    step_down, step_up : float
+        How far it may move in a sample: the rate limits times the sample time.
     """
 
-    error: tuple[float, ...]
-    u: tuple[float, ...]
-    unlimited: tuple[float, ...]
-    integral: tuple[float, ...]
-    limited: tuple[int, ...]
+    K_P: Sequence[float]
+    K_I_half: Sequence[float]
+    lower: float
+    upper: float
+    step_down: float
+    step_up: float
+
+
+class PILaw(NamedTuple):
+    """What does not change from sample to sample.
+
+    Attributes
+    ----------
+    channels : tuple of ChannelLaw, length m
+    wrapped : tuple of bool, length p
+        Which errors are angles of a full turn.
+    conditional : bool
+        Whether anti-windup is conditional.
+    tracking_gain : float
+        Sample time over tracking time; 0 without back-calculation.
+    per_speed : float, s/m
+        One over the speed of the schedule; 0 without a schedule.
+    """
+
+    channels: tuple[ChannelLaw, ...]
+    wrapped: tuple[bool, ...]
+    conditional: bool
+    tracking_gain: float
+    per_speed: float
+
+
+class PIState(NamedTuple):
+    """What the controller keeps from sample to sample: lists, or arrays in compiled code.
+
+    Attributes
+    ----------
+    error : list of float, length p
+        Reference minus actual, wrapped where the channel is an angle of a full turn.
+    error_sum : list of float, length p
+        That error plus the one of the sample before.
+    u : list of float, length m
+        Command after all limits.
+    u_unsat : list of float, length m
+        Command before them.
+    integral : list of float, length m, input unit
+        Part of the command that comes from the integrator.
+    limited : list of int, length m
+        0 free, 1 held by a magnitude limit, 2 held by a rate limit.
+    started : list of bool, length 1
+        Whether a sample was taken.
+    """
+
+    error: Vector
+    error_sum: Vector
+    u: Vector
+    u_unsat: Vector
+    integral: Vector
+    limited: Vector
+    started: Vector
 
 
 class MimoPI:
@@ -61,7 +114,7 @@ class MimoPI:
         Sample time.
     anti_windup : {"conditional", "back_calculation", "none"}
         What the integrator does while the command after all limits differs from the one before:
-        take only as much as the limits let through, be led back with the tracking time, nothing.
+        take only as much as the limits let through, be led back with the tracking time, or go on.
     tracking_time : float, s, optional
         Of back-calculation; by default the integral time ``norm(K_P) / norm(K_I)``, never below
         `dt`.
@@ -71,6 +124,11 @@ class MimoPI:
         Airspeed for which the gains were made; gains are then scaled by ``V_a / schedule_speed``,
         which keeps ``B K`` of the chi/gamma law constant over airspeed.
 
+    Attributes
+    ----------
+    state : PIState
+        What the controller keeps; written to by every step.
+
     Raises
     ------
     InputError
@@ -78,6 +136,8 @@ class MimoPI:
     ShapeError
         If `limits` is not made for m commands.
     """
+
+    state: PIState
 
     def __init__(
         self,
@@ -94,78 +154,51 @@ class MimoPI:
         limits = Limits.none(m) if limits is None else limits
         if limits.lower.shape != (m,):
             raise ShapeError(f"`limits` must be of {m} commands, got {limits.lower.shape[0]}.")
-        for name, value in (
-            ("dt", dt),
-            ("tracking_time", tracking_time),
-            ("schedule_speed", schedule_speed),
-        ):
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"`{name}` must be positive, got {value}.")
-        if anti_windup not in ("none", "conditional", "back_calculation"):
-            raise InputError(
-                f"`anti_windup` must be none, conditional or back_calculation, got {anti_windup!r}."
-            )
+        check_positive(dt=dt, tracking_time=tracking_time, schedule_speed=schedule_speed)
+        check_anti_windup(anti_windup)
         self.gains, self.limits, self.dt, self.anti_windup = gains, limits, dt, anti_windup
         self.wrapped = tuple(name in wrapped for name in gains.errors)
-        self._law = (
-            self._rows(),
-            tuple(range(len(gains.errors))),
-            self.wrapped,
-            anti_windup == "conditional",
-            self._tracking_gain(tracking_time),
-            0.0 if schedule_speed is None else 1.0 / schedule_speed,
+        tracking_gain = 0.0
+        if anti_windup == "back_calculation":
+            if tracking_time is None:
+                tracking_time = integral_time(gains.K_P, gains.K_I)
+            tracking_gain = dt / max(tracking_time, dt)
+        rows = (
+            gains.K_P,
+            gains.K_I * (0.5 * dt),
+            limits.lower,
+            limits.upper,
+            limits.rate_lower * dt,
+            limits.rate_upper * dt,
         )
-        self.start(np.zeros(m).tolist())
-
-    def _rows(self) -> tuple[tuple[Any, ...], ...]:
-        limits, dt = self.limits, self.dt
-        return tuple(
-            zip(
-                range(len(self.gains.inputs)),
-                self.gains.K_P.tolist(),
-                (self.gains.K_I * (0.5 * dt)).tolist(),
-                limits.lower.tolist(),
-                limits.upper.tolist(),
-                (limits.rate_lower * dt).tolist(),
-                (limits.rate_upper * dt).tolist(),
-                strict=True,
-            )
+        self._law = PILaw(
+            channels=tuple(map(ChannelLaw, *(row.tolist() for row in rows))),
+            wrapped=self.wrapped,
+            conditional=anti_windup == "conditional",
+            tracking_gain=tracking_gain,
+            per_speed=0.0 if schedule_speed is None else 1.0 / schedule_speed,
         )
-
-    def _tracking_gain(self, tracking_time: float | None) -> float:
-        if self.anti_windup != "back_calculation":
-            return 0.0
-        if tracking_time is None:
-            tracking_time = integral_time(self.gains.K_P, self.gains.K_I)
-        return self.dt / max(tracking_time, self.dt)
+        self.start([0.0] * m)
 
     def start(self, u: Sequence[float]) -> None:
         """Empty the integrator and take `u` (length m) as the command in force before t = 0."""
         m, p = self.gains.K_P.shape
         if len(u) != m or not all(map(math.isfinite, u)):
             raise InputError(f"`u` must be {m} finite numbers, got {list(u)}.")
-        self.u = [float(value) for value in u]
-        self.unlimited = list(self.u)
-        self.integral = [0.0] * m
-        self.limited = [FREE] * m
-        self.error = [0.0] * p
-        memory = (self.error, [0.0] * p, self.u, self.unlimited, self.integral, self.limited)
-        self._memory = (*memory, [False])
-
-    @property
-    def state(self) -> MimoPIState:
-        """What the controller holds now."""
-        return MimoPIState(
-            error=tuple(self.error),
-            u=tuple(self.u),
-            unlimited=tuple(self.unlimited),
-            integral=tuple(self.integral),
-            limited=tuple(self.limited),
+        before = [float(value) for value in u]
+        self.state = PIState(
+            error=[0.0] * p,
+            error_sum=[0.0] * p,
+            u=before,
+            u_unsat=list(before),
+            integral=[0.0] * m,
+            limited=[FREE] * m,
+            started=[False],
         )
 
     def step(
         self, ref: Sequence[float], y: Sequence[float], u_ff: Sequence[float], V_a: float = 0.0
-    ) -> list[float]:
+    ) -> Vector:
         """Return the command for the coming sample.
 
         Parameters
@@ -182,7 +215,7 @@ class MimoPI:
         list of float, length m
             Command after all limits; the controller's own list, overwritten by the next step.
         """
-        return pi_step(self._law, self._memory, ref, y, u_ff, V_a)
+        return pi_step(self._law, self.state, ref, y, u_ff, V_a)
 
 
 def integral_time(K_P: FloatArray, K_I: FloatArray) -> float:
@@ -197,78 +230,87 @@ def integral_time(K_P: FloatArray, K_I: FloatArray) -> float:
     return float(np.linalg.norm(K_P)) / integral if integral else math.inf
 
 
+def check_anti_windup(anti_windup: str) -> None:
+    """Refuse what is none of `ANTI_WINDUP`."""
+    if anti_windup not in ANTI_WINDUP:
+        raise InputError(f"`anti_windup` must be one of {ANTI_WINDUP}, got {anti_windup!r}.")
+
+
 def pi_step(
-    law: tuple[Any, ...],
-    memory: tuple[Any, ...],
+    law: PILaw,
+    state: PIState,
     ref: Sequence[float],
     y: Sequence[float],
     u_ff: Sequence[float],
     V_a: float,
-) -> Any:
-    """One sample of the controller: `MimoPI.step` on plain containers.
-
-    Written so that it also compiles: the batched runs fly this very function.
+) -> Vector:
+    """One sample of the controller: `MimoPI.step`, written so that Numba compiles it too.
 
     Parameters
     ----------
-    law : tuple
-        Rows ``(i, K_P[i], K_I[i] dt / 2, lower, upper, rate_lower dt, rate_upper dt)``, one a
-        command; indices of the errors; which of them to wrap; whether anti-windup is conditional;
-        ``dt`` over the tracking time (0: no back-calculation); 1 over the speed of the schedule (0:
-        no schedule).
-    memory : tuple
-        Error, its sum with the one before, command, command before the limits, integral part, kind
-        of limit, and one flag (a sample was taken): containers that are written to.
-    ref, y, u_ff : sequence of float, lengths p, p and m
-        As in `MimoPI.step`.
-    V_a : float, m/s
+    law : PILaw
+    state : PIState
+        Written to.
+    ref, y, u_ff, V_a
         As in `MimoPI.step`.
 
     Returns
     -------
-    container of float, length m
-        Command after all limits: the one of `memory`.
+    list of float, length m
+        Command after all limits: ``state.u``.
     """
-    rows, columns, wrapped, conditional, lead_back, per_speed = law
-    error, summed, u, unlimited, integral, limited, started = memory
-    for j in columns:
+    channels, wrapped, conditional, tracking_gain, per_speed = law
+    # All of it by name at once: inlined by Numba, writes through attributes would be lost.
+    error, error_sum, u, unsaturated, integral, limited, started = state
+    errors = range(len(wrapped))
+    for j in errors:
         e = ref[j] - y[j]
         if wrapped[j]:
             e = wrap_angle(e)
-        summed[j] = error[j] + e
+        error_sum[j] = error[j] + e
         error[j] = e
     if not started[0]:
+        # The first sample adds nothing: there is no time before it to integrate over.
         started[0] = True
-        for j in columns:
-            summed[j] = 0.0
+        for j in errors:
+            error_sum[j] = 0.0
+    # The input matrix of the chi/gamma law goes with 1/V_a: gains that go with V_a keep B K.
     gain = V_a * per_speed if per_speed else 1.0
-    for i, k_p, k_i, lower, upper, step_down, step_up in rows:
+    for i, (K_P, K_I_half, lower, upper, step_down, step_up) in enumerate(channels):
         proportional = increment = 0.0
-        for j in columns:
-            proportional += k_p[j] * error[j]
-            increment += k_i[j] * summed[j]
+        for j in errors:
+            proportional += K_P[j] * error[j]
+            increment += K_I_half[j] * error_sum[j]
+        # The gain of the schedule is inside the integral, so that its change moves no command.
         increment *= gain
-        held = u_ff[i] + gain * proportional + integral[i]
-        wanted = held + increment
+        u_before = u_ff[i] + gain * proportional + integral[i]  # without this increment
+        u_unsat = u_before + increment
+
+        # The reach of one sample, cut to the range. Where they do not meet (a start outside the
+        # range) the rate limit rules: the command comes back at it instead of jumping.
         low, high = u[i] + step_down, u[i] + step_up
-        rate_low, rate_high = low > lower, high < upper
-        if not rate_low:
+        low_by_rate, high_by_rate = low > lower, high < upper
+        if not low_by_rate:
             low = lower if lower < high else high
-        if not rate_high:
+        if not high_by_rate:
             high = upper if upper > low else low
-        allowed = low if wanted < low else high if wanted > high else wanted
-        excess = wanted - allowed
-        if excess:
+        u_sat = low if u_unsat < low else high if u_unsat > high else u_unsat
+
+        excess = u_unsat - u_sat
+        kind = FREE
+        if excess != 0.0:
+            by_rate = high_by_rate if excess > 0.0 else low_by_rate
+            kind = RATE_LIMITED if by_rate else MAGNITUDE_LIMITED
             if conditional and increment * excess > 0.0:
-                spare = allowed - held
+                # The increment drives the command further beyond the limit. Only the part of it
+                # that reaches the limit is taken: none where the command is at or beyond the limit
+                # without it. To freeze the integrator instead locks the loop where an increment is
+                # larger than what the rate limit lets through in a sample: design/anti_windup.md.
+                spare = u_sat - u_before
                 increment = spare if increment * spare > 0.0 else 0.0
-                wanted = held + increment
-            increment -= lead_back * excess
-            by_rate = rate_high if excess > 0.0 else rate_low
-            limited[i] = RATE_LIMITED if by_rate else MAGNITUDE_LIMITED
-        else:
-            limited[i] = FREE
+                u_unsat = u_before + increment
+            # Minus: an excess above the limit leads the integral down, towards the command.
+            increment -= tracking_gain * excess
         integral[i] += increment
-        unlimited[i] = wanted
-        u[i] = allowed
+        u[i], unsaturated[i], limited[i] = u_sat, u_unsat, kind
     return u

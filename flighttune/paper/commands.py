@@ -1,4 +1,6 @@
-"""What gains ask for at the first instant, and how that stands to the printed limits."""
+"""Commands that gains demand at the first instant, against the limits of Table 1."""
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -6,31 +8,38 @@ from flighttune.control.gains import PIGains
 from flighttune.paper import parameters as printed
 
 
-def command_use(gains: PIGains) -> dict[str, tuple[float, float, float]]:
-    """Command and command rate at the first instant: value, lower and upper limit, by name.
+class LimitUse(NamedTuple):
+    """A command, or its rate, and the range printed for it."""
+
+    value: float
+    lower: float
+    upper: float
+
+    @property
+    def share(self) -> float:
+        """Value as a share of the limit on its side; above one it breaks that limit."""
+        return self.value / (self.upper if self.value > 0.0 else self.lower)
+
+
+def initial_commands(gains: PIGains) -> dict[str, LimitUse]:
+    """Both commands and their rates at the first instant, by name (``phi``, ``phi rate``, ...).
 
     Notes
     -----
     ``u(t_0) = K (x_0; x_0 dt)`` and ``u'(t_0) = K (0; x_0)`` of section 4.4 with dt = 0.1 s.
     """
-    x_0 = printed.E_0
-    limits = printed.printed_limits()
+    x_0, limits = printed.E_0, printed.printed_limits()
     u = gains.K @ np.concatenate([x_0, x_0 * printed.OPTIMISATION_DT])
     u_dot = gains.K @ np.concatenate([np.zeros(2), x_0])
-    rows = {}
+    uses = {}
     for i, name in enumerate(("phi", "n_z")):
-        rows[name] = float(u[i]), float(limits.lower[i]), float(limits.upper[i])
-        rows[f"{name} rate"] = (
-            float(u_dot[i]),
-            float(limits.rate_lower[i]),
-            float(limits.rate_upper[i]),
-        )
-    return rows
+        ranges = u[i], limits.lower[i], limits.upper[i]
+        rates = u_dot[i], limits.rate_lower[i], limits.rate_upper[i]
+        uses[name] = LimitUse(*map(float, ranges))
+        uses[f"{name} rate"] = LimitUse(*map(float, rates))
+    return uses
 
 
-def worst_use(gains: PIGains) -> float:
-    """Largest of `command_use` as a part of its limit; at most one where all limits hold."""
-    return max(
-        value / (upper if value > 0.0 else lower)
-        for value, lower, upper in command_use(gains).values()
-    )
+def largest_share(gains: PIGains) -> float:
+    """Largest share of a limit among `initial_commands`; at most one where all limits hold."""
+    return max(use.share for use in initial_commands(gains).values())

@@ -3,12 +3,16 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
+from flighttune.control.gains import PIGains
+from flighttune.control.limits import Limits
 from flighttune.paper import parameters as printed
+from flighttune.paper.continuous import ContinuousLoop, integrate
 from flighttune.paper.measures import measures
 from flighttune.simulate.disturbance import Sinusoid
 
@@ -19,7 +23,7 @@ NEAR = 0.05
 """Errors below this are called near the origin, rad."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PaperFlight:
     """One flight of the paper's loop, sampled every `SAMPLE` seconds.
 
@@ -30,9 +34,8 @@ class PaperFlight:
         Course and flight-path angle; reference minus them; its rate by the law.
     u, unlimited, integral : ndarray, shape (k, 2), rad and 1
         Roll and load factor after the limits, before them, and the part from the integrator.
-    status : {"completed", "diverged"}
     reason : str
-        A sentence where it diverged.
+        A sentence where it diverged; empty where it did not.
     disturbance : Sinusoid or None
     """
 
@@ -43,9 +46,13 @@ class PaperFlight:
     u: FloatArray
     unlimited: FloatArray
     integral: FloatArray
-    status: str
     reason: str
     disturbance: Sinusoid | None
+
+    @property
+    def status(self) -> Literal["completed", "diverged"]:
+        """Whether the flight lasted as long as asked."""
+        return "diverged" if self.reason else "completed"
 
     @cached_property
     def channels(self) -> dict[str, FloatArray]:
@@ -93,6 +100,47 @@ class PaperFlight:
             return False
         late = self.t >= self.t[-1] - 2.0
         return bool(np.max(np.abs(self.error[late])) < NEAR)
+
+
+def fly(
+    gains: PIGains,
+    disturbance: Sinusoid | None,
+    *,
+    limits: Limits | None = None,
+    conditional: bool = False,
+    duration: float = printed.DURATION,
+) -> PaperFlight:
+    """Fly the paper's manoeuvre.
+
+    Parameters
+    ----------
+    gains : PIGains
+        From (chi, gamma) to (phi, n_z).
+    disturbance : Sinusoid or None
+        Of the two rates.
+    limits : Limits, optional
+        By default the printed ranges without rate limits, as the paper must have flown.
+    conditional : bool
+        With conditional anti-windup; the paper has none.
+    duration : float, s
+        Time to fly.
+
+    Returns
+    -------
+    PaperFlight
+    """
+    loop = ContinuousLoop(
+        gains,
+        printed.printed_ranges() if limits is None else limits,
+        conditional=conditional,
+        disturbance=disturbance,
+    )
+    t = np.arange(round(duration / SAMPLE) + 1, dtype=np.float64) * SAMPLE
+    signals, reason = integrate(loop, t)
+    # `integrate` has the signals in the order of the fields.
+    return PaperFlight(
+        t[: len(signals)], *signals.transpose(1, 0, 2), reason=reason, disturbance=disturbance
+    )
 
 
 def oscillations(x: FloatArray) -> int:

@@ -1,4 +1,4 @@
-"""What the paper prints, and what had to be assumed because it does not.
+"""Numbers that the paper prints, and the few that had to be assumed because it does not.
 
 Printed numbers are those of arXiv 2411.13140; a name says which table or figure. Items carry the
 names of the figure labels in the paper's source; in print the figures are numbered 1 to 10 in the
@@ -6,7 +6,8 @@ order in which they appear.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -47,19 +48,18 @@ TABLE_2: dict[str, tuple[float, float]] = {
 LAST_DIGITS = 1e-4, 1e-3
 """One unit of the last digit of R_K and of I_K in Table 2."""
 
+STAR_LAST_DIGIT = 1e-4
+"""One unit of the last digit of both indicators printed below K*."""
+
+LARGEST_OVERSHOOT = {"chi": 0.8, "gamma": 0.4}
+LARGEST_PEAK_TIME = 4.0
+"""Section 5.2.1: what the overshoots in rad and their times in s are said not to exceed."""
+
 STAR = "K*"
 """Name of the printed optimum among the families."""
 
 TABLE_3: dict[str, tuple[float, float]] = {
-    "d1": (0.1, 0.1),
-    "d2": (0.1, 0.15),
-    "d3": (0.1, 0.2),
-    "d4": (0.2, 0.1),
-    "d5": (0.2, 0.15),
-    "d6": (0.2, 0.2),
-    "d7": (0.3, 0.1),
-    "d8": (0.3, 0.15),
-    "d9": (0.3, 0.2),
+    f"d{k}": pair for k, pair in enumerate(product((0.1, 0.2, 0.3), (0.1, 0.15, 0.2)), start=1)
 }
 """Table 3: amplitude L_d in rad/s and angular frequency omega_d in rad/s of both channels."""
 
@@ -85,13 +85,8 @@ def printed_limits() -> Limits:
 
 def printed_ranges() -> Limits:
     """The ranges of Table 1 without the limits on the rates."""
-    both, none = printed_limits(), Limits.none(2)
-    return Limits(
-        lower=both.lower,
-        upper=both.upper,
-        rate_lower=none.rate_lower,
-        rate_upper=none.rate_upper,
-    )
+    both = printed_limits()
+    return replace(Limits.none(2), lower=both.lower, upper=both.upper)
 
 
 def disturbance(name: str) -> Sinusoid:
@@ -100,48 +95,6 @@ def disturbance(name: str) -> Sinusoid:
     return Sinusoid(
         chi_amplitude=amplitude, chi_omega=omega, gamma_amplitude=amplitude, gamma_omega=omega
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Assumption:
-    """Something that had to be chosen because the paper does not print it.
-
-    Attributes
-    ----------
-    what : str
-        What is missing.
-    taken : str
-        What was taken instead.
-    why : str
-        Why that.
-    """
-
-    what: str
-    taken: str
-    why: str
-
-
-PEAK_TIME = Assumption(
-    "definition of the peak time PT",
-    "the time of the largest value of the signal over the time simulated",
-    "the paper's words are “rise from a defined initial value to its highest point”",
-)
-STEADY_PART = Assumption(
-    "sign of MS",
-    "the mean keeps its sign for errors and rates; for s_chi and s_gamma it is positive anyway",
-    "the paper says “mean value of convergence errors”; its Fig. 13 shows s_chi and s_gamma",
-)
-ONLY_RANGES = Assumption(
-    "how the limits act in the simulation",
-    "the ranges cut off the command, the rate limits do not act, there is no anti-windup",
-    "of the readings tried only this one gives the printed overshoots; with the rate limits the "
-    "loop does not converge",
-)
-TIME_ITAE = Assumption(
-    "weight of ITAE",
-    "the integral of t |e| over the time simulated, not divided by it",
-    "the printed words describe an average without the time; the name is that of the usual measure",
-)
 
 
 DUFFING_A = {"alpha": 0.5, "beta": 0.25, "delta": 1.5}
@@ -158,29 +111,3 @@ DUFFING_ALPHAS = (0.2, 0.35, 0.5, 0.75, 1.0, 1.5)
 
 DUFFING_HOLD, DUFFING_RUNS, DUFFING_SEED = 0.1, 40, 2411
 """Assumed noise: held for this many s, this many runs, from this seed."""
-
-DUFFING_ASSUMED = (
-    Assumption(
-        "the disturbance of the Duffing case",
-        f"uniform on [-L_d, L_d], a new value every {DUFFING_HOLD} s, seed {DUFFING_SEED}; beside "
-        "it the constant L_d and ±L_d always along the motion",
-        "only its bound is printed; noise is the mild end of what the bound allows, the other two "
-        "the hard end",
-    ),
-    Assumption(
-        "start of the oscillator",
-        f"x = {DUFFING_X_0}",
-        "inside the region in which the theorem's condition holds for the chosen P",
-    ),
-    Assumption(
-        "the sets of alpha and beta of (b) to (d)",
-        f"alpha in {DUFFING_ALPHAS}, beta = alpha / 2, delta = {DUFFING_A['delta']}",
-        "the ratio and the damping are those printed for (a); R(f) rises with alpha over this set",
-    ),
-    Assumption(
-        "P and epsilon",
-        "the solution of J(0)'P + P J(0) + I = 0, epsilon = 1",
-        "it gives the largest R(f) at the origin, and the numbers of Table 2 in section 5.2",
-    ),
-)
-"""What the paper does not print on the Duffing case."""

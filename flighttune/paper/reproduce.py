@@ -1,20 +1,28 @@
 """The paper again, in a folder: figures, tables, texts, page, errata and recording."""
 
-from collections.abc import Callable, Sequence
+import base64
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from flighttune.paper import style
 from flighttune.paper.claims import CLAIMS
-from flighttune.paper.claims.base import Finding, judged
-from flighttune.paper.errata import errata, errata_text
+from flighttune.paper.claims.base import VERDICTS, Finding, text_of
+from flighttune.paper.errata import Erratum, errata, errata_text
 from flighttune.paper.items import chosen
-from flighttune.paper.items.base import Item, Made, text_of
-from flighttune.paper.page import page_text
+from flighttune.paper.items.base import Item, Made
 from flighttune.paper.record import write_families
 from flighttune.paper.study import Study
-from flighttune.paper.style import save
+from flighttune.present.frame import page_template
 from flighttune.whole_file import whole_file
+
+TITLE = (
+    "Robust Convergency Indicator using MIMO-PI Controller in the presence of disturbances, "
+    "computed again"
+)
+PIXELS_PER_INCH = 108.0
+"""Size of the figures on the page."""
 
 RECORDED = {"fig8", "fig11"}
 """Items with which the families are recorded."""
@@ -119,7 +127,7 @@ def reproduce(
     RecordingError
         If a file cannot be written.
     """
-    items = chosen(tuple(names))
+    items = chosen(names)
     study, folder = Study() if study is None else study, Path(out)
     tell = progress if progress is not None else _silent
     made = tuple(_made(item, study, folder, k / len(items), tell) for k, item in enumerate(items))
@@ -127,31 +135,70 @@ def reproduce(
     findings = []
     for k, claim in enumerate(CLAIMS):
         tell("claims", k / len(CLAIMS))
-        findings.append(judged(claim, study))
+        findings.append(claim.judge(study))
     tell("claims", 1.0)
     recording = None
     if RECORDED & {item.name for item in items}:
         tell("recording", 0.0)
         recording = write_families(study, folder)
         tell("recording", 1.0)
-    page = page_text(findings, [(one.item, one.made) for one in made], errata(study), folder=folder)
+    parts = errata(study)
+    page = page_text(made, findings, parts, folder)
     return Reproduction(
         items=made,
         findings=tuple(findings),
         page=_written(folder / "index.html", page),
-        errata=_written(folder / "errata.md", errata_text(study)),
+        errata=_written(folder / "errata.md", errata_text(parts)),
         recording=recording,
     )
 
 
+def page_text(
+    items: Sequence[MadeItem],
+    findings: Sequence[Finding],
+    parts: Mapping[str, Sequence[Erratum]],
+    folder: Path,
+) -> str:
+    """The page with everything, as HTML that needs no other file.
+
+    Parameters
+    ----------
+    items : sequence of MadeItem
+        Their figures are taken as SVG from `folder`.
+    findings : sequence of Finding
+    parts : mapping of str to sequence of Erratum
+        Errata by part.
+    folder : Path
+    """
+
+    def uri(name: str) -> str:
+        svg = (folder / f"{name}.svg").read_bytes()
+        return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
+
+    return page_template("flighttune.paper", "page.html.jinja").render(
+        title=TITLE,
+        lead="",
+        items=items,
+        findings=findings,
+        verdicts=VERDICTS,
+        errata=parts,
+        text=text_of,
+        uri=uri,
+        pixels_per_inch=PIXELS_PER_INCH,
+    )
+
+
 def _made(item: Item, study: Study, folder: Path, part: float, tell: Progress) -> MadeItem:
+    import matplotlib as mpl
+
     tell("items", part)
-    made = item.make(study)
-    files = save({name: figure for name, (_, figure) in made.figures.items()}, folder)
+    with mpl.rc_context(style.RC):
+        made = item.make(study)
+        files = style.save(made.figures, folder)
     for name, table in made.tables.items():
         text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
         files.append(_written(folder / f"{name}.csv", text))
-    files.append(_written(folder / f"{item.name}.md", text_of(item, made)))
+    files.append(_written(folder / f"{item.name}.md", item.text(made)))
     return MadeItem(item=item, made=made, files=tuple(files))
 
 

@@ -6,13 +6,12 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from flighttune.control.closed_loop import closed_loop
-from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.control.gains import PAPER_EPSILON, PAPER_GAINS, PIGains
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
 from flighttune.paper import parameters as printed
-from flighttune.paper.duffing_cases import DuffingCases
-from flighttune.paper.families import fly, fly_many, gain_family, readings
-from flighttune.paper.flight import PaperFlight
+from flighttune.paper.duffing import DuffingCases
+from flighttune.paper.flight import PaperFlight, fly
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
@@ -42,8 +41,12 @@ class Study:
     @cached_property
     def gains(self) -> dict[str, PIGains]:
         """K1 to K6 and K*, in the order `ORDER`."""
-        family = gain_family(self.star)
-        return {name: family[name] for name in ORDER}
+        K_P, K_I = self.star.K_P, self.star.K_I
+        shift = {
+            name: epsilon * np.eye(2)
+            for name, epsilon in {**PAPER_EPSILON, printed.STAR: 0.0}.items()
+        }
+        return {name: PIGains(K_P=K_P - shift[name], K_I=K_I - shift[name]) for name in ORDER}
 
     @cached_property
     def indicators(self) -> dict[str, Indicators]:
@@ -55,9 +58,8 @@ class Study:
     @cached_property
     def flights(self) -> dict[str, PaperFlight]:
         """The manoeuvre with each gain set and the disturbance of Table 1."""
-        same = [printed.disturbance(printed.PRINTED_DISTURBANCE)] * len(self.gains)
-        flown = fly_many(list(self.gains.values()), same, duration=printed.DURATION)
-        return dict(zip(self.gains, flown, strict=True))
+        wave = printed.disturbance(printed.PRINTED_DISTURBANCE)
+        return {name: fly(gains, wave) for name, gains in self.gains.items()}
 
     @cached_property
     def undisturbed(self) -> PaperFlight:
@@ -67,14 +69,22 @@ class Study:
     @cached_property
     def disturbed(self) -> dict[str, PaperFlight]:
         """The manoeuvre with K* under d1 to d9, beyond the printed 20 s."""
-        waves = [printed.disturbance(name) for name in printed.TABLE_3]
-        flown = fly_many([self.star], waves, duration=printed.AFTERWARDS)
-        return dict(zip(printed.TABLE_3, flown, strict=True))
+        return {
+            name: fly(self.star, printed.disturbance(name), duration=printed.AFTERWARDS)
+            for name in printed.TABLE_3
+        }
 
     @cached_property
     def readings(self) -> dict[str, PaperFlight]:
         """The manoeuvre with K* under each reading of the limits."""
-        return readings(self.star)
+        wave = printed.disturbance(printed.PRINTED_DISTURBANCE)
+        both = printed.printed_limits()
+        return {
+            "ranges only": fly(self.star, wave),
+            "ranges and rate limits": fly(self.star, wave, limits=both),
+            "with rate limits and anti-windup": fly(self.star, wave, limits=both, conditional=True),
+            "no limits": fly(self.star, wave, limits=Limits.none(2)),
+        }
 
     @cached_property
     def problem(self) -> TuningProblem:
@@ -119,9 +129,20 @@ class Study:
 
     def of_disturbances(self, channel: str, measure: str) -> pd.DataFrame:
         """One measure of one channel: index L_d, columns omega_d."""
-        values = self.by_disturbance.xs(channel, level=1)[measure]
+        found = {
+            name: flight.measures.loc[channel, measure] for name, flight in self.disturbed.items()
+        }
+        return self.over_disturbances(pd.Series(found))
+
+    def over_disturbances(self, values: pd.Series) -> pd.DataFrame:
+        """Values by name of the disturbance as a table: index L_d, columns omega_d."""
         keys = pd.DataFrame.from_dict(printed.TABLE_3, orient="index", columns=["L_d", "omega_d"])
         return keys.assign(value=values).pivot(index="L_d", columns="omega_d", values="value")
+
+    def growth_of_ST(self, channel: str) -> float:
+        """Largest change of ST of a channel from the smallest L_d to the largest, rad."""
+        table = self.of_disturbances(channel, "ST_rad")
+        return float((table.iloc[-1] - table.iloc[0]).abs().max())
 
     def indicator(self, name: str) -> pd.Series:
         """R_K, I_K or spectral_abscissa of each gain set."""

@@ -1,4 +1,7 @@
-"""One look for every figure of the paper: sizes, colours and the files they become."""
+"""Sizes, colours and files of the paper's figures, on top of the common figure style.
+
+Items are drawn inside ``matplotlib.rc_context(RC)``; `flighttune.paper.reproduce` enters it.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,35 +9,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flighttune.figures import INK
-from flighttune.figures import RC as COMMON
-from flighttune.palette import HUES, LIMIT, NEUTRAL, looks
 from flighttune.paper.parameters import STAR, TABLE_2, TABLE_3
+from flighttune.present import figures as common
+from flighttune.present.palette import HUES, LIMIT
 from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-GREY = NEUTRAL
-RED = LIMIT
+STRONG = [strong for (strong, _), _ in HUES]
+CHI, GAMMA, GREEN, MAGENTA = STRONG[:4]
+"""The first two for course and path angle where there is one flight."""
 
-_STRONG = [strong for (strong, _), _ in HUES]
-_LIGHT = [light for _, (light, _) in HUES]
+SHADE = HUES[0][1][0]
+"""Background of a region."""
 
-CHI, GAMMA = _STRONG[0], _STRONG[1]
-"""Course and path angle where there is one flight."""
-
-GREEN, MAGENTA = _STRONG[2], _STRONG[3]
-SHADE = _LIGHT[0]
-"""Ground of a region."""
-
-_GAIN_LOOKS = looks(("kinematic", name) for name in TABLE_2)
-GAIN_COLOURS = {STAR: INK, **{name: look.colour for (_, name), look in _GAIN_LOOKS.items()}}
+GAIN_COLOURS = {STAR: common.INK, **dict(zip(TABLE_2, STRONG, strict=True))}
 """Colour of each gain set, the same as in the recording."""
 
-AMPLITUDE_COLOURS = dict(zip((0.1, 0.2, 0.3), (_STRONG[0], _STRONG[2], _STRONG[3]), strict=True))
-OMEGA_DASHES = dict(zip((0.1, 0.15, 0.2), ("-", (0, (5, 2)), (0, (1.5, 1.5))), strict=True))
+AMPLITUDE_COLOURS = {0.1: CHI, 0.2: GREEN, 0.3: MAGENTA}
+OMEGA_DASHES = {0.1: "-", 0.15: (0, (5, 2)), 0.2: (0, (1.5, 1.5))}
 """Disturbances: the hue tells the amplitude L_d, the dashes the frequency omega_d."""
 
 LABELS = {
@@ -46,28 +41,16 @@ LABELS = {
     "s_gamma": r"$s_\gamma$",
 }
 UNITS = {"chi": "rad", "gamma": "rad", "chi_dot": "rad/s", "gamma_dot": "rad/s"}
-R_K_AXIS, I_K_AXIS = r"$R_K$ [1/s]", r"$I_K$ [s²]"
-
-SERIES: dict[str, dict[str, Any]] = {
-    "chi": {"color": CHI, "marker": "o"},
-    "gamma": {"color": GAMMA, "marker": "s"},
-    "chi_dot": {"color": CHI, "marker": "o", "ls": "--", "markerfacecolor": "white"},
-    "gamma_dot": {"color": GAMMA, "marker": "s", "ls": "--", "markerfacecolor": "white"},
-    "s_chi": {"color": CHI, "marker": "o"},
-    "s_gamma": {"color": GAMMA, "marker": "s"},
-}
-"""Marks of each channel where a measure is drawn over something."""
+AXES = {"R_K": r"$R_K$ [1/s]", "I_K": r"$I_K$ [s²]"}
 
 RC: dict[Any, Any] = {
-    **COMMON,
+    **common.RC,
     "font.size": 8.5,
     "axes.titlesize": 9,
     "axes.labelsize": 9,
     "legend.fontsize": 8,
-    "lines.linewidth": 1.4,
-    "lines.markersize": 4.5,
 }
-"""The common style, a little smaller: many panels stand together."""
+"""The common style with smaller text: many panels stand together."""
 
 DPI = 150
 
@@ -85,26 +68,22 @@ def grid(
     titles : sequence of str, optional
         Of the panels; they are lettered (a), (b), ... where there are several.
     """
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(RC):
-        figure = Figure(figsize=size, layout="constrained")
-        panels = list(np.ravel(figure.subplots(rows, columns)))
-        for letter, panel, title in zip("abcdefgh", panels, titles, strict=False):
-            panel.set_title(f"({letter}) {title}" if len(panels) > 1 else title, loc="left")
+    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    panels = list(np.ravel(figure.subplots(rows, columns)))
+    for letter, panel, title in zip("abcdefgh", panels, titles, strict=False):
+        panel.set_title(f"({letter}) {title}" if len(panels) > 1 else title)
     return figure, panels
 
 
 def over_time(panel: "Axes", label: str, end: float) -> None:
     """Label a panel that shows something over the time of a flight."""
-    panel.set_xlabel("t [s]")
-    panel.set_ylabel(label)
-    panel.set_xlim(0.0, end)
+    panel.set(xlabel="t [s]", ylabel=label, xlim=(0.0, end))
 
 
 def note(panel: "Axes", text: str, at: tuple[float, float], *, by: tuple[float, float]) -> None:
-    """Write beside a point, on a white ground; `by` is the offset in points."""
+    """Write next to a point, on a white background; `by` is the offset in points."""
     panel.annotate(
         text,
         at,
@@ -117,47 +96,40 @@ def note(panel: "Axes", text: str, at: tuple[float, float], *, by: tuple[float, 
     )
 
 
-def level(panel: "Axes", *values: float, label: str = "") -> None:
-    """Draw horizontal limit lines; the first carries the label."""
-    for k, value in enumerate(values):
-        panel.axhline(value, color=RED, lw=1.1, ls=(0, (6, 3)), label=label if not k else "")
+def limits(panel: "Axes", *, x: Sequence[float] = (), y: Sequence[float] = (), label="") -> None:
+    """Draw vertical limit lines at `x` and horizontal ones at `y`; the first has the label."""
+    look: dict[str, Any] = {"color": LIMIT, "lw": 1.1, "ls": common.LIMIT_DASHES}
+    lines = [panel.axvline(value, **look) for value in x]
+    lines += [panel.axhline(value, **look) for value in y]
+    lines[0].set_label(label)
 
 
 def legend_above(figure: "Figure", *panels: "Axes", columns: int) -> None:
-    """One legend outside of all panels, with the lines of those given."""
-    import matplotlib as mpl
-
+    """One legend above all panels, with the lines of those given."""
     handles, labels = [], []
     for panel in panels:
         more, names = panel.get_legend_handles_labels()
         handles += more
         labels += names
-    with mpl.rc_context(RC):
-        figure.legend(handles, labels, loc="outside upper center", ncols=columns)
-
-
-def legend(panel: "Axes", **where: Any) -> None:
-    """A legend inside a panel."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(RC):
-        panel.legend(**where)
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
 
 
 def save(figures: "Mapping[str, Figure]", folder: Path) -> list[Path]:
-    """Write each figure as PNG and SVG, laid out once; return the files."""
-    import matplotlib as mpl
+    """Write each figure as PNG and SVG; return the files."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     files = []
-    with mpl.rc_context(RC):
-        for name, figure in figures.items():
-            png, svg = folder / f"{name}.png", folder / f"{name}.svg"
-            with whole_file(png) as part:
-                figure.savefig(part, dpi=DPI, metadata={"Software": None})
-            figure.set_layout_engine("none")
-            with whole_file(svg) as part:
-                figure.savefig(part, metadata={"Date": None, "Creator": None})
-            files += [png, svg]
+    for name, figure in figures.items():
+        png, svg = folder / f"{name}.png", folder / f"{name}.svg"
+        # Not `savefig`, which draws everything twice, and the layout of the PNG is kept for the
+        # SVG: drawing and layout are most of the time of a reproduction.
+        with whole_file(png) as part:
+            FigureCanvasAgg(figure).print_png(part, metadata={"Software": None})
+        figure.set_layout_engine("none")
+        with whole_file(svg) as part:
+            FigureCanvasSVG(figure).print_svg(part, metadata={"Date": None, "Creator": None})
+        files += [png, svg]
     return files
 
 

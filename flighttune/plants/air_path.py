@@ -2,8 +2,7 @@
 
 import math
 
-from flighttune.control.limits import Limits
-from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Plant, Stop
+from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Plant, WrappedPlant
 
 OVER_GROUND = ("chi_ground", "gamma_ground")
 """Names of course and flight-path angle over ground where `chi` and `gamma` are through the air."""
@@ -12,7 +11,7 @@ _CHI, _GAMMA = COMMON_SIGNALS.index("chi"), COMMON_SIGNALS.index("gamma")
 _MOTION = ("V_g", "wind_north", "wind_east", "wind_down")
 
 
-class AirPathPlant:
+class AirPathPlant(WrappedPlant):
     """A plant whose `chi` and `gamma` are those of its velocity through the air.
 
     Its controller steers that path, and its errors are errors of it; position stays that over
@@ -30,19 +29,13 @@ class AirPathPlant:
     """
 
     def __init__(self, plant: Plant) -> None:
-        self.kind, self.signals = plant.kind, plant.signals + OVER_GROUND
-        self._plant, self._observe = plant, plant.observe
+        super().__init__(plant, OVER_GROUND)
         self._places = tuple(plant.signals.index(name) for name in _MOTION)
         self._chi = math.nan
 
-    @property
-    def limits(self) -> Limits:
-        """What the plant itself limits its commands to."""
-        return self._plant.limits
-
     def start(self, condition: FlightCondition) -> None:
         """Put the aircraft into `condition` at t = 0, as the plant does."""
-        self._plant.start(condition)
+        super().start(condition)
         self._chi = condition.chi
 
     def observe(self) -> tuple[float, ...]:
@@ -54,7 +47,3 @@ class AirPathPlant:
         up = V_g * math.tan(gamma) + w_down
         self._chi += math.remainder(math.atan2(east, north) - self._chi, math.tau)
         return (self._chi, math.atan2(up, math.hypot(north, east)), *seen[2:], chi, gamma)
-
-    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
-        """Fly `duration` seconds with the command held, as the plant does."""
-        return self._plant.advance(phi_cmd, n_z_cmd, duration)

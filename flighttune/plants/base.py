@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
+from flighttune.arrays import check_finite, check_positive
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 
@@ -37,16 +38,13 @@ class FlightCondition:
     n_z: float | None = None
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.V_a) and self.V_a > 0.0):
-            raise InputError(f"`V_a` must be positive, got {self.V_a} m/s.")
-        for name in ("h", "chi", "gamma", "phi"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError(f"`{name}` must be finite, got {getattr(self, name)}.")
+        check_positive("m/s", V_a=self.V_a)
+        check_finite(h=self.h, chi=self.chi, gamma=self.gamma, phi=self.phi)
         for name in ("gamma", "phi"):
             if not abs(getattr(self, name)) < math.pi / 2:
                 raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
-        if self.n_z is not None and not math.isfinite(self.n_z):
-            raise InputError(f"`n_z` must be finite, got {self.n_z}.")
+        if self.n_z is not None:
+            check_finite(n_z=self.n_z)
 
     @property
     def n_z_start(self) -> float:
@@ -113,3 +111,38 @@ class Plant(Protocol):
             Time to fly: the sample time of the controller.
         """
         ...
+
+
+class WrappedPlant:
+    """A plant flown as it is, for a subclass that shows further or other signals of it.
+
+    Parameters
+    ----------
+    plant : Plant
+        A plant that was not flown before.
+    further : tuple of str
+        Signals that the subclass shows after those of the plant.
+
+    Attributes
+    ----------
+    kind, signals, limits
+        Those of the plant; `signals` has `further` at its end.
+    """
+
+    def __init__(self, plant: Plant, further: tuple[str, ...]) -> None:
+        self.kind, self.signals = plant.kind, plant.signals + further
+        # Bound once: it is called at every sample.
+        self._plant, self._observe = plant, plant.observe
+
+    @property
+    def limits(self) -> Limits:
+        """What the plant itself limits its commands to."""
+        return self._plant.limits
+
+    def start(self, condition: FlightCondition) -> None:
+        """Put the aircraft into `condition` at t = 0, as the plant does."""
+        self._plant.start(condition)
+
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+        """Fly `duration` seconds with the command held, as the plant does."""
+        return self._plant.advance(phi_cmd, n_z_cmd, duration)

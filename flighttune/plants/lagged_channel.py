@@ -4,7 +4,6 @@ import math
 from collections import deque
 
 import numpy as np
-from scipy.linalg import expm
 
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
@@ -35,6 +34,8 @@ def transition(lag: InnerLag, t: float) -> FloatArray:
     if lag.order == 1:
         return np.array([[math.exp(-w * t)]])
     if lag.order == 3:
+        from scipy.linalg import expm
+
         return np.asarray(expm(lag.undelayed[0] * t), dtype=float)
     decay = lag.damping * w
     squared = w * w - decay * decay

@@ -1,32 +1,48 @@
-"""The exact point mass in coordinated flight, with the inner loop's lag and in moving air."""
+"""A point of constant airspeed that turns by its lift, by the paper's law or exactly."""
 
 import math
+from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, Floats
+from flighttune.arrays import FloatArray, Floats, check_positive
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
-from flighttune.plants.kinematic import G_PAPER, LONGEST_STEP, Disturbance
 from flighttune.plants.lagged_channel import LaggedChannel
-from flighttune.plants.wind import NED, WindPiece, WindRecord, course_of, velocity_along
+from flighttune.plants.wind import CALM, NED, WIND, WindPiece, WindRecord, course_of, velocity_along
+from flighttune.units import G_PAPER
 
-TurnLaw: TypeAlias = Literal["exact", "paper"]
+TurnLaw: TypeAlias = Literal["paper", "exact"]
 
-WIND_SIGNALS = ("wind_north", "wind_east", "wind_down", "V_g")
-"""What a point in a wind record shows besides the signals of still air."""
+Disturbance: TypeAlias = Callable[[float], tuple[float, float]]
+"""Time (s) to the disturbance of course and flight-path-angle rate (rad/s)."""
+
+WIND_SIGNALS = (*WIND, "V_g")
+"""Further signals of a point in a wind record."""
+
+LONGEST_STEP = 0.02
+"""Longest integration step, s: leaves an error below 1e-9 rad over 20 s."""
 
 FINEST = 0.06
-"""Longest integration step times the natural frequency of a lag."""
+"""Longest integration step times the natural frequency of a lag: the same error with lags."""
+
+LOST = 1e3
+"""Course or flight-path angle (rad) at which the paper's law, which has no pole, has diverged."""
 
 STEEPEST = math.radians(89.9)
 
 
-def point_mass_rates(
-    V_a: Floats, gamma: Floats, phi: Floats, n_z: Floats, *, g: float = G_PAPER
+def turn_rates(
+    V_a: Floats,
+    gamma: Floats,
+    phi: Floats,
+    n_z: Floats,
+    *,
+    law: TurnLaw = "paper",
+    g: float = G_PAPER,
 ) -> tuple[FloatArray, FloatArray]:
     r"""Course and flight-path-angle rates of a point mass in coordinated flight.
 
@@ -38,6 +54,8 @@ def point_mass_rates(
         Flight-path angle, climb positive; roll angle about the velocity, right wing down positive.
     n_z : array_like, shape (...), 1
         Load factor: lift over weight.
+    law : {"paper", "exact"}
+        See Notes.
     g : float, m/s^2
         Acceleration of gravity.
 
@@ -53,23 +71,34 @@ def point_mass_rates(
 
     Notes
     -----
-    Lift ``n_z m g`` stands normal to the velocity, rolled by phi; its horizontal part
-    ``n_z sin(phi)`` turns the level speed ``V_a cos(gamma)``. R. W. Beard and T. W. McLain, *Small
-    Unmanned Aircraft*, Princeton 2012, section 9.3, with ``C_L q S = n_z m g``.
+    Lift ``n_z m g`` stands normal to the velocity, rolled by phi. Exactly, its horizontal part
+    ``n_z sin(phi)`` turns the level speed ``V_a cos(gamma)``: R. W. Beard and T. W. McLain, *Small
+    Unmanned Aircraft*, Princeton 2012, section 9.3, with ``C_L q S = n_z m g``. The paper's law,
+    Eq. (38) of arXiv 2411.13140 without its disturbance, takes the course rate of a level
+    coordinated turn, ``tan(phi)``, whatever the load factor.
     """
     if not np.all(np.greater(V_a, 0.0)):
         raise InputError(f"`V_a` must be positive, got {np.min(V_a):g} m/s.")
     g_over_v = g / np.asarray(V_a, dtype=float)
-    level = np.cos(gamma)
-    return g_over_v * n_z * np.sin(phi) / level, g_over_v * (n_z * np.cos(phi) - level)
+    turning = np.tan(phi) if law == "paper" else n_z * np.sin(phi) / np.cos(gamma)
+    return g_over_v * turning, g_over_v * (n_z * np.cos(phi) - np.cos(gamma))
+
+
+def rolled_over(phi_cmd: float, n_z_cmd: float, t: float) -> Stop:
+    """Why a flight by the paper's law ends at time `t` (s) under a command it has no value for."""
+    return Stop(
+        "diverged",
+        f"roll command {math.degrees(phi_cmd):.4g} deg and load-factor command {n_z_cmd:.4g} "
+        f"at t = {t:.2f} s: the law has no value from 90 deg of roll.",
+    )
 
 
 class PointMassPlant:
     """A point of constant airspeed that turns by its lift.
 
-    Roll and load factor are flown at once, or as `lags` say. In a wind record the point flies
-    relative to the air: the wind carries it, and a change of wind turns its velocity through the
-    air, because the velocity over ground has inertia. Thrust is ideal: it holds the airspeed.
+    Roll and load factor follow their commands at once, or with `lags`. In a wind record the point
+    flies relative to the air: the wind carries it, and a change of wind turns its velocity through
+    the air, because the velocity over ground has inertia. Thrust is ideal: it holds the airspeed.
     `chi` and `gamma` are then course and climb over ground; `condition` of the start is that of the
     velocity through the air.
 
@@ -82,15 +111,14 @@ class PointMassPlant:
     disturbance : callable, optional
         Disturbance of the two rates over time; none by default.
     law : {"exact", "paper"}
-        How course and climb follow from roll and load factor: `point_mass_rates`, or `turn_rates`
-        of `flighttune.plants.kinematic`, for the paper's law in wind.
+        How course and climb follow from roll and load factor: see `turn_rates`.
     g : float, m/s^2
         Acceleration of gravity.
 
     Attributes
     ----------
     kind : str
-        ``"point_mass"``, ``"point_mass_lag"`` or ``"kinematic"``.
+        ``"kinematic"`` with the paper's law, else ``"point_mass"`` or ``"point_mass_lag"``.
     signals : tuple of str
         `COMMON_SIGNALS`, ``d_chi`` and ``d_gamma``; in wind also `WIND_SIGNALS`.
     limits : Limits
@@ -104,8 +132,7 @@ class PointMassPlant:
     Notes
     -----
     The lags are solved in closed form; the rest is integrated by the classical Runge-Kutta rule
-    between the instants at which a command takes effect or the wind record has a sample, in steps
-    that leave an error below 1e-9 rad over 20 s.
+    between the instants at which a command takes effect or the wind record has a sample.
     """
 
     limits = Limits.none(2)
@@ -119,45 +146,43 @@ class PointMassPlant:
         law: TurnLaw = "exact",
         g: float = G_PAPER,
     ) -> None:
-        if not (math.isfinite(g) and g > 0.0):
-            raise InputError(f"`g` must be positive, got {g} m/s^2.")
+        check_positive("m/s^2", g=g)
         if law not in ("exact", "paper"):
             raise InputError(f"`law` must be exact or paper, got {law!r}.")
-        self.kind: str = (
-            "kinematic" if law == "paper" else "point_mass" if lags is None else "point_mass_lag"
+        self._paper = law == "paper"
+        self.kind = (
+            "kinematic" if self._paper else "point_mass" if lags is None else "point_mass_lag"
         )
-        shown = () if wind is None else WIND_SIGNALS
-        self.signals: tuple[str, ...] = (*COMMON_SIGNALS, "d_chi", "d_gamma", *shown)
-        self._lags, self._law, self._g = lags, law, g
-        self._wind = WindRecord.steady() if wind is None else wind
-        self._windy = wind is not None
-        self._disturbance = disturbance or _calm
+        wind_signals = () if wind is None else WIND_SIGNALS
+        self.signals: tuple[str, ...] = (*COMMON_SIGNALS, "d_chi", "d_gamma", *wind_signals)
+        self._lags, self._g = lags, g
+        self._wind, self._windy = wind or WindRecord.steady(), wind is not None
+        self._disturbance = disturbance or _undisturbed
         fastest = max((lag.natural_frequency for lag in lags or ()), default=0.0)
         self._step = min(LONGEST_STEP, FINEST / fastest) if fastest else LONGEST_STEP
 
     def start(self, condition: FlightCondition) -> None:
         """Put the point at the origin, its velocity through the air along `condition`."""
-        self._t, self._V_a = 0.0, condition.V_a
+        self._t, self._V_a, self._g_over_v = 0.0, condition.V_a, self._g / condition.V_a
         self._state = (condition.chi, condition.gamma, 0.0, 0.0, 0.0)
         self._chi = condition.chi
-        flown = condition.phi, condition.n_z_start
-        self._held = flown
-        self._channels = self._lags and tuple(
-            LaggedChannel(lag, value) for lag, value in zip(self._lags, flown, strict=True)
-        )
+        self._command = condition.phi, condition.n_z_start
+        self._channels = tuple(map(LaggedChannel, self._lags or (), self._command))
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians."""
         chi, gamma, *position = self._state
-        shown: tuple[float, ...] = ()
+        wind_signals: tuple[float, ...] = ()
         if self._windy:
-            wind = self._wind.piece(self._t).at(self._t)
-            over_ground = _sum(velocity_along(self._V_a, chi, gamma), wind)
+            w_n, w_e, w_d = wind = self._wind.piece(self._t).at(self._t)
+            v_n, v_e, v_d = velocity_along(self._V_a, chi, gamma)
+            over_ground = v_n + w_n, v_e + w_e, v_d + w_d
             chi, gamma = course_of(over_ground)
             self._chi += math.remainder(chi - self._chi, math.tau)
-            chi, shown = self._chi, (*wind, math.hypot(*over_ground))
-        flown = self._flown(self._t)
-        return (chi, gamma, *flown, self._V_a, *position, *self._disturbance(self._t), *shown)
+            chi, wind_signals = self._chi, (*wind, math.hypot(*over_ground))
+        phi, n_z = self._roll_and_load(self._t)
+        d_chi, d_gamma = self._disturbance(self._t)
+        return (chi, gamma, phi, n_z, self._V_a, *position, d_chi, d_gamma, *wind_signals)
 
     def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did.
@@ -165,105 +190,106 @@ class PointMassPlant:
         Notes
         -----
         The flight ends where the path through the air stands vertical: there is no course there.
-        The paper's law also ends at 90 deg of roll.
+        The paper's law has a course there unless it flies in wind, but ends at 90 deg of roll.
         """
-        paper = self._law == "paper"
-        if not (math.isfinite(phi_cmd + n_z_cmd) and not (paper and abs(phi_cmd) >= math.pi / 2)):
-            return Stop(
-                "diverged",
-                f"roll command {math.degrees(phi_cmd):.4g} deg and load-factor command "
-                f"{n_z_cmd:.4g} at t = {self._t:.2f} s: the law has no value there.",
-            )
-        self._held = (phi_cmd, n_z_cmd)
-        for channel, command in zip(self._channels or (), self._held, strict=False):
+        if not (
+            abs(phi_cmd) < (math.pi / 2 if self._paper else math.inf) and math.isfinite(n_z_cmd)
+        ):
+            return rolled_over(phi_cmd, n_z_cmd, self._t)
+        self._command = (phi_cmd, n_z_cmd)
+        for channel, command in zip(self._channels, self._command, strict=False):
             channel.order(self._t, command)
             channel.move_to(self._t)
         end = self._t + duration
-        for stop in self._breaks(end):
-            self._fly_to(stop)
-            if abs(self._state[1]) > STEEPEST:
-                return Stop(
-                    "left_envelope",
-                    f"flight-path angle {math.degrees(self._state[1]):.2f} deg at "
-                    f"t = {self._t:.2f} s: straight up or down there is no course.",
-                )
+        for instant in self._breaks(end):
+            self._fly_to(instant)
+            stop = self._stop()
+            if stop is not None:
+                return stop
+        return None
+
+    def _stop(self) -> Stop | None:
+        chi, gamma = self._state[:2]
+        if self._paper and not self._windy:
+            if abs(chi) < LOST and abs(gamma) < LOST:  # false for NaN
+                return None
+            return Stop(
+                "diverged", f"chi {chi:.4g} rad, gamma {gamma:.4g} rad at t = {self._t:.2f} s."
+            )
+        if abs(gamma) > STEEPEST:
+            return Stop(
+                "left_envelope",
+                f"flight-path angle {math.degrees(gamma):.2f} deg at t = {self._t:.2f} s: "
+                "straight up or down there is no course.",
+            )
         return None
 
     def _breaks(self, end: float) -> list[float]:
         """Instants up to `end` between which commands and slope of the wind are constant."""
-        inside = set(self._wind.knots(self._t, end))
-        for channel in self._channels or ():
+        inside = set(self._wind.knots(self._t, end)) if self._windy else set[float]()
+        for channel in self._channels:
             inside.update(channel.switches(end))
         return [*sorted(inside), end]
 
     def _fly_to(self, end: float) -> None:
+        # Without the 1e-9, rounding would add a step to a duration of whole steps.
         start, steps = self._t, math.ceil((end - self._t) / self._step - 1e-9)
         wind = self._wind.piece(start)
         step = (end - start) / max(steps, 1)
         for i in range(steps):
             self._runge_kutta_step(start + i * step, step, wind)
         self._t = end
-        for channel in self._channels or ():
+        for channel in self._channels:
             channel.move_to(end)
 
-    def _flown(self, t: float) -> tuple[float, float]:
-        if self._channels is None:
-            return self._held
+    def _roll_and_load(self, t: float) -> tuple[float, float]:
+        if not self._channels:
+            return self._command
         roll, load = self._channels
         return roll.at(t), load.at(t)
 
-    def _lift(self, t: float) -> tuple[float, float, float, float]:
-        """Turning and lifting part of the load factor, and the disturbance."""
-        phi, n_z = self._flown(t)
-        turning = math.tan(phi) if self._law == "paper" else n_z * math.sin(phi)
+    def _forcing(self, t: float) -> tuple[float, float, float, float]:
+        """Turning and lifting part of the load factor, and the disturbance, at time `t`."""
+        phi, n_z = self._roll_and_load(t)
+        turning = math.tan(phi) if self._paper else n_z * math.sin(phi)
         return turning, n_z * math.cos(phi), *self._disturbance(t)
 
     def _rates(
-        self,
-        state: tuple[float, ...],
-        lift: tuple[float, float, float, float],
-        wind: NED,
-        push: NED,
-    ) -> tuple[float, ...]:
-        chi, gamma = state[0], state[1]
-        turning, lifting, d_chi, d_gamma = lift
+        self, chi: float, gamma: float, forcing: tuple[float, float, float, float], w_dot: NED
+    ) -> tuple[float, float, float, float, float]:
+        """Rates of course, flight-path angle and, but for the wind, position."""
+        turning, lifting, d_chi, d_gamma = forcing
         sin_chi, cos_chi = math.sin(chi), math.cos(chi)
         sin_gamma, cos_gamma = math.sin(gamma), math.cos(gamma)
-        V_a, g = self._V_a, self._g
-        sideways = push[0] * sin_chi - push[1] * cos_chi
-        upwards = (push[0] * cos_chi + push[1] * sin_chi) * sin_gamma + push[2] * cos_gamma
-        turn = g * turning if self._law == "paper" else g * turning / cos_gamma
+        V_a, g_over_v = self._V_a, self._g_over_v
         level = V_a * cos_gamma
-        return (
-            turn / V_a + sideways / level + d_chi,
-            (g * (lifting - cos_gamma) + upwards) / V_a + d_gamma,
-            level * cos_chi + wind[0],
-            level * sin_chi + wind[1],
-            wind[2] - V_a * sin_gamma,
+        chi_dot = g_over_v * (turning if self._paper else turning / cos_gamma) + d_chi
+        gamma_dot = g_over_v * (lifting - cos_gamma) + d_gamma
+        if w_dot != CALM:
+            chi_dot += (w_dot[0] * sin_chi - w_dot[1] * cos_chi) / level
+            ahead = w_dot[0] * cos_chi + w_dot[1] * sin_chi
+            gamma_dot += (ahead * sin_gamma + w_dot[2] * cos_gamma) / V_a
+        return chi_dot, gamma_dot, level * cos_chi, level * sin_chi, -V_a * sin_gamma
+
+    def _runge_kutta_step(self, t: float, step: float, wind: WindPiece) -> None:
+        chi, gamma, *position = self._state
+        half, sixth = 0.5 * step, step / 6.0
+        middle = self._forcing(t + half)
+        k1 = self._rates(chi, gamma, self._forcing(t), wind.rate)
+        k2 = self._rates(chi + half * k1[0], gamma + half * k1[1], middle, wind.rate)
+        k3 = self._rates(chi + half * k2[0], gamma + half * k2[1], middle, wind.rate)
+        k4 = self._rates(
+            chi + step * k3[0], gamma + step * k3[1], self._forcing(t + step), wind.rate
         )
-
-    def _runge_kutta_step(self, t: float, step: float, piece: WindPiece) -> None:
-        x, half, push = self._state, 0.5 * step, piece.rate
-        first, middle, last = (self._lift(s) for s in (t, t + half, t + step))
-        wind, wind_between, wind_after = (piece.at(s) for s in (t, t + half, t + step))
-        k1 = self._rates(x, first, wind, push)
-        k2 = self._rates(_moved(x, half, k1), middle, wind_between, push)
-        k3 = self._rates(_moved(x, half, k2), middle, wind_between, push)
-        k4 = self._rates(_moved(x, step, k3), last, wind_after, push)
-        sixth = step / 6.0
-        self._state = tuple(
-            a + sixth * (b + 2.0 * (c + d) + e)
-            for a, b, c, d, e in zip(x, k1, k2, k3, k4, strict=True)
+        change = [
+            sixth * (a + 2.0 * (b + c) + d) for a, b, c, d in zip(k1, k2, k3, k4, strict=True)
+        ]
+        north, east, down = (
+            x + dx + step * w
+            for x, dx, w in zip(position, change[2:], wind.at(t + half), strict=True)
         )
+        self._state = chi + change[0], gamma + change[1], north, east, down
 
 
-def _calm(_: float) -> tuple[float, float]:
+def _undisturbed(_: float) -> tuple[float, float]:
     return 0.0, 0.0
-
-
-def _sum(a: NED, b: NED) -> NED:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _moved(x: tuple[float, ...], step: float, rates: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(a + step * b for a, b in zip(x, rates, strict=True))

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
-from flighttune.control.limits import Limits
+from flighttune.arrays import FloatArray, check_not_negative
 from flighttune.errors import InputError
-from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Plant, Stop
+from flighttune.plants.base import COMMON_SIGNALS, Plant, WrappedPlant
 
 SENSED = ("chi", "gamma", "V_a")
 """Signals that the controller sees through sensors, in the order of every array of them."""
@@ -54,10 +53,8 @@ class Sensors:
                 raise InputError(f"`{name}` must be {len(SENSED)} finite numbers, got {values}.")
         if min(self.noise_sd) < 0.0:
             raise InputError(f"`noise_sd` must not be negative, got {self.noise_sd}.")
-        if not (math.isfinite(self.time_constant) and self.time_constant >= 0.0):
-            raise InputError(f"`time_constant` must not be negative, got {self.time_constant} s.")
-        if self.seed < 0:
-            raise InputError(f"`seed` must not be negative, got {self.seed}.")
+        check_not_negative("s", time_constant=self.time_constant)
+        check_not_negative(seed=self.seed)
 
     def errors(self, samples: int, dt: float) -> FloatArray:
         """Measured minus true value at each sample.
@@ -94,7 +91,7 @@ class Sensors:
         return np.concatenate(([begun], rest))
 
 
-class SensedPlant:
+class SensedPlant(WrappedPlant):
     """A plant that also shows its course, climb and airspeed as sensors have them.
 
     Parameters
@@ -111,24 +108,10 @@ class SensedPlant:
     """
 
     def __init__(self, plant: Plant, errors: FloatArray) -> None:
-        self.kind, self.signals = plant.kind, plant.signals + MEASURED
-        self._plant, self._observe = plant, plant.observe
+        super().__init__(plant, MEASURED)
         self._errors = zip(*errors.T.tolist(), strict=True)
-
-    @property
-    def limits(self) -> Limits:
-        """What the plant itself limits its commands to."""
-        return self._plant.limits
-
-    def start(self, condition: FlightCondition) -> None:
-        """Put the aircraft into `condition` at t = 0, as the plant does."""
-        self._plant.start(condition)
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians; each call takes one sample."""
         seen, (chi, gamma, V_a) = self._observe(), next(self._errors)
         return (*seen, seen[_CHI] + chi, seen[_GAMMA] + gamma, seen[_V_A] + V_a)
-
-    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
-        """Fly `duration` seconds with the command held, as the plant does."""
-        return self._plant.advance(phi_cmd, n_z_cmd, duration)

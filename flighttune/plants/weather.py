@@ -4,15 +4,16 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import itemgetter
 from typing import Literal, TypeAlias
 
+from flighttune.arrays import check_finite, check_not_negative, check_positive
 from flighttune.errors import InputError
-from flighttune.plants.wind import NED
+from flighttune.plants.wind import CALM, NED
 
 GustAxis: TypeAlias = Literal["ahead", "right", "down"]
 TurbulenceModel: TypeAlias = Literal["tustin", "milspec"]
 
-CALM: NED = (0.0, 0.0, 0.0)
 MOST_SEVERE = 7
 """Last curve of Fig. 7 of MIL-F-8785C."""
 
@@ -33,9 +34,7 @@ class WindProfile:
         heights = [h for h, _ in self.levels]
         if not heights or any(not a < b for a, b in pairwise(heights)):
             raise InputError(f"`levels` must rise in height and hold at least one, got {heights}.")
-        for value in (*heights, *(w for _, wind in self.levels for w in wind)):
-            if not math.isfinite(value):
-                raise InputError(f"`levels` must be finite, got {self.levels}.")
+        check_finite(levels=[(h, *wind) for h, wind in self.levels])
 
     @property
     def varies(self) -> bool:
@@ -46,16 +45,12 @@ class WindProfile:
         """Wind at height `h` (m above sea level), m/s, north, east and down."""
         if len(self.levels) == 1:
             return self.levels[0][1]
-        above = bisect_right(self.levels, h, key=_height)
+        above = bisect_right(self.levels, h, key=itemgetter(0))
         if above in (0, len(self.levels)):
             return self.levels[max(above - 1, 0)][1]
         (h_0, (n_0, e_0, d_0)), (h_1, (n_1, e_1, d_1)) = self.levels[above - 1 : above + 1]
         share = (h - h_0) / (h_1 - h_0)
         return n_0 + share * (n_1 - n_0), e_0 + share * (e_1 - e_0), d_0 + share * (d_1 - d_0)
-
-
-def _height(level: tuple[float, NED]) -> float:
-    return level[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,13 +81,9 @@ class Gust:
     def __post_init__(self) -> None:
         if self.axis not in ("ahead", "right", "down"):
             raise InputError(f"`axis` must be ahead, right or down, got {self.axis!r}.")
-        if not (math.isfinite(self.rise) and self.rise > 0.0):
-            raise InputError(f"`rise` must be positive, got {self.rise} s.")
-        for name in ("start", "hold"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InputError(f"`{name}` must not be negative, got {getattr(self, name)} s.")
-        if not math.isfinite(self.peak):
-            raise InputError(f"`peak` must be finite, got {self.peak} m/s.")
+        check_positive("s", rise=self.rise)
+        check_not_negative("s", start=self.start, hold=self.hold)
+        check_finite("m/s", peak=self.peak)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,8 +107,7 @@ class Turbulence:
     def __post_init__(self) -> None:
         if not 1 <= self.severity <= MOST_SEVERE:
             raise InputError(f"`severity` must lie in 1 to {MOST_SEVERE}, got {self.severity}.")
-        if not (math.isfinite(self.wind_20ft) and self.wind_20ft >= 0.0):
-            raise InputError(f"`wind_20ft` must not be negative, got {self.wind_20ft} m/s.")
+        check_not_negative("m/s", wind_20ft=self.wind_20ft)
         if self.model not in ("tustin", "milspec"):
             raise InputError(f"`model` must be tustin or milspec, got {self.model!r}.")
 
@@ -140,12 +130,8 @@ class OscillatingWind:
     sine_omega: float
 
     def __post_init__(self) -> None:
-        for name in ("cosine", "sine"):
-            if not all(map(math.isfinite, getattr(self, name))):
-                raise InputError(f"`{name}` must be finite, got {getattr(self, name)} m/s.")
-        for name in ("cosine_omega", "sine_omega"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError(f"`{name}` must be finite, got {getattr(self, name)} rad/s.")
+        check_finite("m/s", cosine=self.cosine, sine=self.sine)
+        check_finite("rad/s", cosine_omega=self.cosine_omega, sine_omega=self.sine_omega)
 
     def at(self, t: float) -> NED:
         """Wind at time `t` (s), m/s, north, east and down."""

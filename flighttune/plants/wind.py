@@ -13,6 +13,11 @@ from flighttune.errors import InputError, ShapeError
 
 NED: TypeAlias = tuple[float, float, float]
 
+CALM: NED = (0.0, 0.0, 0.0)
+
+WIND = ("wind_north", "wind_east", "wind_down")
+"""Signals of the wind that a plant met, m/s."""
+
 
 @dataclass(frozen=True, slots=True)
 class WindPiece:
@@ -72,8 +77,7 @@ class WindRecord:
         samples = np.column_stack([self.north, self.east, self.down])
         rates = np.zeros_like(samples)
         rates[:-1] = np.diff(samples, axis=0) / np.diff(self.t)[:, None]
-        calm = (0.0, 0.0, 0.0)
-        pieces = [WindPiece(times[0], _triple(samples[0]), calm)]
+        pieces = [WindPiece(times[0], _triple(samples[0]), CALM)]
         pieces += [
             WindPiece(t, _triple(w), _triple(rate))
             for t, w, rate in zip(times, samples, rates, strict=True)

@@ -1,5 +1,5 @@
-"""Runs to Parquet and Rerun, and back: the only importer of rerun.
+"""Runs to Parquet and Rerun, and back.
 
-``parquet`` is the record and ``rrd`` a view of it; ``page`` writes the text of that view, ``view``
-and ``screenshot`` open it.
+``parquet`` is the record and ``rrd`` a view of it; ``view`` opens it, ``live`` shows flights while
+they are flown.
 """

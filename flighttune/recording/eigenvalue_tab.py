@@ -1,19 +1,23 @@
 """The tab with the complex plane: eigenvalues at the trim, and moving with the flight."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.blueprint.components import LinkAxis
 
 from flighttune.arrays import FloatArray
-from flighttune.palette import LIMIT, NEUTRAL, rgb
-from flighttune.recording.cast import Member
-from flighttune.recording.frozen_loop import FrozenLoop
-from flighttune.recording.names import ABSCISSA, DAMPING, PLANE, times
+from flighttune.control.linear_model import closed_loop
+from flighttune.errors import InputError
+from flighttune.guarantee.mismatch import law_of
+from flighttune.present.palette import LIMIT, NEUTRAL, rgb
+from flighttune.present.thinning import evenly
+from flighttune.recording import entities
+from flighttune.recording.entities import DrawnRun, log_lines, on_screen, times
+from flighttune.recording.views import time_view
+from flighttune.simulate.run import Run
 
 TAB = "Eigenvalues"
 GRID_COLOUR = (70, 70, 70)
@@ -24,27 +28,104 @@ CROSS = 0.012
 LINES = 10
 """About as many grid lines each way."""
 
+LINEARISED = 1500
+"""Instants of a flight at which the loop is linearised."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrozenLoop:
+    """The loop of a run, linearised about the flight condition of each instant.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,), s
+    eigenvalues : ndarray of complex, shape (k, 4), 1/s
+        Of A_K with airspeed, path angle, roll and load factor as flown.
+    trim : ndarray of complex, shape (4,), 1/s
+        About wings-level flight on the first reference: what R_K and I_K are computed from.
+    """
+
+    t: FloatArray
+    eigenvalues: npt.NDArray[np.complex128]
+    trim: npt.NDArray[np.complex128]
+
+    @property
+    def abscissa(self) -> FloatArray:
+        """Largest real part at each instant, shape (k,), 1/s."""
+        return self.eigenvalues.real.max(axis=1)
+
+    @property
+    def damping(self) -> FloatArray:
+        """Smallest damping ratio at each instant, shape (k,)."""
+        size = np.maximum(np.abs(self.eigenvalues), 1e-12)
+        return (-self.eigenvalues.real / size).min(axis=1)
+
+
+def frozen_loop(run: Run) -> FrozenLoop | None:
+    """Linearise the loop of a run along its flight.
+
+    Parameters
+    ----------
+    run : Run
+        A flight whose scenario says ``V_a_mps`` in its table ``flight``.
+
+    Returns
+    -------
+    FrozenLoop or None
+        None where there are no gains, no such table or no such condition.
+
+    Notes
+    -----
+    The Jacobians of the chi/gamma law, see `kinematic_model`. Frozen eigenvalues are a picture of
+    how the loop changes in flight; they prove nothing about it.
+    """
+    law, gains, signals = law_of(run), run.provenance.gains, run.signals
+    if law is None or gains is None:
+        return None
+    try:
+        trim = np.linalg.eigvals(closed_loop(law.model(), gains))
+    except InputError:
+        return None
+    kept = evenly(len(signals), most=LINEARISED)
+    V_a, gamma, phi, n_z = (
+        signals[name].to_numpy(dtype=float)[kept] for name in ("V_a", "gamma", "phi", "n_z")
+    )
+    usable = np.isfinite(V_a + gamma + phi + n_z) & (V_a > 0.0) & (np.cos(phi) > 1e-3)
+    V_a, gamma, phi, n_z = V_a[usable], gamma[usable], phi[usable], n_z[usable]
+    if not len(V_a):
+        return None
+    A_K = np.zeros((len(V_a), 4, 4))
+    B = np.zeros((len(V_a), 2, 2))
+    B[:, 0, 0], B[:, 1, 0], B[:, 1, 1] = -1.0 / np.cos(phi) ** 2, n_z * np.sin(phi), -np.cos(phi)
+    B *= (law.g / V_a)[:, None, None]
+    A_K[:, :2, :2], A_K[:, :2, 2:], A_K[:, 2:, :2] = B @ gains.K_P, B @ gains.K_I, np.eye(2)
+    A_K[:, 1, 1] += law.g / V_a * np.sin(gamma)
+    t = signals.index.to_numpy(dtype=float)[kept][usable]
+    return FrozenLoop(
+        t=t, eigenvalues=np.linalg.eigvals(A_K).astype(complex), trim=trim.astype(complex)
+    )
+
 
 def log_eigenvalues(
-    stream: rr.RecordingStream, members: Sequence[Member], loops: Mapping[str, FrozenLoop]
+    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], loops: Mapping[str, FrozenLoop]
 ) -> None:
     """Log crosses at the trim, dots that move with the flight, and two plots over time.
 
     Parameters
     ----------
     stream : RecordingStream
-    members : sequence of Member
+    drawn : sequence of DrawnRun
     loops : mapping of str to FrozenLoop
-        By key of the member, at least one; those without one are left out.
+        By key of the run, at least one; those without one are left out.
     """
     low, high = shown_plane(loops)
     _log_axes(stream, low, high)
     half = CROSS * float(np.max(high - low))
     crossed: set[str] = set()
-    for member in reversed(members):
-        if member.key not in loops:
+    for drawn_run in reversed(drawn):
+        if drawn_run.key not in loops:
             continue
-        loop, name = loops[member.key], member.run.provenance.gains_name
+        loop, name = loops[drawn_run.key], drawn_run.run.provenance.gains_name
         if name not in crossed:
             crossed.add(name)
             strips = [
@@ -52,28 +133,25 @@ def log_eigenvalues(
                 for x, y in _plane(loop.trim)
                 for sign in (1.0, -1.0)
             ]
-            width = rr.components.Radius.ui_points(1.2)
-            cross = rr.LineStrips2D(strips, colors=[member.look.rgb], radii=width)
-            stream.log(f"{PLANE}/trim/{member.key}", cross, static=True)
-        _log_run(stream, member, loop)
+            width = on_screen(1.2)
+            cross = rr.LineStrips2D(strips, colors=[drawn_run.look.rgb], radii=width)
+            stream.log(f"{entities.PLANE}/trim/{drawn_run.key}", cross, static=True)
+        _log_run(stream, drawn_run, loop)
 
 
-def _log_run(stream: rr.RecordingStream, member: Member, loop: FrozenLoop) -> None:
-    path, time = f"{PLANE}/flown/{member.key}", times(pd.Index(loop.t))
-    dot = rr.Points2D.from_fields(
-        colors=[member.look.rgb], radii=rr.components.Radius.ui_points(4.0)
-    )
+def _log_run(stream: rr.RecordingStream, drawn_run: DrawnRun, loop: FrozenLoop) -> None:
+    path, time = f"{entities.PLANE}/flown/{drawn_run.key}", times(loop.t)
+    dot = rr.Points2D.from_fields(colors=[drawn_run.look.rgb], radii=on_screen(4.0))
     stream.log(path, dot, static=True)
     places = _plane(loop.eigenvalues.ravel())
     count = loop.eigenvalues.shape[1]
     columns = rr.Points2D.columns(positions=places).partition([count] * len(loop.t))
     stream.send_columns(path, [time], columns)
-    for folder, values in ((ABSCISSA, loop.abscissa), (DAMPING, loop.damping)):
+    for folder, values in ((entities.ABSCISSA, loop.abscissa), (entities.DAMPING, loop.damping)):
         style = rr.SeriesLines(
-            colors=[member.look.rgb], widths=[member.look.width], names=[member.run.label]
+            colors=[drawn_run.look.rgb], widths=[drawn_run.look.width], names=[drawn_run.run.label]
         )
-        stream.log(f"{folder}/{member.key}", style, static=True)
-        stream.send_columns(f"{folder}/{member.key}", [time], rr.Scalars.columns(scalars=values))
+        log_lines(stream, f"{folder}/{drawn_run.key}", style, loop.t, values)
 
 
 def _log_axes(stream: rr.RecordingStream, low: FloatArray, high: FloatArray) -> None:
@@ -85,14 +163,12 @@ def _log_axes(stream: rr.RecordingStream, low: FloatArray, high: FloatArray) -> 
     )
     strips = [np.array([[x, -high[1]], [x, -low[1]]]) for x in real]
     strips += [np.array([[low[0], -y], [high[0], -y]]) for y in imaginary]
-    thin = rr.components.Radius.ui_points(0.5)
+    thin = on_screen(0.5)
     grid = rr.LineStrips2D(strips, colors=[GRID_COLOUR], radii=thin, draw_order=-10.0)
-    stream.log(f"{PLANE}/grid", grid, static=True)
+    stream.log(f"{entities.PLANE}/grid", grid, static=True)
     edge = [np.array([[0.0, -high[1]], [0.0, -low[1]]])]
-    line = rr.LineStrips2D(
-        edge, colors=[rgb(LIMIT)], radii=rr.components.Radius.ui_points(1.0), draw_order=-5.0
-    )
-    stream.log(f"{PLANE}/edge_of_stability", line, static=True)
+    line = rr.LineStrips2D(edge, colors=[rgb(LIMIT)], radii=on_screen(1.0), draw_order=-5.0)
+    stream.log(f"{entities.PLANE}/edge_of_stability", line, static=True)
     off_axis = imaginary[np.abs(imaginary) > step / 2.0]
     places = [(x, 0.0) for x in real] + [(low[0], -y) for y in off_axis]
     labels = [f"{x:z.3g}" for x in real] + [f"{y:+.3g}i" for y in off_axis]
@@ -101,10 +177,10 @@ def _log_axes(stream: rr.RecordingStream, low: FloatArray, high: FloatArray) -> 
         labels=labels,
         show_labels=True,
         colors=[rgb(NEUTRAL)],
-        radii=rr.components.Radius.ui_points(1.0),
+        radii=on_screen(1.0),
         draw_order=-5.0,
     )
-    stream.log(f"{PLANE}/labels", marks, static=True)
+    stream.log(f"{entities.PLANE}/labels", marks, static=True)
 
 
 def _plane(eigenvalues: npt.NDArray[np.complex128]) -> FloatArray:
@@ -137,22 +213,17 @@ def eigenvalue_tab(loops: Mapping[str, FrozenLoop]) -> rrb.Container:
     """The complex plane beside the slowest and the least damped eigenvalue over time."""
     low, high = shown_plane(loops)
     plane = rrb.Spatial2DView(
-        origin=PLANE,
+        origin=entities.PLANE,
         name="Eigenvalues [1/s]: at trim crosses, as flown dots",
         visual_bounds=rrb.VisualBounds2D(
             x_range=(float(low[0]), float(high[0])), y_range=(float(-high[1]), float(-low[1]))
         ),
     )
     over_time = [
-        rrb.TimeSeriesView(
-            origin=origin,
-            name=name,
-            axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
-            plot_legend=rrb.PlotLegend(visible=False),
-        )
+        time_view(origin, name)
         for origin, name in (
-            (ABSCISSA, "Largest real part, as flown [1/s]"),
-            (DAMPING, "Smallest damping ratio, as flown [1]"),
+            (entities.ABSCISSA, "Largest real part, as flown [1/s]"),
+            (entities.DAMPING, "Smallest damping ratio, as flown [1]"),
         )
     ]
     return rrb.Horizontal(plane, rrb.Vertical(*over_time), column_shares=[1, 1])

@@ -1,38 +1,36 @@
-"""What happened when: steps of the reference, limits, gusts, convergence, ends, broken claims."""
+"""Events of a flight: steps of the reference, limits, gusts, settling, ends, broken claims."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 import rerun as rr
 
+from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import NO_STEP, channel_metrics
-from flighttune.recording.cast import Member
-from flighttune.recording.certified import Certified
+from flighttune.plants.wind import WIND
+from flighttune.recording.entities import EVENTS, DrawnRun, times
 from flighttune.recording.lanes import HELD, runs_of_equal
-from flighttune.recording.names import EVENTS, times
 from flighttune.simulate.run import Run
 
 COMMANDS = {"phi": "roll", "n_z": "load-factor"}
 ANGLES = {"chi": "course", "gamma": "path angle"}
 PALE = 0.35
 MOST_HOLDS = 20
-"""Times that a command is told to be held by its limit; then only how often."""
+"""Times at which a command is listed as held by its limit; after them only their number."""
 
 WIND_CHANGE = 0.5
-"""Least departure (m/s) of the wind from that of the start that is called a gust."""
+"""Change (m/s) of the wind from that of the start beyond which it is a gust."""
 
 MEASURED = (
     *("chi_err", "gamma_err", "gamma_ref"),
     *("phi_cmd", "n_z_cmd", "phi_limited", "n_z_limited"),
 )
-"""What the measures of convergence are taken from."""
+"""Signals that the settling time is computed from."""
 
-WIND = ("wind_north", "wind_east", "wind_down")
 SORTS = {"end": "ERROR", "claim": "WARN", "limit": "WARN", "wind": "INFO", "track": "INFO"}
-"""Level in the log by the sort of event."""
+"""Log level of each sort of event: the viewer has no other classes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +50,7 @@ class Event:
     text: str
 
 
-def events(run: Run, claim: Certified | None = None) -> list[Event]:
+def events(run: Run, claim: FlightCheck | None = None) -> list[Event]:
     """All events of a run with at least two samples, in order of time."""
     found = [
         *_reference(run),
@@ -68,37 +66,34 @@ def events(run: Run, claim: Certified | None = None) -> list[Event]:
 
 
 def log_events(
-    stream: rr.RecordingStream, members: Sequence[Member], claims: Mapping[str, Certified]
+    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
 ) -> None:
     """Log the events of all runs in one list, in the colours of the runs.
 
-    The same change of wind is told of the first run that met it.
+    A change of the wind that several runs meet is listed once, with the first of them.
     """
     lines = [
-        (event, member)
-        for member in members
-        for event in events(member.run, claims.get(member.key))
+        (event, drawn_run)
+        for drawn_run in drawn
+        for event in events(drawn_run.run, claims.get(drawn_run.key))
     ]
     lines.sort(key=lambda line: line[0].t)
-    weather: set[Event] = set()
-    told = []
-    for event, member in lines:
-        if event.sort != "wind" or event not in weather:
-            told.append((event, member))
-        weather |= {event} if event.sort == "wind" else set()
-    if not told:
+    # All runs of a scenario meet the same wind: the first run of each such event stands for them.
+    first = dict(reversed(lines))
+    lines = [line for line in lines if line[0].sort != "wind" or first[line[0]] is line[1]]
+    if not lines:
         return
     columns = rr.TextLog.columns(
-        text=[f"{member.run.label}: {event.text}" for event, member in told],
-        level=[SORTS[event.sort] for event, _ in told],
-        color=[_readable(member.look.rgb) for _, member in told],
+        text=[f"{drawn_run.run.label}: {event.text}" for event, drawn_run in lines],
+        level=[SORTS[event.sort] for event, _ in lines],
+        color=[_readable(drawn_run.look.rgb) for _, drawn_run in lines],
     )
-    when = times(pd.Index([event.t for event, _ in told]))
+    when = times([event.t for event, _ in lines])
     stream.send_columns(EVENTS, [when], columns)
 
 
 def _readable(colour: tuple[int, int, int]) -> tuple[int, ...]:
-    """The colour, light enough for small text on a dark ground."""
+    """The colour, light enough for small text on a dark background."""
     return tuple(round(part + PALE * (255 - part)) for part in colour)
 
 
@@ -161,14 +156,14 @@ def _converged(run: Run) -> Iterator[Event]:
         taken = float(measures.at[angle, "settling_s"])
         if math.isfinite(taken):
             begun = float(t[int(np.argmax(np.abs(error) > NO_STEP))])
-            told = f"{word} error within 5 % of its first for good, after {taken:.2f} s"
-            yield Event(begun + taken, "track", told)
+            text = f"{word} error settled (5 %) after {taken:.2f} s"
+            yield Event(begun + taken, "track", text)
 
 
-def _claims(claim: Certified | None) -> Iterator[Event]:
+def _claims(claim: FlightCheck | None) -> Iterator[Event]:
     if claim is not None and claim.t_broken is not None:
-        share = f"{100.0 * claim.share_broken:.1f} % of the time it holds for"
-        yield Event(claim.t_broken, "claim", f"guarantee first broken; in all {share}")
+        share = f"{100.0 * claim.share_broken:.1f} % of the time with a claim"
+        yield Event(claim.t_broken, "claim", f"guarantee first broken; in total for {share}")
 
 
 def _of(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -1,31 +1,44 @@
-"""Where aircraft and cameras are: local NED in m, with plain numpy."""
+"""Positions, attitudes, sizes and cameras of the 3D scene, in local NED and m."""
 
 import math
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from flighttune.arrays import FloatArray
-from flighttune.recording.airframe import span_of
-from flighttune.recording.cast import Member
-from flighttune.recording.mesh import SPAN
+from flighttune.errors import InputError
+from flighttune.recording.entities import DrawnRun
+from flighttune.shipped import aircraft_folder
+from flighttune.simulate.run import Run
+from flighttune.units import FT
+
+MODEL_SPAN = 2.9
+"""Wing span of the aircraft in ``aircraft.glb``, m."""
+
+METRES = {"M": 1.0, "FT": FT}
 
 FIELD_OF_VIEW = math.radians(52.0)
-"""Opening of the camera that the flight shall fill; the viewer's own is 55 deg in height."""
+"""Vertical field of view that the flight should fill; the viewer's own is 55 deg."""
 
 VIEWED_FROM = math.radians(-120.0)
 ELEVATION = math.radians(22.0)
-"""Side (clockwise from the way flown) and height from which the flight is seen."""
+"""Azimuth (clockwise from the direction of flight) and elevation of the camera."""
 
 SHARE_OF_FLIGHT = 1.0 / 10.0
-"""Width of an aircraft as drawn, over the size of the flight."""
+"""Width of a drawn aircraft as a fraction of the size of the flight."""
 
 ROUND = (1.0, 2.0, 5.0)
 FINELY_ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 GROUND_LINES = 12
-"""About as many lines the ground grid has along its longer side."""
+"""Approximate number of lines along the longer side of the ground grid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +54,15 @@ def positions(signals: pd.DataFrame) -> FloatArray:
     return signals[["north", "east", "down"]].to_numpy(dtype=float)
 
 
-def flown(members: Sequence[Member]) -> FloatArray:
+def all_positions(drawn: Sequence[DrawnRun]) -> FloatArray:
     """All finite positions of all runs, shape (n, 3), m."""
-    points = np.vstack([positions(member.run.signals) for member in members])
+    points = np.vstack([positions(drawn_run.run.signals) for drawn_run in drawn])
     return points[np.isfinite(points).all(axis=1)]
 
 
 def headings(signals: pd.DataFrame) -> FloatArray:
     """Rotation to NED from level axes that turn with the course, shape (n, 4): x, y, z, w."""
-    chi = signals["chi"].to_numpy(dtype=float)
-    return quaternions(np.zeros_like(chi), np.zeros_like(chi), chi)
+    return Rotation.from_euler("Z", signals[["chi"]].to_numpy(dtype=float)).as_quat()
 
 
 def attitudes(signals: pd.DataFrame) -> FloatArray:
@@ -66,44 +78,62 @@ def attitudes(signals: pd.DataFrame) -> FloatArray:
     ndarray, shape (n, 4), 1
         Unit quaternions x, y, z, w.
     """
-    chi = signals["chi"].to_numpy(dtype=float)
-    pitch = signals["theta" if "theta" in signals else "gamma"].to_numpy(dtype=float)
-    crab = signals["psi"].to_numpy(dtype=float) - chi if "psi" in signals else np.zeros_like(chi)
-    return quaternions(signals["phi"].to_numpy(dtype=float), pitch, crab)
+    pitch = signals["theta" if "theta" in signals else "gamma"]
+    crab = signals["psi"] - signals["chi"] if "psi" in signals else 0.0 * pitch
+    angles = np.column_stack([crab, pitch, signals["phi"]])
+    return Rotation.from_euler("ZYX", angles).as_quat()
 
 
-def quaternions(roll: FloatArray, pitch: FloatArray, heading: FloatArray) -> FloatArray:
-    """Unit quaternions x, y, z, w, shape (n, 4), of Euler angles (rad, shape (n,)), order 3-2-1."""
-    sr, cr = np.sin(roll / 2.0), np.cos(roll / 2.0)
-    sp, cp = np.sin(pitch / 2.0), np.cos(pitch / 2.0)
-    sh, ch = np.sin(heading / 2.0), np.cos(heading / 2.0)
-    return np.column_stack(
-        [
-            sr * cp * ch - cr * sp * sh,
-            cr * sp * ch + sr * cp * sh,
-            cr * cp * sh - sr * sp * ch,
-            cr * cp * ch + sr * sp * sh,
+def span_of(run: Run) -> float:
+    """Wing span of the run's aircraft, m.
+
+    A plant without an aircraft is drawn as the first aircraft of its scenario. Without one, or
+    without a span in its file, the span is `MODEL_SPAN`.
+    """
+    tables = run.provenance.scenario.get("plant") or []
+    names = [run.provenance.aircraft, *(table.get("aircraft") for table in tables)]
+    return next((_span(name) for name in names if name), MODEL_SPAN)
+
+
+@cache
+def _span(aircraft: str) -> float:
+    try:
+        folder = aircraft_folder(aircraft)
+        model = tomllib.loads((folder / "aircraft.toml").read_text(encoding="utf-8"))["model"]
+        # The file may be in JSBSim's own set; it is found without loading JSBSim.
+        installed = find_spec("jsbsim")
+        places = [
+            Path(place) for place in (installed and installed.submodule_search_locations) or ()
         ]
-    )
+        for file in (
+            folder / f"{model}.xml",
+            *(p / "aircraft" / model / f"{model}.xml" for p in places),
+        ):
+            found = ElementTree.parse(file).find("metrics/wingspan") if file.is_file() else None
+            if found is not None and found.text:
+                return float(found.text) * METRES[found.get("unit", "FT")]
+    except (InputError, OSError, ValueError, KeyError, ElementTree.ParseError):
+        pass
+    return MODEL_SPAN
 
 
-def widest(members: Sequence[Member]) -> float:
+def widest(drawn: Sequence[DrawnRun]) -> float:
     """Largest wing span of all aircraft, m."""
-    return max(span_of(member.run) for member in members)
+    return max(span_of(drawn_run.run) for drawn_run in drawn)
 
 
-def enlargement(points: FloatArray, span: float = SPAN) -> float:
-    """Factor by which aircraft are drawn larger than they are, a round number, at least 1
+def enlargement(points: FloatArray, span: float) -> float:
+    """Factor by which aircraft are drawn larger than they are: a round number, at least 1.
 
     Parameters
     ----------
     points : ndarray, shape (n, 3), m
-        All positions flown.
+        All positions.
     span : float, m
         Of the widest aircraft.
     """
-    wanted = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
-    return max(1.0, _round_below(wanted, FINELY_ROUND))
+    factor = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
+    return max(1.0, _round_below(factor, FINELY_ROUND))
 
 
 def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
@@ -112,7 +142,7 @@ def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
     Parameters
     ----------
     points : ndarray, shape (n, 3), m
-        All positions flown.
+        All positions.
 
     Returns
     -------
@@ -125,16 +155,16 @@ def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
     spacing = _round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
     low = (np.floor(points[:, :2].min(axis=0) / spacing) - 1.0) * spacing
     high = (np.ceil(points[:, :2].max(axis=0) / spacing) + 1.0) * spacing
-    down = float(points[:, 2].max()) + spacing / 2.0
-    lines = [
-        np.array([[north, low[1], down], [north, high[1], down]])
-        for north in np.arange(low[0], high[0] + spacing / 2.0, spacing)
-    ]
-    lines += [
-        np.array([[low[0], east, down], [high[0], east, down]])
-        for east in np.arange(low[1], high[1] + spacing / 2.0, spacing)
-    ]
-    return lines, spacing
+    return grid_lines(low, high, spacing, float(points[:, 2].max()) + spacing / 2.0), spacing
+
+
+def grid_lines(low: FloatArray, high: FloatArray, spacing: float, down: float) -> list[FloatArray]:
+    """Lines of a level grid from corner `low` to corner `high` (north, east), ends as rows, m."""
+    norths, easts = (
+        np.arange(a, b + spacing / 2.0, spacing) for a, b in zip(low, high, strict=True)
+    )
+    lines = [np.array([[north, low[1], down], [north, high[1], down]]) for north in norths]
+    return lines + [np.array([[low[0], east, down], [high[0], east, down]]) for east in easts]
 
 
 def _round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
@@ -144,14 +174,14 @@ def _round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
 
 
 def overview_eye(points: FloatArray, *, margin: float) -> Eye:
-    """Camera that sees the whole flight from the left, a little from behind and above.
+    """Camera that sees the whole flight from its left, a little from behind and above.
 
     Parameters
     ----------
     points : ndarray, shape (n, 3), m
         All positions to see.
     margin : float, m
-        Room to leave around them: half the width of an aircraft as drawn.
+        Space to leave around them: half the width of an aircraft as drawn.
     """
     along = math.atan2(*np.ptp(points[:, :2], axis=0)[::-1] * _signs(points))
     azimuth = along + VIEWED_FROM
@@ -167,6 +197,7 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     target = points.mean(axis=0)
     slope = math.tan(FIELD_OF_VIEW / 2.0)
     distance = 0.0
+    # The middle of the picture depends on the perspective, and so on the distance: a few steps.
     for _ in range(4):
         depth = distance - (points - target) @ back if distance else np.ones(len(points))
         seen = np.column_stack([(points - target) @ right, (points - target) @ up]) / depth[:, None]
@@ -179,9 +210,9 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
 
 
 def _signs(points: FloatArray) -> FloatArray:
-    """Senses, 1 or -1, in which the flight goes east and north over all."""
-    gone = points[:, :2].mean(axis=0) - points[0, :2]
-    return np.where(gone[::-1] < 0.0, -1.0, 1.0)
+    """Signs, 1 or -1, of the overall displacement east and north."""
+    moved = points[:, :2].mean(axis=0) - points[0, :2]
+    return np.where(moved[::-1] < 0.0, -1.0, 1.0)
 
 
 def chase_eye(width: float) -> Eye:

@@ -4,62 +4,55 @@ from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
-import pandas as pd
 import rerun as rr
 
 from flighttune.arrays import FloatArray
-from flighttune.recording.cast import Member
-from flighttune.recording.names import PHASES, RUNS, times
+from flighttune.recording.entities import PHASES, RUNS, DrawnRun, times
 
 CHANNELS = {"phi": "Roll command held by a limit", "n_z": "Load-factor command held by a limit"}
-"""Commands that have a timeline, and its heading."""
+"""Commands with lanes of their own, and the heading of the lanes."""
 
 HELD = {1: "limit", 2: "rate"}
-"""Value of a ``*_limited`` signal to what its lane says: magnitude or rate limit."""
+"""Text of a lane by the value of the ``*_limited`` signal: magnitude or rate limit."""
 
 DIMMED = 0.6
 
 Style: TypeAlias = tuple[str, tuple[int, ...]]
 
 
-def log_lanes(stream: rr.RecordingStream, members: Sequence[Member]) -> None:
-    """Log which runs there are, how long each flew, and when its commands were held by limits."""
-    _log_runs(stream, members)
+def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
+    """Log the runs, how long each flew, and when limits held its commands."""
+    _log_runs(stream, drawn)
     for command in CHANNELS:
-        if any(f"{command}_limited" in member.run.signals for member in members):
-            _log_phases(stream, members, command)
+        if any(f"{command}_limited" in drawn_run.run.signals for drawn_run in drawn):
+            _log_phases(stream, drawn, command)
 
 
-def _log_runs(stream: rr.RecordingStream, members: Sequence[Member]) -> None:
-    names = [_outcome(member) for member in members]
-    style = rr.StateConfiguration(
-        values=names, labels=names, colors=[member.look.rgb for member in members]
-    )
-    stream.log(RUNS, style, static=True)
-    at = np.unique([0.0, *(member.run.duration for member in members)])
-    rows = [
-        [name if t < member.run.duration else "" for t in at]
-        for name, member in zip(names, members, strict=True)
-    ]
-    _send(stream, RUNS, at, rows)
+def _log_runs(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
+    names = [_outcome(drawn_run) for drawn_run in drawn]
+    looks = [drawn_run.look for drawn_run in drawn]
+    styles: dict[str, Style] = {n: (n, look.rgb) for n, look in zip(names, looks, strict=True)}
+    ends = [np.array([0.0, drawn_run.run.duration]) for drawn_run in drawn]
+    log_timeline(stream, RUNS, [(t, [n, ""]) for t, n in zip(ends, names, strict=True)], styles)
 
 
-def _outcome(member: Member) -> str:
-    run = member.run
-    return (
-        run.label if run.status == "completed" else f"{run.label}: {run.status.replace('_', ' ')}"
-    )
+def _outcome(drawn_run: DrawnRun) -> str:
+    run = drawn_run.run
+    ended = "" if run.status == "completed" else f": {run.status.replace('_', ' ')}"
+    return run.label + ended
 
 
-def _log_phases(stream: rr.RecordingStream, members: Sequence[Member], command: str) -> None:
+def _log_phases(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], command: str) -> None:
     style: dict[str, Style] = {}
     lanes = []
-    for member in members:
-        dimmed = tuple(round(DIMMED * part) for part in member.look.rgb)
-        for word, colour in zip(HELD.values(), (member.look.rgb, dimmed), strict=True):
-            style[f"{member.key} {word}"] = (word, colour)
-        t, states = changes(member, f"{command}_limited")
-        words = [f"{member.key} {HELD[held]}" if held in HELD else "" for held in states.tolist()]
+    for drawn_run in drawn:
+        dimmed = tuple(round(DIMMED * part) for part in drawn_run.look.rgb)
+        for word, colour in zip(HELD.values(), (drawn_run.look.rgb, dimmed), strict=True):
+            style[f"{drawn_run.key} {word}"] = (word, colour)
+        t, states = changes(drawn_run, f"{command}_limited")
+        words = [
+            f"{drawn_run.key} {HELD[held]}" if held in HELD else "" for held in states.tolist()
+        ]
         lanes.append((t, words))
     log_timeline(stream, f"{PHASES}/{command}", lanes, style)
 
@@ -93,7 +86,9 @@ def log_timeline(
     for t, states in lanes:
         now = np.searchsorted(t, at, side="right") - 1
         rows.append([states[k] if k >= 0 else "" for k in now.tolist()])
-    _send(stream, path, at, rows)
+    flat = [state for moment in zip(*rows, strict=True) for state in moment]
+    columns = rr.StateChange.columns(state=flat).partition([len(rows)] * len(at))
+    stream.send_columns(path, [times(at)], columns)
 
 
 def runs_of_equal(t: FloatArray, values: np.ndarray) -> tuple[FloatArray, np.ndarray]:
@@ -102,7 +97,7 @@ def runs_of_equal(t: FloatArray, values: np.ndarray) -> tuple[FloatArray, np.nda
     return t[at], values[at]
 
 
-def changes(member: Member, name: str) -> tuple[FloatArray, FloatArray]:
+def changes(drawn_run: DrawnRun, name: str) -> tuple[FloatArray, FloatArray]:
     """When a piecewise constant signal begins and changes, and to what.
 
     Returns
@@ -110,18 +105,9 @@ def changes(member: Member, name: str) -> tuple[FloatArray, FloatArray]:
     t, values : ndarray, shape (k,), s and unit of the signal, k >= 1
         Ends with 0 at the end of the flight. A run without the signal has a single 0.
     """
-    signals = member.run.signals
+    signals = drawn_run.run.signals
     if name not in signals:
         return np.zeros(1), np.zeros(1)
     t, values = signals.index.to_numpy(dtype=float), signals[name].to_numpy(dtype=float)
     begun, states = runs_of_equal(t[:-1], values[:-1])
     return np.append(begun, t[-1]), np.append(states, 0.0)
-
-
-def _send(
-    stream: rr.RecordingStream, path: str, at: FloatArray, rows: Sequence[Sequence[str]]
-) -> None:
-    """Send states, `rows` having a list over `at` for every lane."""
-    flat = [state for moment in zip(*rows, strict=True) for state in moment]
-    columns = rr.StateChange.columns(state=flat).partition([len(rows)] * len(at))
-    stream.send_columns(path, [times(pd.Index(at))], columns)

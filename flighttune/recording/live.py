@@ -1,4 +1,4 @@
-"""A scenario watched while it is being flown, at real time or faster, and stopped by hand."""
+"""A scenario shown while it is being flown, at real time or faster, and stopped by hand."""
 
 import threading
 import time
@@ -7,38 +7,36 @@ import uuid
 import numpy as np
 import pandas as pd
 import rerun as rr
+import rerun.blueprint as rrb
 
 from flighttune.arrays import FloatArray
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.palette import Look, looks
 from flighttune.plants.base import FlightCondition, Plant, Stop
-from flighttune.recording.geometry import attitudes, headings, positions
-from flighttune.recording.live_layout import (
-    DRAWN_SPAN,
-    LIVE,
-    SESSION,
-    SHOWN,
-    live_blueprint,
-    log_aircraft,
-    log_ground,
-    log_styles,
-    move_ground,
-)
-from flighttune.recording.mesh import SPAN
-from flighttune.recording.names import (
-    BODY,
-    NANOSECONDS,
-    PATHS,
-    PLOTS,
-    REFERENCE,
-    application,
-    plain_name,
-    told_apart,
-)
-from flighttune.recording.plots import displayed
-from flighttune.recording.thinning import evenly
+from flighttune.present.palette import Look, looks
+from flighttune.present.thinning import evenly
+from flighttune.recording import entities
+from flighttune.recording.entities import application, distinct, on_screen, plain_name, times
+from flighttune.recording.geometry import attitudes, chase_eye, grid_lines, headings, positions
+from flighttune.recording.plots import Plot, displayed
+from flighttune.recording.rrd import reference_style, run_style
+from flighttune.recording.scene import aircraft_model, log_ground
+from flighttune.recording.views import layout, scene_view, time_view
 from flighttune.scenario.schema import Scenario
+
+SESSION = "session_time"
+"""Time flown since the first run began: the runs one after another."""
+
+LIVE = f"{entities.AIRCRAFT}/live"
+"""Frame of the aircraft that flies now."""
+
+LIVE_PLOTS = (
+    Plot("chi", "Course chi, reference grey"),
+    Plot("gamma", "Path angle gamma, reference grey"),
+    Plot("phi", "Roll phi flown, command thin", thin="phi_cmd"),
+    Plot("n_z", "Load factor n_z flown, command thin", thin="n_z_cmd"),
+    Plot("V_a", "Airspeed V_a"),
+)
 
 SENT_EVERY = 0.1
 """Seconds between two deliveries to the viewer; of flight where it is flown as fast as it goes."""
@@ -50,12 +48,17 @@ PATH_POINTS = 600
 BETWEEN_RUNS = 1.0
 """Seconds on the session's timeline between two runs."""
 
+DRAWN_SPAN = 12.0
+"""Width of the aircraft as drawn, m."""
+
 GRID_SECONDS = 4.0
 """Distance of two lines of the ground, in seconds of flight."""
 
+GRID_LINES = 21
+
 
 class LiveSession:
-    """A stream to a viewer that runs can be flown under.
+    """A stream to a viewer; the `Observer` that `flighttune.flight.fly.fly` takes.
 
     Parameters
     ----------
@@ -71,10 +74,7 @@ class LiveSession:
     spacing : float, m
         Of the lines on the ground.
     start_of_run : float, s
-        Where the run in the air begins on the session's timeline.
-    stopped : bool
-        Whether someone has asked for the end: the run in the air ends with the status
-        ``interrupted`` after the sample it is at, and no other one begins.
+        Where the present run begins on the session's timeline.
 
     Raises
     ------
@@ -88,31 +88,48 @@ class LiveSession:
         self.scenario, self.pace = scenario, pace
         self.start_of_run = 0.0
         self._stop = threading.Event()
-        names = [entry if isinstance(entry, str) else entry.name for entry in scenario.gains]
-        pairs = [(plant.label, name) for plant in scenario.plant for name in names]
-        found = looks(pairs)
-        self._looks = {f"{plant} / {name}": found[plant, name] for plant, name in pairs}
+        pairs = [(plant.label, name) for plant in scenario.plant for name in scenario.gain_names]
+        look_of = looks(pairs)
+        labels = [f"{plant} / {name}" for plant, name in pairs]
+        keys = distinct(map(plain_name, labels))
+        self._drawn = {
+            label: (key, look_of[pair])
+            for label, key, pair in zip(labels, keys, pairs, strict=True)
+        }
         self.stream = rr.RecordingStream(application(scenario.title), recording_id=uuid.uuid4())
         self.stream.connect_grpc(url, default_blueprint=live_blueprint())
         self.stream.send_recording_name(f"{scenario.title}, live")
         self.spacing = GRID_SECONDS * scenario.flight.V_a_mps
-        log_ground(self.stream, spacing=self.spacing)
-        keys = told_apart(plain_name(label) for label in self._looks)
-        self._keys = dict(zip(self._looks, keys, strict=True))
-        log_styles(self.stream, keys, list(self._looks.values()))
+        half = np.full(2, (GRID_LINES - 1) * self.spacing / 2.0)
+        log_ground(self.stream, grid_lines(-half, half, self.spacing, self.spacing / 2.0))
+        self._log_styles()
+
+    def _log_styles(self) -> None:
+        for plot in LIVE_PLOTS:
+            for key, look in self._drawn.values():
+                style = run_style(look, key, len(plot.signals))
+                self.stream.log(f"{entities.PLOTS}/{plot.signal}/{key}", style, static=True)
+        for name in ("chi", "gamma"):
+            self.stream.log(
+                f"{entities.PLOTS}/{name}/{entities.REFERENCE}", reference_style(), static=True
+            )
 
     @property
     def stopped(self) -> bool:
-        """Whether someone has asked for the end."""
+        """Whether someone has asked for the end.
+
+        The present run then ends with the status ``interrupted`` after its current sample, and no
+        other one begins.
+        """
         return self._stop.is_set()
 
     def stop(self) -> None:
-        """End the run in the air after the sample it is at; may be called from a signal handler."""
+        """Ask for the end; may be called from a signal handler."""
         self._stop.set()
 
     def watch(self, plant: Plant, label: str) -> Plant:
-        """The plant, seen by the viewer and kept to the pace."""
-        return WatchedPlant(plant, self._keys[label], self._looks[label], self)
+        """The plant, shown in the viewer and slowed down to the pace."""
+        return LivePlant(plant, *self._drawn[label], self)
 
     def wait_until(self, moment: float) -> None:
         """Sleep until `moment` of the monotonic clock, or until stopped."""
@@ -129,72 +146,70 @@ class LiveSession:
         self.close()
 
 
-class WatchedPlant:
-    """A plant whose signals go to a viewer; flies as the plant in it.
+class LivePlant:
+    """A plant that sends its signals to a viewer, and otherwise flies as the plant in it.
 
     Parameters
     ----------
     plant : Plant
-        A plant that was not flown before.
+        A plant that has not flown yet.
     key : str
         Name of the run in the tree of the recording.
     look : Look
         Of the run.
     session : LiveSession
-        Where the signals go, and who says when to stop.
+        Where the signals go.
     """
 
     def __init__(self, plant: Plant, key: str, look: Look, session: LiveSession) -> None:
         self.kind, self.signals = plant.kind, plant.signals
-        self._plant, self._look, self._session = plant, look, session
-        self._key = key
+        self._plant, self._key, self._look, self._session = plant, key, look, session
         self._rows: list[tuple[float, ...]] = []
         self._path: list[FloatArray] = []
         self._t = self._sent = self._drawn = 0.0
-        self._seen: tuple[float, ...] = ()
+        self._observed: tuple[float, ...] = ()
 
     @property
     def limits(self) -> Limits:
-        """What the plant itself limits its commands to."""
+        """Limits of the plant itself on its commands."""
         return self._plant.limits
 
     def start(self, condition: FlightCondition) -> None:
         """Start the plant and the clock."""
         self._plant.start(condition)
         self._began = time.monotonic()
-        stream = self._session.stream
         self._set_time(0.0)
-        log_aircraft(stream, f"{LIVE}/{BODY}", self._look, scale=DRAWN_SPAN / SPAN)
+        model = aircraft_model(self._look.rgb, DRAWN_SPAN)
+        self._session.stream.log(f"{LIVE}/{entities.BODY}", *model)
 
     def observe(self) -> tuple[float, ...]:
-        """What the plant shows."""
-        self._seen = self._plant.observe()
-        return self._seen
+        """Signals of the plant."""
+        self._observed = self._plant.observe()
+        return self._observed
 
     def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
         """Fly on, unless someone has asked for the end."""
-        self._rows.append((self._t, *self._seen, phi_cmd, n_z_cmd))
-        pace = self._session.pace
-        ended = self._session.stopped
-        if ended or self._t - self._sent >= SENT_EVERY * (pace or 1.0):
+        self._rows.append((self._t, *self._observed, phi_cmd, n_z_cmd))
+        session = self._session
+        if session.stopped or self._t - self._sent >= SENT_EVERY * (session.pace or 1.0):
             self._deliver()
-            if pace is not None:
-                self._session.wait_until(self._began + self._t / pace)
-        if ended or self._session.stopped:
-            return self._over(Stop("interrupted", f"stopped by hand at t = {self._t:.2f} s."))
+            if session.pace is not None:
+                session.wait_until(self._began + self._t / session.pace)
+        if session.stopped:  # possibly during the wait
+            return self._end(Stop("interrupted", f"stopped by hand at t = {self._t:.2f} s."))
         stop = self._plant.advance(phi_cmd, n_z_cmd, duration)
         self._t += duration
-        last = self._t >= self._session.scenario.flight.duration_s - duration / 2.0
-        return self._over(stop) if stop or last else None
+        last = self._t >= session.scenario.flight.duration_s - duration / 2.0
+        return self._end(stop) if stop or last else None
 
-    def _over(self, stop: Stop | None) -> Stop | None:
+    def _end(self, stop: Stop | None) -> Stop | None:
         if self._rows:
             self._deliver()
         self._session.start_of_run += self._t + BETWEEN_RUNS
         return stop
 
     def _set_time(self, t: float) -> None:
-        nanoseconds = round((self._session.start_of_run + t) * NANOSECONDS)
+        nanoseconds = round((self._session.start_of_run + t) * 1e9)
         self._session.stream.set_time(SESSION, duration=np.timedelta64(nanoseconds, "ns"))
 
     def _deliver(self) -> None:
@@ -202,21 +217,22 @@ class WatchedPlant:
         names = ("t", *self.signals, "phi_cmd", "n_z_cmd")
         table = pd.DataFrame(self._rows, columns=pd.Index(names), dtype=float).set_index("t")
         self._rows, self._sent = [], self._t
-        stream, start = self._session.stream, self._session.start_of_run
-        moments = np.rint((start + table.index.to_numpy()) * NANOSECONDS)
-        when = [rr.TimeColumn(SESSION, duration=moments.astype("timedelta64[ns]"))]
-        for name, (_, signals) in SHOWN.items():
-            values = np.column_stack([displayed(table, signal) for signal in signals])
-            scalars = rr.Scalars.columns(scalars=values)
-            stream.send_columns(f"{PLOTS}/{name}/{self._key}", when, scalars)
-        followed = self._session.scenario.followed().sampled(table.index.to_numpy())
-        for name, values in zip(("chi", "gamma"), followed, strict=True):
-            scalars = rr.Scalars.columns(scalars=np.rad2deg(values))
-            stream.send_columns(f"{PLOTS}/{name}/{REFERENCE}", when, scalars)
+        stream, t = self._session.stream, table.index.to_numpy()
+        when = [times(self._session.start_of_run + t, timeline=SESSION)]
+        lines = {
+            f"{plot.signal}/{self._key}": [displayed(table, name) for name in plot.signals]
+            for plot in LIVE_PLOTS
+        }
+        reference = self._session.scenario.followed().sampled(t)
+        for name, values in zip(("chi", "gamma"), reference, strict=True):
+            lines[f"{name}/{entities.REFERENCE}"] = [np.rad2deg(values)]
+        for path, values in lines.items():
+            scalars = rr.Scalars.columns(scalars=np.column_stack(values))
+            stream.send_columns(f"{entities.PLOTS}/{path}", when, scalars)
         carried = rr.Transform3D.columns(translation=positions(table), quaternion=headings(table))
         stream.send_columns(LIVE, when, carried)
         turned = rr.Transform3D.columns(quaternion=attitudes(table))
-        stream.send_columns(f"{LIVE}/{BODY}", when, turned)
+        stream.send_columns(f"{LIVE}/{entities.BODY}", when, turned)
         self._path.append(positions(table))
         if self._t - self._drawn >= PATH_EVERY or self._drawn == 0.0:
             self._draw_path()
@@ -226,7 +242,18 @@ class WatchedPlant:
         path = path[evenly(len(path), most=PATH_POINTS)]
         self._drawn = self._t
         self._set_time(self._t)
-        width = rr.components.Radius.ui_points(self._look.width)
-        line = rr.LineStrips3D([path], radii=width, colors=[self._look.rgb])
-        self._session.stream.log(f"{PATHS}/{self._key}", line)
-        move_ground(self._session.stream, path[-1], spacing=self._session.spacing)
+        stream, spacing = self._session.stream, self._session.spacing
+        line = rr.LineStrips3D([path], radii=on_screen(self._look.width), colors=[self._look.rgb])
+        stream.log(f"{entities.PATHS}/{self._key}", line)
+        # The grid follows the aircraft by whole spacings, so that its lines seem to stand still.
+        below = np.round(path[-1] / spacing) * spacing
+        stream.log(entities.GROUND, rr.Transform3D(translation=below))
+
+
+def live_blueprint() -> rrb.Blueprint:
+    """One tab that follows the flight."""
+    eye = chase_eye(2.0 * DRAWN_SPAN)
+    chase = scene_view("Behind the aircraft", eye, f"/{entities.WORLD}/**", origin=LIVE)
+    plots = [time_view(f"{entities.PLOTS}/{plot.signal}", plot.heading) for plot in LIVE_PLOTS]
+    tab = rrb.Horizontal(chase, rrb.Vertical(*plots), column_shares=[3, 2], name="Live")
+    return layout([tab], timeline=SESSION, play_state="following")

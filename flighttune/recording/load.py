@@ -1,4 +1,4 @@
-"""Runs back from what was written: a recording, a folder of one, or a Parquet file."""
+"""Reading runs from a recording, a folder with one, or a Parquet file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,17 +13,16 @@ PARQUET, RECORDING = ".parquet", ".rrd"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """Runs read back, and what could not be had.
+    """Runs read back, and what could not be read.
 
     Attributes
     ----------
     path : Path
-        Where they come from.
+        The file or folder.
     runs : tuple of Run
-        In the order of the scenario. Signals are equal to the bit to those written. A run whose
-        signals are cut off has the status ``cut_off``.
+        In the order of the scenario. Signals are equal to the bit to those written.
     missing : tuple of str
-        A sentence for everything that was written and cannot be had; empty where all is there.
+        Why only the Parquet files of a folder were read; empty if its recording was.
     """
 
     path: Path
@@ -36,7 +35,7 @@ class Recording:
         Raises
         ------
         KeyError
-            If there is none; the message has the labels there are.
+            If there is no such run; the message lists the labels.
         """
         for run in self.runs:
             if run.label == label:
@@ -56,8 +55,8 @@ def load_recording(path: str | Path) -> Recording:
     Returns
     -------
     Recording
-        Of a recording that was cut off, all that can be had; its `missing` says what cannot. A
-        folder gives the runs of its recording, and where that is not whole, of its Parquet files.
+        For a folder, the runs of its recording. If that is missing or damaged, those of its Parquet
+        files, which do not include the runs that never flew.
 
     Raises
     ------
@@ -78,16 +77,15 @@ def load_recording(path: str | Path) -> Recording:
 
 
 def _in_recording(path: Path) -> Recording:
-    from flighttune.recording.read_columns import recorded_runs
+    from flighttune.recording.run_columns import recorded_runs
 
-    runs, missing = recorded_runs(path)
-    return Recording(path=path, runs=runs, missing=missing)
+    return Recording(path=path, runs=recorded_runs(path))
 
 
 def _in_folder(folder: Path) -> Recording:
     recordings = sorted(folder.glob(f"*{RECORDING}"))
     if len(recordings) > 1:
-        names = ", ".join(found.name for found in recordings)
+        names = ", ".join(path.name for path in recordings)
         raise RecordingError(f"{folder}: the folder must hold one recording, got {names}.")
     files = sorted(folder.glob(f"*{PARQUET}"))
     if not (recordings or files):
@@ -95,21 +93,17 @@ def _in_folder(folder: Path) -> Recording:
     why = f"{folder}: there is no recording; only runs with a Parquet file are there"
     if recordings:
         try:
-            found = _in_recording(recordings[0])
+            return _in_recording(recordings[0])
         except RecordingError as error:
             if not files:
                 raise
             why = str(error)
-        else:
-            if not (found.missing and files):
-                return found
-            why = "; ".join(found.missing)
     runs = sorted((read_run(file) for file in files), key=_place)
     return Recording(path=folder, runs=tuple(runs), missing=(why,))
 
 
 def _place(run: Run) -> tuple[int, int, str]:
-    """Where a run stands in its scenario: plant by plant, gain set by gain set."""
+    """Position of a run in its scenario: by plant, then by gain set."""
     scenario = run.provenance.scenario
     plants = [label_of(plant) for plant in scenario.get("plant", [])]
     sets = scenario.get("gains", [])

@@ -1,51 +1,35 @@
-"""The text page of a recording: what was asked for and what came of it, in readable tables."""
+"""The text page of a recording: scenario, gains, metrics and how to read the tabs, as Markdown."""
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from flighttune.control.gains import PIGains
-from flighttune.palette import hue_tells_gains
-from flighttune.recording.airframe import span_of
-from flighttune.recording.cast import cast, look_of
-from flighttune.recording.certified import certified
-from flighttune.recording.geometry import enlargement, flown, ground_grid, widest
-from flighttune.recording.motion import WIND_TIMES, metres_per_mps
+from flighttune.guarantee.flight_check import flight_check
+from flighttune.present.names import METRIC_LABELS, SYMBOLS
+from flighttune.present.numbers import MISSING, matrix, number
+from flighttune.present.palette import hue_tells_gains
+from flighttune.present.tables import Table
+from flighttune.recording import geometry
+from flighttune.recording.entities import look_of, runs_to_draw
 from flighttune.recording.plots import SEEN_AS
+from flighttune.recording.scene import WIND_TIMES, metres_per_mps
 from flighttune.simulate.run import Run
-
-SYMBOLS = {"phi": "φ", "n_z": "n_z", "chi": "χ", "gamma": "γ"}
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
-DEGREES = 180.0 / math.pi
-
-TRACKING = {
-    "ITAE": ("ITAE [rad s²]", 1.0, 3),
-    "PT_s": ("PT [s]", 1.0, 2),
-    "MO_rad": ("MO [deg]", DEGREES, 2),
-    "MS_rad": ("MS [deg]", DEGREES, 3),
-    "ST_rad": ("ST [deg]", DEGREES, 3),
-    "rise_s": ("rise [s]", 1.0, 2),
-    "settling_s": ("settling [s]", 1.0, 2),
-    "effort_rms": ("effort rms", 1.0, 3),
-    "saturation_s": ("at limits [s]", 1.0, 2),
-}
-"""Columns of the metrics shown, their headings, factor to the unit in it, and decimals."""
+NOT_SHOWN = "ITAE_mean"
+"""The one metric that follows from another one on the page: ITAE over the time flown."""
 
 CERTIFICATE_NOTE = (
     "s is the error and its rate (rad and rad/s), from the signals: exact increments over each "
-    "sample. The guarantee is the decaying exponential of R_K plus the ultimate bound for the "
-    "mismatch met in the second half of the flight (L_d bounds its derivative). It is about the "
-    "loop that is linear and free of limits: it begins anew where the reference moves and where a "
-    "limit lets go, and nothing is claimed while a limit holds a command."
+    "sample. The guarantee is the decaying exponential of R_K plus what the mismatch measured up "
+    "to then can have added. It is about the linear loop without limits: it starts anew where the "
+    "reference moves and where a limit lets go, and nothing is claimed while a limit holds a "
+    "command. The ultimate set is that of the largest derivative L_d of the mismatch in the second "
+    "half of the flight."
 )
-
-UNITS = {"rad": ("deg", DEGREES), "mps": ("m/s", 1.0), "s": ("s", 1.0), "m": ("m", 1.0)}
-"""Suffix of a column to the unit shown and the factor to it."""
 
 
 def scenario_page(
@@ -56,7 +40,7 @@ def scenario_page(
     metrics: pd.DataFrame | None = None,
     flight: pd.DataFrame | None = None,
 ) -> str:
-    """Render the page that a recording shows beside its plots.
+    """The page of text in a recording.
 
     Parameters
     ----------
@@ -77,36 +61,24 @@ def scenario_page(
         Markdown.
     """
     parts = [f"# {scenario.get('title', 'Flight')}", *_about(scenario)]
-    parts += ["## Runs", _runs(runs)]
-    parts += ["## Gains", _gains(runs, indicators or {})]
+    parts += ["## Runs", _runs(runs), "## Gains", _gains(runs, indicators or {})]
     if metrics is not None and len(metrics):
-        parts += ["## Tracking", _tracking(metrics)]
+        labels = [f"{run}, {SYMBOLS.get(channel, channel)}" for run, channel in metrics.index]
+        parts += ["## Tracking", _metrics("run, channel", labels, metrics)]
     if flight is not None and len(flight):
-        parts += ["## Aircraft", _flight(flight)]
+        parts += ["## Aircraft", _metrics("run", list(map(str, flight.index)), flight)]
     parts += _certificates(runs)
     parts += ["## Scenario", _scenario(scenario), *_made_with(runs)]
     parts += ["## How to read it", *_reading(runs)]
     return "\n\n".join(parts) + "\n"
 
 
-def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Markdown table; text in the first column, numbers to the right in the others."""
-    rule = ["---", *["---:"] * (len(headings) - 1)]
-    cells = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in [headings, rule, *cells])
-
-
-def number(value: float, decimals: int = 3) -> str:
-    """Decimal number, or a dash where there is no value."""
-    return f"{value:z.{decimals}f}" if math.isfinite(value) else "–" if math.isnan(value) else "∞"
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return Table(title="", head=head, rows=rows).markdown()
 
 
 def _about(scenario: Mapping[str, Any]) -> list[str]:
     return [f"**{word}:** {scenario[key]}" for key, word in ABOUT.items() if scenario.get(key)]
-
-
-def _pairs(runs: Sequence[Run]) -> list[tuple[str, str]]:
-    return [(run.provenance.plant, run.provenance.gains_name) for run in runs]
 
 
 def _runs(runs: Sequence[Run]) -> str:
@@ -115,85 +87,62 @@ def _runs(runs: Sequence[Run]) -> str:
         status = run.status.replace("_", " ") + (f": {run.reason}" if run.reason else "")
         colour = look.name if len(run.signals) > 1 else "not drawn"
         rows.append([run.label, colour, f"{run.duration:.2f}", status])
-    return table(["run", "colour", "flown [s]", "outcome"], rows)
+    return _table(["run", "colour", "flown [s]", "outcome"], rows)
 
 
 def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float] | None]) -> str:
     sets = {run.provenance.gains_name: run.provenance.gains for run in runs}
     rows = []
     for name, gains in sets.items():
-        pair = indicators.get(name)
-        shown = [number(value, 5) for value in pair] if pair else ["–", "–"]
-        rows.append([name, *shown, *_matrices(gains)])
-    return table(["gains", "R_K [1/s]", "I_K [s²]", "K_P", "K_I"], rows)
+        cells = [number(value, "z.5f") for value in indicators.get(name) or (np.nan, np.nan)]
+        if gains is None:
+            rows.append([name, *cells, "none found", "none found"])
+        else:
+            rows.append([name, *cells, matrix(gains.K_P), matrix(gains.K_I)])
+    return _table(["gains", "R_K [1/s]", "I_K [s²]", "K_P", "K_I"], rows)
 
 
-def _matrices(gains: PIGains | None) -> list[str]:
-    if gains is None:
-        return ["none found", "none found"]
-    return [
-        "[" + "; ".join(", ".join(f"{value:z.4f}" for value in row) for row in matrix) + "]"
-        for matrix in (gains.K_P, gains.K_I)
-    ]
-
-
-def _tracking(metrics: pd.DataFrame) -> str:
-    shown = {key: how for key, how in TRACKING.items() if key in metrics}
-    rows = [
-        [
-            f"{label}, {SYMBOLS.get(channel, channel)}",
-            *(number(v * how[1], how[2]) for v, how in zip(values, shown.values(), strict=True)),
-        ]
-        for (label, channel), values in zip(
-            metrics.index, metrics[list(shown)].to_numpy(dtype=float).tolist(), strict=True
-        )
-    ]
-    return table(["run, channel", *(how[0] for how in shown.values())], rows)
-
-
-def _flight(flight: pd.DataFrame) -> str:
-    headings, factors = [], []
-    for name in map(str, flight.columns):
-        symbol, _, suffix = name.rpartition("_")
-        unit, factor = UNITS.get(suffix, ("", 1.0))
-        headings.append(f"{symbol} [{unit}]" if unit else name)
-        factors.append(factor)
-    rows = [
-        [str(label), *(number(v * f) for v, f in zip(row, factors, strict=True))]
-        for label, row in zip(flight.index, flight.to_numpy(dtype=float).tolist(), strict=True)
-    ]
-    return table(["run", *headings], rows)
+def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
+    names = [name for name in map(str, metrics) if name in METRIC_LABELS and name != NOT_SHOWN]
+    columns = [metrics[name].map(METRIC_LABELS[name].text) for name in names]
+    headings = [METRIC_LABELS[name].heading for name in names]
+    return _table([heading, *headings], [list(row) for row in zip(labels, *columns, strict=True)])
 
 
 def _certificates(runs: Sequence[Run]) -> list[str]:
     rows = []
     for run in runs:
-        claim = certified(run)
-        if claim is not None:
-            broken = "never" if claim.t_broken is None else f"{claim.t_broken:.2f}"
-            shares = (np.isfinite(claim.bound).mean(), claim.share_broken)
-            rows.append(
-                [
-                    run.label,
-                    number(claim.rate / 2.0, 4),
-                    number(claim.L_d, 4),
-                    number(claim.radius, 4),
-                    *(f"{100.0 * share:.1f}" for share in shares),
-                    broken,
-                ]
-            )
+        check = flight_check(run)
+        if check is None:
+            continue
+        ultimate_set = [MISSING] * 3
+        if check.settled is not None:
+            claim = check.settled.claim
+            sizes = (number(size, "z.4f") for size in (claim.L_d, claim.radius))
+            ultimate_set = [*sizes, check.settled.sentence]
+        rows.append(
+            [
+                run.label,
+                number(check.loop.indicators.R_K / 2.0, "z.4f"),
+                f"{100.0 * np.isfinite(check.bound).mean():.1f}",
+                f"{100.0 * check.share_broken:.1f}",
+                "never" if check.t_broken is None else f"{check.t_broken:.2f}",
+                *ultimate_set,
+            ]
+        )
     if not rows:
         return []
     headings = [
         "run",
         "decay [1/s]",
-        "L_d [rad/s²]",
-        "ultimate bound",
         "claimed [% of time]",
         "broken [% of those]",
         "first broken [s]",
+        "second half: L_d [rad/s²]",
+        "radius of ultimate set",
+        "ultimate set",
     ]
-    return ["## Certificate", table(headings, rows), CERTIFICATE_NOTE]
+    return ["## Certificate", _table(headings, rows), CERTIFICATE_NOTE]
 
 
 def _scenario(scenario: Mapping[str, Any]) -> str:
@@ -222,34 +171,34 @@ def _made_with(runs: Sequence[Run]) -> list[str]:
 
 
 def _reading(runs: Sequence[Run]) -> list[str]:
-    members = cast(runs)
+    drawn = runs_to_draw(runs)
     notes = [
         "Plots show angles in degrees; files keep radians. Positions are local north, east and "
         "down from the start, in m. Errors are reference minus actual.",
         "Every run has a colour of its own, the same in 3D and in every plot; the lanes below "
         "name them.",
     ]
-    if hue_tells_gains(_pairs(runs)):
+    if hue_tells_gains((run.provenance.plant, run.provenance.gains_name) for run in runs):
         notes[-1] += (
             " The hue tells the gains; of two plants the first has the light shade, the last the "
             "strong one."
         )
     if any(name in run.signals for run in runs for name in SEEN_AS.values()):
         notes.append(
-            "The faint lines behind course, path angle and airspeed are what the sensors showed "
+            "The faint lines behind course, path angle and airspeed are what the sensors gave "
             "the controller. Errors and metrics are of the true values. The guarantee does not "
             "count what sensors add: a flight may rise above it by that alone."
         )
-    if members:
-        points = flown(members)
-        span = widest(members)
-        factor, spacing = enlargement(points, span), ground_grid(points)[1]
+    if drawn:
+        points = geometry.all_positions(drawn)
+        span = geometry.widest(drawn)
+        factor, spacing = geometry.enlargement(points, span), geometry.ground_grid(points)[1]
         notes.append(
             f"Aircraft are drawn {factor:g} times their size: a span of {span:.3g} m is shown as "
             f"{factor * span:.3g} m. Lines on the ground are {spacing:g} m apart, half as much "
             "below the lowest level flown; the paths have their shadows on it."
         )
-        length = metres_per_mps(members[0], factor * span_of(members[0].run))
+        length = metres_per_mps(drawn[0], factor * geometry.span_of(drawn[0].run))
         notes.append(
             f"The arrow of an aircraft is its velocity over ground ({length:.3g} m per m/s), the "
             f"white one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip is the "

@@ -10,13 +10,8 @@ import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.plants.sensors import MEASURED, SENSED
+from flighttune.present.names import shown_unit
 from flighttune.simulate.run import SIGNAL_UNITS, Run
-
-DISPLAY: dict[str, tuple[str, float]] = {
-    "rad": ("deg", 180.0 / math.pi),
-    "rad/s": ("deg/s", 180.0 / math.pi),
-}
-"""Unit shown in plots and the factor to it; other units are shown as they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +47,8 @@ class Plot:
     @property
     def heading(self) -> str:
         """Title with symbol and unit, for example ``Course chi [deg]``."""
-        unit = SIGNAL_UNITS[self.signal]
         faint = ", measured faint" if self.measured else ""
-        return f"{self.title} [{DISPLAY[unit][0] if unit in DISPLAY else unit}]{faint}"
+        return f"{self.title} [{shown_unit(SIGNAL_UNITS[self.signal])[0]}]{faint}"
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -175,15 +169,17 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     Returns
     -------
     ndarray, shape (n,)
-        In the unit of `DISPLAY`.
+        In the unit of `shown_unit`.
     """
     values = signals[name].to_numpy(dtype=float)
-    if name in ("chi", "chi_ref", *TUBES["chi"]):
+    # unwrap would spread the gaps of the bound over the rest: it follows its reference instead
+    around = {SEEN_AS["chi"]: "chi", **dict.fromkeys(TUBES["chi"], "chi_ref")}
+    if name in ("chi", "chi_ref"):
         values = np.unwrap(values)
-    elif name == SEEN_AS["chi"]:
-        true = signals["chi"].to_numpy(dtype=float)
-        values = np.unwrap(true) + (values - true)
-    return values * DISPLAY.get(SIGNAL_UNITS[name], ("", 1.0))[1]
+    elif name in around:
+        centre = signals[around[name]].to_numpy(dtype=float)
+        values = np.unwrap(centre) + (values - centre)
+    return values * shown_unit(SIGNAL_UNITS[name])[1]
 
 
 def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from flighttune.flight import FlownScenario
-from flighttune.recording.names import told_apart
+from flighttune.flight.fly import FlownScenario
+from flighttune.recording.entities import distinct
 from flighttune.recording.page import scenario_page
 from flighttune.recording.parquet import write_run
 from flighttune.recording.rrd import write_recording
@@ -54,7 +54,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     folder = Path(folder)
     signals: dict[str, Path] = {}
     having = [run for run in flown.runs if len(run.signals)]
-    for run, stem in zip(having, told_apart(_stem(run) for run in having), strict=True):
+    for run, stem in zip(having, distinct(_stem(run) for run in having), strict=True):
         signals[run.label] = folder / f"{stem}.parquet"
         write_run(run, signals[run.label])
     page = scenario_page(

@@ -1,4 +1,4 @@
-"""Runs to one Rerun recording with its blueprint, written by columns."""
+"""Runs to one Rerun recording with its layout, written by columns."""
 
 import uuid
 from collections.abc import Iterator, Sequence
@@ -6,26 +6,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import rerun as rr
 from rerun.error_utils import strict_mode
 
-from flighttune.arrays import FloatArray
-from flighttune.palette import LIMIT, NEUTRAL, rgb
+from flighttune.guarantee.flight_check import flight_check
+from flighttune.present.palette import LIMIT, NEUTRAL, Look, rgb
+from flighttune.present.thinning import peaks
+from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
-from flighttune.recording.cast import Member, cast
 from flighttune.recording.certificate_tab import log_certificates
-from flighttune.recording.certified import certified
-from flighttune.recording.check import check_recording
-from flighttune.recording.eigenvalue_tab import log_eigenvalues
+from flighttune.recording.eigenvalue_tab import frozen_loop, log_eigenvalues
+from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw
 from flighttune.recording.events import log_events
-from flighttune.recording.frozen_loop import frozen_loop
 from flighttune.recording.lanes import log_lanes
-from flighttune.recording.names import LIMITS, MEASURED, PAGE, PLOTS, REFERENCE, application, times
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
-from flighttune.recording.record_columns import log_record
+from flighttune.recording.run_columns import check_index, log_runs
 from flighttune.recording.scene import log_scene
-from flighttune.recording.thinning import peaks
 from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
 
@@ -33,7 +29,7 @@ FAINT = 150
 """Opacity of thin lines, of 255."""
 
 FAINTEST = 110
-"""Opacity of what sensors showed."""
+"""Opacity of measured signals."""
 
 
 def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
@@ -45,7 +41,8 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
     Parameters
     ----------
     runs : sequence of Run
-        Runs of one scenario, in its order; `flighttune.palette` gives up to eighteen their colours.
+        Runs of one scenario, in its order; `flighttune.present.palette` gives up to eighteen their
+        colours.
     path : str or Path
         File to write or replace; parent folders are made.
     page : str
@@ -60,35 +57,45 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
     """
     path = Path(path)
     with whole_file(path) as part, strict():
+        # A new id each time: of two files with one id the viewer would keep one.
         stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
         try:
             _log(stream, part, runs, page=page, title=title)
         finally:
-            stream.disconnect()
-        check_recording(part, whole=True)
+            stream.disconnect()  # this writes the index at the end of the file
+        check_index(part)  # Rerun raises nothing where the disk is full
 
 
 def _log(
     stream: rr.RecordingStream, part: Path, runs: Sequence[Run], *, page: str, title: str
 ) -> None:
-    members = cast(runs)
-    plots = shown_plots([member.run for member in members])
-    claims = {m.key: found for m in members if (found := certified(m.run)) is not None}
-    loops = {m.key: found for m in members if (found := frozen_loop(m.run)) is not None}
-    stream.save(part, default_blueprint=blueprint(members, plots, claims=claims, loops=loops))
+    drawn = runs_to_draw(runs)
+    plots = shown_plots([drawn_run.run for drawn_run in drawn])
+    claims = {
+        drawn_run.key: claim
+        for drawn_run in drawn
+        if (claim := flight_check(drawn_run.run)) is not None
+    }
+    loops = {
+        drawn_run.key: loop
+        for drawn_run in drawn
+        if (loop := frozen_loop(drawn_run.run)) is not None
+    }
+    # Before anything is logged: only then the layout is in the file.
+    stream.save(part, default_blueprint=blueprint(drawn, plots, claims=claims, loops=loops))
     stream.send_recording_name(title)
-    stream.log(PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
-    log_record(stream, runs)
-    if members:
-        log_scene(stream, members, claims)
-        log_lanes(stream, members)
-        log_events(stream, members, claims)
+    stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
+    log_runs(stream, runs)
+    if drawn:
+        log_scene(stream, drawn, claims)
+        log_lanes(stream, drawn)
+        log_events(stream, drawn, claims)
     if claims:
-        log_certificates(stream, members, claims)
+        log_certificates(stream, drawn, claims)
     if loops:
-        log_eigenvalues(stream, members, loops)
+        log_eigenvalues(stream, drawn, loops)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
-        _log_plot(stream, plot, members)
+        _log_plot(stream, plot, drawn)
     stream.flush()
 
 
@@ -103,62 +110,57 @@ def strict() -> Iterator[None]:
         rr.set_strict_mode(before)
 
 
-def _log_plot(stream: rr.RecordingStream, plot: Plot, members: Sequence[Member]) -> None:
-    folder = f"{PLOTS}/{plot.signal}"
-    having = [member for member in members if plot.signal in member.run.signals]
-    for member in having:
-        signals, look = member.run.signals, member.look
+def run_style(look: Look, label: str, count: int = 2) -> rr.SeriesLines:
+    """Lines of a run: the signal strong and, with a `count` of two, its command thin."""
+    return rr.SeriesLines(
+        colors=[(*look.rgb, 255), (*look.rgb, FAINT)][:count],
+        widths=[look.width, 1.0][:count],
+        names=[label, f"{label}, command"][:count],
+    )
+
+
+def reference_style() -> rr.SeriesLines:
+    """The line of a reference that all runs have in common."""
+    return rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
+
+
+def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun]) -> None:
+    folder = f"{entities.PLOTS}/{plot.signal}"
+    having = [drawn_run for drawn_run in drawn if plot.signal in drawn_run.run.signals]
+    for drawn_run in having:
+        run, signals, colour = drawn_run.run, drawn_run.run.signals, drawn_run.look.rgb
         names = [name for name in plot.signals if name in signals]
-        style = rr.SeriesLines(
-            colors=[(*look.rgb, 255), (*look.rgb, FAINT)][: len(names)],
-            widths=[look.width, 1.0][: len(names)],
-            names=[member.run.label, f"{member.run.label}, command"][: len(names)],
-        )
-        values = np.column_stack([displayed(signals, name) for name in names])
-        _log_lines(stream, f"{folder}/{member.key}", style, signals.index, values)
+        style = run_style(drawn_run.look, run.label, len(names))
+        _log_signals(stream, f"{folder}/{drawn_run.key}", style, run, names)
         if plot.measured and plot.measured in signals:
-            _log_measured(stream, f"{folder}/{MEASURED}/{member.key}", member, plot.measured)
+            style = rr.SeriesLines(
+                colors=[(*colour, FAINTEST)], widths=[1.0], names=[f"{run.label}, measured"]
+            )
+            _log_signals(
+                stream, f"{folder}/{entities.MEASURED}/{drawn_run.key}", style, run, [plot.measured]
+            )
         if plot.band and set(plot.band) <= set(signals):
-            _log_band(stream, f"{folder}/{member.key}_tube", member, plot.band)
-    longest = max(having, key=lambda member: member.run.duration).run
-    index = longest.signals.index
+            style = rr.SeriesLines(
+                colors=[(*rgb(LIMIT), FAINT)] * 2,
+                widths=[1.0] * 2,
+                names=[f"{run.label}, {side} end of its tube" for side in ("lower", "upper")],
+            )
+            _log_signals(stream, f"{folder}/{drawn_run.key}_tube", style, run, plot.band)
+    longest = max((drawn_run.run for drawn_run in having), key=lambda run: run.duration)
     if plot.common is not None and plot.common in longest.signals:
-        style = rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
-        values = displayed(longest.signals, plot.common)
-        _log_lines(stream, f"{folder}/{REFERENCE}", style, index, values)
+        path = f"{folder}/{entities.REFERENCE}"
+        _log_signals(stream, path, reference_style(), longest, [plot.common])
     bounds = limits_of(longest.provenance.scenario, plot.limit) if plot.limit else None
     if bounds is not None:
         names = ["lower limit", "upper limit"]
         style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
-        _log_lines(stream, f"{folder}/{LIMITS}", style, index[[0, -1]], np.array([bounds, bounds]))
+        ends = longest.signals.index[[0, -1]]
+        log_lines(stream, f"{folder}/{entities.LIMITS}", style, ends, np.array([bounds, bounds]))
 
 
-def _log_measured(stream: rr.RecordingStream, path: str, member: Member, name: str) -> None:
-    signals = member.run.signals
-    style = rr.SeriesLines(
-        colors=[(*member.look.rgb, FAINTEST)], widths=[1.0], names=[f"{member.run.label}, measured"]
-    )
-    _log_lines(stream, path, style, signals.index, displayed(signals, name)[:, None])
-
-
-def _log_band(stream: rr.RecordingStream, path: str, member: Member, band: tuple[str, str]) -> None:
-    signals = member.run.signals
-    style = rr.SeriesLines(
-        colors=[(*rgb(LIMIT), FAINT)] * 2,
-        widths=[1.0] * 2,
-        names=[f"{member.run.label}, {side} end of its tube" for side in ("lower", "upper")],
-    )
-    values = np.column_stack([displayed(signals, name) for name in band])
-    _log_lines(stream, path, style, signals.index, values)
-
-
-def _log_lines(
-    stream: rr.RecordingStream,
-    path: str,
-    style: rr.SeriesLines,
-    index: pd.Index,
-    values: FloatArray,
+def _log_signals(
+    stream: rr.RecordingStream, path: str, style: rr.SeriesLines, run: Run, names: Sequence[str]
 ) -> None:
-    stream.log(path, style, static=True)
+    values = np.column_stack([displayed(run.signals, name) for name in names])
     kept = peaks(values)
-    stream.send_columns(path, [times(index[kept])], rr.Scalars.columns(scalars=values[kept]))
+    log_lines(stream, path, style, run.signals.index[kept], values[kept])

@@ -1,115 +1,216 @@
-"""The 3D scene: paths, their shadows, and the aircraft of all runs in local NED."""
+"""The 3D scene in local NED: paths, shadows, and aircraft with trail, velocity, wind and ring."""
 
+import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import rerun as rr
 
 from flighttune.arrays import FloatArray
-from flighttune.palette import NEUTRAL, rgb
-from flighttune.recording.airframe import span_of
-from flighttune.recording.cast import Member
-from flighttune.recording.certified import Certified
-from flighttune.recording.geometry import (
-    attitudes,
-    enlargement,
-    flown,
-    ground_grid,
-    headings,
-    positions,
-    widest,
-)
-from flighttune.recording.mesh import SPAN, Mesh, aircraft_mesh
-from flighttune.recording.motion import log_motion
-from flighttune.recording.names import AIRCRAFT, BODY, GROUND, PATHS, SHADOWS, WORLD, times
-from flighttune.recording.thinning import evenly
+from flighttune.guarantee.flight_check import FlightCheck
+from flighttune.plants.air_path import OVER_GROUND
+from flighttune.plants.wind import WIND
+from flighttune.present.palette import NEUTRAL, rgb
+from flighttune.present.thinning import evenly
+from flighttune.recording import entities, geometry
+from flighttune.recording.entities import DrawnRun, on_screen, times
 
-MOST_POINTS = 4000
+MODEL = Path(__file__).with_name("aircraft.glb")
+"""Made by ``docs/figures/aircraft_glb.py``; body axes, m."""
+
+PATH_POINTS = 4000
 """Points of a path as drawn; longer flights are thinned."""
+
+INSTANTS = 1000
+"""Instants at which arrows, trail and ring are drawn."""
+
+TRAIL_POINTS = 40
+TRAIL_SHARE = 1.0 / 8.0
+"""Length of the trail in points, and over the flight."""
+
+WIND_TIMES = 4.0
+"""How much longer the arrow of the wind is than that of a speed."""
+
+REACH = 1.5
+"""Length of the velocity arrow at the start over the width of the aircraft as drawn."""
+
+WIDEST = math.radians(45.0)
+"""FlightCheck errors beyond this have no ring: it would be larger than the picture."""
+
+CORNERS = 32
+STILL_AIR = 1e-3
+"""Wind (m/s) up to which there is no arrow."""
 
 SHADOW = 90
 """Opacity of a shadow, of 255."""
 
 GROUND_COLOUR = (88, 88, 88)
-
-PALE = 0.55
-"""How far the fuselage is mixed with white."""
+WIND_COLOUR = (235, 235, 235)
 
 
 def log_scene(
-    stream: rr.RecordingStream, members: Sequence[Member], claims: Mapping[str, Certified]
+    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
 ) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs.
 
     Parameters
     ----------
     stream : RecordingStream
-    members : sequence of Member
-    claims : mapping of str to Certified
-        By key of the member; those without one have no cone.
+    drawn : sequence of DrawnRun
+    claims : mapping of str to FlightCheck
+        By key of the run; those without one have no ring.
     """
-    points = flown(members)
-    factor = enlargement(points, widest(members))
-    lines, spacing = ground_grid(points)
-    floor = float(lines[0][0, 2])
-    mesh = aircraft_mesh()
-    stream.log(WORLD, rr.ViewCoordinates.FRD, static=True)
-    _log_ground(stream, lines, spacing)
-    for member in members:
-        _log_path(stream, member, floor)
-        span = span_of(member.run)
-        _log_aircraft(stream, member, mesh, factor * span / SPAN)
-        log_motion(stream, member, claims.get(member.key), width=factor * span)
-
-
-def _log_ground(stream: rr.RecordingStream, lines: list[FloatArray], spacing: float) -> None:
-    thin = rr.components.Radius.ui_points(0.5)
-    stream.log(GROUND, rr.LineStrips3D(lines, radii=thin, colors=[GROUND_COLOUR]), static=True)
+    points = geometry.all_positions(drawn)
+    factor = geometry.enlargement(points, geometry.widest(drawn))
+    lines, spacing = geometry.ground_grid(points)
+    log_ground(stream, lines)
     corner = lines[0][0]
     arrows = rr.Arrows3D(
         origins=[corner, corner],
         vectors=np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]) * spacing,
         labels=["north", "east"],
         colors=[rgb(NEUTRAL)],
-        radii=rr.components.Radius.ui_points(1.5),
+        radii=on_screen(1.5),
     )
-    stream.log(f"{GROUND}/axes", arrows, static=True)
+    stream.log(f"{entities.GROUND}/axes", arrows, static=True)
+    for drawn_run in drawn:
+        # NaN breaks the camera of a 3D view, which in a plot is only a gap.
+        signals = drawn_run.run.signals
+        signals = signals.loc[np.isfinite(geometry.positions(signals)).all(axis=1)]
+        width = factor * geometry.span_of(drawn_run.run)
+        _log_path(stream, drawn_run, signals, floor=float(corner[2]))
+        _log_aircraft(stream, drawn_run, signals, width=width)
+        _log_trail(stream, drawn_run, signals)
+        _log_arrows(stream, drawn_run, signals, claims.get(drawn_run.key), width=width)
 
 
-def _log_path(stream: rr.RecordingStream, member: Member, floor: float) -> None:
-    path = positions(member.run.signals)
-    path = path[np.isfinite(path).all(axis=1)]
-    path = path[evenly(len(path), most=MOST_POINTS)]
-    width = rr.components.Radius.ui_points(member.look.width)
-    line = rr.LineStrips3D([path], radii=width, colors=[member.look.rgb])
-    stream.log(f"{PATHS}/{member.key}", line, static=True)
+def log_ground(stream: rr.RecordingStream, lines: Sequence[FloatArray]) -> None:
+    """Log world axes and a level grid."""
+    # x forward, y right, z down: north, east, down. Rerun's RIGHT_HAND_Z_DOWN is another frame.
+    stream.log(entities.WORLD, rr.ViewCoordinates.FRD, static=True)
+    grid = rr.LineStrips3D(lines, radii=on_screen(0.5), colors=[GROUND_COLOUR])
+    stream.log(entities.GROUND, grid, static=True)
+
+
+def aircraft_model(
+    colour: tuple[int, int, int], width: float
+) -> tuple[rr.Asset3D, rr.InstancePoses3D]:
+    """The aircraft in the colour of its run, `width` m wide."""
+    # The size is that of an instance, because the transform of the entity holds the attitude.
+    return (
+        rr.Asset3D(path=MODEL, albedo_factor=colour),
+        rr.InstancePoses3D(scales=[[width / geometry.MODEL_SPAN] * 3]),
+    )
+
+
+def metres_per_mps(drawn_run: DrawnRun, width: float) -> float:
+    """Scale of the arrows: length over speed, for an aircraft drawn `width` m wide."""
+    V = float(drawn_run.run.signals["V_a"].iloc[0])
+    return REACH * width / V if math.isfinite(V) and V > 0.0 else 0.0
+
+
+def _log_path(
+    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, floor: float
+) -> None:
+    path = geometry.positions(signals)
+    path = path[evenly(len(path), most=PATH_POINTS)]
+    line = rr.LineStrips3D(
+        [path], radii=on_screen(drawn_run.look.width), colors=[drawn_run.look.rgb]
+    )
+    stream.log(f"{entities.PATHS}/{drawn_run.key}", line, static=True)
     flat = np.column_stack([path[:, :2], np.full(len(path), floor)])
-    width = rr.components.Radius.ui_points(0.8)
-    line = rr.LineStrips3D([flat], radii=width, colors=[(*member.look.rgb, SHADOW)])
-    stream.log(f"{SHADOWS}/{member.key}", line, static=True)
+    line = rr.LineStrips3D([flat], radii=on_screen(0.8), colors=[(*drawn_run.look.rgb, SHADOW)])
+    stream.log(f"{entities.SHADOWS}/{drawn_run.key}", line, static=True)
 
 
-def _log_aircraft(stream: rr.RecordingStream, member: Member, mesh: Mesh, factor: float) -> None:
-    signals = member.run.signals
-    signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
+def _log_aircraft(
+    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, width: float
+) -> None:
     signals = signals.iloc[evenly(len(signals))]
-    time = times(signals.index)
-    frame = f"{AIRCRAFT}/{member.key}"
-    carried = rr.Transform3D.columns(translation=positions(signals), quaternion=headings(signals))
-    stream.send_columns(frame, [time], carried)
-    turned = rr.Transform3D.columns(quaternion=attitudes(signals))
-    stream.send_columns(f"{frame}/{BODY}", [time], turned)
-    shape = rr.Mesh3D(
-        vertex_positions=mesh.vertices * factor,
-        vertex_normals=mesh.normals,
-        triangle_indices=mesh.triangles,
-        vertex_colors=paint(mesh, member.look.rgb),
+    frame, time = f"{entities.AIRCRAFT}/{drawn_run.key}", times(signals.index)
+    carried = rr.Transform3D.columns(
+        translation=geometry.positions(signals), quaternion=geometry.headings(signals)
     )
-    stream.log(f"{frame}/{BODY}", shape, static=True)
+    stream.send_columns(frame, [time], carried)
+    turned = rr.Transform3D.columns(quaternion=geometry.attitudes(signals))
+    stream.send_columns(f"{frame}/{entities.BODY}", [time], turned)
+    stream.log(f"{frame}/{entities.BODY}", *aircraft_model(drawn_run.look.rgb, width), static=True)
 
 
-def paint(mesh: Mesh, rgb: tuple[int, int, int]) -> np.ndarray:
-    """Colours of the corners: wing and tail in that of the run, the rest pale."""
-    strong = np.array(rgb, dtype=float)
-    pale: FloatArray = strong + (255.0 - strong) * PALE
-    return np.where(mesh.accent[:, None], strong, pale).round().astype(np.uint8)
+def _log_trail(stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame) -> None:
+    path = geometry.positions(signals)
+    heads = evenly(len(path), most=INSTANTS)
+    back = np.linspace(TRAIL_SHARE * len(path), 0.0, TRAIL_POINTS).astype(int)
+    strips = path[np.maximum(heads[:, None] - back, 0)]
+    entity = f"{entities.TRAILS}/{drawn_run.key}"
+    style = rr.LineStrips3D.from_fields(
+        colors=[drawn_run.look.rgb], radii=on_screen(2.0 * drawn_run.look.width)
+    )
+    stream.log(entity, style, static=True)
+    columns = rr.LineStrips3D.columns(strips=list(strips))
+    stream.send_columns(entity, [times(signals.index[heads])], columns)
+
+
+def _log_arrows(
+    stream: rr.RecordingStream,
+    drawn_run: DrawnRun,
+    signals: pd.DataFrame,
+    claim: FlightCheck | None,
+    *,
+    width: float,
+) -> None:
+    """Velocity, wind and the ring of the guarantee, in the axes that turn with the course."""
+    signals = signals.iloc[evenly(len(signals), most=INSTANTS)]
+    time, scale = times(signals.index), metres_per_mps(drawn_run, width)
+    frame = f"{entities.AIRCRAFT}/{drawn_run.key}"
+    chi, gamma = (signals[name].to_numpy(dtype=float) for name in ("chi", "gamma"))
+    # Where course and path angle are those through the air, so is the speed along them.
+    over_ground = "V_g" in signals and OVER_GROUND[0] not in signals
+    speed = signals["V_g" if over_ground else "V_a"].to_numpy(dtype=float)
+    arrows = {"velocity": (_direction(0.0, gamma) * (scale * speed)[:, None], drawn_run.look.rgb)}
+    if set(WIND) <= set(signals) and np.abs(signals[list(WIND)].to_numpy()).max() > STILL_AIR:
+        north, east, down = (signals[name].to_numpy(dtype=float) for name in WIND)
+        level = (north + 1j * east) * np.exp(-1j * chi)  # turned back by the course
+        wind = np.column_stack([level.real, level.imag, down])
+        arrows["wind"] = (wind * (WIND_TIMES * scale), WIND_COLOUR)
+    for name, (vectors, colour) in arrows.items():
+        style = rr.Arrows3D.from_fields(colors=[colour], radii=on_screen(1.8))
+        stream.log(f"{frame}/{name}", style, static=True)
+        stream.send_columns(f"{frame}/{name}", [time], rr.Arrows3D.columns(vectors=vectors))
+    if claim is None:
+        return
+    claimed, ring = _ring(signals, claim)
+    strips = list(scale * float(speed[0]) * ring[claimed])
+    style = rr.LineStrips3D.from_fields(colors=[rgb(NEUTRAL)], radii=on_screen(1.0))
+    stream.log(f"{frame}/certified", style, static=True)
+    # An instant without a claim gets a row with no strip, else the viewer would keep the last ring.
+    columns = rr.LineStrips3D.columns(strips=strips).partition(claimed.astype(int))
+    stream.send_columns(f"{frame}/certified", [time], columns)
+
+
+def _ring(signals: pd.DataFrame, claim: FlightCheck) -> tuple[np.ndarray, FloatArray]:
+    """Which instants have a claim, and unit vectors to the edge of the certified directions.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    ndarray, shape (n, CORNERS + 1, 3)
+    """
+    t = signals.index.to_numpy(dtype=float)
+    nearest = np.clip(np.searchsorted(claim.t, t), 0, len(claim.t) - 1)
+    widths = claim.error_bounds[nearest]
+    claimed: np.ndarray = np.all(widths <= WIDEST, axis=1)
+    chi, chi_ref, gamma_ref = (
+        signals[name].to_numpy(dtype=float) for name in ("chi", "chi_ref", "gamma_ref")
+    )
+    around = np.linspace(0.0, 2.0 * np.pi, CORNERS + 1)
+    course = (chi_ref - chi)[:, None] + widths[:, :1] * np.cos(around)
+    return claimed, _direction(course, gamma_ref[:, None] + widths[:, 1:] * np.sin(around))
+
+
+def _direction(course: FloatArray | float, gamma: FloatArray) -> FloatArray:
+    """Unit vectors of a course and path angle, north-east-down along the last axis."""
+    level = np.cos(gamma)
+    return np.stack([level * np.cos(course), level * np.sin(course), -np.sin(gamma)], axis=-1)

@@ -1,37 +1,36 @@
-"""The Rerun viewer as a process of our own: found, started, waited for, ended."""
+"""The Rerun viewer with a recording or a live flight: in a window, or served to a browser."""
 
 import os
 import socket
 import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 from flighttune.errors import RecordingError
+from flighttune.recording.run_columns import check_recording, executable
 
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 LOCAL = "127.0.0.1"
 START_TIMEOUT = 30.0
 POLL = 0.05
 NOISE = "XDG_RUNTIME_DIR"
-
-
-def executable() -> Path:
-    """Return the viewer that came with the Rerun SDK.
-
-    It is started directly: the ``rerun`` script is a shim whose end would orphan the viewer.
-    """
-    import rerun_cli
-
-    name = "rerun.exe" if os.name == "nt" else "rerun"
-    return Path(next(iter(rerun_cli.__path__))) / name
+"""In an error that the viewer logs on every machine without a desktop, and that means nothing."""
 
 
 def free_port() -> int:
-    """Return a TCP port that nobody listens on now."""
+    """A TCP port on which nothing listens now."""
     with socket.socket() as probe:
         probe.bind((LOCAL, 0))
         return probe.getsockname()[1]
+
+
+def stream_url(port: int) -> str:
+    """Where a viewer with its data server on `port` takes a stream."""
+    return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
 class ViewerProcess:
@@ -40,7 +39,7 @@ class ViewerProcess:
     Parameters
     ----------
     arguments : sequence of str
-        Command line after the name of the program, without port and address.
+        Command line without the name of the program, port and address.
     port : int
         Port of its data server.
     wait_for : int
@@ -48,12 +47,12 @@ class ViewerProcess:
     url : str, optional
         Where a browser finds it; kept as an attribute.
     environment : mapping of str to str, optional
-        What to change in the environment.
+        Variables to add to the environment.
 
     Raises
     ------
     RecordingError
-        If it ends or does not answer; the message has its last words.
+        If it ends or does not answer; the message has its last error.
     """
 
     def __init__(
@@ -67,15 +66,16 @@ class ViewerProcess:
     ) -> None:
         self.port = port
         self.url = url
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115
+        # A file, because a pipe that nobody reads would block the viewer when it is full.
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115
         command = [str(executable()), "--port", str(port), "--bind", LOCAL, *arguments]
         self._process = subprocess.Popen(
             command,
             env={**os.environ, **(environment or {})},
             stdin=subprocess.DEVNULL,
-            stdout=self._said,
+            stdout=self._output,
             stderr=subprocess.STDOUT,
-            start_new_session=True,  # a Ctrl-C is for the command that started it
+            start_new_session=True,  # Ctrl-C goes to the command that started it, not to the viewer
         )
         try:
             self._await(wait_for or port)
@@ -87,7 +87,7 @@ class ViewerProcess:
         end = time.monotonic() + START_TIMEOUT
         while time.monotonic() < end:
             if self._process.poll() is not None:
-                raise RecordingError(f"the Rerun viewer must start, got: {self.last_words()}.")
+                raise RecordingError(f"the Rerun viewer must start, got: {self.last_error()}.")
             try:
                 socket.create_connection((LOCAL, port), timeout=1.0).close()
             except OSError:
@@ -98,33 +98,33 @@ class ViewerProcess:
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
+        """Process id."""
         return self._process.pid
 
     @property
     def ended(self) -> bool:
-        """Whether it runs no more; a viewer that broke off may need a moment for it."""
+        """Whether the process has ended; a crashing viewer has a second to do so."""
         try:
             self._process.wait(timeout=1.0)
         except subprocess.TimeoutExpired:
             return False
         return True
 
-    def last_words(self) -> str:
-        """The line in which it said why it ended, or the last one."""
-        self._said.seek(0)
-        lines = self._said.read().decode(errors="replace").strip().splitlines()
+    def last_error(self) -> str:
+        """The line of its output that says why it ended, or the last one."""
+        self._output.seek(0)
+        lines = self._output.read().decode(errors="replace").strip().splitlines()
         panics = [line for line in lines if "panicked" in line]
         errors = [line for line in lines if "error" in line.lower() and NOISE not in line]
-        told = panics[:1] or errors[-1:] or lines[-1:] or [f"exit status {self._process.poll()}"]
-        return told[0].strip().rstrip(".")
+        found = panics[:1] or errors[-1:] or lines[-1:] or [f"exit status {self._process.poll()}"]
+        return found[0].strip().rstrip(".")
 
     def wait(self) -> int:
         """Wait until the user closes it and return its exit status."""
         return self._process.wait()
 
     def close(self) -> None:
-        """End it, if it still runs."""
+        """End the viewer if it still runs."""
         if self._process.poll() is None:
             self._process.terminate()
             try:
@@ -132,10 +132,83 @@ class ViewerProcess:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
-        self._said.close()
+        self._output.close()
 
     def __enter__(self) -> "ViewerProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def view(path: str | Path, *, web: bool | None = None) -> ViewerProcess:
+    """Open a recording in the viewer.
+
+    Parameters
+    ----------
+    path : path-like
+        A ``.rrd`` file.
+    web : bool, optional
+        Serve it to a browser instead of opening a window; by default where there is no screen.
+        It is served on this machine only and needs no network.
+
+    Returns
+    -------
+    ViewerProcess
+        The running viewer, with the `url` to open where it serves a browser. The caller waits for
+        it (``wait``) or ends it (``close``, or a ``with`` block).
+
+    Raises
+    ------
+    RecordingError
+        If `path` is not a recording, a window is asked for where there is no screen, or the viewer
+        does not start.
+    """
+    check_recording(path)
+    if web is False and not has_screen():
+        names = ", ".join(DISPLAYS)
+        raise RecordingError(
+            f"{path}: a window must have a screen, got none of {names}; serve it to a browser."
+        )
+    return _viewer(str(Path(path).resolve()), web=web)
+
+
+def waiting_viewer(*, web: bool | None = None) -> ViewerProcess:
+    """Start a viewer for a `flighttune.recording.live.LiveSession`.
+
+    Parameters
+    ----------
+    web : bool, optional
+        As of `view`.
+
+    Returns
+    -------
+    ViewerProcess
+        The session connects to the `stream_url` of its port.
+
+    Raises
+    ------
+    RecordingError
+        If it does not start.
+    """
+    return _viewer("--hide-welcome-screen", web=web)
+
+
+def _viewer(argument: str, *, web: bool | None) -> ViewerProcess:
+    port = free_port()
+    if web is False or (web is None and has_screen()):
+        return ViewerProcess([argument], port=port)
+    web_port = free_port()
+    return ViewerProcess(
+        ["--serve-web", "--web-viewer-port", str(web_port), argument],
+        port=port,
+        wait_for=web_port,
+        url=f"http://{LOCAL}:{web_port}/?url={quote(stream_url(port), safe='')}",
+    )
+
+
+def has_screen(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> bool:
+    """Whether a window can be opened: always on macOS and Windows, else as X11 and Wayland say."""
+    if platform in ("darwin", "win32"):
+        return True
+    return any(environment.get(name) for name in DISPLAYS)

@@ -1,4 +1,4 @@
-"""What a report is about: runs, whether they converge, their guarantees, what aircraft add."""
+"""Everything a report shows, computed: runs, final errors, certificates, bounds, gaps, frontier."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ import pandas as pd
 from flighttune.certificates import Certification
 from flighttune.comparison import Comparison, Source, compare
 from flighttune.errors import FlightTuneError, RecordingError
-from flighttune.figures import MOST_POINTS
-from flighttune.outer_loop import certify_scenario, tuning_problem
-from flighttune.palette import Look, looks, many_looks
-from flighttune.recording.certified import Certified, certified
-from flighttune.report.explained import ExplainedGap, explained_gap
+from flighttune.flight.gap import Gap, explain_flight
+from flighttune.flight.outer_loop import certify_scenario, tuning_problem
+from flighttune.guarantee.flight_check import FlightCheck, flight_check
+from flighttune.present.figures import MOST_POINTS
+from flighttune.present.palette import Look, looks, many_looks
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
@@ -32,24 +32,24 @@ LATE = 0.75
 """Part of the flight after which its last quarter begins."""
 
 FRONTIER_POINTS = 12
-MOST_SAMPLES = 6_000
-"""Of an aircraft run for which the ladder is flown: beyond, a report would take minutes."""
+LONGEST_LADDER = 6_000
+"""Longest aircraft run for which the ladder is flown: beyond it a report would take minutes."""
 
 TWELVE, FEW_RUNS = 12, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Convergence:
-    """How far the errors of a run came down.
+class FinalErrors:
+    """Errors over the last quarter of a flight, and whether they are small.
 
     Attributes
     ----------
     converged : bool
-        The flight was completed, and both errors came down.
+        Whether the flight was completed with both errors within their limits.
     residual : tuple of float, rad
         Largest errors of course and path angle over the last quarter of the flight.
     allowed : tuple of float, rad
-        What they may be at most in a run that converged.
+        Their limits in a run that converged.
     """
 
     converged: bool
@@ -90,14 +90,14 @@ class Facts:
         Those that did not.
     looks : mapping of str to Look
         By label of the run.
-    convergence : mapping of str to Convergence
+    final_errors : mapping of str to FinalErrors
         By label.
     gains : tuple of GainFacts
-    bounds : mapping of str to Certified
-        By label; without runs whose gains have no certificate.
+    checks : mapping of str to FlightCheck
+        Flights against the guarantee, by label; without runs whose gains have none.
     aircraft : Comparison or None
         Each gain set on the first plant that is no aircraft against the first aircraft.
-    gaps : tuple of ExplainedGap
+    gaps : tuple of Gap
         One each run of the first aircraft, nominal or not, for which the ladder could be flown.
     without_gap : tuple of str
         Why not for the others.
@@ -112,11 +112,11 @@ class Facts:
     runs: tuple[Run, ...]
     grounded: tuple[Run, ...]
     looks: dict[str, Look]
-    convergence: dict[str, Convergence]
+    final_errors: dict[str, FinalErrors]
     gains: tuple[GainFacts, ...]
-    bounds: dict[str, Certified]
+    checks: dict[str, FlightCheck]
     aircraft: Comparison | None
-    gaps: tuple[ExplainedGap, ...]
+    gaps: tuple[Gap, ...]
     without_gap: tuple[str, ...]
     missing: tuple[str, ...]
     frontier: pd.DataFrame
@@ -128,7 +128,7 @@ class Facts:
 
 
 def facts_of(source: Source) -> Facts:
-    """Gather what is to be told about the runs of one scenario.
+    """Compute everything a report shows about the runs of one scenario.
 
     Parameters
     ----------
@@ -156,9 +156,9 @@ def facts_of(source: Source) -> Facts:
         runs=runs,
         grounded=tuple(run for run in source.runs if len(run.signals) <= 1),
         looks={run.label: known[pair] for run, pair in zip(source.runs, pairs, strict=True)},
-        convergence={run.label: convergence(run) for run in runs},
+        final_errors={run.label: final_errors(run) for run in runs},
         gains=gains,
-        bounds={run.label: one for run in runs if (one := certified(run)) is not None},
+        checks={run.label: one for run in runs if (one := flight_check(run)) is not None},
         aircraft=_aircraft(runs),
         gaps=gaps,
         without_gap=without,
@@ -167,17 +167,18 @@ def facts_of(source: Source) -> Facts:
             tuning_problem(scenario),
             points=FRONTIER_POINTS,
             marked={one.name: one.gains for one in gains},
+            starts=0,  # drawn gains find the same curve in twice the time
         ),
     )
 
 
-def convergence(run: Run) -> Convergence:
-    """Whether the errors of a run came down; see `CONVERGED_AT_LEAST`."""
+def final_errors(run: Run) -> FinalErrors:
+    """Errors of a run over its last quarter; see `CONVERGED_AT_LEAST`."""
     t = run.signals.index.to_numpy(dtype=float)
     errors = np.abs(run.signals[["chi_err", "gamma_err"]].to_numpy())
     residual = errors[t >= LATE * t[-1]].max(axis=0)
     allowed = np.maximum(CONVERGED_PART * errors.max(axis=0), CONVERGED_AT_LEAST)
-    return Convergence(
+    return FinalErrors(
         converged=run.status == "completed" and bool((residual <= allowed).all()),
         residual=(float(residual[0]), float(residual[1])),
         allowed=(float(allowed[0]), float(allowed[1])),
@@ -193,7 +194,7 @@ def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
         if without_gains(run) != without_gains(first):
             raise RecordingError(
                 f"{source.name}: the runs must be of one scenario, got another one for "
-                f"{run.label} than for {first.label}; hold them against each other with compare."
+                f"{run.label} than for {first.label}; use compare for those."
             )
     return scenario_from(dict(first.provenance.scenario))
 
@@ -226,24 +227,21 @@ def _aircraft(runs: Sequence[Run]) -> Comparison | None:
     return found if found.comparable else None
 
 
-def _gaps(
-    scenario: Scenario, runs: Sequence[Run]
-) -> tuple[tuple[ExplainedGap, ...], tuple[str, ...]]:
+def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[tuple[Gap, ...], tuple[str, ...]]:
     """Of the first aircraft, as its files say and off the nominal."""
     found, without = [], []
     aircraft = [table for table in scenario.plant if table.aircraft is not None]
-    plants = {table.label: table for table in aircraft if table.aircraft == aircraft[0].aircraft}
+    plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
     flown = [run for run in runs if run.provenance.plant in plants]
     for run in flown:
-        if len(run.signals) > MOST_SAMPLES:
+        if len(run.signals) > LONGEST_LADDER:
             without.append(
-                f"{run.label}: {len(run.signals)} samples are more than {MOST_SAMPLES}; "
-                "flighttune gap flies the ladder of any flight."
+                f"{run.label}: {len(run.signals)} samples are more than {LONGEST_LADDER}; "
+                "flighttune gap flies the ladder of a flight of any length."
             )
             continue
         try:
-            own, gains = plants[run.provenance.plant].name, run.provenance.gains_name
-            found.append(explained_gap(scenario, run, f"{gains} ({own})" if own else gains))
+            found.append(explain_flight(scenario, run))
         except FlightTuneError as error:
             without.append(f"{run.label}: {error}")
     return tuple(found), tuple(without)

@@ -4,13 +4,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flighttune.figures import FAINT, INK, PANEL, RC, line, on_white, panel, svg_uri, thinned
-from flighttune.palette import LIMIT
-from flighttune.report.explained import ExplainedGap
+from flighttune.flight.gap import Gap
+from flighttune.present.figures import (
+    FAINT,
+    INK,
+    PANEL,
+    RC,
+    line,
+    on_white,
+    panel,
+    svg_uri,
+    thinned,
+)
+from flighttune.present.frame import Picture, pictured
+from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
+from flighttune.present.palette import LIMIT
 from flighttune.report.facts import Facts
-from flighttune.report.frame import Picture, pictured
-from flighttune.report.headline import DEG, SYMBOLS
-from flighttune.tuning.frontier_figure import frontier_figure
+from flighttune.tuning.frontier import frontier_figure
+from flighttune.units import DEG_PER_RAD
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,15 +38,13 @@ LEGEND_ROOM = 0.24
 LONGEST_TITLE = 64
 """Letters that a title has room for at its usual size."""
 
-NAMES = {"chi": "course", "gamma": "path angle"}
-
 
 def certificate_panels(facts: Facts) -> list[Picture]:
     """The norm of s against what is guaranteed, a panel a gain set."""
     pictures = []
     for one in facts.gains:
         own = [run for run in facts.runs if run.provenance.gains_name == one.name]
-        drawn = [(run, facts.bounds[run.label]) for run in own if run.label in facts.bounds]
+        drawn = [(run, facts.checks[run.label]) for run in own if run.label in facts.checks]
         if not drawn:
             continue
         title = f"{one.name}: ‖s‖, and dashed what is guaranteed"
@@ -44,8 +53,10 @@ def certificate_panels(facts: Facts) -> list[Picture]:
                 look = facts.looks[run.label]
                 line(axes, one.t, np.maximum(one.size, TINY), look, ls="-", most=facts.points)
                 line(axes, one.t, one.bound, look, ls=(0, (5, 3)), lw=1.2, most=facts.points)
-                if one.radius > 0.0:
-                    axes.axhline(one.radius, color=on_white(look.colour), lw=1.1, ls=":")
+                if one.settled is not None:
+                    axes.axhline(
+                        one.settled.claim.radius, color=on_white(look.colour), lw=1.1, ls=":"
+                    )
                 if one.t_broken is not None:
                     at = float(np.interp(one.t_broken, one.t, one.size))
                     axes.plot(one.t_broken, at, "x", color=LIMIT, ms=9, mew=2.2)
@@ -74,24 +85,24 @@ def frontier_panel(facts: Facts) -> list[Picture]:
     return [Picture(uri=svg_uri(figure), alt="Largest R_K for every I_K, gains marked")]
 
 
-def gap_panels(facts: Facts, gap: ExplainedGap) -> list[Picture]:
+def gap_panels(facts: Facts, gap: Gap) -> list[Picture]:
     """What each step of the ladder adds, and the flight in its certified tube."""
-    return [_steps(facts, gap, channel) for channel in SYMBOLS] + [
-        _tube(facts, gap, channel) for channel in SYMBOLS
+    return [_steps(facts, gap, channel) for channel in CHANNEL_SYMBOLS] + [
+        _tube(facts, gap, channel) for channel in CHANNEL_SYMBOLS
     ]
 
 
-def _steps(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
-    t = gap.run.signals.index.to_numpy(dtype=float)
-    title = f"{gap.name}: what each step adds to the {NAMES[channel]}"
-    with panel(title, f"Δ{SYMBOLS[channel]} [deg]", height=3.1) as axes:
+def _steps(facts: Facts, gap: Gap, channel: str) -> Picture:
+    t = gap.aircraft.signals.index.to_numpy(dtype=float)
+    title = f"{gap.name}: what each step adds to the {CHANNEL_NAMES[channel]}"
+    with panel(title, f"Δ{CHANNEL_SYMBOLS[channel]} [deg]", height=3.1) as axes:
         _fit_title(axes, title)
-        for step, (style, width) in zip(gap.ladder.steps, STEP_STYLES, strict=True):
-            look = facts.looks[gap.run.label]
-            values = getattr(step, channel) * DEG
+        for step, (style, width) in zip(gap.steps, STEP_STYLES, strict=True):
+            look = facts.looks[gap.aircraft.label]
+            values = getattr(step, channel) * DEG_PER_RAD
             line(axes, t, values, look, ls=style, lw=width, label=step.adds)
-        whole = getattr(gap.ladder.whole, channel) * DEG
-        axes.plot(*thinned(t, whole), color=INK, lw=0.9, label="all of it")
+        total = np.sum([getattr(step, channel) for step in gap.steps], axis=0) * DEG_PER_RAD
+        axes.plot(*thinned(t, total), color=INK, lw=0.9, label="total")
         axes.set_xlim(0.0, t[-1])
         low, high = axes.get_ylim()
         axes.set_ylim(low, high + LEGEND_ROOM * (high - low))
@@ -99,21 +110,21 @@ def _steps(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
         return pictured(axes, title)
 
 
-def _tube(facts: Facts, gap: ExplainedGap, channel: str) -> Picture:
-    look, signals = facts.looks[gap.run.label], gap.run.signals
+def _tube(facts: Facts, gap: Gap, channel: str) -> Picture:
+    look, signals = facts.looks[gap.aircraft.label], gap.aircraft.signals
     title = f"{gap.name}: error on the aircraft"
-    if gap.loop is not None and gap.verdict is not None:
-        title += f"; dashed set {gap.verdict.sentence.removesuffix(' to say anything')}"
+    if gap.verdict is not None:
+        title += f"; dashed: ultimate set, {gap.verdict.outcome}"
+        title += ", but too loose to be useful" if gap.verdict.claim.vacuous else ""
     with panel(title, rf"$e_\{channel}$ [deg]") as axes:
         _fit_title(axes, title)
         t = signals.index.to_numpy(dtype=float)
-        line(axes, t, signals[f"{channel}_err"].to_numpy() * DEG, look)
-        if gap.loop is not None and gap.verdict is not None:
-            column = list(SYMBOLS).index(channel)
-            tube = gap.loop.tube()[:, column] * DEG
-            times, half = thinned(gap.loop.t, tube)
+        line(axes, t, signals[f"{channel}_err"].to_numpy() * DEG_PER_RAD, look)
+        if gap.check is not None and gap.verdict is not None:
+            column = list(CHANNEL_SYMBOLS).index(channel)
+            times, half = thinned(gap.check.t, gap.check.error_bounds[:, column] * DEG_PER_RAD)
             axes.fill_between(times, -half, half, color=LIMIT, alpha=FAINT, lw=0.0)
-            width = gap.verdict.tube[column] * DEG
+            width = gap.verdict.claim.tube[column] * DEG_PER_RAD
             for side in (-width, width):
                 axes.axhline(side, color=LIMIT, lw=1.0, ls=(0, (4, 2)))
         axes.set_xlim(0.0, t[-1])

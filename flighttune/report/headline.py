@@ -1,34 +1,33 @@
-"""The headline of a report: what was flown in sentences with numbers, every one computed."""
+"""The headline of a report: three questions, answered in sentences with computed numbers."""
 
 import math
 
 import numpy as np
 
 from flighttune.comparison import Pair
-from flighttune.gap.free_flight import FreeFlight
+from flighttune.flight.gap import Gap
+from flighttune.guarantee.flight_check import FreeFlight
+from flighttune.guarantee.ultimate_set import Verdict
 from flighttune.metrics import channel_metrics
-from flighttune.report.explained import ExplainedGap
+from flighttune.present.frame import Answer, share_verdict
+from flighttune.present.names import CHANNEL_SYMBOLS as SYMBOLS
+from flighttune.present.numbers import degrees
 from flighttune.report.facts import CONVERGED_AT_LEAST, CONVERGED_PART, LATE, Facts, GainFacts
-from flighttune.report.frame import Answer, share_verdict
 from flighttune.simulate.run import Run
+from flighttune.units import DEG_PER_RAD
 
-DEG = 180.0 / math.pi
-SYMBOLS = {"chi": "χ", "gamma": "γ"}
-LEAST_COMPARED = 0.05
-"""ITAE from which on a percentage says something, rad s^2."""
-
-LEAST_DEGREES = 0.001
-"""Smallest angle that is told, deg; smaller ones are within it."""
+SMALLEST_ITAE = 0.05
+"""ITAE from which on a change in per cent is meaningful, rad s^2."""
 
 CRITERION = (
-    "A run converges if it was completed and over the last quarter of its time both errors stay "
+    "A run converges if it was completed and over the last quarter of the flight both errors stay "
     f"within {100.0 * CONVERGED_PART:.0f} % of their largest, or within "
-    f"{CONVERGED_AT_LEAST * DEG:.1f}°."
+    f"{CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°."
 )
 
 
 def headline(facts: Facts) -> tuple[Answer, ...]:
-    """Does it converge, is it certified, what did the full aircraft change."""
+    """Does it converge, is it certified, what does the full aircraft change?"""
     answers = [_converges(facts), _certified(facts)]
     if facts.aircraft is not None:
         answers.append(_changed(facts))
@@ -37,7 +36,7 @@ def headline(facts: Facts) -> tuple[Answer, ...]:
 
 def _converges(facts: Facts) -> Answer:
     runs = facts.runs
-    good = [run for run in runs if facts.convergence[run.label].converged]
+    good = [run for run in runs if facts.final_errors[run.label].converged]
     sentences = [_convergence(facts, run) for run in runs]
     sentences += [f"{run.label} did not fly: {_plain(run)}." for run in facts.grounded]
     count = len(runs) + len(facts.grounded)
@@ -51,22 +50,21 @@ def _converges(facts: Facts) -> Answer:
 
 
 def _convergence(facts: Facts, run: Run) -> str:
-    found = facts.convergence[run.label]
-    chi, gamma = (_degrees(value) for value in found.residual)
+    found = facts.final_errors[run.label]
+    chi, gamma = (degrees(value) for value in found.residual)
     if run.status != "completed":
         return f"{run.label} ended after {run.duration:.1f} s: {_plain(run)}."
     settling = channel_metrics(run)["settling_s"].to_dict()
     if not found.converged:
-        allowed_chi, allowed_gamma = (_degrees(value) for value in found.allowed)
+        allowed_chi, allowed_gamma = (degrees(value) for value in found.allowed)
         settled = ", ".join(_settled(SYMBOLS[str(one)], value) for one, value in settling.items())
         return (
             f"{run.label} does not converge: over the last quarter, from {LATE * run.duration:.1f} "
-            f"s on, the error of χ still reaches {chi} ({allowed_chi} are allowed) and that of "
-            f"γ {gamma} ({allowed_gamma}); for good within 5 % of the first error, the settling "
-            f"time: {settled}."
+            f"s on, the error of χ still reaches {chi} (limit {allowed_chi}) and that of γ {gamma} "
+            f"(limit {allowed_gamma}); settling time (5 % of the first error): {settled}."
         )
     times = [
-        f"{SYMBOLS[str(channel)]} after {value:.1f} s"
+        f"{SYMBOLS[str(channel)]} settled (5 %) at {value:.1f} s"
         for channel, value in settling.items()
         if math.isfinite(value)
     ]
@@ -77,7 +75,7 @@ def _convergence(facts: Facts, run: Run) -> str:
 
 
 def _settled(symbol: str, settling: float) -> str:
-    return f"{symbol} after {settling:.2f} s" if math.isfinite(settling) else f"{symbol} never"
+    return f"{symbol} {settling:.2f} s" if math.isfinite(settling) else f"{symbol} never"
 
 
 def _certified(facts: Facts) -> Answer:
@@ -94,9 +92,9 @@ def _certified(facts: Facts) -> Answer:
 
 
 def _held_to_it(facts: Facts) -> list[str]:
-    """What became of the guarantee in flight."""
-    known = {label: one for label, one in facts.bounds.items() if np.isfinite(one.bound).any()}
-    never = [label for label in facts.bounds if label not in known]
+    """The norm of s in flight against its guaranteed bound."""
+    known = {label: one for label, one in facts.checks.items() if np.isfinite(one.bound).any()}
+    never = [label for label in facts.checks if label not in known]
     broken = [
         f"{label}, from t = {one.t_broken:.1f} s"
         for label, one in known.items()
@@ -106,16 +104,16 @@ def _held_to_it(facts: Facts) -> list[str]:
     lines = []
     if broken:
         lines.append(
-            "In flight ‖s‖ went above the guaranteed exponential plus ultimate bound: "
+            "In flight ‖s‖ went above the guaranteed exponential plus what the mismatch can add: "
             f"{'; '.join(broken)}."
         )
     if held:
         lines.append(
-            "In flight ‖s‖ stayed below the guaranteed exponential plus ultimate bound, wherever "
-            f"no limit held a command: {', '.join(held)}."
+            "In flight ‖s‖ stayed below the guaranteed exponential plus what the mismatch can add, "
+            f"while no command was limited: {', '.join(held)}."
         )
     if never:
-        lines.append(f"Limits held commands to the end on {', '.join(never)}: nothing to compare.")
+        lines.append(f"Commands limited to the end, nothing to compare: {', '.join(never)}.")
     return lines
 
 
@@ -129,12 +127,12 @@ def _guarantee(one: GainFacts) -> str:
     ball = (
         ""
         if claim.radius is None
-        else f", and under a disturbance of rate up to {claim.L_d:.3g} rad/s² it ends within "
-        f"{claim.radius:.3g}"
+        else f", and under a disturbance of rate up to {claim.L_d:.3g} rad/s² its ultimate bound "
+        f"is {claim.radius:.3g}"
     )
     return (
         f"{one.name} is certified for the linear law at the trim: R_K {claim.rate:.4f} 1/s, so "
-        f"‖s‖ falls at {0.5 * claim.rate:.3f} 1/s or faster from at most "
+        f"‖s‖ decays at {0.5 * claim.rate:.3f} 1/s or faster from at most "
         f"{growth:.1f} times its start{ball} ({proven} checks proven exactly)."
     )
 
@@ -157,7 +155,7 @@ def _changed(facts: Facts) -> Answer:
     return Answer(
         question="What did the full aircraft change?",
         verdict="none",
-        short=f"paths part by up to {apart:.0f} m",
+        short=f"paths up to {apart:.0f} m apart",
         sentences=tuple(sentences),
     )
 
@@ -175,7 +173,7 @@ def _change(facts: Facts, place: int, pair: Pair) -> str:
         (law, flown), (low, high) = values(channel, "ITAE"), values(channel, "MO_rad")
         parts.append(
             f"ITAE of {symbol} {law:.2f} → {flown:.2f} rad s²{_percent(law, flown)}, overshoot "
-            f"{low * DEG:.1f}° → {high * DEG:.1f}°"
+            f"{low * DEG_PER_RAD:.1f}° → {high * DEG_PER_RAD:.1f}°"
         )
     return (
         f"{pair.a.provenance.gains_name}, from {pair.a.provenance.plant} to "
@@ -184,23 +182,31 @@ def _change(facts: Facts, place: int, pair: Pair) -> str:
     )
 
 
-def _cause(gap: ExplainedGap) -> str:
+def _cause(gap: Gap) -> str:
     parts = []
     for channel, symbol in SYMBOLS.items():
-        rms = {s.adds: float(np.sqrt(np.mean(getattr(s, channel) ** 2))) for s in gap.ladder.steps}
+        rms = {s.adds: float(np.sqrt(np.mean(getattr(s, channel) ** 2))) for s in gap.steps}
         largest = max(rms, key=lambda adds: rms[adds])
-        parts.append(f"of {symbol} “{largest}” ({rms[largest] * DEG:.1f}° rms)")
+        parts.append(f"of {symbol} “{largest}” ({rms[largest] * DEG_PER_RAD:.1f}° rms)")
     return f"The largest step to the aircraft with {gap.name} is {', '.join(parts)}."
 
 
-def _held(gap: ExplainedGap) -> str:
-    if gap.verdict is None:
-        return f"With {gap.name} there is no certified set to hold against the aircraft."
-    chi, gamma = (_degrees(width) for width in gap.verdict.tube)
+def _held(gap: Gap) -> str:
+    settled = gap.check and gap.check.settled
+    if gap.verdict is None or settled is None:
+        return f"With {gap.name} there is no certified set to compare with the aircraft."
     return (
         f"With {gap.name} the aircraft differs from the law by a disturbance of rate up to "
-        f"{gap.verdict.L_d:.2f} rad/s²; the ultimate set certified for that, errors within {chi} "
-        f"of χ and {gamma} of γ: {gap.verdict.sentence}.{_free(gap.free)}"
+        f"{gap.verdict.claim.L_d:.2f} rad/s²; {_ultimate(gap.verdict)}. In the second half that "
+        f"rate is up to {settled.claim.L_d:.3f} rad/s²; {_ultimate(settled)}.{_free(gap.free)}"
+    )
+
+
+def _ultimate(verdict: Verdict) -> str:
+    chi, gamma = (degrees(width) for width in verdict.claim.tube)
+    return (
+        f"the ultimate set certified for that, errors within {chi} of χ and {gamma} of γ: "
+        f"{verdict.sentence}"
     )
 
 
@@ -208,21 +214,14 @@ def _free(free: FreeFlight | None) -> str:
     if free is None:
         return ""
     return (
-        f" From {free.t_from:.1f} s on no limit holds a command, and errors must stay within "
-        f"{_degrees(max(free.widest))} of those of the linear loop left alone: {free.sentence}."
+        f" From {free.t_from:.1f} s on no command is limited, and errors must stay within "
+        f"{degrees(max(free.widest))} of those of the undisturbed linear loop: {free.sentence}."
     )
 
 
 def _percent(law: float, flown: float) -> str:
-    """The change where the numbers beside it, of two decimals, can tell one."""
-    return f" ({100.0 * (flown / law - 1.0):+.0f} %)" if law >= LEAST_COMPARED else ""
-
-
-def _degrees(value: float) -> str:
-    degrees = value * DEG
-    if degrees < LEAST_DEGREES:
-        return f"{LEAST_DEGREES:g}°"
-    return f"{degrees:.2g}°" if degrees < 100.0 else f"{degrees:.0f}°"
+    """The change in per cent; empty where two decimals of ITAE cannot resolve it."""
+    return f" ({100.0 * (flown / law - 1.0):+.0f} %)" if law >= SMALLEST_ITAE else ""
 
 
 def _plain(run: Run) -> str:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.palette import HUES, NEUTRAL
-from flighttune.plants.identification.excitation import DT
-from flighttune.plants.identification.identify import Identification
+from flighttune.identify.experiment import DT
+from flighttune.identify.identify import Identification
+from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.units import DEG
 from flighttune.whole_file import whole_file
 
@@ -82,13 +82,13 @@ def _bode(magnitude: "Axes", phase: "Axes", found: Identification, i: int) -> No
 
 
 def _held_out(axes: "Axes", found: Identification, i: int) -> None:
-    t = DT * np.arange(len(found.check.flown))
+    t = DT * np.arange(len(found.check.measured))
     channel = (found.condition.phi, found.condition.n_z)[i]
     unit = UNITS[i]
     axes.plot(
         t, found.check.commanded[:, i] / unit, color=NEUTRAL, lw=1.0, ls="--", label="commanded"
     )
-    axes.plot(t, found.check.flown[:, i] / unit, color=FLOWN, lw=2.4, label="flown")
+    axes.plot(t, found.check.measured[:, i] / unit, color=FLOWN, lw=2.4, label="flown")
     axes.plot(t, found.check_model[:, i] / unit, color=FIT, lw=1.2, label="fit")
     axes.set_title(
         f"Not used for the fit: {channel.fit_percent:.1f} % of the variance explained",

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flighttune.comparison import Source, load_source
+from flighttune.present.frame import Answer, Report, Section, page_template
 from flighttune.report.facts import Facts, facts_of
-from flighttune.report.frame import Answer, Report, Section, page_template
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel, gap_panels
 from flighttune.report.headline import headline
 from flighttune.report.panels import commands, paths, tracking
@@ -23,8 +23,7 @@ PACKAGE, TEMPLATE = "flighttune.report", "page.html.jinja"
 MOST_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
-
-SENSED = "The errors of the sensors are not counted in it: a flight may rise above it by them. "
+SENSED = "It does not include sensor errors, by which alone a flight may exceed it. "
 CURVE = "Nothing can lie above the curve of R_K against I_K."
 NO_CURVE = (
     "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
@@ -77,7 +76,7 @@ def _sections(facts: Facts) -> list[Section]:
         Section(
             id="commands",
             title="Commands and limits",
-            note="What the controller asked for after its limits.",
+            note="Commands after magnitude and rate limits.",
             pictures=commands(facts),
         ),
         Section(
@@ -90,11 +89,11 @@ def _sections(facts: Facts) -> list[Section]:
         Section(
             id="certificate",
             title="Certificate",
-            note="s holds the error rates and the errors. Guaranteed of it, dashed, is the "
-            "exponential of the linear law plus the ultimate bound, dotted, of the mismatch that "
-            "the second half of the flight shows, as in the recording; not while a limit holds a "
-            "command, and anew where the reference bends. A red cross marks where a flight first "
-            f"rose above it. {SENSED if facts.scenario.sensors else ''}"
+            note="s is the vector of error rates and errors. Its guaranteed bound, dashed, is the "
+            "exponential of the linear law plus the ultimate bound, dotted, for the mismatch in "
+            "the second half of the flight, as in the recording. It is void while a command is "
+            "limited, and starts again there and where the reference bends. A red cross marks "
+            f"where a flight first exceeds it. {SENSED if facts.scenario.sensors else ''}"
             f"{CURVE if curve else NO_CURVE}",
             pictures=[*certificate_panels(facts), *curve],
             tables=[gains_table(facts)],
@@ -108,15 +107,15 @@ def _sections(facts: Facts) -> list[Section]:
 def _gap_section(facts: Facts) -> Section:
     drawn = facts.gaps[:MOST_GAPS]
     more = len(facts.gaps) - len(drawn)
-    several = len({gap.run.provenance.plant for gap in facts.gaps}) > 1
+    several = len({gap.aircraft.provenance.plant for gap in facts.gaps}) > 1
     rest = f"{more} more {'flight' if several else 'gain set'}{' is' if more == 1 else 's are'}"
     unseen = f" {rest} in the table only." if more else ""
     return Section(
         id="gap",
         title="From the law to the aircraft",
         note="The same gains under the same limits in the same air, on the paper's law, the exact "
-        "point mass, the point mass behind the inner loop and the aircraft. Red: the tube that the "
-        f"certificate promises for the mismatch measured; it knows no limits.{unseen}",
+        "point mass, the point mass behind the inner loop and the aircraft. Red: the tube "
+        f"certified for the measured mismatch while no command is limited.{unseen}",
         pictures=[picture for gap in drawn for picture in gap_panels(facts, gap)],
         tables=[gap_table(facts)],
         legend=False,
@@ -128,7 +127,7 @@ def _page(facts: Facts, answers: Sequence[Answer], sections: Sequence[Section]) 
     scenario = toml_text(made.scenario)
     return page_template(PACKAGE, TEMPLATE).render(
         title=facts.scenario.title,
-        lead=f"To show: {facts.scenario.verifies}" if facts.scenario.verifies else "",
+        lead=f"Claim: {facts.scenario.verifies}" if facts.scenario.verifies else "",
         answers=answers,
         sections=sections,
         legend=[(run.label, facts.looks[run.label]) for run in facts.runs],

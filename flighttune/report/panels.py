@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.figures import (
+from flighttune.present.figures import (
     DASHES,
     PANEL,
     RC,
@@ -18,10 +18,10 @@ from flighttune.figures import (
     svg_uri,
     thinned,
 )
-from flighttune.palette import Look
+from flighttune.present.frame import Picture, pictured
+from flighttune.present.palette import Look
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.report.facts import Facts
-from flighttune.report.frame import Picture, pictured
 from flighttune.simulate.run import Run
 
 TRACKING = (
@@ -31,20 +31,20 @@ TRACKING = (
     ("gamma_err", "Path-angle error", r"$e_\gamma$ [deg]"),
 )
 COMMANDS = (
-    ("phi", "Roll command; limits red, bars: held by a limit", r"$\varphi_\mathrm{cmd}$ [deg]"),
-    ("n_z", "Load-factor command; limits red, bars: held by a limit", r"$n_{z,\mathrm{cmd}}$ [1]"),
+    ("phi", "Roll command; limits red, bars: command limited", r"$\varphi_\mathrm{cmd}$ [deg]"),
+    ("n_z", "Load-factor command; limits red, bars: command limited", r"$n_{z,\mathrm{cmd}}$ [1]"),
 )
 LANE = 0.022
-"""Height of the bar of one run, over that of the panel."""
+"""Height of the bar of one run as a part of the panel."""
 
 FINEST = 300
-"""Bars that the time of a flight has room for."""
+"""Bars that fit next to each other in a flight."""
 
 SPACE_HEIGHT = 4.0
 """Height of the figure in space, inches."""
 
 FLATTEST = 0.4
-"""Least ratio of two edges of the box in space; shorter ones are stretched."""
+"""Smallest ratio of two edges of the box in space; shorter ones are stretched."""
 
 
 def tracking(facts: Facts) -> list[Picture]:
@@ -58,7 +58,7 @@ def tracking(facts: Facts) -> list[Picture]:
                 axes.plot(*thinned(t, reference), color=REFERENCE, lw=1.6)
             else:
                 axes.axhline(0.0, color=REFERENCE, lw=1.0)
-            for run, look in _looked(facts):
+            for run, look in _styled(facts):
                 line(axes, _time(run), displayed(run.signals, signal), look, most=facts.points)
             axes.set_xlim(0.0, max(run.duration for run in facts.runs))
             pictures.append(pictured(axes, title))
@@ -66,11 +66,11 @@ def tracking(facts: Facts) -> list[Picture]:
 
 
 def commands(facts: Facts) -> list[Picture]:
-    """Commands after their limits, the limits, and when one of them held a command."""
+    """Commands after their limits, the limits, and bars while a command is limited."""
     pictures = []
     for name, title, unit in COMMANDS:
         with panel(title, unit, height=3.0) as axes:
-            for place, (run, look) in enumerate(_looked(facts)):
+            for place, (run, look) in enumerate(_styled(facts)):
                 line(
                     axes, _time(run), displayed(run.signals, f"{name}_cmd"), look, most=facts.points
                 )
@@ -91,10 +91,9 @@ def commands(facts: Facts) -> list[Picture]:
 
 def paths(facts: Facts) -> list[Picture]:
     """The paths in space, from above, and their heights."""
-    pictures = [_space(facts)]
-    pictures.append(_from_above(facts))
+    pictures = [_space(facts), _from_above(facts)]
     with panel("Height over the start", "height [m]") as axes:
-        for run, look in _looked(facts):
+        for run, look in _styled(facts):
             line(axes, _time(run), -run.signals["down"].to_numpy(), look, most=facts.points)
         axes.set_xlim(0.0, max(run.duration for run in facts.runs))
         pictures.append(pictured(axes, "Heights over time"))
@@ -107,7 +106,7 @@ def _from_above(facts: Facts) -> Picture:
     north, east = np.ptp(points, axis=0)
     x, y = ("north", "east") if north > east else ("east", "north")
     with panel("From above, start at the cross", f"{y} [m]", f"{x} [m]", height=3.0) as axes:
-        for run, look in _looked(facts):
+        for run, look in _styled(facts):
             line(
                 axes, run.signals[x].to_numpy(), run.signals[y].to_numpy(), look, most=facts.points
             )
@@ -131,7 +130,7 @@ def _space(facts: Facts) -> Picture:
             ]
             for run in facts.runs
         ]
-        for own, (_, look) in zip(points, _looked(facts), strict=True):
+        for own, (_, look) in zip(points, _styled(facts), strict=True):
             north, east, down = own.T
             dashes = {"ls": DASHES} if look.dashed else {}
             axes.plot(east, north, -down, color=on_white(look.colour), lw=look.width, **dashes)
@@ -147,8 +146,8 @@ def _space(facts: Facts) -> Picture:
         return Picture(uri=svg_uri(figure), alt="Paths of all runs in space")
 
 
-def _looked(facts: Facts) -> Iterator[tuple[Run, Look]]:
-    """Every run that flew with its look."""
+def _styled(facts: Facts) -> Iterator[tuple[Run, Look]]:
+    """Every run that flew with its line style."""
     for run in facts.runs:
         yield run, facts.looks[run.label]
 
@@ -159,17 +158,11 @@ def _time(run: Run) -> FloatArray:
 
 def _spans(t: FloatArray, flag: np.ndarray) -> list[tuple[float, float]]:
     """Start and length of every stretch in which `flag` is true; those too close are one."""
-    ends = np.append(t, t[-1])
+    edges = np.flatnonzero(np.diff(flag.astype(int), prepend=0, append=0))
+    ends = np.append(t, t[-1])[edges].tolist()
     spans: list[tuple[float, float]] = []
-    for first, stop in _stretches(flag):
-        start, end = ends[first], ends[stop]
+    for start, end in zip(ends[::2], ends[1::2], strict=True):
         if spans and start - sum(spans[-1]) < t[-1] / FINEST:
             start = spans.pop()[0]
-        spans.append((float(start), float(end - start)))
+        spans.append((start, end - start))
     return spans
-
-
-def _stretches(flag: np.ndarray) -> list[tuple[int, int]]:
-    """First and one past the last place of every stretch in which `flag` is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(int)))
-    return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]

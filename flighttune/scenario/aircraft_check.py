@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 
+from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
 from flighttune.errors import InputError, ScenarioError
-from flighttune.plants.identification.file import load_identified
-from flighttune.plants.jsbsim.aircraft import AircraftConfig, load_aircraft
+from flighttune.identify.file import load_identified
+from flighttune.mistakes import joined
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.plants.jsbsim.start_check import start_faults
-from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.sentence import joined
+from flighttune.scenario.tables import PlantTable
 from flighttune.units import DEG
 
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
@@ -19,7 +19,7 @@ FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
 def check_aircraft(scenario: Scenario, source: str) -> None:
     """Refuse a scenario that one of its aircraft cannot start.
 
-    Whether there is steady flight at the start is not looked at: that is a run's status.
+    Steady flight at the start is not required here: without it a run ends with a status.
 
     Parameters
     ----------
@@ -68,10 +68,10 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
     try:
         config = load_aircraft(plant.aircraft)
     except InputError as error:
-        says = str(error)
-        if not says.startswith("`aircraft` must"):
-            says = f"`aircraft` must be one that can be read: {says}"
-        yield f"[plant] {says}"
+        reason = str(error)
+        if not reason.startswith("`aircraft` must"):
+            reason = f"`aircraft` must be one that can be read: {reason}"
+        yield f"[plant] {reason}"
         return
     if plant.throttle_max is not None:
         try:
@@ -90,11 +90,11 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
 
 
 def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
-    """Ranges of commands that have nothing in common with those of the aircraft."""
-    asked = scenario.limits
+    """Ranges of commands that do not overlap with those of the aircraft."""
+    limits = scenario.limits
     for key, given, (low, high), unit, symbol in (
-        ("phi_deg", asked.phi_deg, config.limits.phi, DEG, " deg"),
-        ("n_z", asked.n_z, config.limits.n_z, 1.0, ""),
+        ("phi_deg", limits.phi_deg, config.limits.phi, DEG, " deg"),
+        ("n_z", limits.n_z, config.limits.n_z, 1.0, ""),
     ):
         if given is not None and not (given[0] < high / unit and low / unit < given[1]):
             yield (

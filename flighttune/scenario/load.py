@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -9,9 +10,9 @@ from pydantic import BaseModel, ValidationError
 
 from flighttune.control.gains import PIGains
 from flighttune.errors import ScenarioError
+from flighttune.mistakes import mistakes
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.sentence import mistakes
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -93,15 +94,6 @@ def _existing(path: str | Path) -> Path:
     )
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ScenarioError(f"{path}: the file must be readable: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: the file must be UTF-8 text: {error}.") from error
-
-
 def toml_tables(path: Path) -> dict[str, Any]:
     """The tables of a TOML file.
 
@@ -110,17 +102,22 @@ def toml_tables(path: Path) -> dict[str, Any]:
     ScenarioError
         If the file cannot be read, or is not TOML.
     """
+    return _parsed(path, tomllib.loads, "TOML")
+
+
+def _parsed(path: Path, parse: Callable[[str], Any], language: str) -> Any:
     try:
-        return tomllib.loads(_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{path}: the file must be valid TOML: {error}.") from error
+        return parse(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ScenarioError(f"{path}: the file must be readable: {error.strerror}.") from error
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: the file must be UTF-8 text: {error}.") from error
+    except ValueError as error:
+        raise ScenarioError(f"{path}: the file must be valid {language}: {error}.") from error
 
 
 def _json(path: Path) -> dict[str, Any]:
-    try:
-        tables = json.loads(_text(path))
-    except json.JSONDecodeError as error:
-        raise ScenarioError(f"{path}: the file must be valid JSON: {error}.") from error
+    tables = _parsed(path, json.loads, "JSON")
     if not isinstance(tables, dict):
         raise ScenarioError(f"{path}: the file must hold one object, got {type(tables).__name__}.")
     return tables

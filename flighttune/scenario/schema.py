@@ -7,44 +7,45 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from flighttune.arrays import FloatArray
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PIGains, paper_family
-from flighttune.control.lag import with_input_delay, with_input_lag
+from flighttune.control.inner_loop import with_input_delay, with_input_lag
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import AntiWindup
+from flighttune.identify.file import load_identified
+from flighttune.identify.model import DesignModel, design_model
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.identification.model import FlownModel
-from flighttune.plants.kinematic import G_PAPER
 from flighttune.plants.weather import Weather, WindProfile
-from flighttune.scenario.expect_table import ExpectTable
-from flighttune.scenario.identified import all_models, nearest_model
-from flighttune.scenario.plant_table import PlantTable
-from flighttune.scenario.reference_table import ReferenceTable
-from flighttune.scenario.sensors_table import SensorsTable
-from flighttune.scenario.table import (
+from flighttune.scenario.tables import (
+    INPUTS,
+    TUNED,
+    TUNED_IDENTIFIED,
+    DisturbanceTable,
+    ExpectTable,
     Finite,
     Ground,
+    GustTable,
     Inclination,
     Inclinations,
     Matrix,
     Name,
+    PlantTable,
     Positive,
     Range,
+    ReferenceTable,
     Seed,
+    SensorsTable,
     Speeds,
     Table,
-)
-from flighttune.scenario.tuning_table import INPUTS, TUNED, TUNED_IDENTIFIED, TuningTable
-from flighttune.scenario.weather_table import (
-    DisturbanceTable,
-    GustTable,
+    TuningTable,
     TurbulenceTable,
     WindTable,
     check_air,
 )
 from flighttune.simulate.reference import Reference
-from flighttune.units import DEG
+from flighttune.units import DEG, G_PAPER
 
 
 class FlightTable(Table):
@@ -74,21 +75,16 @@ class LimitsTable(Table):
 
     @field_validator("phi_rate_dps", "n_z_rate_per_s")
     @classmethod
-    def _holds_zero(cls, value: float | list[float] | None) -> float | list[float] | None:
+    def _includes_zero(cls, value: float | list[float] | None) -> float | list[float] | None:
         if isinstance(value, list) and not value[0] <= 0.0 <= value[1]:
-            raise ValueError("must be a range of rates that holds zero")
+            raise ValueError("must be a range of rates that includes zero")
         return value
 
     def limits(self) -> Limits:
         """The limits in rad, 1 and seconds; infinite where the file gives none."""
-        phi, n_z = _bounds(self.phi_deg, DEG), _bounds(self.n_z, 1.0)
-        phi_rate, n_z_rate = _bounds(self.phi_rate_dps, DEG), _bounds(self.n_z_rate_per_s, 1.0)
-        return Limits(
-            lower=np.array([phi[0], n_z[0]]),
-            upper=np.array([phi[1], n_z[1]]),
-            rate_lower=np.array([phi_rate[0], n_z_rate[0]]),
-            rate_upper=np.array([phi_rate[1], n_z_rate[1]]),
-        )
+        lower, upper = _bounds(self.phi_deg, self.n_z)
+        rate_lower, rate_upper = _bounds(self.phi_rate_dps, self.n_z_rate_per_s)
+        return Limits(lower=lower, upper=upper, rate_lower=rate_lower, rate_upper=rate_upper)
 
 
 class ControllerTable(Table):
@@ -161,8 +157,8 @@ class Scenario(Table):
     plant: Annotated[list[PlantTable], Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> "Scenario":
-        names = [entry if isinstance(entry, str) else entry.name for entry in self.gains]
+    def _consistent(self) -> "Scenario":
+        names = self.gain_names
         known = [TUNED, *paper_family(), TUNED_IDENTIFIED]
         for entry in self.gains:
             if isinstance(entry, str) and entry not in known:
@@ -173,14 +169,14 @@ class Scenario(Table):
             self._identified()
         for key, labels in (("gains", names), ("plant", [p.label for p in self.plant])):
             if len(set(labels)) < len(labels):
-                way = "; a `name` of its own tells a plant apart" if key == "plant" else ""
+                hint = "; a `name` of its own distinguishes a plant" if key == "plant" else ""
                 raise ValueError(
-                    f"`{key}` must not name anything twice, got {', '.join(labels)}{way}"
+                    f"`{key}` must not name anything twice, got {', '.join(labels)}{hint}"
                 )
-            for wanted in (getattr(table, key) for table in self.expect):
-                if wanted not in (None, *labels):
+            for name in (getattr(table, key) for table in self.expect):
+                if name not in (None, *labels):
                     raise ValueError(
-                        f"`{key}` of [[expect]] must be one of {', '.join(labels)}, got {wanted!r}"
+                        f"`{key}` of [[expect]] must be one of {', '.join(labels)}, got {name!r}"
                     )
         aircraft = any(p.kind == "jsbsim" for p in self.plant)
         check_air(self.disturbance, self.wind, self.gust or self.turbulence, aircraft=aircraft)
@@ -189,10 +185,19 @@ class Scenario(Table):
                 "`duration_s` of [flight] must be at least two samples of the controller, "
                 f"got {self.flight.duration_s} s at {self.controller.rate_hz} Hz"
             )
-        self.reference.check_starts(self.flight.duration_s)
-        if self.gust:
-            self.gust.check_start(self.flight.duration_s)
+        gust = [("gust", self.gust.start_s)] if self.gust else []
+        for table, start_s in [*self.reference.starts(), *gust]:
+            if start_s >= self.flight.duration_s:
+                raise ValueError(
+                    f"[{table}] `start_s` must lie before the end of the flight "
+                    f"(`duration_s` of [flight], {self.flight.duration_s:g} s), got {start_s:g} s"
+                )
         return self
+
+    @property
+    def gain_names(self) -> tuple[str, ...]:
+        """Names of the gain sets, in order."""
+        return tuple(entry if isinstance(entry, str) else entry.name for entry in self.gains)
 
     @property
     def windy(self) -> bool:
@@ -204,14 +209,12 @@ class Scenario(Table):
         swing = self.disturbance if self.disturbance and self.disturbance.as_wind else None
         if not (self.windy or swing):
             return None
-        V_a, (chi, gamma) = self.flight.V_a_mps, self.followed().sampled(np.zeros(1))
+        V_a, (chi, gamma) = self.flight.V_a_mps, self.followed().initial
         return Weather(
             wind=self.wind.profile() if self.wind else WindProfile(),
             gust=self.gust.gust(V_a) if self.gust else None,
             turbulence=self.turbulence.turbulence() if self.turbulence else None,
-            oscillation=swing.sinusoid().as_wind(V_a, float(chi[0]), float(gamma[0]))
-            if swing
-            else None,
+            oscillation=swing.sinusoid().as_wind(V_a, chi, gamma) if swing else None,
         )
 
     @property
@@ -242,12 +245,12 @@ class Scenario(Table):
             )
         return source
 
-    def identified_models(self) -> tuple[FlownModel, ...]:
+    def identified_models(self) -> tuple[DesignModel, ...]:
         """The law behind the identified inner loop and half a sample of delay.
 
         Returns
         -------
-        tuple of FlownModel
+        tuple of DesignModel
             About wings-level flight on the first reference with the lags of the nearest condition;
             one a condition, each at its own airspeed and climb, where [tuning] says ``robust``.
 
@@ -256,12 +259,22 @@ class Scenario(Table):
         InputError, ScenarioError
             If there is no such aircraft, or no model file.
         """
-        source, g, hold = self._identified(), self.flight.g_mps2, 0.5 / self.controller.rate_hz
-        V_a, (_, gamma) = self.flight.V_a_mps, self.followed().sampled(np.zeros(1))
+        identified = load_identified(self._identified())
+        V_a, gamma = self.flight.V_a_mps, self.followed().initial[1]
+        g, hold = self.flight.g_mps2, 0.5 / self.controller.rate_hz
         if self.tuning.robust:
             speed = V_a if self.controller.schedule else None
-            return all_models(source, schedule_speed=speed, g=g, hold=hold)
-        return nearest_model(source, V_a=V_a, gamma=float(gamma[0]), g=g, hold=hold)
+            return tuple(
+                design_model(condition, g=g, hold=hold, schedule_speed=speed)
+                for condition in identified.conditions
+            )
+        nearest = identified.nearest(V_a, gamma)
+        return (design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold),)
+
+    def kinematic_model(self) -> LinearModel:
+        """The kinematic law alone, about wings-level flight on the first reference."""
+        f = self.flight
+        return kinematic_model(V_a=f.V_a_mps, gamma=self.followed().initial[1], g=f.g_mps2)
 
     def linear_model(self) -> LinearModel:
         """The model that [tuning] names, about wings-level flight on the first reference.
@@ -270,9 +283,7 @@ class Scenario(Table):
         """
         if self.tuning.model == "identified":
             return self.identified_models()[0].model
-        _, gamma = self.followed().sampled(np.zeros(1))
-        f = self.flight
-        model = kinematic_model(V_a=f.V_a_mps, gamma=float(gamma[0]), g=f.g_mps2)
+        model = self.kinematic_model()
         if self.tuning.lag_rad_s is not None:
             model = with_input_lag(model, self.tuning.lag_rad_s)
         if self.tuning.sample_delay:
@@ -290,8 +301,10 @@ class Scenario(Table):
         return hashlib.sha256(values.encode()).hexdigest()
 
 
-def _bounds(value: float | list[float] | None, unit: float) -> tuple[float, float]:
-    if value is None:
-        return -np.inf, np.inf
-    low, high = value if isinstance(value, list) else (-value, value)
-    return low * unit, high * unit
+def _bounds(*given: float | list[float] | None) -> FloatArray:
+    """Lower and upper bounds of (phi in deg, n_z) as rows, in rad and 1."""
+    ranges = [
+        [-np.inf, np.inf] if one is None else one if isinstance(one, list) else [-one, one]
+        for one in given
+    ]
+    return np.array(ranges).T * [DEG, 1.0]

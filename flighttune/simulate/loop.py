@@ -3,7 +3,6 @@
 import math
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -35,22 +34,6 @@ LOOP_SIGNALS = (
 PROGRESS_EVERY = 50
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TimeHistory:
-    """What was flown: one row a sample, and why the flight ended before its time, if it did.
-
-    Attributes
-    ----------
-    signals : DataFrame, indexed by `t` in s
-        Plant signals, then `LOOP_SIGNALS`; SI and radians; read-only.
-    stop : Stop or None
-        None where the flight lasted as long as asked.
-    """
-
-    signals: pd.DataFrame
-    stop: Stop | None
-
-
 def simulate(
     plant: Plant,
     controller: MimoPI,
@@ -61,7 +44,7 @@ def simulate(
     feed_forward: bool = False,
     sensors: Sensors | None = None,
     progress: Callable[[float], None] | None = None,
-) -> TimeHistory:
+) -> tuple[pd.DataFrame, Stop | None]:
     """Fly `plant` under `controller` along `reference` from `condition`.
 
     Parameters
@@ -89,8 +72,11 @@ def simulate(
 
     Returns
     -------
-    TimeHistory
-        Ends with the last sample before the stop where the flight ended early.
+    signals : DataFrame, indexed by `t` in s
+        One row a sample: signals of the plant, then `LOOP_SIGNALS`; SI and radians; read-only. It
+        ends with the last sample before the stop where the flight ended early.
+    stop : Stop or None
+        Why the flight ended early; None where it lasted as long as asked.
 
     Raises
     ------
@@ -116,15 +102,14 @@ def simulate(
     level = (0.0, 0.0)
     stop = None
     observe, advance, step, pack = plant.observe, plant.advance, controller.step, row.pack
-    error, unlimited, integral, limited = (
-        controller.error, controller.unlimited, controller.integral, controller.limited,
-    )  # fmt: skip
+    state = controller.state
+    error, u_unsat, integral, limited = state.error, state.u_unsat, state.integral, state.limited
     for k, (chi_wanted, gamma_wanted, steady) in enumerate(samples):
         seen = observe()
         u_ff = (0.0, steady / math.cos(seen[2])) if feed_forward else level
         ref = (chi_wanted, gamma_wanted)
         u = step(ref, seen[angles], u_ff, seen[speed])
-        rows += pack(*seen, *ref, *error, *u, *unlimited, *integral, *limited)
+        rows += pack(*seen, *ref, *error, *u, *u_unsat, *integral, *limited)
         if k == count:
             break
         stop = advance(u[0], u[1], dt)
@@ -133,7 +118,7 @@ def simulate(
         if progress is not None and k % PROGRESS_EVERY == 0:
             progress(k * dt)
     wrapped = None if sensors is None else controller.wrapped
-    return TimeHistory(signals=_table(rows, plant.signals, t, wrapped), stop=stop)
+    return _table(rows, plant.signals, t, wrapped), stop
 
 
 def _table(

@@ -74,6 +74,12 @@ class Reference:
     chi_segments: tuple[Segment, ...] = ()
     gamma_segments: tuple[Segment, ...] = ()
 
+    @property
+    def initial(self) -> tuple[float, float]:
+        """Chi and gamma (rad) at t = 0, segments that start there included."""
+        chi, gamma = self.sampled(np.zeros(1))
+        return float(chi[0]), float(gamma[0])
+
     def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return chi and gamma (rad) at times `t` (s), each of the shape of `t`."""
         t = read_only_vector("t", t)

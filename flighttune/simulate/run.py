@@ -2,18 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from flighttune.control.gains import PIGains
-from flighttune.notebook import matrix, number, table
 from flighttune.plants.base import StopStatus
 from flighttune.plants.label import aircraft_of
-from flighttune.simulate.signal_table import SignalTable
+from flighttune.present.numbers import matrix, number
+from flighttune.present.tables import Table
 from flighttune.units import DEG
 
-RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim", "cut_off"] | StopStatus
+if TYPE_CHECKING:
+    import pandas as pd
+
+RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
 
 SIGNAL_UNITS: dict[str, str] = {
     "chi": "rad",
@@ -135,12 +136,14 @@ class Run:
         What made the run.
     """
 
-    signals: pd.DataFrame
+    signals: "pd.DataFrame"
     status: RunStatus
     reason: str
     provenance: Provenance = field(repr=False)
 
     def __post_init__(self) -> None:
+        from flighttune.simulate.signal_table import SignalTable  # pandas, 0.2 s, where one flies
+
         object.__setattr__(self, "signals", SignalTable(self.signals))
 
     @property
@@ -166,4 +169,4 @@ class Run:
             rows.insert(2, ("errors at the end", f"χ {number(chi)}°, γ {number(gamma)}°"))
         if made.gains is not None:
             rows.append(("gains", f"K_P {matrix(made.gains.K_P)}, K_I {matrix(made.gains.K_I)}"))
-        return table(self.label, rows)
+        return Table(title=self.label, head=(), rows=rows).html()

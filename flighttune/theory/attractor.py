@@ -3,7 +3,7 @@
 The loop is ``s' = A s + E v`` with ``||v|| <= L_d``. In velocity form s = (x', e) and v is the
 derivative of the disturbance, which enters through ``E = [I; 0]`` alone. The paper's ball knows
 neither E nor the direction in which the loop is weak; the invariant ellipsoid and the peak gain
-do, and `reachable` has the exact figure they are all held against.
+do, and `reachable` has the exact figure to compare them with.
 """
 
 import math
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
-from flighttune.arrays import FloatArray, read_only_matrix, square_matrices
+from flighttune.arrays import FloatArray, check_positive, read_only_matrix, square_matrices
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.lyapunov import lyapunov_solution
 
@@ -104,7 +104,7 @@ def paper_balls(
     n = len(A)
     if n > len(A_K):
         raise ShapeError(f"`A` must not be larger than `A_K`, got {A.shape} and {A_K.shape}.")
-    _positive("L_d", L_d)
+    check_positive(L_d=L_d)
     if not I_K > 0.0:
         raise InputError(f"`I_K` must be positive, got {I_K}.")
 
@@ -126,7 +126,7 @@ def invariant_ellipsoid(
     *,
     L_d: float,
     direction: npt.ArrayLike | None = None,
-    room: float = 0.0,
+    slack: float = 0.0,
 ) -> Ellipsoid:
     """The invariant ellipsoid that is smallest in radius, or in one direction.
 
@@ -140,8 +140,8 @@ def invariant_ellipsoid(
         Bound on the norm of the disturbance v, positive.
     direction : array_like, shape (n,), optional
         Minimise the reach in this direction instead of the radius.
-    room : float, 1
-        Room left in the inequality, as a fraction of the disturbance's term, so that it holds
+    slack : float, 1
+        Slack left in the inequality, as a fraction of the disturbance's term, so that it holds
         strictly.
 
     Returns
@@ -159,12 +159,12 @@ def invariant_ellipsoid(
     dimension. S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*, 6.1.2.
     """
     A, E = stable_system(A, E)
-    _positive("L_d", L_d)
+    check_positive(L_d=L_d)
     c = None if direction is None else np.asarray(direction, dtype=float)
     widest = -2.0 * float(np.linalg.eigvals(A).real.max())
 
     entry = E @ E.T
-    entry = entry + room * float(np.linalg.norm(entry, 2)) * np.eye(len(A))
+    entry = entry + slack * float(np.linalg.norm(entry, 2)) * np.eye(len(A))
 
     def W_of(a: float) -> FloatArray:
         load = entry * (L_d**2 / a)
@@ -205,8 +205,3 @@ def _matrix(name: str, value: npt.ArrayLike) -> FloatArray:
     if matrix.ndim != 2:
         raise ShapeError(f"`{name}` must have 2 axes, got shape {matrix.shape}.")
     return matrix
-
-
-def _positive(name: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"`{name}` must be positive, got {value}.")

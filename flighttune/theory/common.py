@@ -11,20 +11,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
-from flighttune.arrays import FloatArray, read_only_matrix, square_matrices
-from flighttune.errors import InputError, ShapeError
-from flighttune.theory.lmi import Cone, minimise
+from flighttune.arrays import FloatArray, check_positive, read_only_matrix, square_matrices
+from flighttune.errors import ShapeError
+from flighttune.theory.lmi import Cone, minimise, symmetric_basis
 from flighttune.theory.lyapunov import lyapunov_solution
-from flighttune.theory.quadratic import scaled_to_inequality, symmetric_basis
 
 GAP = 1e-4
 """Largest relative distance between a checked rate and its checked bound to be called optimal."""
 
 NO_RATE = 1e-6
-"""A common rate below this fraction of the fastest vertex's is taken for none."""
+"""A common rate below this fraction of the fastest vertex's counts as none."""
 
-ROOM = 1e-6
-"""Room left in the ellipsoid's inequality, as a fraction of the disturbance's term."""
+SLACK = 1e-6
+"""Slack left in the ellipsoid's inequality, as a fraction of the disturbance's term."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,8 +43,6 @@ class CommonQ:
         ``1 / lambda_max(Q)``: rate of decay of ``s' Q s``; 0 without a Q.
     R_bound : float, 1/s
         No common Q has a higher rate: from the solver's multipliers, made feasible.
-    slope : ndarray, shape (k, n, n), or None
-        Derivative of R with respect to the entries of each vertex, from the same multipliers.
     """
 
     status: Literal["optimal", "inaccurate", "none", "failed"]
@@ -53,7 +50,6 @@ class CommonQ:
     Q: FloatArray | None
     R: float
     R_bound: float
-    slope: FloatArray | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,10 +111,9 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     solution = minimise(-np.eye(size + 1)[size], cones)
     if solution.x is None:
         return _no_Q("failed", solution.reason, np.inf)
-    multipliers = _normalised(np.array(solution.duals[:-1]))
-    bound = _rate_bound(A, multipliers)
+    bound = _rate_bound(A, _normalised(np.array(solution.duals[:-1])))
     Q = np.tensordot(solution.x[:size], basis, axes=1)
-    Q = scaled_to_inequality(Q, A)
+    Q = _scaled_to_inequality(Q, A)
     if Q is None or 1.0 / np.linalg.eigvalsh(Q)[-1] < NO_RATE * speed:
         return _no_Q("none", f"no common Q was found; its rate is at most {bound:.3g} 1/s", bound)
     R = float(1.0 / np.linalg.eigvalsh(Q)[-1])
@@ -129,7 +124,6 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
         Q=Q,
         R=R,
         R_bound=bound,
-        slope=-2.0 * R * Q @ multipliers,
     )
 
 
@@ -162,8 +156,7 @@ def common_ellipsoid(vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -
     E = read_only_matrix("E", E)
     if E.shape[0] != A.shape[-1]:
         raise ShapeError(f"`E` must have {A.shape[-1]} rows, got shape {E.shape}.")
-    if not (np.isfinite(L_d) and L_d > 0.0):
-        raise InputError(f"`L_d` must be positive, got {L_d}.")
+    check_positive(L_d=L_d)
     fastest = -2.0 * np.linalg.eigvals(A).real.max()
     if not fastest > 0.0:
         return _no_ellipsoid("a vertex is not stable")
@@ -204,7 +197,7 @@ def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
     shifted = A + a / 2.0 * np.eye(n)
     basis, speed = _scaled_basis(shifted.mT)
     load = E @ E.T / a
-    load = (load + ROOM * np.linalg.norm(load, 2) * np.eye(n)) / speed
+    load = (load + SLACK * np.linalg.norm(load, 2) * np.eye(n)) / speed
     scale = float(np.linalg.norm(load, 2))
     basis = basis / float(np.linalg.norm(basis, axis=(1, 2)).max())
     derivative = (shifted[:, None] @ basis + basis @ shifted.mT[:, None]) / speed
@@ -225,6 +218,23 @@ def _invariant(W: FloatArray, shifted: FloatArray, load: FloatArray) -> FloatArr
     """W if it is positive and invariant at every vertex."""
     flow = np.linalg.eigvalsh(shifted @ W + W @ shifted.mT + load)
     return W if flow[:, -1].max() < 0.0 < np.linalg.eigvalsh(W)[0] else None
+
+
+def _scaled_to_inequality(Q: FloatArray, vertices: FloatArray) -> FloatArray | None:
+    """The multiple of Q that just satisfies ``A' Q + Q A + I <= 0`` for every matrix, or None.
+
+    Parameters
+    ----------
+    Q : ndarray, shape (n, n)
+        Symmetric.
+    vertices : ndarray, shape (k, n, n)
+        The matrices A.
+    """
+    derivative = vertices.mT @ Q + Q @ vertices
+    if not np.linalg.eigvalsh(Q)[0] > 0.0:
+        return None
+    slack = -np.linalg.eigvalsh(derivative)[:, -1].max()
+    return Q / slack if slack > 0.0 else None
 
 
 def _scaled_basis(A: FloatArray) -> tuple[FloatArray, float]:
@@ -261,7 +271,7 @@ def _vertex_matrices(vertices: npt.ArrayLike) -> FloatArray:
 
 
 def _no_Q(status: Literal["none", "failed"], reason: str, bound: float) -> CommonQ:
-    return CommonQ(status=status, reason=reason, Q=None, R=0.0, R_bound=bound, slope=None)
+    return CommonQ(status=status, reason=reason, Q=None, R=0.0, R_bound=bound)
 
 
 def _no_ellipsoid(reason: str) -> CommonEllipsoid:

@@ -1,8 +1,8 @@
 """Small semidefinite programs: the one door to cvxpy and Clarabel.
 
 A linear matrix inequality comes in as plain arrays and a status of ours goes out. Nothing here says
-that an answer is right: the modules that pose the problems (`evp`, `common`) check every answer by
-eigenvalues before they use it.
+that an answer is right: the modules that pose the problems check every answer by eigenvalues
+before they use it.
 """
 
 import importlib.metadata
@@ -24,6 +24,8 @@ SOLVER_OPTIONS = {
     "tol_gap_abs": TOLERANCE,
     "tol_gap_rel": TOLERANCE,
     "tol_feas": TOLERANCE,
+    # the problems come scaled; scaled once more by the solver they lose some digits
+    "equilibrate_enable": False,
 }
 
 REASONS = {
@@ -103,8 +105,6 @@ def minimise(
     objective: FloatArray,
     cones: Sequence[Cone],
     rows: Rows | None = None,
-    *,
-    equilibrate: bool = False,
 ) -> LmiSolution:
     """Minimise ``objective @ x`` subject to linear matrix inequalities, and plain ones.
 
@@ -116,9 +116,6 @@ def minimise(
         Each with d coefficients.
     rows : Rows, optional
         Inequalities between numbers.
-    equilibrate : bool
-        Whether the solver scales the rows anew: a second chance for problems it fails on, but it
-        costs those that come well scaled some digits.
 
     Returns
     -------
@@ -144,7 +141,16 @@ def minimise(
         constant, coefficients = parameters
         constant.value = cone.constant.ravel()
         coefficients.value = cone.coefficients.reshape(size, -1).T
-    return _solution(compiled, equilibrate)
+    return _solution(compiled)
+
+
+def symmetric_basis(n: int) -> FloatArray:
+    """The unit symmetric matrices, shape (n (n + 1)/2, n, n)."""
+    rows, columns = np.triu_indices(n)
+    basis = np.zeros((len(rows), n, n))
+    basis[np.arange(len(rows)), rows, columns] = 1.0
+    basis[np.arange(len(rows)), columns, rows] = 1.0
+    return basis
 
 
 def solver_versions() -> dict[str, str]:
@@ -183,15 +189,13 @@ def _compiled(unknowns: int, sizes: tuple[int, ...], rows: int) -> _Compiled:
     return _Compiled(problem, x, objective, tuple(parameters), plain)
 
 
-def _solution(compiled: _Compiled, equilibrate: bool) -> LmiSolution:
+def _solution(compiled: _Compiled) -> LmiSolution:
     from cvxpy.error import SolverError
 
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Solution may be inaccurate")
-            compiled.problem.solve(
-                solver="CLARABEL", equilibrate_enable=equilibrate, **SOLVER_OPTIONS
-            )
+            compiled.problem.solve(solver="CLARABEL", **SOLVER_OPTIONS)
     except SolverError:
         return LmiSolution(status="failed", reason=REASONS["solver_error"], x=None, duals=())
     said = compiled.problem.status

@@ -1,4 +1,4 @@
-"""The reachable set of ``s' = A s + E v``, ``||v|| <= L_d``: exact figures and the worst case.
+"""The reachable set of ``s' = A s + E v``, ``||v|| <= L_d``: how far it reaches, exactly.
 
 Its support function in direction c is L_d times the integral over all time of ``||E' exp(A't) c||``
 (the best that v can do at every instant is to point along the integrand). Everything here is a sum
@@ -6,13 +6,11 @@ over one mesh of the impulse response; what is cut off behind its end is bounded
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import expm
-from scipy.optimize import minimize
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
@@ -27,12 +25,6 @@ PHASE = 0.25
 
 MAX_PANELS = 50_000
 """A loop that needs more is too lightly damped for its speed."""
-
-STARTS = 12
-"""Random directions from which the largest reach is climbed to, besides the axes."""
-
-CLIMBED = 1e-8
-"""A climb ends where the relative slope is below this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,25 +41,6 @@ class PeakGain:
 
     s: float
     channels: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LargestReach:
-    """The exact ultimate radius: the reachable set's largest extent over all directions.
-
-    Attributes
-    ----------
-    radius : float
-        Reached, in `direction`.
-    upper : float
-        No direction reaches farther; the search is proven complete where it meets `radius`.
-    direction : ndarray, shape (n,)
-        Unit vector.
-    """
-
-    radius: float
-    upper: float
-    direction: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,90 +112,6 @@ class ReachableSet:
             s=self.L_d * (float(self.weights @ largest) + self.tail),
             channels=self.L_d * (self.weights @ channels + self.tail),
         )
-
-    def largest_reach(self) -> LargestReach:
-        """The exact ultimate radius, by ascent from many directions, with a bound from above.
-
-        Notes
-        -----
-        The reach h of direction c is convex and homogeneous. By Cauchy and Schwarz, for any weight
-        w > 0 of integral one,
-        ``h(c)^2 <= c' M c`` with M the integral of ``L_d^2 exp(At) E E' exp(A't) / w``, so that
-        h^2 is at most lambda_max(M); with w proportional to the integrand at the best c, M has
-        that c as an eigenvector, with eigenvalue h(c)^2. Mixed with the weight of the invariant
-        ellipsoid the bound stays finite where the integrand vanishes.
-        """
-        best = max((self._climb(c) for c in self._starts()), key=self.reach)
-        radius = self.reach(best)
-        return LargestReach(radius=radius, upper=self._upper(best), direction=best)
-
-    def worst_disturbance(
-        self, direction: npt.ArrayLike, *, duration: float
-    ) -> Callable[[float], FloatArray]:
-        """The v(t) on [0, duration] that takes ``direction @ s`` farthest at the end.
-
-        Parameters
-        ----------
-        direction : array_like, shape (n,)
-        duration : float, s
-            Positive.
-
-        Returns
-        -------
-        callable
-            v of t, shape (m,): norm L_d, along ``E' exp(A' (duration - t)) direction``.
-
-        Raises
-        ------
-        InputError
-            If `duration` is not positive.
-        """
-        if not duration > 0.0:
-            raise InputError(f"`duration` must be positive, got {duration} s.")
-        c = np.asarray(direction, dtype=float)
-
-        def v(t: float) -> FloatArray:
-            pull = c @ expm(self.A * (duration - t)) @ self.E
-            norm = float(np.linalg.norm(pull))
-            return self.L_d * pull / norm if norm > 0.0 else np.zeros(self.E.shape[1])
-
-        return v
-
-    def _starts(self) -> FloatArray:
-        n = len(self.A)
-        random = np.random.default_rng(0).normal(size=(STARTS, n))
-        energy = np.einsum("t,tij,tkj->ik", self.weights, self.response, self.response)
-        starts = np.vstack([np.eye(n), np.linalg.eigh(energy)[1].T, random])
-        return starts / np.linalg.norm(starts, axis=1, keepdims=True)
-
-    def _climb(self, c: FloatArray) -> FloatArray:
-        """A unit direction of locally largest reach, from c.
-
-        Quasi-Newton on ``-log(h(c)/|c|)``: stepping to the direction of the gradient alone is slow
-        where two directions reach about as far.
-        """
-
-        def descent(c: FloatArray) -> tuple[float, FloatArray]:
-            pull = c @ self.response
-            norms = np.maximum(np.linalg.norm(pull, axis=-1), 1e-300)
-            value, length = float(self.weights @ norms), float(np.linalg.norm(c))
-            gradient = np.einsum("t,tij,tj->i", self.weights / norms, self.response, pull)
-            return math.log(length / value), c / length**2 - gradient / value
-
-        found = minimize(descent, c, jac=True, method="BFGS", options={"gtol": CLIMBED})
-        return found.x / np.linalg.norm(found.x)
-
-    def _upper(self, c: FloatArray) -> float:
-        """The least bound over mixtures of the two weights."""
-        along = np.linalg.norm(c @ self.response, axis=-1)
-        overall = np.linalg.norm(self.response, ord=2, axis=(1, 2))
-        along, overall = along / (self.weights @ along), overall / (self.weights @ overall)
-        bounds = []
-        for share in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0):
-            weight = (1.0 - share) * along + share * overall
-            M = np.einsum("t,tij,tkj->ik", self.weights / weight, self.response, self.response)
-            bounds.append(math.sqrt(float(np.linalg.eigvalsh(M)[-1])))
-        return self.L_d * (min(bounds) + self.tail)
 
 
 def _mesh(A: FloatArray, E: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:

@@ -14,8 +14,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import LinearModel
-from flighttune.theory.lmi import Cone, minimise
-from flighttune.theory.quadratic import symmetric_basis
+from flighttune.theory.lmi import Cone, minimise, symmetric_basis
 from flighttune.tuning.gradient import tune_by_gradient
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult

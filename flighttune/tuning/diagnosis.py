@@ -8,11 +8,9 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
-from flighttune.tuning.gradient import STARTS, searches, smallest_radius
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.program import descend, program
+from flighttune.tuning.gradient import STARTS, Program, searches, smallest_radius
+from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.result import Assessment, assessment, is_feasible
-from flighttune.tuning.search_space import SearchSpace, search_space
 from flighttune.tuning.starts import stabilising_starts
 
 
@@ -40,7 +38,7 @@ class LimitDiagnosis:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Diagnosis:
-    """How far a problem is from being feasible, or how much room it has.
+    """How far a problem is from being feasible, or how far its limits could be tightened.
 
     Attributes
     ----------
@@ -131,14 +129,14 @@ def _smallest_factor(
     if not relaxable.any():
         found = [one for one in searches(problem, k, "R_K") if is_feasible(problem, one)]
         return (0.0, found[0]) if found else (math.inf, None)
-    task = program(problem, space, "factor", relaxable=relaxable)
+    task = Program(problem, "factor", relaxable=relaxable)
     best: tuple[float, Assessment | None] = (math.inf, None)
     for start in k:
-        found = descend(task, start)
-        relaxed = _with_factor(problem, relaxable, found.factor)
-        judged = assessment(relaxed, space.K(found.k))
-        if found.factor < best[0] and is_feasible(relaxed, judged):
-            best = found.factor, judged
+        gains, factor = task.descend(start)
+        relaxed = _with_factor(problem, relaxable, factor)
+        found = assessment(relaxed, space.K(gains))
+        if factor < best[0] and is_feasible(relaxed, found):
+            best = factor, found
     return best
 
 

@@ -1,7 +1,7 @@
 """Rates that hold over an envelope: of given gains, how far they reach, and the best gains for it.
 
 The rate over an envelope is that of the common Q at the vertices of `jacobian_hull`. It is convex
-to find for given gains; over the gains it is climbed by a sequence of semidefinite programs.
+to find for given gains; over the gains `ascent` increases it step by step.
 """
 
 import math
@@ -16,10 +16,9 @@ from flighttune.control.envelope import Envelope, Hull, jacobian_hull, vertex_lo
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
 from flighttune.theory.common import CommonQ, common_Q
-from flighttune.tuning.climb import Point, climb, point
+from flighttune.tuning.ascent import Point, ascend, point
 from flighttune.tuning.gradient import tune_by_gradient
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.search_space import search_space
+from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.starts import stabilising_starts
 
 FACTOR_TOLERANCE = 1e-3
@@ -29,7 +28,7 @@ LARGEST_FACTOR = 64.0
 """An envelope is not grown beyond this."""
 
 GROWTHS = 12
-"""Times an envelope is grown towards the one asked for before giving up."""
+"""Steps in which an envelope is grown towards the required one before giving up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,12 +77,12 @@ class EnvelopeTuning:
 
     status: Literal["found", "infeasible", "failed"]
     reason: str
-    gains: PIGains | None
-    R: float
-    R_bound: float
-    R_K: float
-    I_K: float
-    factor: float
+    gains: PIGains | None = None
+    R: float = 0.0
+    R_bound: float = math.inf
+    R_K: float = 0.0
+    I_K: float = math.inf
+    factor: float = 0.0
     wall_s: float
 
 
@@ -211,7 +210,11 @@ def tune_over_envelope(
     space = search_space(problem)
     nominal = tune_by_gradient(problem)
     if nominal.status != "optimal" or nominal.gains is None:
-        return _none(nominal.status, nominal.reason, time.perf_counter() - began)
+        return EnvelopeTuning(
+            status="failed" if nominal.status == "failed" else "infeasible",
+            reason=nominal.reason,
+            wall_s=time.perf_counter() - began,
+        )
     firsts = [nominal.gains.K[space.free], *stabilising_starts(problem, space, starts)]
     searches = [_grow(problem, k, envelope, trim, g=g, hull=hull) for k in firsts]
     factor, best = max(
@@ -220,7 +223,11 @@ def tune_over_envelope(
         default=(0.0, None),
     )
     if best is None:
-        return _none("infeasible", "No gains met the constraints.", time.perf_counter() - began)
+        return EnvelopeTuning(
+            status="infeasible",
+            reason="No gains met the constraints.",
+            wall_s=time.perf_counter() - began,
+        )
     found = factor >= 1.0
     return EnvelopeTuning(
         status="found" if found else "infeasible",
@@ -246,7 +253,7 @@ def _grow(
     g: float,
     hull: Hull,
 ) -> tuple[float, Point] | None:
-    """Climb on ever larger parts of the envelope; the factor reached and the point there."""
+    """Ascend on ever larger parts of the envelope; the factor reached and the point there."""
     space = search_space(problem)
     reached: tuple[float, Point] | None = None
     for _ in range(GROWTHS):
@@ -258,22 +265,8 @@ def _grow(
         start = point(problem, models, k)
         if start is None:
             break
-        best = climb(problem, models, start)
+        best = ascend(problem, models, start)
         reached, k = (factor, best), best.k
         if factor >= 1.0:
             break
     return reached
-
-
-def _none(status: str, reason: str, wall_s: float) -> EnvelopeTuning:
-    return EnvelopeTuning(
-        status="failed" if status == "failed" else "infeasible",
-        reason=reason,
-        gains=None,
-        R=0.0,
-        R_bound=math.inf,
-        R_K=0.0,
-        I_K=math.inf,
-        factor=0.0,
-        wall_s=wall_s,
-    )

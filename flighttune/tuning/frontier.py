@@ -1,22 +1,29 @@
-"""How much rate a radius buys: the frontier of R_K against I_K."""
+"""How much rate a radius buys: the frontier of R_K against I_K, as a table and as a figure."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import PAPER_EPSILON, PIGains
 from flighttune.errors import InputError
+from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.tuning.gradient import STARTS, smallest_radius, tune_by_gradient
-from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.result import Assessment, assessment
-from flighttune.tuning.search_space import search_space
 from flighttune.tuning.starts import stabilising_starts
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 POINTS = 25
 WIDEST = 3.0
+
+TWIN_SHIFT = 8
+PAPER_NAMES = ("paper", *PAPER_EPSILON)
 
 
 def frontier(
@@ -25,7 +32,8 @@ def frontier(
     points: int = POINTS,
     I_max: float | None = None,
     marked: Mapping[str, PIGains] | None = None,
-) -> pd.DataFrame:
+    starts: int = 1,
+) -> "pd.DataFrame":
     """The largest R_K for every I_K, and where given gains lie.
 
     Parameters
@@ -37,7 +45,9 @@ def frontier(
     I_max : float, s^2, optional
         Largest I_K; by default `WIDEST` times the smallest, or the largest marked one if more.
     marked : mapping of str to PIGains, optional
-        Gains to place beside the frontier.
+        Gains to show next to the frontier.
+    starts : int
+        Searches at each point from drawn gains, besides the one from the gains of the point before.
 
     Returns
     -------
@@ -52,6 +62,8 @@ def frontier(
     InputError
         If `points` is less than 2.
     """
+    import pandas as pd
+
     if points < 2:
         raise InputError(f"`points` must be at least 2, got {points}.")
     marks = {name: assessment(problem, gains.K) for name, gains in (marked or {}).items()}
@@ -67,11 +79,55 @@ def frontier(
     best, along = smallest, []
     for step in growth:
         I_star = smallest.I_K * math.exp(step)
-        found = tune_by_gradient(replace(problem, I_star=I_star), starts=1, first=best.K)
+        found = tune_by_gradient(replace(problem, I_star=I_star), starts=starts, first=best.K)
         if found.status == "optimal" and found.gains is not None and found.R_K > best.R_K:
             best = assessment(problem, found.gains.K)
         along.append(_row(problem, "frontier", I_star, best))
     return pd.DataFrame(along + rows)
+
+
+def frontier_figure(table: "pd.DataFrame") -> "Figure":
+    """Draw the frontier and the marked gains.
+
+    Parameters
+    ----------
+    table : DataFrame
+        What `frontier` returns.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Nothing can lie above the curve. A mark that breaks the input
+        limits is hollow, one without a stable loop is left out.
+    """
+    from matplotlib.figure import Figure
+
+    along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
+    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+    axes = figure.add_subplot()
+    colour = HUES[0][0][0]
+    axes.plot(along["I_K"], along["R_K"], color=colour, lw=2.0, label="largest R_K found for I_K")
+    columns = (np.asarray(marks[key]) for key in ("name", "I_K", "R_K", "within_limits"))
+    for name, I_K, R_K, within in zip(*columns, strict=True):
+        if not R_K > 0.0:
+            continue
+        own = name not in PAPER_NAMES
+        mark = HUES[2][0][0] if own else HUES[1][0][0]
+        axes.plot(I_K, R_K, "o", ms=6, mec=mark, mfc=mark if within else "none")
+        axes.annotate(
+            "K*" if name == "paper" else name,
+            (I_K, R_K),
+            xytext=(TWIN_SHIFT, -12 if own else -4),
+            textcoords="offset points",
+            fontsize=9,
+        )
+    axes.set_xlabel("I_K, size of the ultimate set, in s²")
+    axes.set_ylabel("R_K, guaranteed rate, in 1/s")
+    axes.set_ylim(bottom=0.0)
+    axes.grid(alpha=0.3, which="both", color=NEUTRAL, lw=0.5)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=9)
+    return figure
 
 
 def _row(problem: TuningProblem, name: str, I_star: float, one: Assessment) -> dict[str, object]:

@@ -6,22 +6,22 @@ import numpy as np
 from scipy.optimize import NonlinearConstraint, differential_evolution
 
 from flighttune.arrays import FloatArray
-from flighttune.control.closed_loop import closed_loops
+from flighttune.control.linear_model import closed_loops
 from flighttune.theory.indicators import IndicatorArrays, indicators_batch
-from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.result import (
     TuningResult,
     assessment,
     is_feasible,
     result,
 )
-from flighttune.tuning.search_space import SearchSpace, search_space
 
 LARGEST_GAIN = 10.0
 """Box of the search where the problem has no tighter one; evolution needs a small one."""
 GENERATIONS = 1000
 POPULATION = 15
 UNSTABLE = 1e6
+"""What an unstable loop costs, above its spectral abscissa: more than any stable one."""
 METHOD = "genetic"
 
 
@@ -36,7 +36,7 @@ def tune_by_evolution(
     largest_gain : float
         Size of the box searched, inside the problem's own bounds.
     generations : int
-        Most generations bred.
+        Largest number of generations.
 
     Returns
     -------
@@ -50,13 +50,28 @@ def tune_by_evolution(
     """
     began = time.perf_counter()
     space = search_space(problem)
-    judge = _Generation(problem, space)
-    radius = NonlinearConstraint(judge.log_radius, -np.inf, np.log(problem.I_star))
-    limits = NonlinearConstraint(judge.slack, 0.0, np.inf)
-    constraints = [radius] if np.isfinite(problem.I_star) else []
-    constraints += [limits] if space.names else []
+
+    def loops(k: FloatArray) -> IndicatorArrays:
+        """Of a whole generation of free gains, shape (f, members)."""
+        A_K = closed_loops(problem.model, space.K(k.T))
+        return indicators_batch(A_K, scaling=problem.scaling)
+
+    def lost_rate(k: FloatArray) -> FloatArray:
+        found = loops(k)
+        return np.where(found.stable, -found.R_K, UNSTABLE + found.spectral_abscissa)
+
+    def log_radius(k: FloatArray) -> FloatArray:
+        found = loops(k)
+        lost = np.log(UNSTABLE) + found.spectral_abscissa
+        return np.where(found.stable, np.log(found.I_K), lost)[None]
+
+    constraints = []
+    if np.isfinite(problem.I_star):
+        constraints.append(NonlinearConstraint(log_radius, -np.inf, np.log(problem.I_star)))
+    if space.names:
+        constraints.append(NonlinearConstraint(lambda k: space.slack(k.T).T, 0.0, np.inf))
     found = differential_evolution(
-        judge.lost_rate,
+        lost_rate,
         np.column_stack(
             [np.maximum(space.k_min, -largest_gain), np.minimum(space.k_max, largest_gain)]
         ),
@@ -75,36 +90,9 @@ def tune_by_evolution(
         problem,
         best if best.R_K > 0.0 else None,
         status="optimal" if feasible else "infeasible",
-        reason="" if feasible else "No generation held gains that meet every constraint.",
+        reason="" if feasible else "No generation had gains that meet every constraint.",
         method=METHOD,
         starts=1,
         agreeing=int(feasible),
         wall_s=time.perf_counter() - began,
     )
-
-
-class _Generation:
-    """Objective and constraints of a whole generation of free gains, shape (f, members)."""
-
-    def __init__(self, problem: TuningProblem, space: SearchSpace) -> None:
-        self._problem = problem
-        self._space = space
-
-    def lost_rate(self, k: FloatArray) -> FloatArray:
-        """Minus R_K; for unstable loops the spectral abscissa, far above."""
-        found = self._indicators(k)
-        return np.where(found.stable, -found.R_K, UNSTABLE + found.spectral_abscissa)
-
-    def log_radius(self, k: FloatArray) -> FloatArray:
-        """log I_K, shape (1, members); for unstable loops far above."""
-        found = self._indicators(k)
-        lost = np.log(UNSTABLE) + found.spectral_abscissa
-        return np.where(found.stable, np.log(found.I_K), lost)[None]
-
-    def slack(self, k: FloatArray) -> FloatArray:
-        """What the input limits leave, shape (r, members)."""
-        return self._space.slack(k.T).T
-
-    def _indicators(self, k: FloatArray) -> IndicatorArrays:
-        A_K = closed_loops(self._problem.model, self._space.K(k.T))
-        return indicators_batch(A_K, scaling=self._problem.scaling)

@@ -2,29 +2,29 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.closed_loop import closed_loops
 from flighttune.control.gains import PIGains
-from flighttune.notebook import matrix, number, table
+from flighttune.control.linear_model import closed_loops
+from flighttune.present.numbers import matrix, number
+from flighttune.present.tables import Table
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.search_space import search_space
+from flighttune.tuning.problem import TuningProblem, search_space
 
 Status = Literal["optimal", "infeasible", "failed"]
 
 ROUNDING = 1e-9
-"""Relative amount by which rounding may break a limit."""
+"""Relative amount by which rounding may exceed a limit."""
 BINDING = 1e-5
 """Relative distance within which a limit counts as binding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Assessment:
-    """How gains stand to a problem.
+    """Gains measured against a problem.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class Assessment:
     R_K, I_K, spectral_abscissa : float
         As in `flighttune.theory.indicators.Indicators`.
     within_limits : bool
-        Whether input limits and gain bounds hold; says nothing on I_K.
+        Whether input limits and gain bounds hold, whatever I_K.
     active : tuple of str
-        Constraints that bind, and limits that are broken: ``I_K``, ``<input>_max``,
+        Constraints that bind, and limits that are exceeded: ``I_K``, ``<input>_max``,
         ``<input>_rate_min``, ``K_P[<input>,<error>]_max`` and the like.
     """
 
@@ -57,7 +57,7 @@ class TuningResult:
         "infeasible": no gains were found that meet all constraints, although the search for the
         smallest I_K converged. "failed": no stabilising gains were found at all.
     reason : str
-        What the status means here; empty when there is nothing to add.
+        Why it is not optimal; empty otherwise.
     method : str
         The optimiser.
     gains : PIGains or None
@@ -77,21 +77,21 @@ class TuningResult:
     status: Status
     reason: str
     method: str
-    gains: PIGains | None
-    R_K: float
-    I_K: float
-    spectral_abscissa: float
-    active: tuple[str, ...]
-    smallest_I_K: float | None
-    starts: int
-    agreeing: int
+    gains: PIGains | None = None
+    R_K: float = 0.0
+    I_K: float = math.inf
+    spectral_abscissa: float = math.nan
+    active: tuple[str, ...] = ()
+    smallest_I_K: float | None = None
+    starts: int = 0
+    agreeing: int = 0
     wall_s: float
 
     def _repr_html_(self) -> str:
         rows = [
-            ("R_K", f"{number(self.R_K, 5)} 1/s"),
-            ("I_K", f"{number(self.I_K, 5)} s²"),
-            ("spectral abscissa", f"{number(self.spectral_abscissa, 5)} 1/s"),
+            ("R_K", f"{number(self.R_K, '.5g')} 1/s"),
+            ("I_K", f"{number(self.I_K, '.5g')} s²"),
+            ("spectral abscissa", f"{number(self.spectral_abscissa, '.5g')} 1/s"),
             ("binding", ", ".join(self.active) or "nothing"),
             ("found by", f"{self.method}, {self.agreeing} of {self.starts} starts agree"),
         ]
@@ -99,11 +99,11 @@ class TuningResult:
             rows += [("K_P", matrix(self.gains.K_P)), ("K_I", matrix(self.gains.K_I))]
         if self.reason:
             rows.append(("reason", self.reason))
-        return table(f"Tuning: {self.status}", rows)
+        return Table(title=f"Tuning: {self.status}", head=(), rows=rows).html()
 
 
 def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
-    """How the stacked gains K, shape (m, 2 p), stand to `problem`."""
+    """The stacked gains K, shape (m, 2 p), measured against `problem`."""
     found = indicators(closed_loops(problem.model, K), scaling=problem.scaling)
     space = search_space(problem)
     k = K[space.free]
@@ -124,32 +124,17 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
     )
 
 
-def result(
-    problem: TuningProblem,
-    best: Assessment | None,
-    *,
-    status: Status,
-    reason: str,
-    method: str,
-    starts: int,
-    agreeing: int,
-    wall_s: float,
-    smallest_I_K: float | None = None,
-) -> TuningResult:
-    """A `TuningResult` with the figures of the assessment."""
+def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> TuningResult:
+    """A `TuningResult` of an outcome (its other attributes) with the figures of its best gains."""
+    if best is None:
+        return TuningResult(**outcome)
     return TuningResult(
-        status=status,
-        reason=reason,
-        method=method,
-        gains=problem.gains(best.K) if best else None,
-        R_K=best.R_K if best else 0.0,
-        I_K=best.I_K if best else math.inf,
-        spectral_abscissa=best.spectral_abscissa if best else math.nan,
-        active=best.active if best else (),
-        smallest_I_K=smallest_I_K,
-        starts=starts,
-        agreeing=agreeing,
-        wall_s=wall_s,
+        gains=problem.gains(best.K),
+        R_K=best.R_K,
+        I_K=best.I_K,
+        spectral_abscissa=best.spectral_abscissa,
+        active=best.active,
+        **outcome,
     )
 
 

@@ -6,20 +6,21 @@ With one model this is the plain problem, solved so that no channel is left unde
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import minimize
+from scipy.sparse.csgraph import connected_components
 
 from flighttune.arrays import FloatArray
-from flighttune.control.closed_loop import closed_loops
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError
-from flighttune.theory.indicators import indicators
-from flighttune.theory.sensitivity import spectra
-from flighttune.tuning.channels import assembled, channels
-from flighttune.tuning.problem import TuningProblem
+from flighttune.theory.indicators import indicators, spectra
+from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.result import ROUNDING, TuningResult
-from flighttune.tuning.search_space import SearchSpace, search_space
 from flighttune.tuning.starts import stabilising_starts
 
 STARTS = 4
@@ -32,14 +33,24 @@ UNSTABLE_LOG = 30.0
 INSIDE = 1e-8
 """Relative distance kept from input limits, so that rounding does not break them."""
 
+Indices = npt.NDArray[np.intp]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
-    """Stacked gains of one channel, how many searches were made and how many agree on them."""
+class Channel:
+    """Inputs, errors and states that act on each other and on nothing else.
 
-    K: FloatArray
-    starts: int
-    agreeing: int
+    Attributes
+    ----------
+    inputs, errors : ndarray of int
+        Their places in the whole model.
+    problem : TuningProblem
+        The problem of these alone.
+    """
+
+    inputs: Indices
+    errors: Indices
+    problem: TuningProblem
 
 
 def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) -> TuningResult:
@@ -76,19 +87,26 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     whole = problems[0]
     split = [channels(problem) for problem in problems]
     if len({tuple(tuple(c.inputs.tolist()) for c in parts) for parts in split}) > 1:
-        raise InputError("`problems` must fall apart into the same channels.")
+        raise InputError("`problems` must have the same channels.")
     found = [_tuned([c.problem for c in same], starts) for same in zip(*split, strict=True)]
-    solved = [(c, f.K) for c, f in zip(split[0], found, strict=True) if f is not None]
-    tried = sum(f.starts for f in found if f is not None)
-    agreeing = min((f.agreeing for f in found if f is not None), default=0)
+    solved = [one for one in found if one is not None]
+    tried = sum(searches for _, searches, _ in solved)
     if len(solved) < len(found):
-        return _failed(tried, time.perf_counter() - began)
-    K = assembled(solved, search_space(whole).base.shape)
+        return TuningResult(
+            status="failed",
+            reason="No gains were found that stabilise every model.",
+            method=METHOD,
+            starts=tried,
+            wall_s=time.perf_counter() - began,
+        )
+    space = search_space(whole)
+    K = _assembled(split[0], [one for one, _, _ in solved], space.base.shape)
     loops = [
         indicators(closed_loops(problem.model, K), scaling=problem.scaling) for problem in problems
     ]
-    slack = search_space(whole).slack(K[search_space(whole).free])
-    broken = [name for name, s in zip(search_space(whole).names, slack, strict=True) if s < 0.0]
+    broken = [
+        name for name, s in zip(space.names, space.slack(K[space.free]), strict=True) if s < 0.0
+    ]
     return TuningResult(
         status="infeasible" if broken else "optimal",
         reason=f"No gains were found inside {', '.join(broken)}." if broken else "",
@@ -98,9 +116,8 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         I_K=max(one.I_K for one in loops),
         spectral_abscissa=max(one.spectral_abscissa for one in loops),
         active=tuple(broken),
-        smallest_I_K=None,
         starts=tried,
-        agreeing=agreeing,
+        agreeing=min(agreeing for _, _, agreeing in solved),
         wall_s=time.perf_counter() - began,
     )
 
@@ -127,8 +144,11 @@ def _check(problems: Sequence[TuningProblem], starts: int) -> None:
             raise InputError("`problems` must share inputs, errors and bounds on gains.")
 
 
-def _tuned(problems: list[TuningProblem], starts: int) -> _Found | None:
-    """The best gains of one channel over its models; None if nothing stabilises them all."""
+def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int, int] | None:
+    """The best gains of one channel over its models, the searches made and those that agree.
+
+    None if no gains stabilise all the models.
+    """
     space = search_space(problems[0])
     candidates = np.vstack([stabilising_starts(problem, space, starts) for problem in problems])
     worst = np.array([_worst_rate(problems, space, k) for k in candidates])
@@ -138,11 +158,8 @@ def _tuned(problems: list[TuningProblem], starts: int) -> _Found | None:
     if not ends:
         return None
     best = int(np.argmax(rates))
-    return _Found(
-        K=space.K(ends[best]),
-        starts=len(ends),
-        agreeing=sum(rate >= (1.0 - AGREEMENT) * rates[best] for rate in rates),
-    )
+    agreeing = sum(rate >= (1.0 - AGREEMENT) * rates[best] for rate in rates)
+    return space.K(ends[best]), len(ends), agreeing
 
 
 def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray) -> float:
@@ -155,22 +172,19 @@ def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray
 
 
 def _search(problems: list[TuningProblem], space: SearchSpace, k: FloatArray) -> FloatArray:
-    room = space.bound - INSIDE * np.abs(space.bound) - space.offset
-    remembered: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+    """Free gains at which SLSQP stops, from free gains k."""
+    limit = space.bound - INSIDE * np.abs(space.bound) - space.offset
+
+    @lru_cache(maxsize=1)  # SLSQP asks for values and slopes in turn
+    def logs_of(k: bytes) -> tuple[FloatArray, FloatArray]:
+        parts = [_log_eigenvalues(problem, space, np.frombuffer(k)) for problem in problems]
+        return np.concatenate([logs for logs, _ in parts]), np.vstack([slope for _, slope in parts])
 
     def logs(k: FloatArray) -> tuple[FloatArray, FloatArray]:
-        key = k.tobytes()
-        if key not in remembered:
-            remembered.clear()
-            parts = [_log_eigenvalues(problem, space, k) for problem in problems]
-            remembered[key] = (
-                np.concatenate([values for values, _ in parts]),
-                np.vstack([slopes for _, slopes in parts]),
-            )
-        return remembered[key]
+        return logs_of(k.tobytes())
 
     def values(z: FloatArray) -> FloatArray:
-        return np.concatenate([z[-1] - logs(z[:-1])[0], room - space.G @ z[:-1]])
+        return np.concatenate([z[-1] - logs(z[:-1])[0], limit - space.G @ z[:-1]])
 
     def slopes(z: FloatArray) -> FloatArray:
         curved = -logs(z[:-1])[1]
@@ -209,18 +223,76 @@ def _log_eigenvalues(
     return np.log(found.eigenvalues), np.concatenate([in_K_P, in_K_I], axis=-1)[:, space.free]
 
 
-def _failed(starts: int, wall_s: float) -> TuningResult:
-    return TuningResult(
-        status="failed",
-        reason="No gains were found that stabilise every model.",
-        method=METHOD,
-        gains=None,
-        R_K=0.0,
-        I_K=math.inf,
-        spectral_abscissa=math.nan,
-        active=(),
-        smallest_I_K=None,
-        starts=starts,
-        agreeing=0,
-        wall_s=wall_s,
+def channels(problem: TuningProblem) -> tuple[Channel, ...]:
+    """The channels of a problem whose model is decoupled; the whole problem where it is coupled.
+
+    Parameters
+    ----------
+    problem : TuningProblem
+
+    Returns
+    -------
+    tuple of Channel
+        In the order of their first input. The gains between channels are left out: they are 0.
+
+    Notes
+    -----
+    R_K of the whole loop is the smallest of the channels', so that the whole problem leaves the
+    better channels undetermined. Each channel's own problem does not.
+    """
+    model = problem.model
+    n, m, p = model.shape
+    acts = np.zeros((n + m + p, n + m + p))
+    acts[:n, :n], acts[:n, n : n + m], acts[n + m :, :n] = model.A, model.B, model.C
+    count, part = connected_components(acts != 0.0, directed=False)
+    groups = [part[:n], part[n : n + m], part[n + m :]]
+    driven = list(dict.fromkeys(groups[1].tolist()))
+    places = [[np.flatnonzero(group == k) for group in groups] for k in driven]
+    if count > len(driven) or not all(len(states) and len(errors) for states, _, errors in places):
+        return (Channel(inputs=np.arange(m), errors=np.arange(p), problem=problem),)
+    return tuple(
+        Channel(inputs=inputs, errors=errors, problem=_part(problem, states, inputs, errors))
+        for states, inputs, errors in places
+    )
+
+
+def _assembled(
+    parts: Sequence[Channel], gains: Sequence[FloatArray], shape: tuple[int, ...]
+) -> FloatArray:
+    """Stacked gains of the whole, shape (m, 2 p), from those of each channel."""
+    K = np.zeros(shape)
+    p = shape[1] // 2
+    for channel, own in zip(parts, gains, strict=True):
+        K[channel.inputs[:, None], np.concatenate([channel.errors, p + channel.errors])] = own
+    return K
+
+
+def _part(
+    problem: TuningProblem, states: Indices, inputs: Indices, errors: Indices
+) -> TuningProblem:
+    model = problem.model
+    n, _, p = model.shape
+    columns = np.concatenate([errors, p + errors])
+    ends = ("lower", "upper", "rate_lower", "rate_upper")
+    limits = problem.limits and Limits(
+        **{end: getattr(problem.limits, end)[inputs] for end in ends}
+    )
+    bounds = {
+        name: np.asarray(getattr(problem, name))[inputs[:, None], columns]
+        for name in ("K_min", "K_max", "K_fixed")
+    }
+    return replace(
+        problem,
+        model=LinearModel(
+            A=model.A[states[:, None], states],
+            B=model.B[states[:, None], inputs],
+            C=model.C[errors[:, None], states],
+            states=tuple(model.states[i] for i in states),
+            inputs=tuple(model.inputs[i] for i in inputs),
+            errors=tuple(model.errors[i] for i in errors),
+        ),
+        limits=limits,
+        x_0=None if problem.x_0 is None else problem.x_0[errors],
+        scaling=np.asarray(problem.scaling)[np.concatenate([states, n + errors])],
+        **bounds,
     )

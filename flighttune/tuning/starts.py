@@ -3,11 +3,9 @@
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.closed_loop import closed_loops
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.theory.indicators import indicators_batch
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.search_space import SearchSpace
+from flighttune.tuning.problem import SearchSpace, TuningProblem
 
 REGULATORS = 16
 SIGN_STEPS = 20
@@ -34,6 +32,8 @@ def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) 
     -------
     ndarray, shape (at most starts, f)
     """
+    if not starts:
+        return np.empty((0, len(space.k_min)))
     rng = np.random.default_rng(np.random.SeedSequence(problem.seed))
     regulators = _regulators(problem.model, rng)[:, None, :, :]
     shape = (len(regulators), VARIANTS, *space.base.shape)

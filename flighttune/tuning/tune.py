@@ -1,15 +1,13 @@
-"""The one way in: a problem and the name of a method."""
+"""Tuning by the name of a method."""
 
-from typing import Literal, get_args
+from typing import get_args
 
 from flighttune.errors import InputError
 from flighttune.tuning.convex import tune_from_convex_start
 from flighttune.tuning.genetic import tune_by_evolution
 from flighttune.tuning.gradient import STARTS, tune_by_gradient
-from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.problem import Method, TuningProblem
 from flighttune.tuning.result import TuningResult
-
-Method = Literal["gradient", "genetic", "convex"]
 
 
 def tune(

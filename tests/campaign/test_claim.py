@@ -9,10 +9,7 @@ from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, plan_of, tables_of, unif
 from flighttune.campaign.flying.alone import nominal_flights
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.control.closed_loop import closed_loop, disturbance_entry
-from flighttune.control.linear_model import kinematic_model
-from flighttune.gap.certified_set import loop_flown
-from flighttune.gap.mismatch import mismatch
+from flighttune.guarantee.flight_check import flight_check
 
 START = uniform("flight.chi_deg", 10.0, 30.0)
 UNSTABLE = {"name": "away", "K_P": [[-1.0, 0.0], [0.0, -1.0]], "K_I": [[0.0, 0.0], [0.0, 0.0]]}
@@ -25,13 +22,9 @@ def plan(plants=(AEROSONDE,), certificate=None, gains=("paper", SOFT), **tables)
     return plan_of(tables_of(plants, gains=list(gains), **tables), START, runs=12, **keys)
 
 
-def verdict_of_gap(made, run, t_from):
+def verdict_of_gap(run, t_from):
     """What `flighttune gap` says of a flight."""
-    flight = made.scenario.flight
-    model = kinematic_model(V_a=flight.V_a_mps, gamma=0.0, g=flight.g_mps2)
-    found = mismatch(run, V_a=flight.V_a_mps, g=flight.g_mps2)
-    A_K = closed_loop(model, run.provenance.gains)
-    return loop_flown(run, found, A_K, disturbance_entry(model)).verdict(t_from)
+    return flight_check(run).verdict(t_from)
 
 
 @pytest.mark.parametrize("t_from", [0.0, 0.5, 1.5, 2.5])
@@ -42,13 +35,12 @@ def test_bound_set_and_verdict_of_the_undispersed_flight_are_those_of_gap(plants
 
     for group, run in nominal_flights(made).items():
         claim = claims(made)[group]
-        said = verdict_of_gap(made, run, t_from)
-        assert claim.L_d == said.L_d
-        assert claim.tube == said.tube
-        assert claim.asked == pytest.approx(said.asked, abs=ROUNDING)
-        assert claim.says_nothing == said.says_nothing
-        assert (claim.of_run(run) == "held") == said.held
-        assert (claim.of_run(run) == "broken") == (said.t_broken is not None)
+        said = verdict_of_gap(run, t_from)
+        assert claim.L_d == said.claim.L_d
+        assert claim.tube == said.claim.tube
+        assert claim.commanded == pytest.approx(said.claim.commanded, abs=ROUNDING)
+        assert claim.vacuous == said.claim.vacuous
+        assert claim.outcome(run) == said.outcome
 
 
 def test_the_claim_is_looked_at_from_half_the_flight_on_where_no_time_is_given():
@@ -76,8 +68,8 @@ def test_what_has_no_certificate_has_no_claim():
 
 def test_an_undispersed_flight_that_is_not_completed_measures_no_bound():
     tables = {"flight": {"V_a_mps": 25.0, "h_m": 2.0, "gamma_deg": -10.0, "duration_s": 3.0}}
-    fallen = plan(**tables)
-    assert set(claims(fallen).values()) == {None}
+    crashed = plan(**tables)
+    assert set(claims(crashed).values()) == {None}
     given = plan(certificate={"L_d_rad_s2": 0.2}, **tables)
     assert None not in claims(given).values()
 
@@ -96,20 +88,20 @@ def test_a_kick_out_of_the_set_breaks_it_unless_the_reference_moved_then():
     made = plan(certificate={"from_s": 0.0, "L_d_rad_s2": 5.0})
     group = made.groups[0]
     claim, run = claims(made)[group], nominal_flights(made)[group]
-    assert claim.of_run(run) == "held"
+    assert claim.outcome(run) == "held"
     late = np.arange(len(run.signals)) >= 100
 
     kicked = run.signals.assign(chi_err=run.signals["chi_err"] + late * 100.0)
     moved = run.signals.assign(chi_ref=run.signals["chi_ref"] + late * 100.0)
 
-    assert claim.of_run(replace(run, signals=kicked)) == "broken"
-    assert claim.of_run(replace(run, signals=moved)) == "held"
-    assert claim.of_run(replace(run, status="diverged")) is None
-    assert claim.of_run(replace(run, signals=run.signals.iloc[:3])) is None
+    assert claim.outcome(replace(run, signals=kicked)) == "broken"
+    assert claim.outcome(replace(run, signals=moved)) == "held"
+    assert claim.outcome(replace(run, status="diverged")) is None
+    assert claim.outcome(replace(run, signals=run.signals.iloc[:3])) is None
 
 
 def test_who_replays_wind_has_the_bound_of_its_own_undispersed_flight():
     made = plan((KINEMATIC, AEROSONDE), {"from_s": 1.0}, wind=WIND)
 
     for group, run in nominal_flights(made).items():
-        assert claims(made)[group].L_d == verdict_of_gap(made, run, 1.0).L_d
+        assert claims(made)[group].L_d == verdict_of_gap(run, 1.0).claim.L_d

@@ -21,9 +21,11 @@ from campaigns import (
 from commands import answer, flighttune
 
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.dataset.dataset import open_dataset
+from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
+
+pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 
 RUNS = 160
 
@@ -90,6 +92,7 @@ def _read(terminal):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.soak
 def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address, number):
     out = tmp_path / "out"
     with flying(file, "--out", out, "--workers", 2, "--json") as command:
@@ -146,7 +149,7 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     assert "6 runs = 2 draws (random, seed 3) by 4 groups" in shown
     assert "of one core" in shown
     assert "with 3 workers" in shown
-    assert "room: " in shown
+    assert "disk space: " in shown
 
 
 def test_a_half_width_that_is_not_reached_is_the_answer_no(tmp_path, file, address):
@@ -166,7 +169,7 @@ def test_without_dask_one_line_says_what_to_install(file):
 
     assert done.returncode == 2
     assert done.stderr == (
-        "flighttune: campaigns need dask, distributed, fsspec; install it with: pip install "
+        "flighttune: campaigns need dask, distributed; install it with: pip install "
         "'flighttune[cluster]'\n"
     )
 

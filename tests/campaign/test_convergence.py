@@ -5,8 +5,8 @@ import pytest
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
-from flighttune.campaign.report.convergence import prefixes, settling
-from flighttune.campaign.report.flown import flown_of
+from flighttune.campaign.statistics.flights import flights_of
+from flighttune.campaign.statistics.summary import convergence, prefixes
 
 
 @pytest.mark.parametrize("n", [40, 200, 100_000])
@@ -28,9 +28,9 @@ def test_few_flights_are_looked_at_from_a_quarter_on():
 
 def test_each_point_is_what_the_first_flights_tell(tmp_path):
     plan = made_up_plan(tmp_path)
-    flown = flown_of(made_up_rows(plan), plan)
+    flown = flights_of(made_up_rows(plan), plan)
 
-    found = settling(flown, "chi.ITAE")
+    found = convergence(flown, "chi.ITAE")
 
     for one, (group, rows) in zip(found, flown.groups(), strict=True):
         assert one.group == group
@@ -45,9 +45,9 @@ def test_each_point_is_what_the_first_flights_tell(tmp_path):
 
 def test_intervals_shrink_as_one_over_the_root_of_the_number(tmp_path):
     plan = made_up_plan(tmp_path, runs=40_000)
-    flown = flown_of(made_up_rows(plan), plan)
+    flown = flights_of(made_up_rows(plan), plan)
 
-    paper = settling(flown, "chi.ITAE")[2]
+    paper = convergence(flown, "chi.ITAE")[2]
 
     widths = np.array([one.hi - one.lo for one in paper.success])
     slope = np.polyfit(np.log(paper.n[8:]), np.log(widths[8:]), 1)[0]

@@ -2,7 +2,6 @@
 
 import json
 import os
-import uuid
 from dataclasses import replace
 
 import duckdb
@@ -14,15 +13,16 @@ import pytest
 from campaigns import Notes, bits, plan
 from scipy.stats import binomtest
 
-from flighttune.campaign.dataset.dataset import Dataset, dataset_hash, open_dataset
-from flighttune.campaign.dataset.lock import LOCK, held
-from flighttune.campaign.dataset.spans import Chunks, Span, missing
-from flighttune.campaign.dataset.storage import Store
+from flighttune.campaign.dataset import Dataset, Span, dataset_hash, missing, open_dataset
+from flighttune.campaign.engine.chunks import Chunks
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.lock import LOCK, locked
 from flighttune.errors import InputError, OutputError, RecordingError
-from flighttune.one_flight import library_versions
+from flighttune.flight.fly import library_versions
 from flighttune.recording.parquet import read_run
+
+pytestmark = pytest.mark.slow
 
 RUNS = 12
 
@@ -44,31 +44,14 @@ def out(tmp_path, ours, rows):
 
 
 def written(url, ours, *tables, versions=None):
-    dataset = Dataset(Store(url), ours, versions or library_versions())
+    dataset = Dataset(url, ours, versions or library_versions())
     dataset.write_plan()
     for table in tables:
         dataset.write_part(table)
     return url
 
 
-@pytest.mark.parametrize("scheme", ["memory://", "file://", ""])
-def test_the_same_campaign_is_flown_into_any_folder_that_fsspec_reaches(
-    tmp_path, ours, rows, address, scheme
-):
-    place = f"{uuid.uuid4().hex}/out" if scheme == "memory://" else f"{tmp_path}/deep/out"
-
-    done = run_campaign(ours, scheme + place, scheduler=address)
-
-    assert bits(open_dataset(scheme + place).rows()) == bits(rows)
-    assert done.dataset == scheme + place
-    assert Store(scheme + place).names("") == ("campaign.json", "runs", "signals")
-
-
-def test_an_unknown_kind_of_folder_is_one_line(ours):
-    with pytest.raises(InputError, match=r"nowhere://x: must be a folder .* not known"):
-        run_campaign(ours, "nowhere://x")
-
-
+@pytest.mark.slow
 def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address):
     ours = plan(tmp_path, runs=120)
     counts = []
@@ -80,7 +63,7 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address):
             counts.append((len(found), found["run"].nunique(), *duckdb.sql(sql).fetchall()[0]))
         return False
 
-    run_campaign(ours, tmp_path / "out", scheduler=address, onlooker=Notes(read))
+    run_campaign(ours, tmp_path / "out", scheduler=address, observer=Notes(read))
 
     assert len(counts) > 2
     assert all(len(set(count)) == 1 for count in counts)
@@ -172,7 +155,7 @@ def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, ours, rows,
     part.write_bytes(damage(part.read_bytes()))
     notes = Notes()
 
-    done = run_campaign(ours, out, scheduler=address, resume=True, onlooker=notes)
+    done = run_campaign(ours, out, scheduler=address, resume=True, observer=notes)
 
     assert done.flown == 8
     assert bits(open_dataset(out).rows()) == bits(rows)
@@ -214,7 +197,7 @@ def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, ours):
 
 def test_two_campaigns_are_not_flown_into_one_folder(tmp_path, ours):
     with (
-        held(Store(tmp_path)),
+        locked(tmp_path),
         pytest.raises(InputError, match=f"is being flown into it by process {os.getpid()} on "),
     ):
         run_campaign(ours, tmp_path)
@@ -228,7 +211,7 @@ def test_the_lock_of_a_process_that_is_gone_holds_nobody_up(tmp_path, owner):
     mine = {"host": os.uname().nodename, **owner} if owner else {}
     (tmp_path / LOCK).write_text(json.dumps(mine))
 
-    with held(Store(tmp_path)):
+    with locked(tmp_path):
         found = json.loads((tmp_path / LOCK).read_text())
 
     assert found["pid"] == os.getpid()
@@ -240,7 +223,7 @@ def test_the_lock_of_another_machine_is_believed(tmp_path):
 
     with (
         pytest.raises(InputError, match="process 1 on other; if that one is gone, remove"),
-        held(Store(tmp_path)),
+        locked(tmp_path),
     ):
         pass
 
@@ -292,6 +275,7 @@ def halfwidth(rows, group, n):
     return (interval.high - interval.low) / 2.0
 
 
+@pytest.mark.slow
 def test_a_campaign_ends_at_the_first_look_that_is_sure_enough(tmp_path, address):
     ours = plan(tmp_path, runs=4000, duration=0.2)
 

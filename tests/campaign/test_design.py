@@ -9,9 +9,14 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.stats import qmc
 
-from flighttune.campaign.planning.copula import correlated, factor
-from flighttune.campaign.planning.design import SOBOL_BITS, run_seeds, unit_points
-from flighttune.campaign.planning.disperse_table import CorrelationTable
+from flighttune.campaign.planning.draws import (
+    SOBOL_BITS,
+    copula_factor,
+    correlated,
+    run_seeds,
+    unit_points,
+)
+from flighttune.campaign.planning.schema import CorrelationTable
 from flighttune.errors import InputError
 
 KEYS = ["flight.V_a_mps", "flight.chi_deg", "wind.speed_mps"]
@@ -122,4 +127,4 @@ def test_correlations_that_contradict_each_other_are_refused():
     tables = [CorrelationTable(keys=[a, b], rank=rank) for a, b, rank in pairs]
 
     with pytest.raises(InputError, match=r"`rank` .* must be possible together .* eigenvalue -"):
-        factor(tables)
+        copula_factor(tables)

@@ -6,13 +6,16 @@ import tempfile
 from pathlib import Path
 
 import psutil
+import pytest
 from campaigns import Notes, bits, children, plan
 
-from flighttune.campaign.dataset.dataset import open_dataset
-from flighttune.campaign.engine.dispatch import WAITING_PER_THREAD
+from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
+from flighttune.campaign.engine.pool import WAITING_PER_THREAD
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.rows import fly_runs
+
+pytestmark = pytest.mark.slow
 
 
 def listening(progress):
@@ -28,12 +31,13 @@ def listening(progress):
 ADDRESSES = set()
 
 
+@pytest.mark.slow
 def test_every_run_is_there_once_as_one_process_flies_it(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     ours, notes = plan("files"), Notes(listening)
     litter = set(Path(tempfile.gettempdir()).glob("*dask*"))
 
-    done = run_campaign(ours, "out", workers=2, onlooker=notes)
+    done = run_campaign(ours, "out", workers=2, observer=notes)
 
     rows = open_dataset("out").rows()
     assert bits(rows) == bits(fly_runs(ours, range(ours.runs)))
@@ -47,11 +51,12 @@ def test_every_run_is_there_once_as_one_process_flies_it(tmp_path, monkeypatch, 
     assert not children()
 
 
+@pytest.mark.slow
 def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, address):
     ours = plan(tmp_path, runs=160)
     stops = Notes(lambda progress: progress.done > 0)
 
-    first = run_campaign(ours, tmp_path / "out", workers=2, onlooker=stops)
+    first = run_campaign(ours, tmp_path / "out", workers=2, observer=stops)
 
     there = open_dataset(tmp_path / "out").rows().column("run").to_pylist()
     assert first.interrupted
@@ -65,6 +70,7 @@ def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, addr
     assert bits(open_dataset(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))
 
 
+@pytest.mark.soak
 def test_a_million_runs_wait_nowhere(tmp_path, address):
     ours = plan(tmp_path, runs=10**6, wind="", aircraft=(), duration=0.5)
     sizes = []
@@ -75,7 +81,7 @@ def test_a_million_runs_wait_nowhere(tmp_path, address):
         return progress.done > 8_000
 
     notes = Notes(enough)
-    done = run_campaign(ours, tmp_path / "out", scheduler=address, onlooker=notes)
+    done = run_campaign(ours, tmp_path / "out", scheduler=address, observer=notes)
 
     assert done.runs > 8_000
     assert max(p.waiting for p in notes.seen) <= 2 * WAITING_PER_THREAD + 1
@@ -84,6 +90,7 @@ def test_a_million_runs_wait_nowhere(tmp_path, address):
     assert (tmp_path / "out" / "campaign.json").stat().st_size < 20_000
 
 
+@pytest.mark.slow
 def test_a_local_cluster_leaves_the_environment_as_it_was(tmp_path):
     made, before = plan(tmp_path, runs=2, duration=0.2), dict(os.environ)
 

@@ -28,10 +28,12 @@ from campaigns import (
 )
 
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.dataset.dataset import open_dataset
+from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import CampaignError
+
+pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 
 RUNS = 160
 FILE_LIMIT = 12_000
@@ -73,9 +75,9 @@ def check(out, ours, poison, status, reason):
     """Every run is there once; the poison has its own rows, all others are as they should be."""
     rows = rows_of(out)
     assert rows.column("run").to_pylist() == list(range(ours.runs))
-    fallen = rows.take(poison).to_pylist()
-    assert {(row["status"], row["success"]) for row in fallen} == {(status, False)}
-    assert all(reason in row["reason"] for row in fallen), fallen[0]["reason"]
+    crashed = rows.take(poison).to_pylist()
+    assert {(row["status"], row["success"]) for row in crashed} == {(status, False)}
+    assert all(reason in row["reason"] for row in crashed), crashed[0]["reason"]
     assert [row for row in bits(rows) if row[0] not in poison] == others(ours, poison)
 
 
@@ -107,6 +109,7 @@ def test_a_run_that_ends_its_process_is_one_row(
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
 
 
+@pytest.mark.soak
 def test_a_run_that_never_ends_is_given_up(tmp_path, address):
     key = "flight.duration_s"
     ours = plan(
@@ -144,7 +147,7 @@ def test_a_worker_killed_in_mid_chunk_costs_nothing(tmp_path, ours, undisturbed)
             worker.kill()
         return False
 
-    done = run_campaign(ours, tmp_path / "out", workers=2, onlooker=Notes(kill_one))
+    done = run_campaign(ours, tmp_path / "out", workers=2, observer=Notes(kill_one))
 
     assert len(killed) == 2
     assert gone(killed)
@@ -152,6 +155,7 @@ def test_a_worker_killed_in_mid_chunk_costs_nothing(tmp_path, ours, undisturbed)
     assert done.crashed == 0
 
 
+@pytest.mark.soak
 def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     tmp_path, file, ours, undisturbed
 ):

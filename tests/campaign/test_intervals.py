@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flighttune.campaign.intervals import clopper_pearson, effective_size, quantile_interval, wilson
+from flighttune.campaign.statistics.intervals import (
+    clopper_pearson,
+    effective_size,
+    quantile_interval,
+    wilson,
+)
 from flighttune.errors import InputError
 
 ROUNDING = 1e-9

@@ -16,7 +16,7 @@ from flighttune.campaign import Campaign, load_campaign, plan_campaign, plan_fro
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.schema import CampaignTable
 from flighttune.errors import InputError, ScenarioError
-from flighttune.outer_loop import gain_set
+from flighttune.flight.outer_loop import gain_set
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.shipped import aircraft_folder
@@ -252,7 +252,6 @@ def test_the_blocks_of_a_saltelli_design_give_the_sobol_indices_known():
     plan = plan_of(*angles, design="saltelli", runs=2 * 5 * 4096)
     frame = plan.parameters()
     assert plan.factors == tuple(ANGLES)
-    assert [plan.block_of(draw) for draw in range(6)] == ["A", "B", *ANGLES, "A"]
 
     values = ishigami(*(frame[key].to_numpy() for key in ANGLES)).reshape(-1, plan.cycle).T
     found = sobol_indices(
@@ -328,7 +327,7 @@ def test_a_plan_of_another_version_or_none_at_all_is_refused():
     with pytest.raises(ScenarioError, match=r"x.json: `version` of a plan must be 1, got 99"):
         plan_from({**tables, "version": 99}, "x.json")
     tables.pop("groups")
-    with pytest.raises(ScenarioError, match="must be a plan, got one that lacks 'groups'"):
+    with pytest.raises(ScenarioError, match="`groups` must be given"):
         plan_from(tables)
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from flighttune.campaign.choice.race import ordered_quantile, race
+from flighttune.campaign.choice.race import race
+from flighttune.campaign.statistics.paired import ordered_quantile
 from flighttune.errors import InputError
 
 
@@ -123,7 +124,7 @@ def test_all_lost_is_a_tie():
 
 
 def test_those_beside_fly_everything_and_are_never_chosen():
-    found = race(["a", "c"], track(SHIFTS, 3), draws=200, q=0.9, beside=["b", "d"])
+    found = race(["a", "c"], track(SHIFTS, 3), draws=200, q=0.9, baselines=["b", "d"])
 
     assert found.best == "c"
     assert set(found.wins) <= {"a", "c"}
@@ -137,7 +138,7 @@ def test_the_interval_of_a_difference_is_a_paired_one():
     The 90th percentile of 400 exponential numbers has the standard deviation
     sqrt(0.9 0.1 / 400) / 0.1 = 0.15.
     """
-    found = race(["b"], track(SHIFTS, 4, noise=0.02), draws=400, q=0.9, beside=["c"])
+    found = race(["b"], track(SHIFTS, 4, noise=0.02), draws=400, q=0.9, baselines=["c"])
 
     low, high = np.quantile(found.differences["c"], [0.025, 0.975])
     assert low < 0.15 < high

@@ -24,15 +24,16 @@ from commands import answer, flighttune
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
-from flighttune.campaign.dataset.dataset import Dataset, dataset_hash
+from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.engine.engine import run_campaign
-from flighttune.campaign.report.findings import findings
-from flighttune.campaign.report.flown import flown_of, load_flown
-from flighttune.campaign.report.headline import headline
-from flighttune.campaign.report.page import notes, write_page
-from flighttune.campaign.report.words import figures, label_of, looks_of, percent
+from flighttune.campaign.statistics.findings import findings
+from flighttune.campaign.statistics.flights import flights_of, load_flights
 from flighttune.errors import InputError, RecordingError
-from flighttune.palette import looks
+from flighttune.present.numbers import figures, percent
+from flighttune.present.palette import looks
+from flighttune.report.campaign.headline import headline
+from flighttune.report.campaign.page import notes, write_page
+from flighttune.report.campaign.words import label_of, looks_of
 
 ADDRESS = re.compile(r"""(?:src|href|xlink:href|action|data)\s*=\s*["']([^"']*)|url\(([^)]*)\)""")
 RUNS = 40
@@ -57,7 +58,7 @@ def made_up(tmp_path_factory):
     """Findings of rows that were made up, with everything in them that a report can show."""
     folder = tmp_path_factory.mktemp("made_up")
     made = made_up_plan(folder, design="saltelli", runs=4 * 5 * 40)
-    return findings(flown_of(made_up_rows(made), made))
+    return findings(flights_of(made_up_rows(made), made))
 
 
 @pytest.fixture(scope="module")
@@ -121,20 +122,20 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
     for path in first[len(first) // 2 :]:
         path.unlink()
 
-    found = load_flown(out)
+    found = load_flights(out)
 
     assert 0 < len(found.rows) < RUNS
     (said,) = notes(findings(found))
-    assert f"Not all has flown: {len(found.rows)} of {RUNS} flights are there" in said
+    assert f"{len(found.rows)} of {RUNS} flights" in said
     for path in first[: len(first) // 2]:
         path.unlink()
     with pytest.raises(RecordingError, match="no run has been flown yet"):
-        load_flown(out)
+        load_flights(out)
 
 
 def test_a_confidence_must_be_a_probability(flown_folder):
     with pytest.raises(InputError, match="`confidence` must be between 0 and 1, got 95"):
-        findings(load_flown(flown_folder), confidence=95.0)
+        findings(load_flights(flown_folder), confidence=95.0)
 
 
 @pytest.mark.parametrize(
@@ -151,31 +152,6 @@ def test_what_cannot_be_told_is_refused_in_a_line(arguments, message, tmp_path):
     assert len(error.strip().splitlines()) == 1
 
 
-def test_a_campaign_anywhere_fsspec_reaches_is_read(tmp_path, address):
-    small = plan(tmp_path, runs=4, law=False, wind="")
-    run_campaign(small, "memory://told", scheduler=address)
-
-    assert len(load_flown("memory://told").rows) == 4
-    with pytest.raises(RecordingError, match="memory://nowhere: must hold a campaign"):
-        load_flown("memory://nowhere")
-
-
-def test_rows_that_are_put_together_meanwhile_are_read_all_the_same(flown_folder, monkeypatch):
-    """A file that was listed is gone when it is to be read, as another holds its rows by then."""
-    read, failed = Dataset.read_part, []
-
-    def once_gone(self, span, columns=None):
-        if not failed:
-            failed.append(span)
-            raise RecordingError("it is gone")
-        return read(self, span, columns)
-
-    monkeypatch.setattr(Dataset, "read_part", once_gone)
-
-    assert len(load_flown(flown_folder).rows) == RUNS
-    assert failed
-
-
 def test_the_headline_says_which_gains_hold_and_how_surely(made_up, page):
     holds, wrong, certified, matters = page.answers
     by_group = {(g.group.plant, g.group.gains): g for g in made_up.groups}
@@ -186,7 +162,7 @@ def test_the_headline_says_which_gains_hold_and_how_surely(made_up, page):
         (said,) = (line for line in holds.sentences if line.startswith(f"{plant} / {gains}:"))
         assert f"{one.successes} of {one.n} flights succeed" in said
         assert f"({percent(one.success.lo)} to {percent(one.success.hi)} %)" in said
-    assert any("is less with K3 than with paper on 100 %" in line for line in holds.sentences)
+    assert any("is lower with K3 than with paper on 100 %" in line for line in holds.sentences)
     failed = sum(one.n - one.successes for one in by_group.values())
     assert wrong.short == f"{failed} of 800 flights fail"
     assert any("the course error passed 180 deg" in line for line in wrong.sentences)
@@ -198,7 +174,7 @@ def test_the_headline_says_which_gains_hold_and_how_surely(made_up, page):
             for name, width in zip("χγ", claim.tube, strict=True)
         )
         said = next(line for line in certified.sentences if line.startswith(label_of(group)))
-        assert f"of at most {widths}" in said
+        assert f"errors up to {widths}" in said
     assert {group.plant for group in made_up.claims} == {"jsbsim:aerosonde"}
     assert matters.short == "flight.V_a_mps"
 
@@ -207,7 +183,7 @@ def test_where_everything_holds_the_headline_says_so(tmp_path):
     made = made_up_plan(tmp_path, runs=80)
     rows = made_up_rows(made).assign(status="completed", success=True, missed=None, reason=None)
 
-    holds, wrong, *_ = headline(findings(flown_of(rows, made)))
+    holds, wrong, *_ = headline(findings(flights_of(rows, made)))
 
     assert holds.verdict == "yes"
     assert wrong.sentences == ("Every flight succeeds.",)
@@ -221,7 +197,7 @@ def test_the_headline_names_all_that_matter_alike(tmp_path):
     roll = (rows["gains"] == "paper").to_numpy()
     rows.loc[roll, "chi.ITAE"] = rows["flight.phi_deg"] + 20.0
 
-    matters = headline(findings(flown_of(rows, made)))[-1]
+    matters = headline(findings(flights_of(rows, made)))[-1]
 
     assert matters.short == "flight.phi_deg, flight.V_a_mps"
 
@@ -232,10 +208,10 @@ def test_draws_on_which_gain_sets_are_tied_are_told_of(tmp_path):
     lost = rows["draw"] < 5
     rows.loc[lost, "status"] = "no_trim"
 
-    holds = headline(findings(flown_of(rows, made)))[0]
+    holds = headline(findings(flights_of(rows, made)))[0]
 
     assert any(
-        "On the same 20 draws on kinematic, ITAE of χ is less with K3 than with paper on 100 % of "
+        "On the same 20 draws on kinematic, ITAE of χ is lower with K3 than with paper on 100 % of "
         "the 15 on which they differ, by " in line
         for line in holds.sentences
     )
@@ -249,7 +225,7 @@ def test_every_part_is_on_the_page_and_nothing_points_outside(page):
     assert page.sections == (
         "How often",
         "Worst flights",
-        "Measures",
+        "Metrics",
         "What matters",
         "Gains on the same draws",
         "Convergence",
@@ -263,7 +239,7 @@ def test_every_part_is_on_the_page_and_nothing_points_outside(page):
 
 
 def test_a_group_has_the_colour_its_flights_have_everywhere(made_up):
-    own = made_up.flown.plan
+    own = made_up.flights.plan
     pairs = [(p.label, name) for p in own.scenario.plant for name in own.gain_sets]
 
     found = looks_of(own)
@@ -276,7 +252,7 @@ def test_text_of_a_file_is_text_on_the_page(tmp_path):
     rows = made_up_rows(made)
     rows.loc[0, ["status", "reason", "success"]] = ["diverged", "<b>7</b> & more", False]
 
-    written = write_page(findings(flown_of(rows, made)), tmp_path / "page.html")
+    written = write_page(findings(flights_of(rows, made)), tmp_path / "page.html")
 
     text = written.path.read_text(encoding="utf-8")
     assert "&lt;b&gt;7&lt;/b&gt; &amp; more" in text
@@ -289,7 +265,7 @@ def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
     rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
     rows["success"], rows["certified"] = False, None
 
-    written = write_page(findings(flown_of(rows, made)), tmp_path / "page.html")
+    written = write_page(findings(flights_of(rows, made)), tmp_path / "page.html")
 
     assert written.answers[0].verdict == "no"
     assert "`x` must be finite" in written.path.read_text(encoding="utf-8")
@@ -306,6 +282,7 @@ def told_by_page(chromium, page, tmp_path_factory):
     return told_at_widths(chromium, text, tmp_path_factory.mktemp("frames"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [DESK, PHONE, NARROW])
 def test_the_page_fits_its_width_and_cuts_no_text_off(told_by_page, width):
     assert told_by_page[width]["needs"] <= width
@@ -314,10 +291,12 @@ def test_the_page_fits_its_width_and_cuts_no_text_off(told_by_page, width):
     assert min(told_by_page[width]["images"]) > 300
 
 
+@pytest.mark.slow
 def test_no_request_leaves_the_machine(chromium, page, tmp_path):
     assert asked_by_the_page(chromium, page.path, tmp_path / "log.json") == set()
 
 
+@pytest.mark.slow
 def test_no_screen_of_the_page_is_empty(chromium, page, tmp_path):
     grey = screenshot(chromium, page.path, tmp_path / "desk.png", width=DESK, height=4 * SCREEN)
 
@@ -325,6 +304,7 @@ def test_no_screen_of_the_page_is_empty(chromium, page, tmp_path):
         assert grey[top : top + SCREEN // 2].std() > FLAT
 
 
+@pytest.mark.slow
 def test_the_page_prints_on_a_few_sheets(chromium, page, tmp_path):
     sheets = tmp_path / "report.pdf"
     chromium("--no-pdf-header-footer", f"--print-to-pdf={sheets}", page.path)

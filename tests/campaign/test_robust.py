@@ -10,15 +10,22 @@ from campaigns import Notes
 from commands import answer, flighttune
 
 from flighttune.campaign import load_campaign, plan_campaign
-from flighttune.campaign.choice.candidates import frontier_candidates, own_candidates, with_gains
-from flighttune.campaign.choice.choice import RobustSettings
-from flighttune.campaign.choice.robust import scored, tune_robust
+from flighttune.campaign.choice.robust import (
+    RobustSettings,
+    frontier_candidates,
+    own_candidates,
+    scored,
+    tune_robust,
+    with_gains,
+)
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import InputError
-from flighttune.outer_loop import tuning_problem
+from flighttune.flight.outer_loop import tuning_problem
 from flighttune.scenario import load_gains
 from flighttune.tuning.frontier import frontier
 from flighttune.units import DEG
+
+pytestmark = pytest.mark.slow
 
 CAMPAIGN = """
 title = "The law, started otherwise"
@@ -134,9 +141,9 @@ def test_the_choice_does_not_depend_on_who_flies(campaign, chosen):
 
 
 def test_a_stopped_choice_says_so(campaign, address):
-    onlooker = Notes(until=lambda progress: True)
+    observer = Notes(until=lambda progress: True)
 
-    found = tune_robust(campaign, SETTINGS, scheduler=address, onlooker=onlooker)
+    found = tune_robust(campaign, SETTINGS, scheduler=address, observer=observer)
 
     assert found.status == "interrupted"
     assert found.best is None
@@ -185,7 +192,7 @@ def test_the_command_answers_and_writes_gains_that_other_commands_read(tmp_path,
     file, out = write(tmp_path), tmp_path / "gains.json"
 
     told = answer(
-        "tune", "--robust", file, "--candidates", 3, "--draws", 40, "--scheduler", address,
+        "campaign", "tune", file, "--candidates", 3, "--draws", 40, "--scheduler", address,
         "--out", out,
     )  # fmt: skip
 
@@ -202,7 +209,7 @@ def test_the_command_says_no_where_no_gains_succeed_often_enough(tmp_path, addre
     file, out = write(tmp_path, most=0.001), tmp_path / "gains.json"
 
     shown, error = flighttune(
-        "tune", "--robust", file, "--candidates", 2, "--draws", 20, "--scheduler", address,
+        "campaign", "tune", file, "--candidates", 2, "--draws", 20, "--scheduler", address,
         "--min-success", 0.5, "--out", out, status=1,
     )  # fmt: skip
 
@@ -214,15 +221,14 @@ def test_the_command_says_no_where_no_gains_succeed_often_enough(tmp_path, addre
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "SCENARIO: must be given, or --robust CAMPAIGN"),
-        (("paper", "--robust", "first_campaign"), "--robust: must be alone"),
-        (("paper", "--draws", 3), "--robust CAMPAIGN: must be given with options"),
-        (("paper", "--out", "gains.txt"), "gains.txt: --out must end in .json"),
-        (("--robust", "nowhere"), "nowhere: the campaign must be a file or one of"),
+        (("tune", "paper", "--out", "gains.txt"), "gains.txt: --out must end in .json"),
+        (("tune", "paper", "--envelope", "--method", "convex"), "--method: must be absent"),
+        (("campaign", "tune", "first_campaign", "--out", "gains.txt"), "must end in .json"),
+        (("campaign", "tune", "nowhere"), "nowhere: the campaign must be a file or one of"),
     ],
 )
-def test_the_command_refuses_what_does_not_go_together(arguments, message, tmp_path):
-    _, error = flighttune("tune", *arguments, status=2, cwd=tmp_path)
+def test_tuning_refuses_what_cannot_be(arguments, message, tmp_path):
+    _, error = flighttune(*arguments, status=2, cwd=tmp_path)
 
     assert message in error
     assert len(error.strip().splitlines()) == 1

@@ -3,11 +3,12 @@
 import pytest
 from campaigns import SPEED, dask_cluster, plan
 
-from flighttune.campaign.dataset.dataset import Dataset, dataset_hash
-from flighttune.campaign.dataset.storage import Store
+from flighttune.campaign.dataset import Dataset, dataset_hash
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.one_flight import library_versions
+from flighttune.flight.fly import library_versions
+
+pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 
 RUNS = 48
 KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
@@ -32,10 +33,10 @@ def ours(tmp_path_factory):
 @pytest.fixture(scope="module")
 def by_one_process(ours, tmp_path_factory):
     """Hash of what this process makes, in a file of its own choice."""
-    dataset = Dataset(Store(tmp_path_factory.mktemp("one")), ours, library_versions())
+    dataset = Dataset(tmp_path_factory.mktemp("one"), ours, library_versions())
     dataset.write_plan()
     dataset.write_part(fly_runs(ours, range(RUNS)))
-    return dataset_hash(dataset.url)
+    return dataset_hash(dataset.folder)
 
 
 @pytest.mark.parametrize("workers", [1, 2, 4])

@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from flighttune.campaign.report.sensitivity import classes_of, holm, influences
-from flighttune.campaign.report.sobol import sobol_indices
+from flighttune.campaign.statistics.sensitivity import classes_of, holm, influences, sobol_indices
 from flighttune.errors import ShapeError
+
+pytestmark = pytest.mark.slow
 
 ROUNDING = 1e-9
 
@@ -87,6 +88,8 @@ def test_what_bends_is_found_by_its_share_and_not_by_its_correlation(flown):
     assert not of(found, "nothing").apart
 
 
+@pytest.mark.slow
+@pytest.mark.soak
 def test_of_twenty_parameters_that_do_nothing_none_is_named_in_nineteen_of_twenty_cases():
     rng = np.random.default_rng(3)
     named = 0

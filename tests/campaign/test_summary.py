@@ -6,15 +6,12 @@ import pytest
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
-from flighttune.campaign.intervals import effective_size, wilson
 from flighttune.campaign.planning.plan import Group
-from flighttune.campaign.report.estimates import percentile, share
-from flighttune.campaign.report.findings import findings
-from flighttune.campaign.report.flown import flown_of
-from flighttune.campaign.report.paired import paired
-from flighttune.campaign.report.reasons import reasons
-from flighttune.campaign.report.summary import summaries
-from flighttune.campaign.report.worst import failures, worst_first
+from flighttune.campaign.statistics.findings import findings
+from flighttune.campaign.statistics.flights import failures, flights_of, worst_first
+from flighttune.campaign.statistics.intervals import effective_size, percentile, share, wilson
+from flighttune.campaign.statistics.paired import paired
+from flighttune.campaign.statistics.summary import reasons, summaries
 
 ROUNDING = 1e-9
 CRAFT = "jsbsim:aerosonde"
@@ -27,7 +24,7 @@ def plan(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def flown(plan):
-    return flown_of(made_up_rows(plan), plan)
+    return flights_of(made_up_rows(plan), plan)
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +109,7 @@ def test_the_certified_set_holds_as_often_as_it_was_made_to(by_group):
 
 
 def test_nothing_is_said_of_a_certificate_where_none_was_claimed(flown, plan):
-    found = summaries(flown_of(flown.rows.assign(certified=None), plan))
+    found = summaries(flights_of(flown.rows.assign(certified=None), plan))
 
     assert all(one.certified is None for one in found)
 
@@ -211,7 +208,7 @@ def test_the_findings_name_what_rows_were_made_of(flown):
 def test_a_saltelli_design_gives_indices_and_wider_intervals(tmp_path):
     """Variance of ITAE comes from airspeed alone."""
     plan = made_up_plan(tmp_path, design="saltelli", runs=4 * 5 * 256)
-    flown = flown_of(made_up_rows(plan), plan)
+    flown = flights_of(made_up_rows(plan), plan)
 
     found = findings(flown)
 
@@ -231,7 +228,7 @@ def test_indices_come_from_the_cycles_that_have_flown(tmp_path):
     rows = made_up_rows(plan)
     half = rows[(rows["run"] < 4 * 5 * 32 - 3) | (rows["run"] >= 4 * 5 * 40)]
 
-    found = findings(flown_of(half, plan))
+    found = findings(flights_of(half, plan))
 
     law = Group(plant="kinematic", gains="paper")
     assert found.sobol[law, "chi.ITAE"].n == 32 + 24
@@ -243,11 +240,11 @@ def test_rows_without_any_measure_still_tell_who_failed(plan):
     rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
     rows["success"], rows["certified"] = False, None
 
-    found = findings(flown_of(rows, plan))
+    found = findings(flights_of(rows, plan))
 
     assert found.measure is None
     assert all(one.successes == 0 and one.measures == {} for one in found.groups)
-    assert found.paired == found.settling == ()
+    assert found.paired == found.convergence == ()
 
 
 def test_columns_with_nulls_as_arrow_reads_them_are_understood(flown, plan):
@@ -255,7 +252,7 @@ def test_columns_with_nulls_as_arrow_reads_them_are_understood(flown, plan):
         {name: made_up_rows(plan)[name].convert_dtypes() for name in made_up_rows(plan)}
     )
 
-    assert summaries(flown_of(read, plan)) == summaries(flown)
+    assert summaries(flights_of(read, plan)) == summaries(flown)
 
 
 def test_a_flight_that_misses_two_bounds_counts_for_both(plan):
@@ -270,7 +267,7 @@ def test_a_flight_that_misses_two_bounds_counts_for_both(plan):
         "chi.MO_deg must be at most 5, got nan (there is no value)",
     ]
 
-    (one,) = summaries(flown_of(rows, plan))
+    (one,) = summaries(flights_of(rows, plan))
 
     assert [(why.text, why.count) for why in one.missed] == [
         ("chi.MO_deg must be at most 5", 2),

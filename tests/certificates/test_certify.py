@@ -23,7 +23,7 @@ from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
-from flighttune.theory import common, evp, lmi
+from flighttune.theory import common, lmi
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import largest_envelope
 
@@ -58,7 +58,7 @@ def changed(certificate, path, change):
     at = tables
     for key in path[:-1]:
         at = at[key]
-    at[path[-1]] = change(at[path[-1]])
+    at[path[-1]] = change(at.get(path[-1]) if isinstance(at, dict) else at[path[-1]])
     return certificate_from(tables)
 
 
@@ -129,7 +129,7 @@ def test_verification_asks_no_solver(over_envelope, monkeypatch):
     def solver(*_, **__):
         raise AssertionError
 
-    for module in (lmi, evp, common):
+    for module in (lmi, common):
         monkeypatch.setattr(module, "minimise", solver)
 
     assert verify(over_envelope).valid
@@ -305,8 +305,9 @@ def test_a_claim_must_be_positive(at_trim):
         ("{", "the file must be a JSON certificate"),
         ("[]", "`format` must be 'flighttune certificate 1'"),
         ('{"format": "flighttune certificate 2"}', "`format` must be"),
-        ('{"format": "flighttune certificate 1", "claim": {}}', "`model` must be an object"),
-        ('{"format": "flighttune certificate 1", "guess": 1}', "`guess` must not be there"),
+        ('{"format": "flighttune certificate 1", "claim": {}}', "`claim.rate_per_s` must be given"),
+        ('{"format": "flighttune certificate 1", "format": "x"}', "`format` is given twice"),
+        ('{"format": "flighttune certificate 1", "guess": 1}', "`claim` must be given"),
         ('{"format": NaN}', "NaN is not a number"),
     ],
 )
@@ -322,12 +323,15 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
     ("path", "value", "message"),
     [
         (("evidence", "Q"), [[1.0]], r"`Q` must have shape \(4, 4\)"),
-        (("evidence", "Q"), "many", "must be numbers"),
-        (("claim", "rate_per_s"), None, r"`claim\.rate_per_s` must be a number, got None"),
-        (("claim", "envelope"), 3, r"`claim\.envelope` must be an object"),
+        (("evidence", "Q"), "many", r"`evidence\.Q` must be a valid list"),
+        (("evidence", "Q"), [[1.0], [1.0, 2.0]], "rows of one length"),
+        (("evidence", "Q"), [[True]], r"`evidence\.Q\.0\.0` must be a valid number, got True"),
+        (("claim", "rate_per_s"), None, r"`claim\.rate_per_s` must be a valid number, got None"),
+        (("guess",), 1, "`guess` must not be there"),
+        (("claim", "envelope"), 3, r"`claim\.envelope` must be a table"),
         (("evidence", "polytope"), None, "`envelope` and `hull` must be given together"),
         (("evidence", "W"), None, "`radius`, `W` and `multiplier` must be given together"),
-        (("made_with"), 3, "must be numbers, lists and names"),
+        (("made_with"), 3, "`made_with` must be a table, got 3"),
     ],
 )
 def test_values_of_the_wrong_kind_are_refused_in_one_line(over_envelope, path, value, message):

@@ -182,6 +182,12 @@ def test_debug_shows_the_traceback():
     assert "Traceback" in done.stderr
 
 
+def test_help_says_the_default_of_an_option():
+    shown, _ = flighttune("campaign", "tune", "--help")
+
+    assert "[default: chi.ITAE]" in shown
+
+
 def test_list_shows_what_ships():
     found = answer("list")
 

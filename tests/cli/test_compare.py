@@ -7,7 +7,7 @@ import re
 import pytest
 from commands import flighttune
 
-from flighttune.recording.check import check_recording
+from flighttune.recording.run_columns import check_recording
 
 ANSWER = {"comparable", "reason", "metrics", "max_distance_m"}
 ROW = {"name", "channel", "a", "b", "diff", "better"}
@@ -35,7 +35,7 @@ def test_the_answer_has_every_metric_of_every_pair(tmp_path):
         if row["a"] is not None and row["b"] is not None:
             assert row["diff"] == pytest.approx(row["b"] - row["a"], abs=1e-12)
     assert found["max_distance_m"] == max(pair["max_distance_m"] for pair in found["pairs"])
-    check_recording(out, whole=True)
+    check_recording(out)
 
 
 def test_a_change_beyond_tolerance_is_status_1_with_the_rows(tmp_path):

@@ -1,6 +1,8 @@
 """Certificates, frontiers and diagnoses from the command line."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
@@ -171,7 +173,7 @@ def test_tune_over_the_envelope_is_no_worse_there_than_tuning_at_the_trim():
     assert found["I_K"] <= 5.0 + 1e-6
 
 
-@pytest.mark.parametrize("method", ["genetic", "convex"])
+@pytest.mark.parametrize("method", [pytest.param("genetic", marks=pytest.mark.slow), "convex"])
 def test_other_methods_find_the_same_optimum(method):
     found = answer("tune", "paper", "--method", method)
 
@@ -201,3 +203,16 @@ def test_the_frontier_is_written_as_table_and_figure(tmp_path):
         assert mark["R_K"] <= beyond.min() + 1e-9, name
     with open(found["figure"], "rb") as figure:
         assert figure.read(8) == b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.mark.parametrize("command", ["tune", "certify"])
+def test_gains_are_tuned_and_certified_without_libraries_of_flight_and_figures(command):
+    heavy = ["control", "cvxpy", "jsbsim", "matplotlib", "numba", "pandas", "pyarrow", "rerun"]
+    code = (
+        f"import sys; sys.argv = ['flighttune', {command!r}, 'paper', '--json']\n"
+        "from flighttune.cli import main\n"
+        "try: main()\n"
+        f"finally: print([name for name in {heavy} if name in sys.modules], file=sys.stderr)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert ended.stderr.strip() == "[]"

@@ -6,7 +6,7 @@ import pytest
 from commands import flighttune
 from matplotlib.image import imread
 
-from flighttune.plants.identification.file import load_identified
+from flighttune.identify.file import load_identified
 
 GOOD_FIT = 90.0
 
@@ -74,7 +74,7 @@ def test_without_json_there_are_tables_and_the_default_place(tmp_path):
         (("nosuch",), "`aircraft` must be one of "),
         (("aerosonde", "--gamma", "-30"), "no steady flight at V_a 25 m/s"),
         (("aerosonde", "--V-a", "5"), "`V_a` must lie in"),
-        (("aerosonde", "--out", "model.txt"), "--out: must be a file that ends in .json"),
+        (("aerosonde", "--out", "model.txt"), "model.txt: --out must end in .json"),
     ],
 )
 def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message, tmp_path):

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.flight import fly
+from flighttune.flight.fly import fly
+from flighttune.flight.refly import first_difference, refly
 from flighttune.recording.load import load_recording
 from flighttune.recording.parquet import write_run
 from flighttune.recording.record import record
 from flighttune.recording.rrd import write_recording
-from flighttune.refly import first_difference, refly
 from flighttune.scenario import load_scenario, scenario_from
 
 
@@ -127,9 +127,9 @@ def test_another_version_is_said_and_no_failure(folder, tmp_path):
     assert "numpy: 1.0 then, " in said.stdout
 
 
-def test_a_recording_cut_off_is_held_against_what_it_has(folder, tmp_path):
+def test_of_an_interrupted_run_only_its_samples_are_compared(folder, tmp_path):
     run = load_recording(folder).runs[0]
-    part = replace(run, signals=run.signals.iloc[:40], status="cut_off")
+    part = replace(run, signals=run.signals.iloc[:40], status="interrupted")
 
     assert first_difference(part, run) is None
     shorter = replace(part, status="completed")

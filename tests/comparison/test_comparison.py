@@ -11,14 +11,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from flighttune.comparison import compare, load_source
-from flighttune.comparison.measures import better, largest_distance
 from flighttune.comparison.overlay import overlaid, write_overlay
-from flighttune.comparison.pairing import manoeuvre, paired
+from flighttune.comparison.pairs import better, largest_distance, manoeuvre, paired
 from flighttune.errors import InputError, RecordingError, ScenarioError
-from flighttune.flight import fly
-from flighttune.recording.check import check_recording
+from flighttune.flight.fly import fly
 from flighttune.recording.parquet import write_run
 from flighttune.recording.record import record
+from flighttune.recording.run_columns import check_recording
 from flighttune.scenario import load_scenario, scenario_from
 
 TRAPEZOID = 1e-3
@@ -264,4 +263,4 @@ def test_the_overlay_holds_every_run_once_under_names_of_its_own(fly_line, tmp_p
     write_overlay(found, tmp_path / "overlay.rrd")
 
     assert labels == ["kinematic / paper (A)", "kinematic / paper (B)", "kinematic / K1"]
-    check_recording(tmp_path / "overlay.rrd", whole=True)
+    check_recording(tmp_path / "overlay.rrd")

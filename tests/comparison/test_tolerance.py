@@ -80,16 +80,16 @@ def test_a_run_that_ends_early_is_out_of_any_tolerance(fly_line, tolerances):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("ITEA = {absolute = 1}", "`ITEA` is not known; did you mean `ITAE`"),
-        ("[chi]\nalpha_max_rad = {absolute = 1}", r"\[chi\] `alpha_max_rad` is not known"),
-        ("ITAE = {absolut = 1}", r"\[ITAE\] `absolut` is not known; did you mean `absolute`"),
-        ("ITAE = {absolute = '1'}", r"\[ITAE\] `absolute` must be a number, got '1'"),
-        ("ITAE = {absolute = -1}", r"\[ITAE\] `absolute` must not be negative, got -1"),
-        ("ITAE = {absolute = nan}", r"\[ITAE\] `absolute` must not be negative, got nan"),
-        ("ITAE = {only_worse = true}", r"\[ITAE\] must give `absolute` or `relative`"),
-        ("ITAE = 3", "`ITAE` must be a table with one of absolute, relative, only_worse, got 3"),
+        ("ITEA = {absolute = 1}", "`ITEA` is not a known key; did you mean `ITAE`"),
+        ("[chi]\nalpha_max_rad = {absolute = 1}", r"\[chi\] `alpha_max_rad` is not a known key"),
+        ("ITAE = {absolut = 1}", r"\[ITAE\] `absolut` is not a known key; did you mean `absolute`"),
+        ("ITAE = {absolute = '1'}", r"\[ITAE\] `absolute` must be a valid number, got '1'"),
+        ("ITAE = {absolute = -1}", r"\[ITAE\] `absolute` must be .*0.*, got -1"),
+        ("ITAE = {absolute = nan}", r"\[ITAE\] `absolute` must be a finite number, got nan"),
+        ("ITAE = {only_worse = true}", r".*ITAE.* must give `absolute` or `relative`"),
+        ("ITAE = 3", "`ITAE` must be a table.*, got 3"),
         ("", "must hold a tolerance for at least one metric"),
-        ("ITAE = ", "must be valid TOML"),
+        ("ITAE = ", "the file must be valid TOML"),
     ],
 )
 def test_a_wrong_file_is_refused_with_file_and_key(tolerances, text, message):
@@ -98,5 +98,5 @@ def test_a_wrong_file_is_refused_with_file_and_key(tolerances, text, message):
 
 
 def test_a_file_that_is_not_there_is_said(tmp_path):
-    with pytest.raises(InputError, match=r"none\.toml: must be a readable file, got: No such file"):
+    with pytest.raises(InputError, match=r"none\.toml: the file must be readable: No such file"):
         load_tolerances(tmp_path / "none.toml")

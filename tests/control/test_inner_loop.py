@@ -5,10 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.control.closed_loop import closed_loops
-from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
-from flighttune.control.lag import with_input_lag
-from flighttune.control.linear_model import kinematic_model
+from flighttune.control.inner_loop import (
+    InnerLag,
+    inner_loop_scaling,
+    with_inner_loop,
+    with_input_lag,
+)
+from flighttune.control.linear_model import closed_loops, kinematic_model
 from flighttune.errors import InputError, ShapeError
 
 MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttune.control.lag import with_input_delay, with_input_lag
+from flighttune.control.inner_loop import with_input_delay, with_input_lag
 from flighttune.control.linear_model import kinematic_model
 from flighttune.errors import InputError, ShapeError
 

@@ -1,21 +1,29 @@
-"""Margins against loops that are actually changed by as much."""
+"""Margins against loops that are actually changed by as much, and against python-control's."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flighttune.control.closed_loop import closed_loop
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.lag import with_input_delay, with_input_lag
-from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.control.inner_loop import with_input_delay, with_input_lag
+from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
 from flighttune.control.margins import delay_margin, lag_margin, loop_margins
 
 MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 LAGGED = with_input_lag(MODEL, (4.0, 8.0))
-K6 = PIGains.from_stacked(PAPER_GAINS.K - np.hstack([np.eye(2), np.eye(2)]))
+K6 = PIGains(K_P=PAPER_GAINS.K_P - np.eye(2), K_I=PAPER_GAINS.K_I - np.eye(2))
 BELOW, ABOVE = 0.99, 1.01
 PADE_SECTIONS = 6
 HALF_MILLISECOND = 5e-4
 ROUNDING = 1e-9
+
+REFERENCE = json.loads(
+    (Path(__file__).parents[1] / "reference" / "margins" / "margins.json").read_text("utf-8")
+)["cases"]
+"""Of python-control with SLICOT; made by make.py in the same folder."""
 
 
 def abscissa(model, gains=PAPER_GAINS):
@@ -23,10 +31,7 @@ def abscissa(model, gains=PAPER_GAINS):
 
 
 def with_input_gains(model, factors):
-    return LinearModel(
-        A=model.A, B=model.B * factors, C=model.C,
-        states=model.states, inputs=model.inputs, errors=model.errors,
-    )  # fmt: skip
+    return replace(model, B=model.B * factors)
 
 
 def test_the_papers_gains_lose_stability_at_a_lag_of_0_360_s_and_k6_at_0_169_s():
@@ -82,6 +87,41 @@ def test_the_phase_margin_of_a_proportional_loop_behind_one_lag_is_known_on_pape
     assert found.channels[0].delay_margin == pytest.approx(phase / omega, rel=1e-5)
     assert found.delay_margin == pytest.approx(phase / omega, rel=1e-5)
     assert found.lag_margin == np.inf or found.lag_margin > 1.0
+
+
+def stored_loop(case):
+    A, B, C, K = (np.array(case[key]) for key in ("A", "B", "C", "K"))
+    p = len(C)
+    inputs, errors = (tuple(f"{kind}{i}" for i in range(p)) for kind in "ue")
+    model = LinearModel(
+        A=A, B=B, C=C, states=tuple(map(str, range(len(A)))), inputs=inputs, errors=errors
+    )
+    return model, PIGains(K_P=K[:, :p], K_I=K[:, p:], inputs=inputs, errors=errors)
+
+
+@pytest.mark.parametrize("name", REFERENCE)
+def test_margins_are_those_of_python_control_with_slicot(name):
+    expected = REFERENCE[name]
+
+    found = loop_margins(*stored_loop(expected))
+
+    for channel, numbers in zip(found.channels, expected["channels"], strict=True):
+        for key, number in numbers.items():
+            number = np.inf if number is None else number
+            assert getattr(channel, key) == pytest.approx(number, rel=ROUNDING), key
+    if len(found.channels) < 3:
+        assert found.disk_margin == pytest.approx(expected["disk_margin"], rel=ROUNDING)
+    else:  # of three inputs only a bound is computed, on the safe side
+        assert 0.99 * expected["disk_margin"] < found.disk_margin < expected["disk_margin"]
+
+
+def test_the_disk_margin_of_a_proportional_loop_is_nearly_perfect():
+    integrator = LinearModel(
+        A=np.zeros((1, 1)), B=-np.eye(1), C=np.eye(1), states=("e",), inputs=("u",), errors=("e",)
+    )
+    gains = PIGains(K_P=[[2.0]], K_I=[[1e-6]], inputs=("u",), errors=("e",))
+
+    assert loop_margins(integrator, gains).disk_margin == pytest.approx(2.0, rel=1e-6)
 
 
 def test_every_change_inside_the_disk_margin_is_survived():

@@ -73,14 +73,14 @@ def test_magnitude_and_rate_limits_hold_and_are_told_apart():
     controller = MimoPI(diagonal([10.0, 10.0], [0.0, 0.0]), limits((0.5, 0.25), (1.0, 9.0)), dt=dt)
 
     first = flown(controller, (1.0, 1.0), 1)[0]
-    kinds = controller.state.limited
+    kinds = list(controller.state.limited)
     later = flown(controller, (1.0, 1.0), 9)
 
     assert first == pytest.approx([0.1, 0.25], abs=ROUNDING)
-    assert kinds == (2, 1)
+    assert kinds == [2, 1]
     assert np.diff(later[:4, 0]) == pytest.approx(1.0 * dt, abs=ROUNDING)
     assert later[-1] == pytest.approx([0.5, 0.25], abs=ROUNDING)
-    assert controller.state.limited == (1, 1)
+    assert controller.state.limited == [1, 1]
 
 
 def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it():
@@ -101,7 +101,7 @@ def test_without_anti_windup_the_integrator_takes_everything():
     flown(controller, (error, error), samples)
 
     wound_up = 0.5 * error * dt * (samples - 1)
-    assert controller.state.integral == pytest.approx((wound_up, wound_up), abs=ROUNDING)
+    assert controller.state.integral == pytest.approx([wound_up, wound_up], abs=ROUNDING)
 
 
 def test_conditional_integration_never_drives_the_command_beyond_a_limit():
@@ -109,9 +109,9 @@ def test_conditional_integration_never_drives_the_command_beyond_a_limit():
 
     for _ in range(60):
         controller.step((1.0, -1.0), HERE, NO_FEED_FORWARD)
-        assert np.all(np.abs(controller.state.unlimited) <= 0.4 + ROUNDING)
+        assert np.all(np.abs(controller.state.u_unsat) <= 0.4 + ROUNDING)
 
-    assert controller.state.u == pytest.approx((0.4, -0.4), abs=ROUNDING)
+    assert controller.state.u == pytest.approx([0.4, -0.4], abs=ROUNDING)
 
 
 def test_conditional_integration_lets_go_as_soon_as_the_error_changes_sign():
@@ -146,7 +146,7 @@ def test_back_calculation_settles_where_the_excess_balances_the_error():
 
     flown(controller, (error, error), 2000)
 
-    excess = np.array(controller.state.unlimited) - 0.4
+    excess = np.array(controller.state.u_unsat) - 0.4
     assert excess == pytest.approx([0.5 * error * tracking] * 2, rel=1e-9)
 
 
@@ -176,7 +176,7 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
     for _ in range(10):
         plain.step(error, HERE, NO_FEED_FORWARD, 30.0)
         scheduled.step(error, HERE, NO_FEED_FORWARD, 30.0)
-    before = scheduled.state.integral
+    before = list(scheduled.state.integral)
 
     scheduled.step((0.0, 0.0), error, NO_FEED_FORWARD, 20.0)
 
@@ -206,7 +206,7 @@ def test_a_start_empties_the_integrator():
         ({"dt": 0.0}, r"`dt` must be positive, got 0\.0"),
         ({"dt": math.nan}, r"`dt` must be positive, got nan"),
         ({"dt": 0.1, "tracking_time": -1.0}, r"`tracking_time` must be positive, got -1\.0"),
-        ({"dt": 0.1, "anti_windup": "clamp"}, r"`anti_windup` must be none, .* got 'clamp'"),
+        ({"dt": 0.1, "anti_windup": "clamp"}, r"`anti_windup` .*'clamp'"),
     ],
 )
 def test_impossible_settings_are_refused(settings, message):

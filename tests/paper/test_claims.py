@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flighttune.control.gains import PIGains
-from flighttune.paper.claims import CLAIMS, findings
-from flighttune.paper.claims.base import VERDICTS, Check, Claim, judged
+from flighttune.paper.claims import CLAIMS, SECTIONS
+from flighttune.paper.claims.base import VERDICTS, Check, Claim
 from flighttune.paper.study import Study, rank_correlation
 
 PEAK_TIME, PEAK_TIME_GAMMA = 5.24, 2.69
@@ -21,7 +21,7 @@ ERRORS = ("chi", "gamma", "chi_dot", "gamma_dot")
 @pytest.fixture(scope="module")
 def found(study):
     """Findings by name of the claim."""
-    return {finding.claim.id: finding for finding in findings(study)}
+    return {claim.id: claim.judge(study) for claim in CLAIMS}
 
 
 def test_about_every_checkable_sentence_is_a_claim_with_a_name_and_a_place():
@@ -30,6 +30,18 @@ def test_about_every_checkable_sentence_is_a_claim_with_a_name_and_a_place():
     for claim in CLAIMS:
         assert claim.text
         assert "abstract" in claim.where or "section" in claim.where
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_every_function_of_a_section_checks_one_claim(section):
+    module = SECTIONS[section]
+    public = {
+        name
+        for name, function in vars(module).items()
+        if name[0] != "_" and getattr(function, "__module__", "") == module.__name__
+    }
+
+    assert public == {claim.checks.__name__ for claim in CLAIMS} & set(vars(module))
 
 
 def test_the_peak_time_is_not_reproduced(found):
@@ -150,7 +162,7 @@ def test_the_verdict_follows_from_the_comparisons_alone(held, verdict):
         checks=lambda _: [Check(f"{k}", "", "", one) for k, one in enumerate(held)],
     )
 
-    assert judged(claim, Study()).verdict == verdict
+    assert claim.judge(Study()).verdict == verdict
 
 
 def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(study, found):
@@ -158,8 +170,8 @@ def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(stu
     better = Study(star=study.optimum.gains)
 
     assert found["optimal-controller"].verdict == "not reproduced"
-    assert judged(by_name["optimal-controller"], better).verdict == "reproduced"
-    assert judged(by_name["table-2"], better).verdict == "not reproduced"
+    assert by_name["optimal-controller"].judge(better).verdict == "reproduced"
+    assert by_name["table-2"].judge(better).verdict == "not reproduced"
 
 
 def test_a_gain_of_the_wrong_sign_changes_verdicts(study):
@@ -168,8 +180,8 @@ def test_a_gain_of_the_wrong_sign_changes_verdicts(study):
     by_name = {claim.id: claim for claim in CLAIMS}
 
     for name in ("eigenvalues", "small-region", "table-2"):
-        assert judged(by_name[name], study).verdict == "reproduced"
-        assert judged(by_name[name], wrong).verdict == "not reproduced"
+        assert by_name[name].judge(study).verdict == "reproduced"
+        assert by_name[name].judge(wrong).verdict == "not reproduced"
 
 
 def test_expected_and_computed_are_plain_values(found):

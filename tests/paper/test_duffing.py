@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flighttune.errors import InputError
-from flighttune.paper.duffing import STEPS, Duffing, bound, paths
-from flighttune.paper.duffing_cases import flown
+from flighttune.paper.duffing import STEPS, Duffing, bound, paths, simulated
 from flighttune.paper.parameters import DUFFING_A, DUFFING_L_D, DUFFING_X_0
 
 ROUNDING = 1e-12
@@ -90,7 +89,7 @@ def test_paths_are_those_of_an_independent_integrator():
 
 
 def test_inside_a_strip_V_decays_at_the_rate_of_the_theorem_for_that_strip():
-    case = flown(PRINTED, np.zeros((200, 1)))
+    case = simulated(PRINTED, np.zeros((200, 1)))
     f = PRINTED.rates(case.x[:, 0])
     V = np.einsum("ki,ij,kj->k", f, PRINTED.P, f)
     strip = bound(PRINTED, 0.0, half_width=case.farthest)

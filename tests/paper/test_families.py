@@ -7,9 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flighttune.metrics import channel_metrics
-from flighttune.paper.commands import command_use, worst_use
-from flighttune.paper.families import fly, gain_family
-from flighttune.paper.flight import decay_rate, oscillations
+from flighttune.paper.commands import initial_commands, largest_share
+from flighttune.paper.flight import decay_rate, fly, oscillations
 from flighttune.paper.measures import measures
 from flighttune.paper.parameters import disturbance
 from flighttune.paper.record import family_runs
@@ -92,14 +91,16 @@ def test_measures_of_the_errors_are_those_of_every_other_run(study):
 
 
 def test_the_first_commands_of_the_printed_gains_are_those_worked_out_by_hand(study):
-    use = command_use(study.star)
+    use = initial_commands(study.star)
 
     chi, gamma = -math.pi / 3, -math.pi / 6
     phi = (1.6968 + 0.34869) * chi + (0.5906 + 0.01784) * gamma
     assert use["phi"] == pytest.approx((phi, -math.pi / 4, math.pi / 4), abs=1e-12)
     for name, value in (("phi", -2.461), ("n_z", -0.569), ("phi rate", -3.745)):
         assert use[name][0] == pytest.approx(value, abs=PRINTED_DIGITS)
-    assert worst_use(study.star) == pytest.approx(use["phi rate"][0] / (-math.pi / 6), rel=1e-12)
+    assert largest_share(study.star) == pytest.approx(
+        use["phi rate"][0] / (-math.pi / 6), rel=1e-12
+    )
 
 
 def test_with_the_printed_rate_limits_only_anti_windup_lets_the_loop_converge(study):
@@ -114,9 +115,9 @@ def test_with_the_printed_rate_limits_only_anti_windup_lets_the_loop_converge(st
 
 
 def test_the_family_is_shifted_by_epsilon_times_the_identity(study):
-    family = gain_family(study.star)
+    family = study.gains
 
-    assert list(family) == ["K*", "K1", "K2", "K3", "K4", "K5", "K6"]
+    assert list(family) == ["K1", "K2", "K3", "K*", "K4", "K5", "K6"]
     assert family["K4"].K_P == pytest.approx(study.star.K_P - 0.5 * np.eye(2))
     assert family["K1"].K_I == pytest.approx(study.star.K_I + 4.0 * np.eye(2))
 

@@ -1,4 +1,7 @@
-"""What `reproduce` leaves in a folder."""
+"""What `reproduce` leaves in a folder: files that are complete, and a page that a browser shows.
+
+One file, so that one worker makes the reproduction once.
+"""
 
 import json
 import re
@@ -7,10 +10,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from browser import DESK, NARROW, PHONE, told_at_widths
+from commands import answer, flighttune
+from PIL import Image
 from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 
-from flighttune.errors import InputError
-from flighttune.paper.errata import errata_text
+from flighttune.paper.claims import CLAIMS
+from flighttune.paper.errata import errata, errata_text
 from flighttune.paper.items import ITEMS
 from flighttune.paper.reproduce import reproduce
 
@@ -37,6 +43,19 @@ NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
+SIZE = 1200, 2600
+SAME_COLOUR = 2
+"""Levels (of 255) by which the colour of a pixel may differ."""
+
+VERDICT_GROUNDS = {
+    "reproduced": (0xD9, 0xF2, 0xE4),
+    "partly": (0xFD, 0xEC, 0xCB),
+    "not reproduced": (0xFB, 0xDA, 0xDD),
+    "not checkable": (0xE6, 0xE9, 0xEC),
+}
+"""Colours of the four verdicts on the page."""
+
+
 def values(reproduction, name):
     return reproduction[0].as_dict()["items"][ORDER.index(name)]["values"]
 
@@ -45,6 +64,7 @@ def test_every_item_of_the_paper_is_listed_once():
     assert list(ITEMS) == ORDER
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ORDER)
 def test_an_item_has_figures_a_table_and_a_text(reproduction, name):
     made, folder = reproduction
@@ -62,6 +82,7 @@ def test_an_item_has_figures_a_table_and_a_text(reproduction, name):
     assert "## Assumed" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["fig5_peak_time", "gains_constraints", "gains_indicators", "fig12_rate_limits"]
 )
@@ -69,6 +90,7 @@ def test_what_is_not_reproduced_has_a_figure_of_its_own(reproduction, name):
     assert (reproduction[1] / f"{name}.png").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TABLE_2)
 def test_table_2_comes_out_as_printed(reproduction, name):
     row = values(reproduction, "table2")[name]
@@ -78,6 +100,7 @@ def test_table_2_comes_out_as_printed(reproduction, name):
     assert row["I_K"] == pytest.approx(I_K, abs=LAST_DIGIT_I)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("item", "names"),
     [
@@ -94,6 +117,7 @@ def test_families_have_the_papers_measures_by_name_and_channel(reproduction, ite
             assert {"MO_rad", "PT_s", "ITAE", "MS_rad", "ST_rad"} <= found[name][channel].keys()
 
 
+@pytest.mark.slow
 def test_the_table_of_a_figure_holds_what_was_flown(reproduction, study):
     table = pd.read_csv(reproduction[1] / "fig8.csv")
 
@@ -103,6 +127,7 @@ def test_the_table_of_a_figure_holds_what_was_flown(reproduction, study):
         assert np.max(np.abs(table[f"{name}_e_gamma_rad"] - e_gamma)) < NINE_DIGITS
 
 
+@pytest.mark.slow
 def test_the_answer_is_one_plain_object(reproduction):
     answer = json.loads(json.dumps(reproduction[0].as_dict()))
 
@@ -112,6 +137,7 @@ def test_the_answer_is_one_plain_object(reproduction):
     assert all(claim.keys() == keys for claim in answer["claims"])
 
 
+@pytest.mark.slow
 def test_the_recording_holds_both_families(reproduction):
     from rerun.chunk import RrdReader
 
@@ -125,31 +151,112 @@ def test_the_recording_holds_both_families(reproduction):
 
 
 def test_the_committed_errata_are_those_computed_now(study):
-    now, committed = errata_text(study), ERRATA.read_text(encoding="utf-8")
+    now, committed = errata_text(errata(study)), ERRATA.read_text(encoding="utf-8")
 
     assert NUMBER.sub("#", now) == NUMBER.sub("#", committed)
     new, old = (np.array(NUMBER.findall(text), dtype=float) for text in (now, committed))
     assert new == pytest.approx(old, rel=ROUNDING, abs=1e-9)
 
 
-def test_some_items_are_made_alone_and_without_recording(study, tmp_path):
-    made = reproduce(["fig6"], tmp_path, study=study)
+def test_some_items_are_made_alone_and_without_recording_and_progress_is_told(study, tmp_path):
+    told = []
+
+    made = reproduce(["fig6"], tmp_path, study=study, progress=lambda *step: told.append(step))
 
     assert [one.item.name for one in made.items] == ["fig6"]
     assert made.recording is None
     assert not list(tmp_path.glob("fig5*"))
     assert not list(tmp_path.glob(".*"))
-
-
-def test_an_unknown_item_names_the_known_ones(tmp_path):
-    with pytest.raises(InputError, match=r"must be one of fig3, gains, .* got fig99"):
-        reproduce(["fig99"], tmp_path)
-
-
-def test_progress_is_told_from_nothing_to_all(study, tmp_path):
-    told = []
-
-    reproduce(["fig6"], tmp_path, study=study, progress=lambda *step: told.append(step))
-
     assert told[0] == ("items", 0.0)
     assert ("claims", 1.0) in told
+
+
+def test_the_command_answers_with_the_values_of_an_item_and_all_claims(
+    study, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("flighttune.paper.reproduce.Study", lambda: study)
+
+    found = answer("reproduce", "table2", "--out", tmp_path)
+
+    assert [item["name"] for item in found["items"]] == ["table2"]
+    assert found["items"][0]["values"]["K1"].keys() == {"R_K", "I_K"}
+    verdicts = {claim["id"]: claim["verdict"] for claim in found["claims"]}
+    assert verdicts["peak-time"] == "not reproduced"
+    assert (tmp_path / "index.html").is_file()
+
+
+def test_the_command_refuses_an_unknown_item_in_one_line_that_names_the_known_ones(tmp_path):
+    stdout, stderr = flighttune("reproduce", "fig1", "--out", tmp_path, status=2)
+
+    assert stdout == ""
+    assert stderr.count("\n") == 1
+    assert "fig3, gains, fig6" in stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def html(reproduction):
+    return reproduction[0].page.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def told(chromium, html, tmp_path_factory):
+    """What the page says of itself, by the width it is shown at."""
+    return told_at_widths(chromium, html, tmp_path_factory.mktemp("frames"))
+
+
+@pytest.mark.slow
+def test_the_page_needs_nothing_but_itself(html):
+    sources = re.findall(r'(?:src|href)="([^"]{0,40})', html)
+
+    assert len(sources) > len(ITEMS)
+    assert all(source.startswith(("data:", "#")) for source in sources)
+    assert "@import" not in html
+    assert "url(" not in html
+
+
+@pytest.mark.slow
+def test_claims_come_first_and_each_has_a_row(html):
+    assert html.index('id="claims"') < html.index('id="fig3"')
+    for claim in CLAIMS:
+        assert f'id="claim-{claim.id}"' in html
+
+
+@pytest.mark.slow
+def test_every_item_has_its_figures_on_the_page(html, reproduction):
+    for one in reproduction[0].items:
+        assert f'id="{one.item.name}"' in html
+    figures = sum(len(one.made.figures) for one in reproduction[0].items)
+    assert html.count("<img ") == figures
+
+
+@pytest.mark.slow
+def test_a_browser_shows_the_claims_with_their_verdicts_in_colour(chromium, reproduction, tmp_path):
+    picture, (width, height) = tmp_path / "page.png", SIZE
+
+    chromium(f"--window-size={width},{height}", f"--screenshot={picture}", reproduction[0].page)
+
+    seen = np.asarray(Image.open(picture).convert("RGB")).astype(int)
+    assert seen.shape[:2] == SIZE[::-1]
+    for verdict, colour in VERDICT_GROUNDS.items():
+        near = np.abs(seen - colour).max(axis=-1) <= SAME_COLOUR
+        assert near.sum() > 500, verdict
+    ink = seen.sum(axis=-1) < 300
+    assert ink[:, : width // 2].any(axis=1).mean() > 0.2
+    assert ink[:, width // 2 :].any(axis=1).mean() > 0.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [DESK, PHONE, NARROW])
+def test_the_page_fits_its_width_and_cuts_no_text_off(told, width):
+    assert told[width]["needs"] <= width
+    assert told[width]["wide"] == []
+    assert told[width]["cut"] == []
+
+
+@pytest.mark.slow
+def test_a_browser_draws_every_figure(told, html):
+    sizes = told[DESK]["images"]
+
+    assert len(sizes) == html.count("<img ")
+    assert min(sizes) > 300

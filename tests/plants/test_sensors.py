@@ -7,7 +7,7 @@ import pytest
 
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.kinematic import KinematicPlant
+from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.sensors import MEASURED, SENSED, SensedPlant, Sensors
 
 DT = 0.02
@@ -78,7 +78,7 @@ def test_what_cannot_be_used_is_refused(change, message):
 
 def test_a_plant_seen_through_sensors_flies_as_it_does_alone():
     errors = Sensors(bias=BIAS, noise_sd=SD, seed=1).errors(5, DT)
-    sensed, alone = SensedPlant(KinematicPlant(), errors), KinematicPlant()
+    sensed, alone = SensedPlant(PointMassPlant(law="paper"), errors), PointMassPlant(law="paper")
     assert sensed.signals == alone.signals + MEASURED
 
     for plant in (sensed, alone):

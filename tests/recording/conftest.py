@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import Provenance, Run
 from flighttune.units import G_0
 
@@ -161,3 +162,11 @@ def cut_short(four_runs):
         status="left_envelope",
         reason="alpha 16.3 deg at t = 7.00 s, must stay below 16 deg",
     )
+
+
+@pytest.fixture(scope="session")
+def recording(four_runs, cut_short, without_gains, tmp_path_factory):
+    """A recording of six runs; a test that changes it changes a copy."""
+    path = tmp_path_factory.mktemp("recording") / "flight.rrd"
+    write_recording([*four_runs, cut_short, without_gains], path, page="# Page\n", title="Flight")
+    return path

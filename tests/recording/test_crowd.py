@@ -11,11 +11,13 @@ from pictures import FLAT, opened_recording, pixels
 from PIL import Image
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.palette import looks
+from flighttune.present.palette import looks
 from flighttune.recording.page import scenario_page
 from flighttune.recording.rrd import write_recording
 
 from .conftest import SCENARIO, fly
+
+pytestmark = pytest.mark.soak
 
 REFERENCE = Path(__file__).with_name("reference")
 SMALL = (160, 100)
@@ -24,6 +26,7 @@ SMALL = (160, 100)
 ALIKE = 6.0
 """Mean difference (of 255) of a small picture from its reference that drivers may make."""
 
+LOOK_AS_BEFORE = ("Overview", "Certificate", "Eigenvalues")
 TABS = (
     "Overview",
     "Tracking",
@@ -69,18 +72,18 @@ def test_twelve_runs_have_twelve_colours(twelve):
 @pytest.mark.parametrize("tab", TABS)
 def test_every_view_shows_something_and_nothing_is_complained_of(viewer, tab, tmp_path):
     assert tuple(viewer.tabs) == TABS
-    for at in (0.0, 3.0, 8.0):
-        viewer.show(tab, at=at)
-        (tmp_path / f"window-{at:g}.png").write_bytes(viewer.picture())
-        for name, view in viewer.views(tab).items():
-            assert pixels(viewer.picture(view)).std() > FLAT, f"{name} is empty at {at} s"
-    assert viewer.complaints() == []
-
-
-@pytest.mark.parametrize("tab", ["Overview", "Certificate", "Eigenvalues"])
-def test_tabs_look_as_they_did(viewer, tab, tmp_path):
     viewer.show(tab, at=3.0)
-    with Image.open(io.BytesIO(viewer.picture())) as picture:
+    window = viewer.picture()
+    (tmp_path / "window.png").write_bytes(window)
+    for name, view in viewer.views(tab).items():
+        assert pixels(viewer.picture(view)).std() > FLAT, f"{name} is empty"
+    assert viewer.complaints() == []
+    if tab in LOOK_AS_BEFORE:
+        assert_looks_as_before(window, tab, tmp_path)
+
+
+def assert_looks_as_before(window, tab, tmp_path):
+    with Image.open(io.BytesIO(window)) as picture:
         small = picture.convert("RGB").resize(SMALL, Image.Resampling.BOX)
     path = REFERENCE / f"{tab.lower()}.png"
     if os.environ.get("FLIGHTTUNE_NEW_PICTURES"):

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.recording.airframe import span_of
-from flighttune.recording.certified import certified
+from flighttune.guarantee.flight_check import flight_check
 from flighttune.recording.events import MOST_HOLDS, events
-from flighttune.recording.mesh import SPAN
-from flighttune.recording.motion import MOST, REACH, WIDEST, WIND_TIMES
+from flighttune.recording.geometry import MODEL_SPAN, span_of
 from flighttune.recording.rrd import write_recording
+from flighttune.recording.scene import INSTANTS, REACH, WIDEST, WIND_TIMES
 
 from .test_rrd import Contents
 
@@ -51,7 +50,7 @@ def test_a_command_that_chatters_is_not_told_for_ever(four_runs):
 
 def test_convergence_is_told_when_the_error_stays_small(four_runs):
     run = four_runs[0]
-    (event,) = [e for e in events(run) if e.text.startswith("course error within 5 %")]
+    (event,) = [e for e in events(run) if e.text.startswith("course error settled (5 %)")]
     error = run.signals["chi_err"]
 
     assert error.loc[event.t - HALF_A_SAMPLE :].abs().max() <= 0.05 * abs(error.iloc[0])
@@ -81,8 +80,8 @@ def test_a_gust_is_told_when_it_begins_and_at_its_peak(four_runs):
 
 
 def test_a_broken_guarantee_is_told(four_runs):
-    claim = certified(four_runs[0])
-    broken = replace(claim, broken=claim.t > 12.0)
+    claim = flight_check(four_runs[0])
+    broken = replace(claim, bound=np.where(claim.t > 12.0, 0.0, np.inf))
 
     told = [event for event in events(four_runs[0], broken) if event.sort == "claim"]
 
@@ -98,8 +97,8 @@ def test_the_span_is_that_of_the_aircraft_file(four_runs):
     assert span_of(four_runs[1]) == pytest.approx(2.8956)
     assert span_of(run) == pytest.approx(2.8956)
     assert span_of(replace(run, provenance=other)) == pytest.approx(35.8 * 0.3048)
-    assert span_of(replace(run, provenance=unknown)) == SPAN
-    assert span_of(replace(run, provenance=none)) == SPAN
+    assert span_of(replace(run, provenance=unknown)) == MODEL_SPAN
+    assert span_of(replace(run, provenance=none)) == MODEL_SPAN
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +115,11 @@ def test_arrows_show_velocity_and_wind_to_one_scale(contents, four_runs):
     run = gusty(four_runs[0]).signals
     scale = np.linalg.norm(velocity[0]) / run["V_a"].iloc[0]
 
-    assert len(velocity) == MOST
+    assert len(velocity) == INSTANTS
     assert REACH > 0.0
     assert np.linalg.norm(velocity, axis=1) == pytest.approx(scale * 25.0, rel=1e-5)
     assert -velocity[:, 2] / np.linalg.norm(velocity, axis=1) == pytest.approx(
-        np.sin(run["gamma"].to_numpy()[np.unique(np.linspace(0, 1000, MOST).astype(int))]),
+        np.sin(run["gamma"].to_numpy()[np.unique(np.linspace(0, 1000, INSTANTS).astype(int))]),
         abs=1e-5,
     )
     assert np.linalg.norm(wind[0]) == pytest.approx(WIND_TIMES * scale * 3.0, rel=1e-5)
@@ -130,9 +129,9 @@ def test_the_tip_of_the_arrow_is_in_the_ring_where_the_errors_are_as_certified(c
     frame = "/world/aircraft/kinematic_paper"
     rings = contents.timed[f"{frame}/certified"]["LineStrips3D:strips"].to_pylist()
     tips = contents.values(f"{frame}/velocity", "Arrows3D:vectors")[:, 0]
-    claim = certified(gusty(four_runs[0]))
-    kept = np.unique(np.linspace(0, 1000, MOST).astype(int))
-    claimed = (claim.angles <= WIDEST).all(axis=1)[np.minimum(kept, 999)]
+    claim = flight_check(gusty(four_runs[0]))
+    kept = np.unique(np.linspace(0, 1000, INSTANTS).astype(int))
+    claimed = (claim.error_bounds <= WIDEST).all(axis=1)[np.minimum(kept, 999)]
 
     assert [bool(ring) for ring in rings] == claimed.tolist()
     for k in np.flatnonzero(claimed)[::50].tolist():
@@ -152,7 +151,7 @@ def test_events_are_in_the_recording_and_a_shared_gust_once(contents):
 
 def test_the_certificate_is_drawn_in_decades_and_where_it_is_broken(contents, four_runs):
     entity = "/plots/guarantee/00_paper/kinematic_paper"
-    claim = certified(gusty(four_runs[0]))
+    claim = flight_check(gusty(four_runs[0]))
     size, bound = contents.values(entity).T
 
     assert size == pytest.approx(np.log10(np.maximum(claim.size, 1e-6)))

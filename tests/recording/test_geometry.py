@@ -3,17 +3,17 @@
 import numpy as np
 import pandas as pd
 import pytest
+from figures.aircraft_glb import MODEL, aircraft_mesh, write_glb
 
 from flighttune.recording.geometry import (
+    MODEL_SPAN,
     attitudes,
     chase_eye,
     enlargement,
     ground_grid,
     headings,
     overview_eye,
-    quaternions,
 )
-from flighttune.recording.mesh import SPAN, aircraft_mesh
 
 ROUNDING = 1e-12
 HALF_VIEW = np.tan(np.deg2rad(27.5))
@@ -38,13 +38,14 @@ def turned(quaternion, vector):
     ids=["level north", "level east", "straight up", "right wing down", "south, right wing down"],
 )
 def test_an_attitude_points_nose_and_wing_the_right_way(angles, nose, right_wing):
-    roll, pitch, heading = (np.array([np.deg2rad(angle)]) for angle in angles)
+    phi, theta, psi = np.deg2rad(angles)
+    signals = pd.DataFrame({"chi": [0.7], "phi": [phi], "theta": [theta], "psi": [psi]})
 
-    (quaternion,) = quaternions(roll, pitch, heading)
+    def drawn(vector):
+        return turned(headings(signals)[0], turned(attitudes(signals)[0], np.array(vector)))
 
-    assert turned(quaternion, np.array([1.0, 0.0, 0.0])) == pytest.approx(nose, abs=ROUNDING)
-    assert turned(quaternion, np.array([0.0, 1.0, 0.0])) == pytest.approx(right_wing, abs=ROUNDING)
-    assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=ROUNDING)
+    assert drawn([1.0, 0.0, 0.0]) == pytest.approx(nose, abs=ROUNDING)
+    assert drawn([0.0, 1.0, 0.0]) == pytest.approx(right_wing, abs=ROUNDING)
 
 
 def test_a_plant_without_pitch_and_heading_is_drawn_along_its_path():
@@ -74,7 +75,7 @@ FLIGHTS = {
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_the_overview_sees_every_point_and_stands_no_further_than_it_must(flight):
     points = FLIGHTS[flight]
-    margin = 0.5 * SPAN * enlargement(points)
+    margin = 0.5 * MODEL_SPAN * enlargement(points, MODEL_SPAN)
 
     eye = overview_eye(points, margin=margin)
     position, target = np.array(eye.position), np.array(eye.target)
@@ -103,7 +104,7 @@ def test_the_chase_camera_is_behind_and_above_and_looks_ahead():
     ("length", "factor"), [(10.0, 1.0), (29.0, 1.0), (100.0, 3.0), (500.0, 15.0), (45e3, 1500.0)]
 )
 def test_aircraft_are_enlarged_by_a_round_factor_with_the_flight(length, factor):
-    assert enlargement(np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]])) == factor
+    assert enlargement(np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]]), MODEL_SPAN) == factor
 
 
 def test_the_ground_reaches_beyond_the_flight_and_lies_below_it():
@@ -123,7 +124,7 @@ def test_the_mesh_is_as_wide_as_the_aircraft_and_symmetric():
     mesh = aircraft_mesh()
     mirrored = mesh.vertices * [1.0, -1.0, 1.0]
 
-    assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(SPAN, abs=ROUNDING)
+    assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(MODEL_SPAN, abs=ROUNDING)
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, rtol=0.0, atol=ROUNDING)
     for corner in mirrored:
         assert np.min(np.linalg.norm(mesh.vertices - corner, axis=1)) < 1e-9
@@ -138,3 +139,9 @@ def test_the_skin_of_the_mesh_is_closed_and_faces_outwards():
     assert np.allclose(areas.sum(axis=0), 0.0, rtol=0.0, atol=1e-12)
     assert volume > 0.0
     assert np.all(np.einsum("ij,ij->i", areas, mesh.normals[mesh.triangles[:, 0]]) > 0.0)
+
+
+def test_the_model_in_the_package_is_what_its_script_makes(tmp_path):
+    write_glb(aircraft_mesh(), tmp_path / "aircraft.glb")
+
+    assert (tmp_path / "aircraft.glb").read_bytes() == MODEL.read_bytes()

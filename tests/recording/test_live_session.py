@@ -5,16 +5,14 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from figures.screenshot import NEEDS_DRIVER, NO_GRAPHICS
 from pictures import DEMANDED
 from PIL import Image
 
 from flighttune.errors import InputError, RecordingError
-from flighttune.flight import fly
-from flighttune.recording.live import LiveSession
-from flighttune.recording.live_layout import SHOWN
-from flighttune.recording.live_viewer import stream_url
-from flighttune.recording.screenshot import NEEDS_DRIVER, NO_GRAPHICS
-from flighttune.recording.viewer import ViewerProcess, free_port
+from flighttune.flight.fly import fly
+from flighttune.recording.live import LIVE_PLOTS, LiveSession
+from flighttune.recording.viewer import ViewerProcess, free_port, stream_url
 from flighttune.scenario import load_scenario, scenario_from
 
 FLAT = 3.0
@@ -43,7 +41,7 @@ def test_a_watched_flight_is_the_same_to_the_bit():
     scenario = short(3.0, plants=2)
     alone = fly(scenario)
     with server() as (_, url), LiveSession(scenario, url, pace=None) as session:
-        watched = fly(scenario, watcher=session)
+        watched = fly(scenario, observer=session)
 
     for a, b in zip(alone.runs, watched.runs, strict=True):
         assert a.signals.equals(b.signals)
@@ -55,7 +53,7 @@ def test_the_pace_is_kept(pace):
     scenario = short(1.5)
     with server() as (_, url), LiveSession(scenario, url, pace=pace) as session:
         began = time.monotonic()
-        fly(scenario, watcher=session)
+        fly(scenario, observer=session)
         took = time.monotonic() - began
 
     assert 0.9 * 1.5 / pace - 0.15 < took < 1.5 / pace + SLOW_MACHINE
@@ -90,7 +88,7 @@ def test_a_flight_that_is_stopped_keeps_what_was_flown():
     scenario = short(3.0, plants=2)
     alone = fly(scenario)
     with server() as (_, url), StopsItself(scenario, url, pace=None) as session:
-        stopped = fly(scenario, watcher=session)
+        stopped = fly(scenario, observer=session)
 
     first, late = sorted(stopped.runs, key=lambda run: -len(run.signals))
     whole = next(run for run in alone.runs if run.label == first.label)
@@ -105,7 +103,7 @@ def test_a_viewer_that_goes_away_does_not_stop_the_flight():
     scenario = short(2.0)
     with server() as (process, url), LiveSession(scenario, url, pace=4.0) as session:
         process.close()
-        (run,) = fly(scenario, watcher=session).runs
+        (run,) = fly(scenario, observer=session).runs
 
     assert run.status == "completed"
 
@@ -134,15 +132,15 @@ def test_a_viewer_shows_the_flight_and_complains_of_nothing(window, tmp_path):
     client, url = window
     scenario = short(6.0, plants=2)
     with LiveSession(scenario, url, pace=None) as session:
-        fly(scenario, watcher=session)
+        fly(scenario, observer=session)
     end = time.monotonic() + 20.0
-    while len(client.get_state().views) < 1 + len(SHOWN) and time.monotonic() < end:
+    while len(client.get_state().views) < 1 + len(LIVE_PLOTS) and time.monotonic() < end:
         time.sleep(0.2)
     time.sleep(1.0)
     state = client.get_state()
     client.save_screenshot(str(tmp_path / "live.png"))
 
-    assert len(state.views) == 1 + len(SHOWN)
+    assert len(state.views) == 1 + len(LIVE_PLOTS)
     assert [report for view in state.views for report in view.reports] == []
     assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
     with Image.open(tmp_path / "live.png") as picture:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import shutil
 from dataclasses import replace
 
@@ -15,13 +16,10 @@ from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
 from flighttune.recording.load import load_recording
 from flighttune.recording.parquet import write_run
-from flighttune.recording.record_columns import ROWS
 from flighttune.recording.rrd import write_recording
+from flighttune.recording.run_columns import ROWS
 
 from .conftest import fly
-
-MESSAGE = 16
-"""Bytes in front of a message that say its kind and length."""
 
 
 def written(runs, path):
@@ -32,11 +30,6 @@ def written(runs, path):
 @pytest.fixture(scope="module")
 def runs(four_runs, cut_short, without_gains):
     return [*four_runs, cut_short, without_gains]
-
-
-@pytest.fixture(scope="module")
-def recording(runs, tmp_path_factory):
-    return written(runs, tmp_path_factory.mktemp("load") / "flight.rrd")
 
 
 @pytest.fixture(scope="module")
@@ -123,48 +116,37 @@ def test_a_folder_whose_recording_is_damaged_falls_back_on_parquet(four_runs, tm
     assert "flight.rrd: must be" in found.missing[0]
 
 
-def test_a_recording_cut_off_gives_what_there_is_and_says_what_is_missing(long_flight, tmp_path):
-    second = replace(long_flight, provenance=replace(long_flight.provenance, gains_name="second"))
-    whole = written([long_flight, second], tmp_path / "whole.rrd").read_bytes()
-    path, seen = tmp_path / "cut.rrd", set()
-    for size in range(400_000, len(whole), 150_000):
-        path.write_bytes(whole[:size])
-        found = load_recording(path)
-        assert found.missing[0] == "the end of the file is cut off"
-        for got, put in zip(found.runs, [long_flight, second], strict=True):
-            n = len(got.signals)
-            seen.add(n)
-            pd.testing.assert_frame_equal(
-                got.signals, put.signals.iloc[:n], check_exact=True, check_index_type=False
-            )
-            if n == len(put.signals):
-                assert got.status == "completed"
-            else:
-                assert got.status == "cut_off"
-                wanted = f"{got.label}: {n} of {len(put.signals)} samples are there"
-                assert any(line.startswith(wanted) for line in found.missing)
-                assert got.reason.startswith(wanted)
-                assert got.reason.endswith("; the whole flight was completed")
-
-    assert {0, len(long_flight.signals)} <= seen
-    assert seen & {ROWS, 2 * ROWS}
-
-
-def test_a_recording_without_its_last_bytes_lacks_no_sample(recording, runs, tmp_path):
+@pytest.mark.parametrize("kept", [13, 200, 100_000, -1000, -10])
+def test_a_recording_cut_off_is_refused_in_one_line(recording, kept, tmp_path):
     path = tmp_path / "cut.rrd"
-    path.write_bytes(recording.read_bytes()[:-10])
+    path.write_bytes(recording.read_bytes()[:kept])
 
-    found = load_recording(path)
+    with pytest.raises(RecordingError, match=r"cut\.rrd: must be a sound .* cut off") as caught:
+        load_recording(path)
 
-    assert found.missing == ("the end of the file is cut off",)
-    for got, put in zip(found.runs, runs, strict=True):
-        assert_same(got, put)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_whose_recording_is_cut_off_falls_back_on_parquet(recording, four_runs, tmp_path):
+    (tmp_path / "flight.rrd").write_bytes(recording.read_bytes()[:-10])
+    write_run(four_runs[0], tmp_path / "one.parquet")
+
+    found = load_recording(tmp_path)
+
+    assert_same(found.runs[0], four_runs[0])
+    assert "flight.rrd: must be" in found.missing[0]
+
+
+def test_a_flight_of_several_chunks_comes_back_in_order_of_time(long_flight, tmp_path):
+    (run,) = load_recording(written([long_flight], tmp_path / "long.rrd")).runs
+
+    assert_same(run, long_flight)
 
 
 def test_damage_anywhere_gives_one_line_or_what_was_written(recording, runs, tmp_path):
     whole = recording.read_bytes()
     path, said = tmp_path / "bad.rrd", []
-    for place in np.linspace(20, len(whole) - 20, 40).astype(int).tolist():
+    for place in np.linspace(20, len(whole) - 20, 15).astype(int).tolist():
         data = bytearray(whole)
         data[place : place + 4] = bytes(255 - byte for byte in data[place : place + 4])
         path.write_bytes(data)
@@ -174,21 +156,31 @@ def test_damage_anywhere_gives_one_line_or_what_was_written(recording, runs, tmp
             said.append(str(error))
             continue
         for got, put in zip(found.runs, runs, strict=True):
-            assert got.status in (put.status, "cut_off")
-            assert got.signals.equals(put.signals.iloc[: len(got.signals)])
+            assert_same(got, put)
 
     assert said
     assert all(line.startswith(f"{path}: must ") for line in said)
     assert not any("\n" in line or len(line) > 300 for line in said)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="the decoder that crashes is a shell script")
+def test_a_file_that_crashes_the_decoder_gives_one_line(recording, tmp_path, monkeypatch):
+    decoder = tmp_path / "rerun"
+    decoder.write_text("#!/bin/sh\nkill -ABRT $$\n")
+    decoder.chmod(0o755)
+    monkeypatch.setattr("flighttune.recording.run_columns.executable", lambda: decoder)
+
+    with pytest.raises(RecordingError, match=r"flight\.rrd: must be a sound .* cannot decode"):
+        load_recording(recording)
+
+
 @pytest.mark.parametrize(
     ("data", "words"),
     [
         (b"", "got an empty file"),
-        (b"hello, world" * 20, "got a file of another kind"),
-        (b"RRF2" + b"\0" * 8, "got nothing whole in it"),
-        (b"RRF2" + b"\xff" * 100, "got damage at byte 12"),
+        (b"hello, world" * 20, "Not an RRD file"),
+        (b"RRF2" + b"\0" * 8, "must be a sound recording"),
+        (b"RRF2" + b"\xff" * 100, "must be a sound recording"),
     ],
     ids=["empty", "foreign", "header", "garbage"],
 )

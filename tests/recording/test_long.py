@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS
+from flighttune.present.thinning import MOST
 from flighttune.recording.load import load_recording
 from flighttune.recording.rrd import write_recording
-from flighttune.recording.thinning import MOST
 from flighttune.simulate.run import SIGNAL_UNITS
 
 from .conftest import fly

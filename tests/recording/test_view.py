@@ -14,9 +14,7 @@ import psutil
 import pytest
 
 from flighttune.errors import RecordingError
-from flighttune.recording.rrd import write_recording
-from flighttune.recording.view import DISPLAYS, has_screen, view
-from flighttune.recording.viewer import ViewerProcess, free_port
+from flighttune.recording.viewer import DISPLAYS, ViewerProcess, free_port, has_screen, view
 
 
 @pytest.fixture
@@ -24,13 +22,6 @@ def without_screen(monkeypatch):
     for name in DISPLAYS:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("CI", "true")
-
-
-@pytest.fixture(scope="module")
-def recording(four_runs, tmp_path_factory):
-    path = tmp_path_factory.mktemp("view") / "flight.rrd"
-    write_recording(four_runs, path, page="# Page\n", title="Flight")
-    return path
 
 
 @pytest.mark.parametrize(

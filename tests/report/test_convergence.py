@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.report.facts import convergence
+from flighttune.report.facts import final_errors
 from flighttune.simulate.run import Provenance, Run
 
 DT = 0.01
@@ -38,7 +38,7 @@ def test_a_run_converged_if_the_last_quarter_is_within_5_percent_or_half_a_degre
     errors = np.full((1001, 2), first)
     errors[700:] = last
 
-    found = convergence(made_up(errors, status))
+    found = final_errors(made_up(errors, status))
 
     assert found.converged is converged
     assert found.residual == pytest.approx((last, last))

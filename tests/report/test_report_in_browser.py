@@ -12,6 +12,8 @@ from flighttune.report.facts import facts_of
 from flighttune.report.guarantee_panels import certificate_panels
 from flighttune.report.panels import tracking
 
+pytestmark = pytest.mark.slow
+
 PICTURE_WIDTH = 260
 SAME_PICTURE = 1.5
 """Mean difference of grey levels (of 255) between two pictures that show the same; a shift by one

@@ -4,7 +4,7 @@ import pytest
 
 from flighttune.cli import main
 from flighttune.errors import ScenarioError
-from flighttune.flight import fly
+from flighttune.flight.fly import fly
 from flighttune.scenario import load_scenario, scenario_from
 
 SCENARIO = """

@@ -95,7 +95,7 @@ WRONG = [
     ("limits", {"phi_deg": 45.0}, r"\[limits\] `phi_deg` must be a range \[low, high\], got 45\.0"),
     ("limits", {"phi_rate_dps": [3.0]}, r"`phi_rate_dps` must be a range \[low, high\], got"),
     ("limits", {"phi_rate_dps": -3.0}, r"\[limits\] `phi_rate_dps` must be greater than 0"),
-    ("limits", {"phi_rate_dps": [3.0, 5.0]}, r"must be a range of rates that holds zero"),
+    ("limits", {"phi_rate_dps": [3.0, 5.0]}, r"`phi_rate_dps` must be a range of rates"),
     ("controller", {"anti_windup": "clamp"}, r"must be 'none', 'conditional' or 'back_calc"),
     ("controller", {"rate_hz": 0.0}, r"`rate_hz` must be greater than or equal to 1, got 0\.0"),
     ("reference", {"chi_deg": "north"}, r"\[reference\] `chi_deg` must be a valid"),

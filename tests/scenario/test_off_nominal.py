@@ -5,9 +5,9 @@ import pickle
 
 import pytest
 
+from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.errors import ScenarioError
-from flighttune.flight import fly
-from flighttune.plants.jsbsim.off_nominal import OffNominal
+from flighttune.flight.fly import fly
 from flighttune.plants.sensors import Sensors
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.shipped import scenario_names
@@ -120,7 +120,7 @@ def test_two_plants_of_one_label_are_told_to_have_a_name():
 
     assert str(got.value) == (
         "scenario: `plant` must not name anything twice, got jsbsim:aerosonde, jsbsim:aerosonde; "
-        "a `name` of its own tells a plant apart."
+        "a `name` of its own distinguishes a plant."
     )
     given["plant"][1] = given["plant"][1] | {"name": "other"}
     labels = [plant.label for plant in scenario_from(given).plant]

@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from flighttune.flight import fly
+from flighttune.flight.fly import fly
 from flighttune.scenario import Scenario, load_scenario
 
 PAGE = (Path(__file__).parents[2] / "scenarios" / "README.md").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition, Stop
-from flighttune.plants.kinematic import KinematicPlant
+from flighttune.plants.point_mass import PointMassPlant
 from flighttune.scenario import load_scenario
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.reference import Reference
@@ -55,8 +55,8 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
     )
     assert scenario.disturbance is not None
 
-    history = simulate(
-        KinematicPlant(scenario.disturbance.sinusoid()),
+    signals, _ = simulate(
+        PointMassPlant(law="paper", disturbance=scenario.disturbance.sinusoid()),
         controller,
         scenario.followed(),
         condition=scenario.condition,
@@ -64,36 +64,37 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
         feed_forward=scenario.controller.feed_forward,
     )
 
-    peaks = history.signals[["chi_err", "gamma_err"]].max().to_numpy()
+    peaks = signals[["chi_err", "gamma_err"]].max().to_numpy()
     assert peaks == pytest.approx(continuous_paper_peaks(), abs=PEAK_TOLERANCE)
 
 
 def flown(anti_windup, duration=40.0):
     controller = MimoPI(PAPER_GAINS, PAPER_LIMITS, dt=0.02, anti_windup=anti_windup)
-    return simulate(
-        KinematicPlant(),
+    signals, _ = simulate(
+        PointMassPlant(law="paper"),
         controller,
         PAPER_REFERENCE,
         condition=PAPER_START,
         duration=duration,
     )
+    return signals
 
 
 @pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation"])
 def test_with_anti_windup_the_rate_limited_loop_converges(anti_windup):
-    errors = flown(anti_windup).signals[["chi_err", "gamma_err"]]
+    errors = flown(anti_windup)[["chi_err", "gamma_err"]]
 
     assert np.abs(errors.loc[30.0:].to_numpy()).max() < math.radians(0.1)
 
 
 def test_without_anti_windup_the_rate_limited_loop_never_settles():
-    errors = flown("none", duration=120.0).signals["chi_err"].loc[90.0:]
+    errors = flown("none", duration=120.0)["chi_err"].loc[90.0:]
 
     assert np.abs(errors.to_numpy()).max() > math.radians(30.0)
 
 
 def test_commands_keep_their_limits_in_every_sample():
-    signals = flown("conditional").signals
+    signals = flown("conditional")
     command = signals[["phi_cmd", "n_z_cmd"]].to_numpy()
 
     rates = np.abs(np.diff(command, axis=0)) / 0.02
@@ -102,7 +103,7 @@ def test_commands_keep_their_limits_in_every_sample():
 
 
 def test_a_row_is_written_every_sample_with_a_unit_for_every_column():
-    signals = flown("conditional", duration=10.0).signals
+    signals = flown("conditional", duration=10.0)
 
     assert len(signals) == 501
     assert signals.index.name == "t"
@@ -112,7 +113,7 @@ def test_a_row_is_written_every_sample_with_a_unit_for_every_column():
 
 
 def test_what_was_flown_cannot_be_changed():
-    values = flown("conditional", duration=1.0).signals.to_numpy()
+    values = flown("conditional", duration=1.0).to_numpy()
 
     with pytest.raises(ValueError, match="read-only"):
         values[0, 0] = 1.0
@@ -122,8 +123,8 @@ def test_with_feed_forward_level_flight_needs_no_integral():
     still = FlightCondition(V_a=25.0, gamma=0.3)
     controller = MimoPI(PAPER_GAINS, dt=0.02)
 
-    history = simulate(
-        KinematicPlant(),
+    signals, _ = simulate(
+        PointMassPlant(law="paper"),
         controller,
         Reference(chi=0.0, gamma=0.3),
         condition=still,
@@ -131,11 +132,11 @@ def test_with_feed_forward_level_flight_needs_no_integral():
         feed_forward=True,
     )
 
-    assert np.abs(history.signals["n_z_integral"]).max() < 1e-12
-    assert np.abs(history.signals["gamma_err"]).max() < 1e-12
+    assert np.abs(signals["n_z_integral"]).max() < 1e-12
+    assert np.abs(signals["gamma_err"]).max() < 1e-12
 
 
-class StopsAfterThreeSamples(KinematicPlant):
+class StopsAfterThreeSamples(PointMassPlant):
     """A plant that meets the ground in its third sample."""
 
     def start(self, condition):
@@ -149,23 +150,23 @@ class StopsAfterThreeSamples(KinematicPlant):
 
 
 def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
-    history = simulate(
-        StopsAfterThreeSamples(),
+    signals, stop = simulate(
+        StopsAfterThreeSamples(law="paper"),
         MimoPI(PAPER_GAINS, dt=0.02),
         PAPER_REFERENCE,
         condition=PAPER_START,
         duration=10.0,
     )
 
-    assert len(history.signals) == 3
-    assert history.stop == Stop("ground_contact", "hit the ground")
+    assert len(signals) == 3
+    assert stop == Stop("ground_contact", "hit the ground")
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.01, math.nan, math.inf])
 def test_a_flight_lasts_at_least_one_sample(duration):
     with pytest.raises(InputError, match=r"`duration` must be at least one sample"):
         simulate(
-            KinematicPlant(),
+            PointMassPlant(law="paper"),
             MimoPI(PAPER_GAINS, dt=0.02),
             PAPER_REFERENCE,
             condition=PAPER_START,

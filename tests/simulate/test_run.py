@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flighttune.flight import fly
+from flighttune.flight.fly import fly
 from flighttune.scenario import load_scenario
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from worst_reach import largest_reach
 
-from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import kinematic_model
+from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 from flighttune.theory.indicators import indicators
@@ -31,7 +31,7 @@ def test_the_papers_ball_has_three_readings_and_only_the_first_is_called_safe():
 def test_the_paper_loop_can_leave_the_ball_of_the_open_loop_reading():
     ball = paper_balls(A_K, MODEL.A, I_K=indicators(A_K).I_K, L_d=L_D)[2]
 
-    assert ReachableSet.of(A_K, E, L_d=L_D).largest_reach().radius > 2.0 * ball.radius
+    assert largest_reach(ReachableSet.of(A_K, E, L_d=L_D)).radius > 2.0 * ball.radius
 
 
 def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
@@ -41,7 +41,7 @@ def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
         oscillator, [[0.0]], I_K=indicators(oscillator).I_K, L_d=1.0
     )
 
-    reached = ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0).largest_reach().radius
+    reached = largest_reach(ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0)).radius
 
     assert proportional.radius < reached / 5.0
     assert reached < safe.radius
@@ -74,7 +74,7 @@ def test_the_ellipsoid_satisfies_its_inequality():
 
 
 def test_room_makes_the_inequality_strict_at_almost_no_cost():
-    tight, roomy = (invariant_ellipsoid(A_K, E, L_d=L_D, room=room) for room in (0.0, 1e-6))
+    tight, roomy = (invariant_ellipsoid(A_K, E, L_d=L_D, slack=slack) for slack in (0.0, 1e-6))
     W, a = roomy.W, roomy.multiplier
 
     flow = A_K @ W + W @ A_K.T + a * W + L_D**2 / a * E @ E.T

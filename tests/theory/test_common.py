@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flighttune.control.closed_loop import closed_loop, disturbance_entry
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import kinematic_model
+from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory import common
 from flighttune.theory.attractor import invariant_ellipsoid
@@ -77,17 +76,6 @@ def test_rate_and_bound_enclose_each_other_on_random_polytopes(seed):
 
     assert found.R <= found.R_bound
     assert found.status in ("optimal", "none")
-
-
-def test_the_slope_of_the_rate_is_its_derivative_in_the_vertices():
-    rng = np.random.default_rng(1)
-    loops = A_K + 0.02 * rng.normal(size=(3, 4, 4))
-    step = 1e-4 * rng.normal(size=loops.shape)
-
-    ahead, behind = common_Q(loops + step).R, common_Q(loops - step).R
-
-    predicted = 2.0 * (common_Q(loops).slope * step).sum()
-    assert ahead - behind == pytest.approx(predicted, rel=1e-2)
 
 
 def test_the_common_ellipsoid_of_one_loop_is_the_closed_form():

@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 
-from flighttune.control.closed_loop import closed_loop, closed_loops
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import kinematic_model
+from flighttune.control.linear_model import closed_loop, closed_loops, kinematic_model
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.indicators import indicators, indicators_batch
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from flighttune.control.closed_loop import closed_loops
-from flighttune.control.lag import with_input_lag
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.inner_loop import with_input_lag
+from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.theory.indicators import indicators, indicators_batch
 from flighttune.tuning.convex import convex_starts, state_feedback
 from flighttune.tuning.problem import TuningProblem, decoupled

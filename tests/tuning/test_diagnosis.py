@@ -9,6 +9,8 @@ from flighttune.tuning.diagnosis import diagnosis
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.tune import tune
 
+pytestmark = pytest.mark.slow
+
 BELOW, ABOVE = 0.999, 1.001
 
 
@@ -42,6 +44,7 @@ def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosi
     assert all(one.factor_alone == np.inf for one in printed_diagnosis.limits)
 
 
+@pytest.mark.slow
 def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     generous = printed.relaxed(20.0, np.array([1.0, 20.0]))
 
@@ -55,6 +58,7 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
         assert tune(one).status == status
 
 
+@pytest.mark.slow
 def test_a_feasible_problem_has_room_and_no_limits_have_no_factor(printed, model):
     roomy = diagnosis(printed.relaxed(8.0, 8.0))
 

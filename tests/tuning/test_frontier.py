@@ -9,11 +9,13 @@ from flighttune.errors import InputError
 from flighttune.tuning.frontier import frontier
 from flighttune.tuning.problem import TuningProblem
 
-SHIFT = np.hstack([np.eye(2), np.eye(2)])
 EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
 MARKED = {
     "K*": PAPER_GAINS,
-    **{name: PIGains.from_stacked(PAPER_GAINS.K - eps * SHIFT) for name, eps in EPSILON.items()},
+    **{
+        name: PIGains(K_P=PAPER_GAINS.K_P - eps * np.eye(2), K_I=PAPER_GAINS.K_I - eps * np.eye(2))
+        for name, eps in EPSILON.items()
+    },
 }
 HALF_LAST_DIGIT = 5e-5
 

@@ -7,10 +7,13 @@ from flighttune.tuning.genetic import tune_by_evolution
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.tune import tune
 
+pytestmark = pytest.mark.slow
+
 NEVER_WORSE_BY = 1e-4
 
 
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.soak
 def test_evolution_ends_just_below_the_gradient_method(model, seed):
     problem = TuningProblem(model=model, I_star=5.0, seed=seed)
 
@@ -21,6 +24,7 @@ def test_evolution_ends_just_below_the_gradient_method(model, seed):
     assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
 
 
+@pytest.mark.soak
 def test_evolution_keeps_the_input_limits_too(printed):
     problem = printed.relaxed(7.0, 7.0)
 

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.control.closed_loop import closed_loop, closed_loops
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.lag import with_input_lag
+from flighttune.control.inner_loop import with_input_lag
+from flighttune.control.linear_model import closed_loop, closed_loops
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators, indicators_batch
-from flighttune.tuning.problem import TuningProblem, decoupled
-from flighttune.tuning.program import _Constraints, program
-from flighttune.tuning.search_space import search_space
+from flighttune.tuning.gradient import Program
+from flighttune.tuning.problem import TuningProblem, decoupled, search_space
 from flighttune.tuning.tune import tune
 
 FIFTH_DIGIT = 1e-5
@@ -165,7 +164,7 @@ def test_the_slopes_of_the_program_are_those_of_central_differences(printed, mod
     )
     space = search_space(problem)
     relaxable = np.ones(len(space.names), dtype=bool)
-    task = _Constraints(program(problem, space, "factor", relaxable=relaxable))
+    task = Program(problem, "factor", relaxable=relaxable)
     z = np.array([2.5, 0.8, 0.3, -0.2, 2.7, 0.1, 0.9, 2.0, -3.0, -1.0, 1.5])
 
     slopes = task.slopes(z)

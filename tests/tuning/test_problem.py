@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from flighttune.control.closed_loop import closed_loops
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.lag import with_input_lag
+from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.limits import Limits
+from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError, ShapeError
-from flighttune.tuning.problem import TuningProblem, decoupled
-from flighttune.tuning.search_space import search_space
+from flighttune.tuning.problem import TuningProblem, decoupled, search_space
 from flighttune.tuning.starts import stabilising_starts
 
 PRINTED_DIGITS = 5e-4

@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.control.closed_loop import closed_loops
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import kinematic_model
+from flighttune.control.linear_model import closed_loops, kinematic_model
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.channels import channels
 from flighttune.tuning.problem import TuningProblem, decoupled
-from flighttune.tuning.robust import tune_worst_case
+from flighttune.tuning.robust import channels, tune_worst_case
 from flighttune.tuning.tune import tune
 
 SAME = 1e-4

@@ -5,19 +5,19 @@ import itertools
 import numpy as np
 import pytest
 
-from flighttune.control.closed_loop import closed_loop, closed_loops
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import kinematic_model
+from flighttune.control.linear_model import closed_loop, closed_loops, kinematic_model
 from flighttune.errors import InputError
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.climb import climb, point
+from flighttune.tuning.ascent import ascend, point
 from flighttune.tuning.envelope import envelope_rate, largest_envelope, tune_over_envelope
 from flighttune.tuning.gradient import tune_by_gradient
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.search_space import search_space
+from flighttune.tuning.problem import TuningProblem, search_space
+
+pytestmark = pytest.mark.slow
 
 G = 9.81
 TRIM = Envelope.at(V_a=25.0, gamma=np.pi / 12)
@@ -146,18 +146,20 @@ def test_no_gains_nearby_are_better(model, tuned):
     assert max(feasible) < (1.0 + LOCAL) * tuned.R
 
 
-def test_climbs_from_different_gains_end_at_one_rate(model):
+@pytest.mark.slow
+def test_ascents_from_different_gains_end_at_one_rate(model):
     problem = TuningProblem(model=model, I_star=10.0)
     models = jacobian_hull(GENTLE, g=G).models()
     free = search_space(problem).free
     tops = []
     for I_star in (6.0, 9.9):
         nominal = tune_by_gradient(TuningProblem(model=model, I_star=I_star))
-        tops.append(climb(problem, models, point(problem, models, nominal.gains.K[free])).R)
+        tops.append(ascend(problem, models, point(problem, models, nominal.gains.K[free])).R)
 
     assert tops == pytest.approx([0.7066, 0.7066], rel=LOCAL)
 
 
+@pytest.mark.slow
 def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
     limits = Limits(
         lower=8.0 * np.array([-np.pi / 4, -2.1]),
@@ -178,6 +180,7 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
     assert found.R > 0.3
 
 
+@pytest.mark.slow
 def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
     wide = envelope((15.0, 40.0), (-30.0, 60.0), (-60.0, 60.0), (-1.0, 3.0))
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
+from flighttune.campaign.statistics.paired import difference, ordered_quantile
 from flighttune.errors import InputError
 
 TAIL_DRAWS = 4
@@ -35,7 +36,7 @@ class Race:
     Attributes
     ----------
     scores, success : mapping of str to ndarray, shape (draws of the candidate,)
-        Of every candidate and of everyone beside them; scores are infinite where a flight was lost.
+        Of every candidate and of every baseline; scores are infinite where a flight was lost.
     dropped : mapping of str to float, 1
         Candidates that were dropped, with the probability at which they were: that of doing as well
         as the leader.
@@ -72,7 +73,7 @@ def race(
     draws: int,
     q: float,
     least_success: float = 0.0,
-    beside: Sequence[str] = (),
+    baselines: Sequence[str] = (),
     cycle: int = 1,
     seed: int = 0,
 ) -> Race | None:
@@ -91,7 +92,7 @@ def race(
     least_success : float, 1
         Part of its flights in which the best shall succeed. Of candidates that do not, the one is
         better that lacks less.
-    beside : sequence of str
+    baselines : sequence of str
         Others that fly all draws, to be compared with, not to be chosen.
     cycle : int
         Draws that belong together.
@@ -111,56 +112,53 @@ def race(
     Notes
     -----
     Draws are resampled with replacement, the same for all candidates (a paired bootstrap), whole
-    cycles at a time. Looks are at fixed numbers of draws, each twice that before.
+    cycles at a time. Interim analyses are at fixed numbers of draws, each twice that before.
     """
     if not candidates or draws < 1 or not 0.0 < q < 1.0:
         raise InputError(
             f"a race must have candidates, draws and `q` between 0 and 1, got {len(candidates)}, "
             f"{draws} and {q}."
         )
-    scores: dict[str, FloatArray] = {name: np.empty(0) for name in (*candidates, *beside)}
+    scores: dict[str, FloatArray] = {name: np.empty(0) for name in (*candidates, *baselines)}
     success = {name: np.empty(0, dtype=bool) for name in scores}
     left, dropped, flown = list(candidates), {}, 0
     found = None
-    for look, end in enumerate(_looks(draws, q, cycle)):
-        tried = fly((*left, *beside), flown, end)
+    for analysis, end in enumerate(_interim_analyses(draws, q, cycle)):
+        tried = fly((*left, *baselines), flown, end)
         if tried is None:
             break
-        for name, new, good in zip((*left, *beside), *tried, strict=True):
+        for name, new, good in zip((*left, *baselines), *tried, strict=True):
             scores[name] = np.concatenate([scores[name], new])
             success[name] = np.concatenate([success[name], good])
         flown = end
-        found = _resampled(left, beside, scores, success, q, least_success, cycle, (seed, look))
+        found = _resampled(
+            left, baselines, scores, success, q, least_success, cycle, (seed, analysis)
+        )
         if end < draws:
             worse = [name for name in left if found.as_good[name] < DROPPED_BELOW]
             dropped |= {name: found.as_good[name] for name in worse}
             left = [name for name in left if name not in worse]
     if found is None:
         return None
-    wins = {name: found.wins[name] for name in left}
     return Race(
-        scores=scores, success=success, dropped=dropped, best=found.leader,
-        p_best=max(0.0, found.wins[found.leader] - sum(dropped.values())), wins=wins,
-        loss=found.loss, differences=found.differences, finished=flown == draws,
-    )  # fmt: skip
+        scores=scores,
+        success=success,
+        dropped=dropped,
+        best=found.leader,
+        p_best=max(0.0, found.wins[found.leader] - sum(dropped.values())),
+        wins={name: found.wins[name] for name in left},
+        loss=found.loss,
+        differences=found.differences,
+        finished=flown == draws,
+    )
 
 
-def ordered_quantile(values: FloatArray, q: float) -> FloatArray:
-    """The order statistic at a quantile along the last axis: infinite values need no mean."""
-    n = values.shape[-1]
-    place = min(n - 1, max(0, math.ceil(q * n) - 1))
-    return np.partition(values, place, axis=-1)[..., place]
-
-
-def _looks(draws: int, q: float, cycle: int) -> Iterator[int]:
+def _interim_analyses(draws: int, q: float, cycle: int) -> Iterator[int]:
     """Numbers of draws after which candidates are compared, whole cycles, all draws last."""
-    look = max(FEWEST_DRAWS, math.ceil(TAIL_DRAWS / min(q, 1.0 - q)))
-    while look < draws:
-        whole = math.ceil(look / cycle) * cycle
-        if whole >= draws:
-            break
+    at = max(FEWEST_DRAWS, math.ceil(TAIL_DRAWS / min(q, 1.0 - q)))
+    while (whole := math.ceil(at / cycle) * cycle) < draws:
         yield whole
-        look = 2 * whole
+        at = 2 * whole
     yield draws
 
 
@@ -175,7 +173,7 @@ class _Resampled:
 
 def _resampled(
     left: Sequence[str],
-    beside: Sequence[str],
+    baselines: Sequence[str],
     scores: Mapping[str, FloatArray],
     success: Mapping[str, npt.NDArray[np.bool_]],
     q: float,
@@ -184,7 +182,7 @@ def _resampled(
     seed: tuple[int, int],
 ) -> _Resampled:
     """Who leads on the draws flown, and how often who does on draws like them."""
-    names = [*left, *beside]
+    names = [*left, *baselines]
     values = np.array([scores[name] for name in names])
     good = np.array([success[name] for name in names])
     lacks, size = _lacks(good.mean(axis=-1), least), ordered_quantile(values, q)
@@ -200,7 +198,7 @@ def _resampled(
         at += len(picked)
     winners = _best(lack[: len(left)], high[: len(left)])
     no_worse = (lack < lack[chosen]) | ((lack == lack[chosen]) & (high <= high[chosen]))
-    above = _less(high, high[chosen])
+    above = difference(high, high[chosen])
     lost = -np.take_along_axis(above, winners[None], axis=0)[0]
     return _Resampled(
         leader=left[chosen],
@@ -228,17 +226,5 @@ def _lacks(rate: FloatArray, least: float) -> FloatArray:
 
 
 def _best(lack: FloatArray, size: FloatArray) -> npt.NDArray[np.intp]:
-    """Along the first axis: who lacks least, then is lowest, then comes first."""
-    best = np.zeros(lack.shape[1], dtype=np.intp)
-    at = np.arange(lack.shape[1])
-    for i in range(1, len(lack)):
-        equal = lack[i] == lack[best, at]
-        better = (lack[i] < lack[best, at]) | (equal & (size[i] < size[best, at]))
-        best[better] = i
-    return best
-
-
-def _less(a: FloatArray, b: FloatArray) -> FloatArray:
-    """``a - b``, 0 where both are infinite."""
-    both = np.isinf(a) & np.isinf(b)
-    return np.where(both, 0.0, np.where(both, 0.0, a) - np.where(both, 0.0, b))
+    """Along the first axis: the smallest lack, then the smallest size, then the first."""
+    return np.lexsort((size, lack), axis=0)[0]

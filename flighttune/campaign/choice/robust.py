@@ -1,32 +1,183 @@
-"""Gains chosen among those of the frontier by what they fly to on the draws of a campaign."""
+"""Gains of the frontier, chosen by what they fly to on the draws of a campaign."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
+import pyarrow as pa
 
-from flighttune.arrays import FloatArray
-from flighttune.campaign.choice.candidates import (
-    Candidate,
-    frontier_candidates,
-    on_plants,
-    own_candidates,
-    with_gains,
-)
-from flighttune.campaign.choice.choice import Judged, RobustChoice, RobustSettings
-from flighttune.campaign.choice.race import Race, Tried, ordered_quantile, race
+from flighttune.campaign.choice.race import Race, Tried, race
+from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.cluster import cluster
-from flighttune.campaign.engine.crew import Crew
-from flighttune.campaign.engine.engine import Onlooker
-from flighttune.campaign.intervals import effective_size, quantile_interval, wilson
-from flighttune.campaign.planning.make import plan_campaign
-from flighttune.campaign.planning.schema import Campaign
-from flighttune.campaign.report.paired import scores
-from flighttune.scenario.expect_table import in_rad
+from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.progress import Observer
+from flighttune.campaign.planning.plan import plan_campaign
+from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
+from flighttune.campaign.statistics.intervals import effective_size, quantile_interval, share
+from flighttune.campaign.statistics.paired import ordered_quantile, scores
+from flighttune.control.gains import PIGains
+from flighttune.errors import InputError
+from flighttune.flight.outer_loop import tuning_problem
+from flighttune.scenario.schema import GainsTable, Scenario
+from flighttune.scenario.tables import in_rad
+from flighttune.tuning.frontier import frontier
+from flighttune.tuning.result import assessment
 from flighttune.units import DEG
+
+Status: TypeAlias = Literal[
+    "chosen", "infeasible", "too_many_lost", "too_few_succeed", "interrupted"
+]
+
+CANDIDATES = 12
+PERCENTILE = 95.0
+METRICS = ("chi.ITAE",)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """Gains with their indicators.
+
+    Attributes
+    ----------
+    name : str
+    gains : PIGains
+    R_K : float, 1/s
+    I_K : float, s^2
+        On the model that the scenario's [tuning] names.
+    """
+
+    name: str
+    gains: PIGains
+    R_K: float
+    I_K: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """Score and success of a gain set, with intervals.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    draws : int
+        Draws it was flown on.
+    percentile, lo, hi : float
+        Of the score over those draws, with the 95 % interval; infinite where flights were lost.
+    success, success_lo, success_hi : float, 1
+        Part of the draws on which it succeeds on every plant, with the 95 % interval.
+    p_best : float, 1
+        Part of the resamples in which it is the best candidate; of one that was dropped the part in
+        which it did as well as the leader then, of one that is not to be chosen NaN.
+    dropped : bool
+        Whether it was dropped before the last draws.
+    behind, behind_lo, behind_hi : float
+        Median and 95 % interval over the resamples of how far its percentile lies above that of the
+        chosen one; NaN where it was dropped.
+    """
+
+    candidate: Candidate
+    draws: int
+    percentile: float
+    lo: float
+    hi: float
+    success: float
+    success_lo: float
+    success_hi: float
+    p_best: float
+    dropped: bool
+    behind: float
+    behind_lo: float
+    behind_hi: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobustChoice:
+    """Gains that were chosen by flying them.
+
+    Attributes
+    ----------
+    status : str
+        ``chosen``; ``infeasible`` where there is no frontier; ``too_many_lost`` where so many
+        flights of every candidate were lost that no percentile is finite; ``too_few_succeed`` where
+        no candidate succeeds as often as it must; ``interrupted``.
+    reason : str
+        A sentence where `status` is not ``chosen``.
+    best : Judged or None
+        The best candidate, also where it is not good enough.
+    p_best : float, 1
+        Probability that it is the best candidate on draws like these; NaN where there is none.
+    loss : float
+        What its percentile lies above that of the best, mean over the resamples.
+    candidates : tuple of Judged
+        All of the frontier, I_K rising.
+    own : tuple of Judged
+        The campaign's own gain sets, for comparison.
+    metrics : tuple of str
+        What is added up to the score.
+    percentile : float, %
+    draws, flights : int
+        Draws of those at the end, and flights of all.
+    """
+
+    status: Status
+    reason: str
+    best: Judged | None = None
+    p_best: float = float("nan")
+    loss: float = float("nan")
+    candidates: tuple[Judged, ...] = ()
+    own: tuple[Judged, ...] = ()
+    metrics: tuple[str, ...] = METRICS
+    percentile: float = PERCENTILE
+    draws: int = 0
+    flights: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobustSettings:
+    """How gains are chosen.
+
+    Attributes
+    ----------
+    metrics : tuple of str
+        Columns of the rows, or with ``_deg`` in place of ``_rad``; their sum is the score, less of
+        which is better. A flight that was not completed, or has no value, is worse than any other.
+    percentile : float, %
+        Of the score that is to be as low as can be.
+    least_success : float, 1
+        Part of the draws on which the chosen gains must succeed.
+    candidates : int
+        Points of the frontier.
+    draws : int or None
+        Draws of those at the end; None for those of the campaign.
+    plants : tuple of str
+        Labels of the plants to fly; empty for all. A draw's score is that of its worst plant.
+    """
+
+    metrics: tuple[str, ...] = METRICS
+    percentile: float = PERCENTILE
+    least_success: float = 0.0
+    candidates: int = CANDIDATES
+    draws: int | None = None
+    plants: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in self.metrics:
+            if in_rad(name) not in MEASURES:
+                raise InputError(
+                    f"`metric` must be one of {', '.join(MEASURES)} (or _deg in place of _rad), "
+                    f"got {name!r}."
+                )
+        if not self.metrics:
+            raise InputError("`metric` must be given, got nothing.")
+        if not 0.0 < self.percentile < 100.0:
+            raise InputError(f"`percentile` must be between 0 and 100, got {self.percentile:g}.")
+        if not 0.0 <= self.least_success <= 1.0:
+            raise InputError(f"`min_success` must be 0 to 1, got {self.least_success:g}.")
+        if self.draws is not None and self.draws < 1:
+            raise InputError(f"`draws` must be at least 1, got {self.draws}.")
 
 
 def tune_robust(
@@ -35,7 +186,7 @@ def tune_robust(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    onlooker: Onlooker | None = None,
+    observer: Observer | None = None,
 ) -> RobustChoice:
     """Choose gains of the frontier by flying them on the draws of a campaign.
 
@@ -43,13 +194,13 @@ def tune_robust(
     ----------
     campaign : Campaign
         Its scenario gives the frontier, its draws and plants the flights; its own gain sets are
-        flown beside.
+        flown as baselines.
     settings : RobustSettings, optional
     workers : int, optional
         Processes on this machine; by default one a core. The choice does not depend on it.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
-    onlooker : Onlooker, optional
+    observer : Observer, optional
         Told how far it is; may stop it.
 
     Returns
@@ -75,60 +226,153 @@ def tune_robust(
         )
     planned = plan_campaign(campaign)
     own = own_candidates(campaign.nominal, planned.gain_sets)
+    gain_sets = {one.name: one.gains for one in (*candidates, *own)}
     draws = planned.draws if settings.draws is None else settings.draws
-    with cluster(workers, scheduler) as hire:
-        flown = _Flown(campaign, {one.name: one for one in (*candidates, *own)}, settings, draws,
-                       Crew(hire, onlooker))  # fmt: skip
+    early_ends: Counter[str] = Counter()
+    with cluster(workers, scheduler) as start:
+        pool = WorkerPool(start, observer)
+
+        def fly(names: Sequence[str], first: int, end: int) -> Tried | None:
+            plan = plan_campaign(with_gains(campaign, {name: gain_sets[name] for name in names}))
+            each = len(plan.groups)
+            plan, span = plan.with_runs(each * draws), Span(each * first, each * end)
+            doing = f"flying {len(names)} gain sets on draws {first} to {end}"
+            tables: list[pa.Table] = []
+            if not pool.fly_rows(plan, [span], tables.append, doing=doing):
+                return None
+            rows = pa.concat_tables(tables).sort_by("run").to_pandas()
+            early = rows.loc[(rows["status"] != "completed").to_numpy(), ["status", "reason"]]
+            early_ends.update(": ".join(one) for one in early.to_numpy().tolist())
+            return scored(rows, names, settings.metrics)
+
         run = race(
             [one.name for one in candidates],
-            flown.fly,
+            fly,
             draws=draws,
             q=settings.percentile / 100.0,
             least_success=settings.least_success,
-            beside=[one.name for one in own],
+            baselines=[one.name for one in own],
             cycle=planned.cycle,
             seed=campaign.seed,
         )
-    return _choice(run, candidates, own, settings, flown, planned.cycle)
+    if run is None:
+        return RobustChoice(status="interrupted", reason="it was stopped before the first draws")
+    results = {one.name: _judged(one, run, settings, planned.cycle) for one in (*candidates, *own)}
+    best = results[run.best]
+    status, reason = _status(run, best, settings, early_ends)
+    return RobustChoice(
+        status=status,
+        reason=reason,
+        best=best,
+        p_best=run.p_best,
+        loss=run.loss,
+        candidates=tuple(results[one.name] for one in candidates),
+        own=tuple(results[one.name] for one in own),
+        metrics=settings.metrics,
+        percentile=settings.percentile,
+        draws=best.draws,
+        flights=pool.flown,
+    )
 
 
-@dataclass(slots=True, kw_only=False)
-class _Flown:
-    """Flies gain sets by name on draws."""
+def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]:
+    """Gains of the largest R_K for rising I_K, each once.
 
-    campaign: Campaign
-    gains: Mapping[str, Candidate]
-    settings: RobustSettings
-    draws: int
-    crew: Crew
-    ends: Counter[str] = field(default_factory=Counter)
+    Parameters
+    ----------
+    scenario : Scenario
+        Its tuning problem gives the frontier.
+    count : int
+        Points of the frontier.
 
-    def fly(self, names: Sequence[str], first: int, end: int) -> Tried | None:
-        """Scores and success of some gain sets on draws, both of shape (names, draws)."""
-        flown = {name: self.gains[name].gains for name in names}
-        plan = plan_campaign(with_gains(self.campaign, flown), runs=1)
-        each = len(plan.groups)
-        plan = plan.with_runs(each * self.draws)
-        table = self.crew.fly(
-            plan, each * first, each * end,
-            doing=f"flying {len(names)} gain sets on draws {first} to {end}",
-        )  # fmt: skip
-        if table is None:
-            return None
-        rows = table.to_pandas()
-        early = rows.loc[(rows["status"] != "completed").to_numpy()]
-        self.ends.update(
-            f"{status}: {reason}"
-            for status, reason in zip(early["status"], early["reason"], strict=True)
+    Returns
+    -------
+    tuple of Candidate
+        Named ``frontier-1`` and so on, I_K rising; empty where no stable gains lie within the
+        limits of the problem.
+
+    Raises
+    ------
+    InputError
+        If `count` is less than 2.
+    """
+    problem = tuning_problem(scenario)
+    inputs, errors = problem.model.inputs, problem.model.errors
+    found: list[Candidate] = []
+    for row in frontier(problem, points=count).to_dict("records"):
+        K_P, K_I = (
+            np.array(
+                [[row[f"{kind}[{channel},{error}]"] for error in errors] for channel in inputs]
+            )
+            for kind in ("K_P", "K_I")
         )
-        return scored(rows, names, self.settings.metrics)
+        gains = PIGains(K_P=K_P, K_I=K_I)
+        if all(gains != one.gains for one in found):
+            name = f"frontier-{len(found) + 1}"
+            found.append(Candidate(name=name, gains=gains, R_K=row["R_K"], I_K=row["I_K"]))
+    return tuple(found)
 
-    def lost(self) -> str:
-        """How flights most often ended that were not completed, as a sentence."""
-        ended = self.ends.most_common(1)
-        if not ended:
-            return "all were completed, but have no value of the metric"
-        return f"{self.ends.total()} flights were not completed, as {ended[0][0]}"
+
+def own_candidates(
+    scenario: Scenario, gain_sets: Mapping[str, PIGains | None]
+) -> tuple[Candidate, ...]:
+    """The gain sets of a campaign, to be compared with; without those that tuning did not find."""
+    problem = tuning_problem(scenario)
+    found = []
+    for name, gains in gain_sets.items():
+        if gains is not None:
+            one = assessment(problem, gains.K)
+            found.append(Candidate(name=name, gains=gains, R_K=one.R_K, I_K=one.I_K))
+    return tuple(found)
+
+
+def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
+    """The same campaign for other gain sets, with the same draws.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    gains : mapping of str to PIGains
+        By name. Expectations of gain sets that are not among them are left out.
+    """
+    tables = [GainsTable(name=name, **one.as_lists()) for name, one in gains.items()]
+
+    def changed(scenario: Scenario) -> Scenario:
+        expect = [one for one in scenario.expect if one.gains in (None, *gains)]
+        return scenario.model_copy(update={"gains": tables, "expect": expect})
+
+    return campaign.model_copy(
+        update={
+            "gains": tables,
+            "success": [one for one in campaign.success if one.gains in (None, *gains)],
+            # with a bound given no flight is needed to measure one; nobody reads this claim
+            "certificate": CertificateTable(L_d_rad_s2=1.0),
+            "nominal": changed(campaign.nominal),
+            "central": changed(campaign.central),
+        }
+    )
+
+
+def on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
+    """The same campaign on some of its plants.
+
+    Raises
+    ------
+    InputError
+        If it has no such plant.
+    """
+    labels = [plant.label for plant in campaign.nominal.plant]
+    for wanted in plants:
+        if wanted not in labels:
+            raise InputError(f"`plant` must be one of {', '.join(labels)}, got {wanted!r}.")
+
+    def changed(scenario: Scenario) -> Scenario:
+        kept = [plant for plant in scenario.plant if plant.label in plants]
+        expect = [one for one in scenario.expect if one.plant in (None, *plants)]
+        return scenario.model_copy(update={"plant": kept, "expect": expect})
+
+    nominal, central = changed(campaign.nominal), changed(campaign.central)
+    return campaign.model_copy(update={"plant": None, "nominal": nominal, "central": central})
 
 
 def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> Tried:
@@ -162,71 +406,51 @@ def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> 
     return worst, all_good
 
 
-def _choice(
-    run: Race | None,
-    candidates: Sequence[Candidate],
-    own: Sequence[Candidate],
-    settings: RobustSettings,
-    flown: _Flown,
-    cycle: int,
-) -> RobustChoice:
-    if run is None:
-        return RobustChoice(status="interrupted", reason="it was stopped before the first draws")
-    told = {
-        one.name: _judged(one, run, settings.percentile / 100.0, cycle)
-        for one in (*candidates, *own)
-    }
-    best = told[run.best]
-    status, reason = "chosen", ""
+def _status(
+    run: Race, best: Judged, settings: RobustSettings, early_ends: Counter[str]
+) -> tuple[Status, str]:
+    """How the choice ended, and why where nothing is chosen."""
     if not run.finished:
-        status, reason = "interrupted", "it was stopped before all draws had been flown"
-    elif not np.isfinite(best.percentile):
-        status = "too_many_lost"
-        reason = (
+        return "interrupted", "it was stopped before all draws had been flown"
+    if not np.isfinite(best.percentile):
+        ends = "all were completed, but have no value of the metric"
+        for end, _ in early_ends.most_common(1):
+            ends = f"{early_ends.total()} flights were not completed, as {end}"
+        return "too_many_lost", (
             f"flights must be completed on {settings.percentile:g} % of the draws for that "
-            f"percentile, got fewer with every candidate; {flown.lost()}"
+            f"percentile, got fewer with every candidate; {ends}"
         )
-    elif best.success < settings.least_success:
-        status = "too_few_succeed"
-        reason = (
+    if best.success < settings.least_success:
+        count = len(run.wins) + len(run.dropped)
+        return "too_few_succeed", (
             f"the gains must succeed on {settings.least_success:.1%} of the draws, the best of "
-            f"{len(candidates)} candidates does on {best.success:.1%}"
+            f"{count} candidates does on {best.success:.1%}"
         )
-    return RobustChoice(
-        status=status, reason=reason, best=best, p_best=run.p_best, loss=run.loss,
-        candidates=tuple(told[one.name] for one in candidates),
-        own=tuple(told[one.name] for one in own), metrics=settings.metrics,
-        percentile=settings.percentile, draws=best.draws, flights=flown.crew.flights,
-    )  # fmt: skip
+    return "chosen", ""
 
 
-def _judged(one: Candidate, run: Race, q: float, cycle: int) -> Judged:
-    values, good = run.scores[one.name], run.success[one.name]
+def _judged(one: Candidate, run: Race, settings: RobustSettings, cycle: int) -> Judged:
+    """The results of a candidate or baseline, with intervals."""
+    values, q = run.scores[one.name], settings.percentile / 100.0
     clusters = np.arange(len(values)) // cycle
     value = float(ordered_quantile(values, q))
     lo, hi = quantile_interval(values, q, effective=effective_size(values <= value, clusters))
-    success_lo, success_hi = _share(good, clusters)
-    behind = run.differences.get(one.name)
+    success = share(run.success[one.name], clusters)
     dropped = one.name in run.dropped
-    nothing = (np.nan,) * 3
+    above = run.differences.get(one.name, np.array([np.nan]))
+    behind, behind_lo, behind_hi = (float(ordered_quantile(above, p)) for p in (0.5, 0.025, 0.975))
     return Judged(
-        candidate=one, draws=len(values), percentile=value, lo=lo, hi=hi,
-        success=float(np.mean(good)), success_lo=success_lo, success_hi=success_hi,
+        candidate=one,
+        draws=len(values),
+        percentile=value,
+        lo=lo,
+        hi=hi,
+        success=success.value,
+        success_lo=success.lo,
+        success_hi=success.hi,
         p_best=run.dropped[one.name] if dropped else run.wins.get(one.name, np.nan),
         dropped=dropped,
-        **dict(zip(
-            ("behind", "behind_lo", "behind_hi"),
-            nothing if dropped or behind is None else _middle(behind), strict=True,
-        )),
-    )  # fmt: skip
-
-
-def _share(good: npt.NDArray[np.bool_], clusters: npt.NDArray[np.intp]) -> tuple[float, float]:
-    size = effective_size(good, clusters)
-    lo, hi = wilson(np.mean(good) * size, size)
-    return float(lo), float(hi)
-
-
-def _middle(values: FloatArray) -> tuple[float, float, float]:
-    low, middle, high = (float(ordered_quantile(values, q)) for q in (0.025, 0.5, 0.975))
-    return middle, low, high
+        behind=behind,
+        behind_lo=behind_lo,
+        behind_hi=behind_hi,
+    )

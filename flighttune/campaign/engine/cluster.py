@@ -1,49 +1,78 @@
-"""Workers for this process, here or on a cluster: with their tasks, the only importer of dask."""
+"""Workers here or on a cluster, and the tasks they do: the only importer of dask."""
 
 import logging
+import math
 import os
+import queue
 import signal
 import socket
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+import threading
+import time
+import uuid
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib.util import find_spec
 from multiprocessing import resource_tracker
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlsplit
 
-from flighttune.campaign.engine.cluster_tasks import Workers
 from flighttune.errors import CampaignError, InputError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
 LOCAL = {
+    # Samples every thread's stack 100 times a second, for a profile that is never read.
     "distributed.worker.profile.enabled": False,
+    # A worker holds a few kB of rows. Memory is taken by the processes that fly, which dask neither
+    # sees nor can free.
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.monitor-interval": "1s",
+    # A task that loses its worker comes back at once: it is handed out again here, and counted.
     "distributed.scheduler.allowed-failures": 0,
+    # Few tasks wait at a time, each for a worker that is nearly ready for it; moving them costs
+    # more messages than it saves.
     "distributed.scheduler.work-stealing": False,
+    # Looks for copies of results to drop; a result is fetched once and is gone.
     "distributed.scheduler.active-memory-manager.start": False,
+    # Charts of a dashboard that is not opened.
     "distributed.admin.system-monitor.interval": "10s",
+    # Watches for a blocked event loop, and warns; on a loaded machine it is blocked now and then.
     "distributed.admin.tick.interval": "5s",
     "distributed.admin.tick.limit": "60s",
 }
 """Settings of dask for a cluster of our own; those of a cluster elsewhere are its owner's."""
 
-QUIET = ("distributed", "distributed.worker", "distributed.scheduler", "distributed.nanny",
-         "distributed.client", "distributed.core", "tornado.application", "asyncio")  # fmt: skip
-NEEDED = ("dask", "distributed", "fsspec")
+QUIET = (
+    "distributed",
+    "distributed.worker",
+    "distributed.scheduler",
+    "distributed.nanny",
+    "distributed.client",
+    "distributed.core",
+    "tornado.application",
+    "asyncio",
+)
+"""Loggers that report what is an outcome here: lost workers and closed connections."""
+
+NEEDED = ("dask", "distributed")
 INSTALL = "install it with: pip install 'flighttune[cluster]'"
 CONNECT_S = 10.0
+
+STOP_S = 5.0
+"""How long workers may take to stop."""
+
+COUNT_S = 1.0
+"""How old a count of the workers may be."""
 
 
 @contextmanager
 def cluster(
     workers: int | None = None, scheduler: str | None = None
-) -> Iterator[Callable[[], Workers]]:
+) -> Iterator[Callable[[], "Workers"]]:
     """Workers for the block: processes of this machine, or those of a scheduler elsewhere.
 
     Parameters
@@ -56,14 +85,14 @@ def cluster(
     Yields
     ------
     callable
-        Returns the workers, which are there from its first call on.
+        Starts the workers at its first call, and returns them.
 
     Raises
     ------
     InputError
         If dask.distributed is not installed, or the arguments cannot be used.
     CampaignError
-        If nobody answers at the address: from the call.
+        From the call, if no scheduler answers at the address.
     """
     if workers is not None and scheduler is not None:
         raise InputError("`workers` must not be given with `scheduler`, which has its own.")
@@ -74,7 +103,7 @@ def cluster(
         _host_and_port(scheduler)
     with ExitStack() as stack:
 
-        def hire() -> Workers:
+        def start() -> Workers:
             stack.enter_context(_silence())
             if scheduler is None:
                 client = stack.enter_context(_local(workers or cores()))
@@ -82,7 +111,7 @@ def cluster(
                 client = stack.enter_context(_remote(scheduler))
             return Workers(client, ours=scheduler is None)
 
-        yield cache(hire)
+        yield cache(start)
 
 
 def check_installed() -> None:
@@ -114,10 +143,10 @@ def _local(workers: int) -> "Iterator[Client]":
         tempfile.TemporaryDirectory(prefix="flighttune-", ignore_cleanup_errors=True) as folder,
         dask.config.set({**LOCAL, "temporary-directory": folder}),
     ):
-        with _deaf_to_ctrl_c():
+        with _ctrl_c_blocked():
             made = LocalCluster(
                 n_workers=workers,
-                threads_per_worker=1,
+                threads_per_worker=1,  # one flight a core
                 host="127.0.0.1",
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,
@@ -146,17 +175,13 @@ def _remote(scheduler: str) -> "Iterator[Client]":
 
     with dask.config.set({"distributed.comm.timeouts.connect": CONNECT_S}):
         try:
-            _knock(scheduler)
+            # Where no process listens this fails at once; dask tries for as long as it may.
+            socket.create_connection(_host_and_port(scheduler), CONNECT_S).close()
             client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise CampaignError(f"{scheduler}: no scheduler answers there: {error}") from error
         with client:
             yield client
-
-
-def _knock(scheduler: str) -> None:
-    """Raise OSError at once where nobody listens; dask tries for as long as it may take."""
-    socket.create_connection(_host_and_port(scheduler), CONNECT_S).close()
 
 
 def _host_and_port(scheduler: str) -> tuple[str, int]:
@@ -171,15 +196,17 @@ def _host_and_port(scheduler: str) -> tuple[str, int]:
 
 
 @contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Let threads and processes started in the block, and theirs, not be reached by Ctrl-C.
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Let Ctrl-C not reach the threads and processes started in the block, and theirs.
 
-    It is for the main process to end them. They inherit which signals are held back.
+    A terminal sends it to all of them; it is for the main process alone to end them. They inherit
+    which signals are blocked.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # it would let signals through when it is started
+    # Python unblocks SIGINT where it starts this process: started before, it does not.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -200,3 +227,152 @@ def _silence() -> Iterator[None]:
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
+
+
+class Task(NamedTuple):
+    """A call for a worker.
+
+    Attributes
+    ----------
+    about : hashable
+        The run or runs it is about.
+    function : callable
+        Of a module.
+    arguments : tuple
+    """
+
+    about: Hashable
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+
+class Done(NamedTuple):
+    """A task that is over.
+
+    Attributes
+    ----------
+    task : Task
+    value : object
+        What it returned.
+    lost : bool
+        Whether its worker went away before it returned.
+    """
+
+    task: Task
+    value: Any = None
+    lost: bool = False
+
+
+class Workers:
+    """Workers of one cluster, and the tasks they have.
+
+    Attributes
+    ----------
+    ours : bool
+        Whether they are processes of this machine, started for this campaign.
+    """
+
+    def __init__(self, client: "Client", *, ours: bool) -> None:
+        self._client = client
+        self.ours = ours
+        self._threads, self._counted = 0, -math.inf
+        self._tasks: dict[str, tuple[Future, Task]] = {}
+        self._over: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        self._campaign = uuid.uuid4().hex
+
+    @property
+    def waiting(self) -> int:
+        """Tasks that are not over."""
+        return len(self._tasks)
+
+    def threads(self) -> int:
+        """How many tasks can run at a time now, to a second."""
+        if time.monotonic() > self._counted + COUNT_S:
+            with self._connected():
+                workers = self._client.scheduler_info(n_workers=-1)["workers"]
+            self._threads = sum(worker["nthreads"] for worker in workers.values())
+            self._counted = time.monotonic()
+        return self._threads
+
+    def submit(self, task: Task) -> None:
+        """Hand out a task."""
+        where = task.function.__module__, task.function.__name__
+        key = f"flighttune-{self._campaign}-{uuid.uuid4().hex}"
+        with self._connected():
+            future = self._client.submit(_call, *where, *task.arguments, key=key, pure=False)
+            self._tasks[key] = future, task
+            future.add_done_callback(self._over.put)
+
+    def wait(self, seconds: float) -> list[Done]:
+        """Tasks that are over, after at most `seconds`.
+
+        Raises
+        ------
+        CampaignError
+            If the scheduler is gone, or a worker cannot run our tasks.
+        """
+        over: list[Future] = []
+        with suppress(queue.Empty):
+            over.append(self._over.get(timeout=seconds))
+            while True:
+                over.append(self._over.get_nowait())
+        if self._client.status != "running":
+            raise self._gone()
+        return [self._done(future) for future in over if future.key in self._tasks]
+
+    def stop(self, cancel: Callable[[], object]) -> None:
+        """Take back all tasks; workers of this machine call `cancel`, so that their tasks end."""
+
+        def take_back() -> None:
+            with suppress(Exception):  # the workers may be gone
+                self._client.cancel([future for future, _ in self._tasks.values()], force=True)
+                if self.ours:
+                    self._client.run(cancel)
+
+        # in a thread, because either call waits for as long as a scheduler does not answer
+        thread = threading.Thread(target=take_back, daemon=True)
+        thread.start()
+        thread.join(STOP_S)
+        self._tasks.clear()
+
+    def _done(self, future: "Future") -> Done:
+        _, task = self._tasks.pop(str(future.key))
+        with self._connected():
+            if future.status == "finished":
+                return Done(task, future.result())
+            if future.status == "error":
+                error: Any = future.exception()
+                if type(error).__name__ != "KilledWorker":
+                    raise _translated(error) from error
+        return Done(task, lost=True)
+
+    @contextmanager
+    def _connected(self) -> Iterator[None]:
+        from distributed import CancelledError
+
+        if self._client.status != "running":
+            raise self._gone()
+        try:
+            yield
+        except (CancelledError, OSError, TimeoutError) as error:
+            raise self._gone() from error
+
+    def _gone(self) -> CampaignError:
+        where = self._client.scheduler.address if self._client.scheduler else "the scheduler"
+        return CampaignError(f"{where}: the connection to the scheduler is lost")
+
+
+def _call(module: str, name: str, *arguments: Any) -> Any:
+    from importlib import import_module
+
+    return getattr(import_module(module), name)(*arguments)
+
+
+# Sent as code and not by name: a worker that cannot import what it is sent never answers.
+_call.__module__ = "__main__"
+
+
+def _translated(error: BaseException | None) -> CampaignError:
+    if isinstance(error, ModuleNotFoundError):
+        return CampaignError(f"a worker has no `{error.name}`: install flighttune there")
+    return CampaignError(f"a worker failed: {type(error).__name__}: {error}")

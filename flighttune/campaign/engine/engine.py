@@ -1,52 +1,34 @@
 """A plan flown into a folder by the workers of a cluster; what is there already is not flown."""
 
-import json
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Protocol
 
-from flighttune.campaign.dataset.dataset import Dataset
-from flighttune.campaign.dataset.kept import chosen
-from flighttune.campaign.dataset.lock import held
-from flighttune.campaign.dataset.spans import Chunks, Span, missing
-from flighttune.campaign.dataset.storage import Store
-from flighttune.campaign.engine.chunk_rows import chunk_rows
+import numpy as np
+
+from flighttune.campaign.dataset import (
+    CAMPAIGN,
+    RUNS,
+    Dataset,
+    missing,
+    open_dataset,
+    runs_to_keep,
+)
 from flighttune.campaign.engine.cluster import cluster
-from flighttune.campaign.engine.cluster_tasks import Workers
-from flighttune.campaign.engine.dispatch import Task, dispatch
-from flighttune.campaign.engine.looks import looks, widest
-from flighttune.campaign.engine.progress import CampaignOutcome, CampaignProgress, Tally
-from flighttune.campaign.engine.start import counted, started
-from flighttune.campaign.engine.worker import FlownChunk, fly_chunk, fly_signals, stand_down
+from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.progress import CampaignOutcome, NoObserver, Observer, Tally
+from flighttune.campaign.lock import locked
 from flighttune.campaign.planning.plan import Plan
+from flighttune.campaign.statistics.intervals import wilson
+from flighttune.errors import InputError, RecordingError
+from flighttune.flight.fly import library_versions
 
+FIRST_DRAWS = 100
+"""Draws at the first interim analysis."""
 
-class Onlooker(Protocol):
-    """Who looks on while a campaign is flown, and may stop it."""
-
-    @property
-    def stopped(self) -> bool:
-        """Whether to stop; what has been flown stays."""
-        ...
-
-    def see(self, progress: CampaignProgress) -> None:
-        """How far the campaign is."""
-        ...
-
-    def hear(self, sentence: str) -> None:
-        """Something out of the ordinary."""
-        ...
-
-
-class _Nobody:
-    stopped = False
-
-    def see(self, progress: CampaignProgress) -> None:
-        """Look away."""
-
-    def hear(self, sentence: str) -> None:
-        """Look away."""
+GROWTH = 1.25
+"""Runs at an interim analysis over those at the one before."""
 
 
 def run_campaign(
@@ -57,7 +39,7 @@ def run_campaign(
     scheduler: str | None = None,
     resume: bool = False,
     until_halfwidth: float | None = None,
-    onlooker: Onlooker | None = None,
+    observer: Observer | None = None,
 ) -> CampaignOutcome:
     """Fly a campaign, or what is missing of it.
 
@@ -66,7 +48,7 @@ def run_campaign(
     plan : Plan
         What to fly.
     out : str or Path
-        Folder of the rows: a local one, or any URL that fsspec knows. Only this process writes.
+        Folder of the rows. Only this process writes.
     workers : int, optional
         Processes on this machine; by default one a core.
     scheduler : str, optional
@@ -74,8 +56,8 @@ def run_campaign(
     resume : bool
         Fly on with the campaign in `out`, if there is one.
     until_halfwidth : float, optional, 1
-        Stop as soon as the 95 % interval of every group's rate of success is that narrow.
-    onlooker : Onlooker, optional
+        Stop as soon as the 95 % interval of every group's success rate is that narrow.
+    observer : Observer, optional
         Told how far the campaign is; may stop it.
 
     Returns
@@ -93,144 +75,154 @@ def run_campaign(
         If the cluster is gone. What is there is whole.
     """
     began = time.perf_counter()
-    onlooker = onlooker or _Nobody()
-    looked = list(looks(plan, until_halfwidth))
-    halfwidth = None
-    with cluster(workers, scheduler) as hire, held(store := Store(out)):
-        dataset = started(store, plan, resume=resume)
+    observer = observer or NoObserver()
+    interim = list(interim_analyses(plan, until_halfwidth))
+    halfwidth, done = None, True
+    with cluster(workers, scheduler) as start, locked(Path(out)):
+        dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
-        flight = _Flight(dataset, counted(dataset, onlooker.hear), hire, onlooker)
-        done = True
-        for runs in looked:
-            done = flight.fly(runs)
+        tally = _counted(dataset, observer.hear)
+        plan, pool = dataset.plan, WorkerPool(start, observer)
+        for runs in interim:
+            gaps = missing(dataset.spans, runs)
+            done = pool.fly_rows(plan, gaps, dataset.write_part, tally=tally)
             if not done or until_halfwidth is None:
                 break
-            halfwidth = widest(dataset, runs)
+            halfwidth = _widest(dataset, runs)
             if halfwidth <= until_halfwidth:
                 break
-        done = done and flight.keep()
+        done = done and _keep_signals(dataset, pool, tally)
         dataset.clean()
-    return flight.outcome(time.perf_counter() - began, halfwidth, interrupted=not done)
+    wall = time.perf_counter() - began
+    return CampaignOutcome(
+        dataset=str(out),
+        planned=plan.runs,
+        runs=tally.runs,
+        completed=tally.completed,
+        failed=tally.failed,
+        crashed=tally.crashed,
+        succeeded=tally.succeeded,
+        statuses=dict(sorted(tally.statuses.items())),
+        flown=pool.flown,
+        kept=len(dataset.kept),
+        wall_s=wall,
+        rate_per_s=pool.flown / wall,
+        halfwidth=halfwidth,
+        interrupted=not done,
+    )
 
 
-class _Flight:
-    """A campaign in flight: its rows so far, and the workers once they are needed."""
+def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:
+    """Numbers of runs at the interim analyses of the success rates; the last is all.
 
-    def __init__(
-        self,
-        dataset: Dataset,
-        tally: Tally,
-        hire: Callable[[], Workers],
-        onlooker: Onlooker,
-    ) -> None:
-        self._dataset, self._tally = dataset, tally
-        self._hire, self._onlooker = hire, onlooker
-        self._before = tally.runs
-        self._text = json.dumps(dataset.plan.as_dict())
-        self._limit = dataset.plan.campaign.time_limit_s
-        self._flying_since: float | None = None
+    They depend on the plan alone, so that a campaign stops at the same run whoever flies it.
 
-    def fly(self, runs: int) -> bool:
-        """Fly what is missing of the first `runs`; return whether all of it was."""
-        plan = self._dataset.plan
-        chunks = Chunks(missing(self._dataset.spans, runs), draw=len(plan.groups))
-        fixed = (self._text, self._dataset.versions)
+    Parameters
+    ----------
+    plan : Plan
+        What is flown.
+    halfwidth : float or None, 1
+        The half width asked for; None to fly everything without an interim analysis.
 
-        def take(threads: int) -> Task | None:
-            span = chunks.take(threads)
-            return span and Task(span, fly_chunk, (*fixed, *span, self._limit))
+    Raises
+    ------
+    InputError
+        If it is not between 0 and 0.5.
+    """
+    if halfwidth is None:
+        yield plan.runs
+        return
+    if not 0.0 < halfwidth < 0.5:
+        raise InputError(f"`until_halfwidth` must lie between 0 and 0.5, got {halfwidth}.")
+    cycle = plan.cycle * len(plan.groups)
+    at = FIRST_DRAWS * len(plan.groups)
+    while (whole := math.ceil(at / cycle) * cycle) < plan.runs:
+        yield whole
+        at = max(whole + 1, round(whole * GROWTH))
+    yield plan.runs
 
-        def over(span: Span, found: dict[str, Any]) -> None:
-            chunk = FlownChunk(**found)
-            rows = chunk_rows(self._dataset.plan, span, chunk)
-            self._dataset.write_part(rows)
-            self._tally.add(rows)
-            if not chunk.fallen:
-                chunks.learn(span, chunk.seconds)
 
-        return not chunks.left or self._dispatch(take, over, "flying", runs)
+def _widest(dataset: Dataset, runs: int) -> float:
+    """Largest half width of Wilson's interval of a group's success rate in the first `runs`."""
+    groups = len(dataset.plan.groups)
+    n, successes = np.zeros(groups), np.zeros(groups)
+    for rows in dataset.tables(["success"]):
+        run = rows.column("run").to_numpy()
+        success = rows.column("success").fill_null(False).to_numpy()[run < runs]
+        group = run[run < runs] % groups
+        n += np.bincount(group, minlength=groups)
+        successes += np.bincount(group, weights=success, minlength=groups)
+    low, high = wilson(successes, n)
+    return float(np.max(high - low) / 2.0)
 
-    def keep(self) -> bool:
-        """Keep the signals that the rows ask for; return whether all were."""
-        wanted = chosen(self._dataset)
-        there = self._dataset.kept
-        for run in set(there) - set(wanted):
-            self._dataset.remove_signals(run)
-        left = sorted(set(wanted) - set(there), reverse=True)
 
-        def take(_threads: int) -> Task | None:
-            if not left:
-                return None
-            run = left.pop()
-            return Task(run, fly_signals, (self._text, run, self._limit))
+def _keep_signals(dataset: Dataset, pool: WorkerPool, tally: Tally) -> bool:
+    """Keep the signals that the rows ask for; return whether all were."""
+    wanted, present = set(runs_to_keep(dataset)), set(dataset.kept)
+    for run in present - wanted:
+        dataset.remove_signals(run)
+    return pool.fly_signals(
+        dataset.plan, sorted(wanted - present), dataset.write_signals, tally=tally
+    )
 
-        def over(run: int, signals: bytes) -> None:
-            if signals:
-                self._dataset.write_signals(run, signals)
-            else:
-                self._onlooker.hear(f"run {run}: did not end when it was flown for its signals.")
 
-        return not left or self._dispatch(take, over, "keeping signals", self._tally.runs)
+def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
+    """The folder of a campaign with its ``campaign.json``, new or to be resumed.
 
-    def outcome(
-        self, wall: float, halfwidth: float | None, *, interrupted: bool
-    ) -> CampaignOutcome:
-        """What is there now."""
-        tally = self._tally
-        flown = tally.runs - self._before
-        return CampaignOutcome(
-            dataset=self._dataset.url,
-            planned=self._dataset.plan.runs,
-            runs=tally.runs,
-            completed=tally.completed,
-            failed=tally.failed,
-            crashed=tally.crashed,
-            succeeded=tally.succeeded,
-            statuses=dict(sorted(tally.statuses.items())),
-            flown=flown,
-            kept=len(self._dataset.kept),
-            wall_s=wall,
-            rate_per_s=flown / wall,
-            halfwidth=halfwidth,
-            interrupted=interrupted,
+    Raises
+    ------
+    InputError
+        If there is a campaign and it is not to be resumed, or cannot: it is another one, was flown
+        with other libraries, or cannot be made longer.
+    """
+    folder, versions = Path(out), library_versions()
+    if not (folder / CAMPAIGN).exists():
+        if (folder / RUNS).is_dir() and any((folder / RUNS).iterdir()):
+            raise InputError(f"{out}: must be empty, got {RUNS}/ without {CAMPAIGN}.")
+        dataset = Dataset(out, plan, versions)
+        dataset.write_plan()
+        return dataset
+    found = open_dataset(out)
+    if not resume:
+        raise InputError(
+            f"{out}: must not hold a campaign, got one of {found.plan.runs} runs; go on with "
+            "it by --resume, or give another --out."
         )
-
-    def _dispatch(
-        self,
-        take: Callable[[int], Task | None],
-        over: Callable[..., None],
-        doing: str,
-        runs: int,
-    ) -> bool:
-        if self._flying_since is None:
-            self._see("starting", runs, 0, 0)
-        workers = self._hire()
-        self._flying_since = self._flying_since or time.perf_counter()
-        all_done = dispatch(
-            workers,
-            take,
-            over,
-            look=lambda waiting, threads: self._see(doing, runs, waiting, threads),
-            stopped=lambda: self._onlooker.stopped,
+    plan = plan.with_gains_of(found.plan)
+    changed = found.plan.with_runs(plan.runs).differences(plan)
+    if changed:
+        raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
+    other = [
+        f"{name}: was {was}, is {versions.get(name)}"
+        for name, was in found.versions.items()
+        if versions.get(name) != was
+    ]
+    if other:
+        raise InputError(
+            f"{out}: was flown with other libraries, rows of these would not be the same: "
+            f"{'; '.join(other)}."
         )
-        if not all_done:
-            workers.stop(stand_down)
-        return all_done
-
-    def _see(self, doing: str, runs: int, waiting: int, threads: int) -> None:
-        since, tally = self._flying_since, self._tally
-        flown = tally.runs - self._before
-        rate = flown / (time.perf_counter() - since) if since is not None and flown else 0.0
-        self._onlooker.see(
-            CampaignProgress(
-                doing=doing,
-                done=tally.runs,
-                runs=runs,
-                failed=tally.failed,
-                crashed=tally.crashed,
-                waiting=waiting,
-                workers=threads,
-                rate_per_s=rate,
-                left_s=(runs - tally.runs) / rate if rate else None,
-            )
+    was, now = found.plan.runs, plan.runs
+    if now < was:
+        raise InputError(f"{out}: `runs` of a campaign can only grow, was {was}, is {now}.")
+    if now > was and not plan.extendable:
+        raise InputError(
+            f"{out}: `runs` must stay {was}, got {now}: the draws of a "
+            f"{plan.campaign.design} design depend on their number."
         )
+    if now > was:
+        found = Dataset(out, plan, versions)
+        found.write_plan()
+    return found
+
+
+def _counted(dataset: Dataset, hear: Callable[[str], None]) -> Tally:
+    """Count what is there. Damaged files are removed, and their runs are missing then."""
+    tally = Tally()
+    for span in dataset.spans:
+        try:
+            tally.add(dataset.read_part(span))
+        except RecordingError as error:
+            hear(f"{error} Its runs are flown again.")
+            dataset.remove_part(span)
+    return tally

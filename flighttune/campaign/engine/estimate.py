@@ -4,13 +4,13 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import pyarrow as pa
 
-from flighttune.campaign.dataset.dataset import parquet_bytes
-from flighttune.campaign.engine.flyer_process import Fallen, Flown, FlyerProcess
+from flighttune.campaign.dataset import parquet_bytes
+from flighttune.campaign.engine.flyer import CrashedRun, Flyer, FlyerAnswer
 from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.errors import CampaignError
 
 ENOUGH_S = 1.0
 """Flights are timed until a chunk of them takes this long."""
@@ -20,7 +20,7 @@ MORE = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """Time and room that a campaign will take.
+    """Time and space that a campaign will take.
 
     Attributes
     ----------
@@ -31,11 +31,9 @@ class Estimate:
     core_s : float, s
         Time of all runs on one core.
     rows_bytes : int
-        Room of all rows.
+        Space of all rows.
     signals_bytes : int
-        Room of the signals kept, at the most.
-    fallen : str
-        Why the first runs could not be timed; empty where they could.
+        Space of the signals kept, at the most.
     """
 
     timed: int
@@ -43,7 +41,6 @@ class Estimate:
     core_s: float
     rows_bytes: int
     signals_bytes: int
-    fallen: str = ""
 
     def wall_s(self, workers: int) -> float:
         """Wall time of all runs with so many workers, s."""
@@ -61,17 +58,24 @@ def estimate(plan: Plan) -> Estimate:
     Returns
     -------
     Estimate
-        By the largest chunk that was flown: many flights of the law together take less time each.
+        By the largest chunk that was flown: many kinematic flights together take less time each.
+
+    Raises
+    ------
+    CampaignError
+        If one of these runs crashes: they cannot be timed.
     """
-    flyer, text = FlyerProcess(), json.dumps(plan.as_dict())
+    flyer, text = Flyer(), json.dumps(plan.as_dict())
     limit = plan.campaign.time_limit_s
     try:
         size, began = len(plan.groups), time.perf_counter()
         while True:
             size = min(size, plan.runs)
             found = flyer.rows(text, 0, size, limit)
-            if isinstance(found, Fallen):
-                return _unknown(found)
+            if isinstance(found, CrashedRun):
+                raise CampaignError(
+                    f"the first flights cannot be timed: run {found.run}: {found.reason}"
+                )
             spent = time.perf_counter() - began
             if size == plan.runs or found.seconds * MORE > ENOUGH_S or spent > 2.0 * ENOUGH_S:
                 break
@@ -80,28 +84,13 @@ def estimate(plan: Plan) -> Estimate:
     finally:
         flyer.close()
     rows = pa.ipc.open_stream(found.data).read_all()
-    a_run = len(parquet_bytes(rows)) / size
-    kept = plan.campaign.keep
-    wanted = min(plan.runs, kept.failures + kept.worst + kept.sample)
+    keep = plan.campaign.keep
+    kept = min(plan.runs, keep.failures + keep.worst + keep.sample)
+    by_group = rows.group_by(["plant", "gains"]).aggregate([("wall_s", "mean")]).to_pylist()
     return Estimate(
         timed=size,
-        group_s=_by_group(plan, rows),
+        group_s={Group(one["plant"], one["gains"]): one["wall_s_mean"] for one in by_group},
         core_s=found.seconds / size * plan.runs,
-        rows_bytes=round(a_run * plan.runs),
-        signals_bytes=len(signals.data) * wanted if isinstance(signals, Flown) else 0,
+        rows_bytes=round(len(parquet_bytes(rows)) / size * plan.runs),
+        signals_bytes=len(signals.data) * kept if isinstance(signals, FlyerAnswer) else 0,
     )
-
-
-def _by_group(plan: Plan, rows: pa.Table) -> dict[Group, float]:
-    taken: dict[Group, list[float]] = {group: [] for group in plan.groups}
-    columns: list[list[Any]] = [rows.column(n).to_pylist() for n in ("plant", "gains", "wall_s")]
-    for plant, gains, wall in zip(*columns, strict=True):
-        taken[Group(plant, gains)].append(wall)
-    return {group: sum(walls) / len(walls) for group, walls in taken.items() if walls}
-
-
-def _unknown(found: Fallen) -> Estimate:
-    return Estimate(
-        timed=0, group_s={}, core_s=float("nan"), rows_bytes=0, signals_bytes=0,
-        fallen=f"run {found.run}: {found.reason}",
-    )  # fmt: skip

@@ -1,138 +1,323 @@
-"""The process that flies: runs in, rows out. What a run does to it, it does to nobody else.
+"""Subprocess that flies runs, so that a crash inside JSBSim costs one process and not a worker.
 
-It is started by `FlyerProcess`, reads requests from its standard input and writes messages to its
-standard output: a byte that says what it is, a run (8 bytes), a length (8 bytes) and the payload.
+`Flyer` is the side of the worker: it starts ``python -m flighttune.campaign.engine.flyer``, watches
+it, and replaces it when it ends. Requests go to its standard input, messages come back from its
+standard output: pickled dicts there, pickled tuples of a kind, a run and a payload here.
 """
 
 import json
 import os
+import pickle
 import queue
 import signal
-import struct
+import subprocess
 import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+from flighttune.errors import FlightTuneError, PlantError
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from flighttune.campaign.planning.plan import Plan
 
-HEADER = struct.Struct("<cqq")
-READY, BEGINS, ROWS, SIGNALS, RAISED, UNFIT = b"v", b"b", b"r", b"s", b"e", b"u"
+START_S = 120.0
+"""Longest time a process may take to start, and to load and compile what a plan needs."""
+
+EXIT_S = 10.0
+"""Longest time a process may take to exit after its output has closed."""
+
 ORPHAN_LIMITS = 2.0
-"""After this many time limits the process ends by itself: its parent, which ends it at the first,
-is gone."""
+"""After this many time limits of a run the process ends itself. Its parent ends it after one; a
+process that is still there has no parent any more."""
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+Message: TypeAlias = tuple[str, int, Any]
+"""Kind, run (-1 where it is about none) and payload."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlyerAnswer:
+    """Rows of a range of runs (an Arrow stream) or the recording of one, and how long it took."""
+
+    data: bytes
+    seconds: float
+
+
+class CrashedRun(NamedTuple):
+    """A run that ended the process that flew it, or took too long.
+
+    Attributes
+    ----------
+    run : int
+        The run that had begun last; -1 where none had.
+    status : str
+        ``crashed`` or ``timed_out``.
+    reason : str
+        A sentence.
+    """
+
+    run: int
+    status: str
+    reason: str
 
 
 class Flyer:
-    """Flies what it is asked for.
+    """A process that flies for this one; a new one is started after each crash."""
 
-    Parameters
-    ----------
-    out : binary file
-        Where messages go.
-    """
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._cancelled = False
+        self.versions: dict[str, str] = {}
 
-    def __init__(self, out: BinaryIO) -> None:
+    def start(self) -> None:
+        """Start the process, if there is none.
+
+        Raises
+        ------
+        PlantError
+            If it does not come up.
+        """
+        if self._process is not None:
+            return
+        if self._cancelled:
+            raise PlantError("the flights of this worker have been cancelled.")
+        self._messages = queue.SimpleQueue()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "flighttune.campaign.engine.flyer"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **dict.fromkeys(THREADS, "1")},
+        )
+        assert self._process.stdout is not None
+        reader = threading.Thread(
+            target=_read_messages, args=(self._process.stdout, self._messages), daemon=True
+        )
+        reader.start()
+        kind, _, payload = self._next(START_S)
+        if kind != "ready":
+            how = self._exit() if kind == "ended" else "nothing in time"
+            self.close()
+            raise PlantError(f"the process that flies must start, got: {how}.")
+        self.versions = payload
+
+    def rows(self, plan: str, first: int, end: int, limit: float) -> FlyerAnswer | CrashedRun:
+        """Fly the runs `first` to `end` of a plan (its JSON), none longer than `limit` (s).
+
+        Raises
+        ------
+        PlantError
+            If the process does not come up, or has not the files that the plan was made with.
+        """
+        return self._ask({"plan": plan, "first": first, "end": end, "limit": limit}, limit)
+
+    def signals(self, plan: str, run: int, limit: float) -> FlyerAnswer | CrashedRun:
+        """Fly a run of a plan (its JSON) for its signals, not longer than `limit` (s)."""
+        return self._ask({"plan": plan, "signals": run, "limit": limit}, limit)
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            with suppress(OSError):
+                self._process.kill()
+            self._process.wait()
+            if self._process.stdin is not None:
+                with suppress(OSError):
+                    self._process.stdin.close()
+            self._process = None
+
+    def cancel(self) -> None:
+        """End the process for good, from any thread; the flight in progress counts as crashed."""
+        self._cancelled = True
+        process = self._process
+        if process is not None:
+            with suppress(OSError):
+                process.kill()
+
+    def _ask(self, request: dict[str, Any], limit: float) -> FlyerAnswer | CrashedRun:
+        self.start()
+        assert self._process is not None
+        assert self._process.stdin is not None
+        with suppress(OSError):  # the process has ended already: the answer says so
+            pickle.dump(request, self._process.stdin)
+            self._process.stdin.flush()
+        run, seconds = -1, START_S
+        while True:
+            kind, about, payload = self._next(seconds)
+            match kind:
+                case "begins":
+                    run, seconds = about, limit
+                case "done":
+                    return FlyerAnswer(*payload)
+                case "raised":
+                    return CrashedRun(run, "crashed", payload)
+                case "unfit":
+                    raise PlantError(payload)
+                case "silent":
+                    self.close()
+                    reason = f"the flight must end within {seconds:g} s of wall time"
+                    return CrashedRun(run, "timed_out", reason)
+                case _:
+                    reason = f"the flight ended the process that flew it: {self._exit()}"
+                    return CrashedRun(run, "crashed", reason)
+
+    def _next(self, seconds: float) -> Message:
+        try:
+            return self._messages.get(timeout=seconds)
+        except queue.Empty:
+            return "silent", -1, None
+
+    def _exit(self) -> str:
+        """How the process ended; there is none afterwards."""
+        assert self._process is not None
+        try:
+            code = self._process.wait(EXIT_S)
+        except subprocess.TimeoutExpired:
+            return "its output closed"
+        finally:
+            self.close()
+        if code >= 0:
+            return f"exit status {code}"
+        with suppress(ValueError):
+            return signal.Signals(-code).name
+        return f"signal {-code}"
+
+
+def _read_messages(stream: IO[bytes], messages: "queue.SimpleQueue[Message]") -> None:
+    """Take messages off a stream until it ends, in the middle of one where the process crashed."""
+    with stream, suppress(EOFError, pickle.UnpicklingError):
+        while True:
+            messages.put(pickle.load(stream))
+    messages.put(("ended", -1, None))
+
+
+class _Server:
+    """The side of the subprocess: answers requests, one after another."""
+
+    def __init__(self, out: IO[bytes]) -> None:
         self._out = out
-        self._text, self._plan = "", None
+        self._text = ""
+        self._plan: Plan | None = None
 
-    def tell(self, kind: bytes, run: int = -1, payload: bytes = b"") -> None:
+    def send(self, kind: str, run: int = -1, payload: Any = None) -> None:
         """Send one message."""
-        self._out.write(HEADER.pack(kind, run, len(payload)) + payload)
+        pickle.dump((kind, run, payload), self._out)
         self._out.flush()
 
-    def serve(self, request: dict[str, Any]) -> None:
+    def answer(self, request: dict[str, Any]) -> None:
         """Answer one request: rows of a range of runs, or the signals of one run."""
-        limit = request["limit"]
-        plan = self._planned(request["plan"])
-        if isinstance(plan, str):
-            self.tell(UNFIT, payload=plan.encode())
-            return
 
         def begins(run: int) -> None:
-            _end_after(ORPHAN_LIMITS * limit)
-            self.tell(BEGINS, run)
+            _exit_after(ORPHAN_LIMITS * request["limit"])
+            self.send("begins", run)
 
         try:
-            if "signals" in request:
-                begins(request["signals"])
-                self.tell(SIGNALS, request["signals"], _signals(plan, request["signals"]))
-            else:
-                self._rows(plan, request["first"], request["end"], begins)
+            plan = self._planned(request["plan"])
+        except FlightTuneError as error:
+            self.send("unfit", payload=str(error))
+            return
+        try:
+            self.send("done", payload=_flown(plan, request, begins))
         except Exception as error:  # whatever a run does, it is the outcome of that run
-            self.tell(RAISED, payload=f"{type(error).__name__}: {error}".encode())
+            self.send("raised", payload=f"{type(error).__name__}: {error}")
         finally:
-            _end_after(0.0)
+            _exit_after(0.0)
 
-    def _rows(self, plan: "Plan", first: int, end: int, begins: Any) -> None:
-        import pyarrow as pa
+    def _planned(self, text: str) -> "Plan":
+        """The plan, ready to fly.
 
-        from flighttune.campaign.flying.rows import fly_runs
-
-        started = time.perf_counter()
-        rows = fly_runs(plan, range(first, end), begins=begins)
-        sink = pa.BufferOutputStream()
-        with pa.ipc.new_stream(sink, rows.schema) as stream:
-            stream.write_table(rows)
-        took = struct.pack("<d", time.perf_counter() - started)
-        self.tell(ROWS, first, took + sink.getvalue().to_pybytes())
-
-    def _planned(self, text: str) -> "Plan | str":
-        """The plan, ready to fly; or why rows flown here would not be those of the campaign."""
+        Raises
+        ------
+        FlightTuneError
+            If rows flown here would not be those of the campaign.
+        """
         if self._plan is None or text != self._text:
-            from flighttune.campaign.flying.warm_up import warm_up
-            from flighttune.campaign.planning.make import files_hash
-            from flighttune.campaign.planning.plan import plan_from
-            from flighttune.errors import FlightTuneError
+            from flighttune.campaign.flying.rows import warm_up
+            from flighttune.campaign.planning.plan import files_hash, plan_from
 
-            try:
-                plan = plan_from(json.loads(text))
-                for name, was in plan.aircraft.items():
-                    if files_hash(name) != was:
-                        return f"the files of aircraft {name} must be those it was planned with"
-            except FlightTuneError as error:
-                return str(error)
+            plan = plan_from(json.loads(text))
+            for name, was in plan.aircraft.items():
+                if files_hash(name) != was:
+                    raise PlantError(
+                        f"the files of aircraft {name} must be those it was planned with"
+                    )
             warm_up(plan)
             self._text, self._plan = text, plan
         return self._plan
 
 
-def _signals(plan: "Plan", run: int) -> bytes:
+def _flown(
+    plan: "Plan", request: dict[str, Any], begins: Callable[[int], None]
+) -> tuple[bytes, float]:
+    """What a request asks for and how long it took, s."""
+    from flighttune.campaign.flying.refly import fly_run
+    from flighttune.campaign.flying.rows import fly_runs
+
+    started = time.perf_counter()
+    if "signals" in request:
+        begins(request["signals"])
+        data = _recording(fly_run(plan, request["signals"]))
+    else:
+        runs = range(request["first"], request["end"])
+        data = _arrow_stream(fly_runs(plan, runs, begins=begins))
+    return data, time.perf_counter() - started
+
+
+def _arrow_stream(rows: "pa.Table") -> bytes:
+    import pyarrow as pa
+
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, rows.schema) as stream:
+        stream.write_table(rows)
+    return sink.getvalue().to_pybytes()
+
+
+def _recording(run: Any) -> bytes:
     """The recording of a run, as `write_run` writes it."""
-    from flighttune.campaign.flying.rows import fly_run
     from flighttune.recording.parquet import write_run
 
     with tempfile.TemporaryDirectory(prefix="flighttune-") as folder:
         path = Path(folder) / "run.parquet"
-        write_run(fly_run(plan, run), path)
+        write_run(run, path)
         return path.read_bytes()
 
 
-def _end_after(seconds: float) -> None:
-    """End this process after `seconds` whatever it does then, also inside JSBSim; 0: do not."""
+def _exit_after(seconds: float) -> None:
+    """End this process after `seconds`; 0: do not.
+
+    The system does it, by a signal without a handler: a thread of Python could not, while JSBSim
+    computes and does not release the interpreter.
+    """
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
-def _leave_no_core() -> None:
-    """Let no image of this process be written to the working folder when a flight ends it."""
+def _leave_no_core_file() -> None:
+    """Let a crash not write an image of this process to the working folder."""
     with suppress(ImportError, ValueError, OSError):
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _requests(source: BinaryIO) -> "queue.SimpleQueue[dict[str, Any]]":
-    """Requests as they come; at their end, or when the parent is gone, the process ends."""
+def _requests(source: IO[bytes]) -> "queue.SimpleQueue[dict[str, Any]]":
+    """Requests as they come; when the parent is gone they end, and so does the process."""
     waiting: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
 
     def read() -> None:
-        for line in source:
-            waiting.put(json.loads(line))
+        with suppress(EOFError, pickle.UnpicklingError):
+            while True:
+                waiting.put(pickle.load(source))
         os._exit(0)
 
     threading.Thread(target=read, daemon=True).start()
@@ -140,17 +325,19 @@ def _requests(source: BinaryIO) -> "queue.SimpleQueue[dict[str, Any]]":
 
 
 def main() -> None:
-    """Serve until standard input ends. Nothing but messages gets to standard output."""
-    _leave_no_core()
+    """Serve until standard input ends."""
+    _leave_no_core_file()
+    # Messages have a descriptor of their own. What JSBSim prints to 1 goes to standard error: in
+    # the middle of a message it would destroy it.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     waiting = _requests(sys.stdin.buffer)
-    from flighttune.one_flight import library_versions
+    from flighttune.flight.fly import library_versions
 
-    flyer = Flyer(out)
-    flyer.tell(READY, payload=json.dumps(library_versions()).encode())
+    server = _Server(out)
+    server.send("ready", payload=library_versions())
     while True:
-        flyer.serve(waiting.get())
+        server.answer(waiting.get())
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""How far a campaign is, and what came of it."""
+"""Progress and outcome of a campaign, and the observer that is informed of them."""
 
 from collections import Counter
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol
 
 import pyarrow as pa
 
@@ -26,12 +26,12 @@ class Tally:
 
     @property
     def completed(self) -> int:
-        """Those flown to their end."""
+        """Runs flown to their end."""
         return self.statuses["completed"]
 
     @property
     def crashed(self) -> int:
-        """Those that ended the process that flew them."""
+        """Runs that ended the process that flew them."""
         return self.statuses["crashed"]
 
     @property
@@ -55,9 +55,9 @@ class CampaignProgress:
     waiting : int
         Tasks handed out and not over.
     workers : int
-        Tasks that can run at a time; 0 while nobody is there.
+        Tasks that can run at a time; 0 while there is no worker.
     rate_per_s : float, 1/s
-        Runs a second since flying began; 0 before the first.
+        Runs a second since the workers are there; 0 before the first.
     left_s : float or None, s
         Time left at this rate; None while it is not known.
     """
@@ -73,14 +73,43 @@ class CampaignProgress:
     left_s: float | None = None
 
 
+class Observer(Protocol):
+    """Receives the progress of a campaign, and may stop it."""
+
+    @property
+    def stopped(self) -> bool:
+        """Whether to stop; what has been flown stays."""
+        ...
+
+    def see(self, progress: CampaignProgress) -> None:
+        """How far the campaign is."""
+        ...
+
+    def hear(self, sentence: str) -> None:
+        """Something out of the ordinary."""
+        ...
+
+
+class NoObserver:
+    """An observer that does nothing."""
+
+    stopped = False
+
+    def see(self, progress: CampaignProgress) -> None:
+        """Do nothing."""
+
+    def hear(self, sentence: str) -> None:
+        """Do nothing."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignOutcome:
-    """What is there after a campaign was flown, or flown on.
+    """What is there after a campaign was flown or resumed.
 
     Attributes
     ----------
     dataset : str
-        Path or URL of the folder, as it was given.
+        Its folder, as it was given.
     planned : int
         Runs of the plan.
     runs : int
@@ -96,7 +125,7 @@ class CampaignOutcome:
     statuses : mapping of str to int
         How many there are of each status.
     flown : int
-        Rows that came to be this time.
+        Rows that were flown this time.
     kept : int
         Runs whose signals are kept.
     wall_s : float, s
@@ -104,8 +133,7 @@ class CampaignOutcome:
     rate_per_s : float, 1/s
         ``flown / wall_s``.
     halfwidth : float or None, 1
-        Largest half width of the 95 % interval of a group's rate of success, where one was asked
-        for.
+        Largest half width of the 95 % interval of a group's success rate, where one was asked for.
     interrupted : bool
         Whether it was stopped before its end.
     """
@@ -127,4 +155,4 @@ class CampaignOutcome:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
-        return {name: getattr(self, name) for name in self.__slots__}
+        return {one.name: getattr(self, one.name) for one in fields(self)}

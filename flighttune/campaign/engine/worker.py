@@ -1,99 +1,45 @@
-"""What a worker of the cluster runs: a chunk of flights, flown by a process of its own.
+"""What a worker of the cluster does: a chunk of runs, flown by a subprocess of its own.
 
-A worker never flies itself. A flight that ends its process, or does not end, therefore costs a
+A worker never flies itself. A run that crashes its process, or does not end, therefore costs a
 process that is replaced in a second, and the worker knows which run it was.
 """
 
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
-from flighttune.campaign.engine.flyer_process import Fallen, Flown, FlyerProcess
+from flighttune.campaign.engine.flyer import CrashedRun, Flyer, FlyerAnswer
 from flighttune.errors import PlantError
 
 _OF_THREAD = threading.local()
-_FLYERS: list[FlyerProcess] = []
+_FLYERS: list[Flyer] = []
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class FlownChunk:
-    """What came of a chunk of runs; a worker returns its attributes as a dict.
+    """What came of a chunk of runs.
 
     Attributes
     ----------
-    tables : tuple of bytes
-        Rows as Arrow streams, in order of `run`.
-    fallen : tuple of (int, str, str)
-        Run, status and reason of those that have no rows because nobody could finish them.
+    tables : list of bytes
+        Rows as Arrow streams.
+    crashed : list of CrashedRun
+        Those that have no rows.
     seconds : float, s
         Time the flights took.
     refused : str
         Why this worker cannot fly for the campaign; empty where it can.
     """
 
-    tables: tuple[bytes, ...] = ()
-    fallen: tuple[tuple[int, str, str], ...] = ()
+    tables: list[bytes] = field(default_factory=list)
+    crashed: list[CrashedRun] = field(default_factory=list)
     seconds: float = 0.0
     refused: str = ""
 
 
-@dataclass(slots=True)
-class _Chunk:
-    flyer: FlyerProcess
-    plan: str
-    limit: float
-    tables: list[bytes] = field(default_factory=list)
-    fallen: list[tuple[int, str, str]] = field(default_factory=list)
-    seconds: float = 0.0
-
-    def fly(self, first: int, end: int) -> None:
-        """Fly the runs `first` to `end`; where they end the process, find out which one it is."""
-        if first == end:
-            return
-        if end - first == 1:
-            self._fly_alone(first, fell=0)
-            return
-        found = self._try(first, end)
-        if found is None:
-            return
-        suspect = found.run if first <= found.run < end else first
-        self.fly(first, suspect)
-        if self._fly_alone(suspect, fell=1):
-            self.fly(suspect + 1, end)
-        else:  # it was another one of those that had begun together
-            middle = (suspect + 1 + end) // 2
-            self.fly(suspect + 1, middle)
-            self.fly(middle, end)
-
-    def _fly_alone(self, run: int, *, fell: int) -> bool:
-        """Fly one run that `fell` so often; return whether it falls.
-
-        It does where its process ends a second time: once that can have been by another hand.
-        """
-        found = self._try(run, run + 1)
-        if found is not None and found.status == "crashed" and not fell:
-            found = self._try(run, run + 1)
-        if found is not None:
-            self.fallen.append((run, found.status, found.reason))
-        return found is not None
-
-    def _try(self, first: int, end: int) -> Fallen | None:
-        found = self.flyer.rows(self.plan, first, end, self.limit)
-        if isinstance(found, Fallen) and found.run < 0:  # once that can have been by another hand
-            found = self.flyer.rows(self.plan, first, end, self.limit)
-        if isinstance(found, Flown):
-            self.tables.append(found.data)
-            self.seconds += found.seconds
-            return None
-        if found.run < 0:
-            raise PlantError(f"the undispersed flights cannot be flown: {found.reason}")
-        return found
-
-
 def fly_chunk(
     plan: str, versions: Mapping[str, str], first: int, end: int, limit: float
-) -> dict[str, Any]:
+) -> FlownChunk:
     """Fly the runs `first` to `end` of a plan.
 
     Parameters
@@ -101,34 +47,82 @@ def fly_chunk(
     plan : str
         The plan as JSON.
     versions : mapping of str to str
-        Libraries the rows shall come from.
+        Libraries the rows must come from.
     first, end : int
         Runs, `end` not among them.
     limit : float, s
         Longest wall time of a run.
-
-    Returns
-    -------
-    dict
-        The attributes of a `FlownChunk`.
     """
     try:
         flyer = _flyer()
-        if refused := _refusal(flyer, versions):
-            return {"refused": refused}
-        chunk = _Chunk(flyer, plan, limit)
-        chunk.fly(first, end)
+        if refused := _other_versions(flyer.versions, versions):
+            return FlownChunk(refused=refused)
+        bisection = _Bisection(flyer, plan, limit)
+        bisection.fly(first, end)
     except PlantError as error:
-        return {"refused": str(error)}
-    return {
-        "tables": tuple(chunk.tables),
-        "fallen": tuple(chunk.fallen),
-        "seconds": chunk.seconds,
-    }
+        return FlownChunk(refused=str(error))
+    return bisection.chunk
+
+
+@dataclass(slots=True)
+class _Bisection:
+    """Flies a chunk; where runs of it crash, finds out which ones by flying parts of it again."""
+
+    flyer: Flyer
+    plan: str
+    limit: float
+    chunk: FlownChunk = field(default_factory=FlownChunk)
+
+    def fly(self, first: int, end: int) -> None:
+        """Fly the runs `first` to `end`, and each that crashes alone."""
+        if first == end:
+            return
+        if end - first == 1:
+            self._fly_alone(first, crashes=0)
+            return
+        crash = self._try(first, end)
+        if crash is None:
+            return
+        # The run that had begun last is the suspect. It is the one where runs are flown one by one.
+        # Runs of a batch begin together: then it is the first of them, and any may have crashed.
+        # Rows come back for a whole chunk only, so that those before it are flown again too.
+        suspect = crash.run if first <= crash.run < end else first
+        self.fly(first, suspect)
+        if self._fly_alone(suspect, crashes=1):
+            self.fly(suspect + 1, end)
+        else:  # another run of the batch crashed: halve the rest until it is found
+            middle = (suspect + 1 + end) // 2
+            self.fly(suspect + 1, middle)
+            self.fly(middle, end)
+
+    def _fly_alone(self, run: int, *, crashes: int) -> bool:
+        """Fly one run that crashed `crashes` times so far; return whether it crashes.
+
+        Only a second crash counts: somebody else (an operator, the system out of memory) may have
+        killed the process once.
+        """
+        crash = self._try(run, run + 1)
+        if crash is not None and crash.status == "crashed" and not crashes:
+            crash = self._try(run, run + 1)
+        if crash is not None:
+            self.chunk.crashed.append(crash._replace(run=run))
+        return crash is not None
+
+    def _try(self, first: int, end: int) -> CrashedRun | None:
+        found = self.flyer.rows(self.plan, first, end, self.limit)
+        if isinstance(found, CrashedRun) and found.run < 0:  # before any run: as in `_fly_alone`
+            found = self.flyer.rows(self.plan, first, end, self.limit)
+        if isinstance(found, FlyerAnswer):
+            self.chunk.tables.append(found.data)
+            self.chunk.seconds += found.seconds
+            return None
+        if found.run < 0:
+            raise PlantError(f"the undispersed flights cannot be flown: {found.reason}")
+        return found
 
 
 def fly_signals(plan: str, run: int, limit: float) -> bytes:
-    """Fly a run of a plan once more for its signals: the bytes of its recording, none if it falls.
+    """Fly a run once more for its signals: the bytes of its recording, none if it crashes.
 
     Parameters
     ----------
@@ -140,28 +134,28 @@ def fly_signals(plan: str, run: int, limit: float) -> bytes:
         Longest wall time of the run.
     """
     found = _flyer().signals(plan, run, limit)
-    return found.data if isinstance(found, Flown) else b""
+    return found.data if isinstance(found, FlyerAnswer) else b""
 
 
-def stand_down() -> None:
-    """End every flight of this worker, and let none begin: it is about to end."""
+def cancel_flights() -> None:
+    """End every flight of this worker, and let none begin: the worker is about to end."""
     for flyer in _FLYERS:
-        flyer.retire()
+        flyer.cancel()
 
 
-def _flyer() -> FlyerProcess:
+def _flyer() -> Flyer:
     """The process that flies for this thread."""
     if not hasattr(_OF_THREAD, "flyer"):
-        _OF_THREAD.flyer = FlyerProcess()
+        _OF_THREAD.flyer = Flyer()
         _FLYERS.append(_OF_THREAD.flyer)
     _OF_THREAD.flyer.start()
     return _OF_THREAD.flyer
 
 
-def _refusal(flyer: FlyerProcess, versions: Mapping[str, str]) -> str:
-    """Why rows of this worker would not be those of the campaign."""
+def _other_versions(got: Mapping[str, str], wanted: Mapping[str, str]) -> str:
+    """Why rows of this worker would not be those of the campaign; empty where they would."""
     return "; ".join(
-        f"{name} must be {wanted}, got {flyer.versions.get(name, 'none')}"
-        for name, wanted in versions.items()
-        if flyer.versions.get(name) != wanted
+        f"{name} must be {version}, got {got.get(name, 'none')}"
+        for name, version in wanted.items()
+        if got.get(name) != version
     )

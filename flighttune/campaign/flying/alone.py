@@ -1,11 +1,11 @@
-"""Flights one by one: what a plan's groups fly in a draw, or undispersed."""
+"""Single flights of a plan's groups, in the scenario of a draw or undispersed."""
 
 from collections.abc import Mapping
 
 from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.flight import fly_alone
-from flighttune.scenario.plant_table import PlantTable
+from flighttune.flight.fly import fly_alone
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.run import Run
 
 
@@ -22,10 +22,10 @@ def plant_table(scenario: Scenario, label: str) -> PlantTable:
 
 
 def leader_of(scenario: Scenario, group: Group) -> Group | None:
-    """Whose wind a group replays; None where it meets the wind by itself, or there is none.
+    """The group whose wind a group replays; None for an aircraft, or in still air.
 
-    In wind the plants that are no aircraft replay, gain set by gain set, what the first aircraft of
-    the scenario met.
+    In wind, the plants that are not aircraft replay the wind that the scenario's first aircraft met
+    with the same gains.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def fly_group(plan: Plan, scenario: Scenario, group: Group, *, led: Run | None =
         Of the draw, or the undispersed one.
     group : Group
     led : Run, optional
-        The flight of `leader_of`; flown first where it is needed and not given.
+        The flight of `leader_of`; flown first if it is needed and not given.
 
     Raises
     ------

@@ -1,13 +1,9 @@
 """Columns of a campaign's rows: names, types and units, fixed by the plan alone."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import pyarrow as pa
 
-from flighttune.campaign.planning.disperse_table import DisperseTable
 from flighttune.campaign.planning.plan import Plan
-from flighttune.campaign.planning.schema import MEASURES
+from flighttune.campaign.planning.schema import MEASURES, Choice, Dispersion, Grid
 from flighttune.metrics import METRICS
 
 UNITS_OF_ENDINGS = {
@@ -94,27 +90,9 @@ def unit_of_key(key: str) -> str:
     return next((unit for end, unit in UNITS_OF_ENDINGS.items() if name.endswith(end)), "1")
 
 
-def table_of(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
-    """Rows from their columns; a number that there is not (NaN) is null, but for dispersed keys.
-
-    Parameters
-    ----------
-    plan : Plan
-    columns : mapping of str to array_like
-        One a field of `row_schema`, all of one length.
-    """
-    schema = row_schema(plan)
-    return pa.Table.from_arrays(
-        [
-            pa.array(columns[field.name], field.type, from_pandas=field.name not in plan.keys)
-            for field in schema
-        ],
-        schema=schema,
-    )
-
-
-def _of_key(table: DisperseTable) -> pa.Field:
-    values = table.values or [0.0]
+def _of_key(table: Dispersion) -> pa.Field:
+    values = table.values if isinstance(table, (Choice, Grid)) else None
+    values = values or [0.0]
     if isinstance(values[0], str):
         return _field(table.key, pa.string(), None)
     if isinstance(values[0], bool):

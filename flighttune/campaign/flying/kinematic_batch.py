@@ -1,54 +1,42 @@
-"""Draws of the kinematic law, flown many at once with the bits of flights alone."""
+"""Draws of the kinematic law, flown many at once."""
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.flying.claim import FEWEST_SAMPLES, Claim
-from flighttune.campaign.planning.schema import MEASURES
 from flighttune.control.gains import PIGains
-from flighttune.plants.sensors import Sensors
-from flighttune.scenario.plant_table import PlantTable
-from flighttune.scenario.reference_table import ReferenceTable
+from flighttune.guarantee.mismatch import LEAST_SAMPLES
+from flighttune.guarantee.ultimate_set import UltimateSet
+from flighttune.metrics import METRICS
+from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
-from flighttune.scenario.sensors_table import SensorsTable
-from flighttune.scenario.weather_table import DisturbanceTable
-from flighttune.simulate.batch import Flights, FlownBatch, fly_sampled
-from flighttune.simulate.batch.flights import MEASURES as MEASURED
-from flighttune.simulate.batch.flights import REASONS, SIGNALS
+from flighttune.scenario.tables import DisturbanceTable, PlantTable, ReferenceTable, SensorsTable
+from flighttune.simulate.batch import SIGNALS, BatchResult, Flights, fly_sampled
 
 FLOWN_TOGETHER = 64
-"""Flights whose signals are held in memory at once: as many as stay in the processor's cache."""
+"""Flights whose signals are in memory at once: as many as stay in the processor's cache."""
 
 ROLLED = 1
-"""Index into REASONS of a flight that ended at 90 deg of roll."""
+"""`BatchResult.ends` of a flight that ended at 90 deg of roll."""
 
-KNOWN: Mapping[type, tuple[str, ...]] = {
-    Scenario: (
-        "title", "verifies", "source", "seed", "gains", "flight", "reference", "limits",
-        "controller", "tuning", "disturbance", "sensors", "envelope", "expect", "plant",
-    ),
-    FlightTable: (
-        "V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "duration_s", "ground_m",
-        "g_mps2",
-    ),
-    ReferenceTable: ("chi_deg", "gamma_deg"),
-    LimitsTable: ("phi_deg", "phi_rate_dps", "n_z", "n_z_rate_per_s"),
-    ControllerTable: ("rate_hz", "anti_windup", "tracking_time_s", "feed_forward", "schedule"),
-    DisturbanceTable: (
-        "chi_amplitude", "chi_omega_rad_s", "gamma_amplitude", "gamma_omega_rad_s", "as_wind",
-        "path",
-    ),
-    SensorsTable: (
-        "chi_bias_deg", "chi_noise_sd_deg", "gamma_bias_deg", "gamma_noise_sd_deg",
-        "V_a_bias_mps", "V_a_noise_sd_mps", "noise_time_constant_s",
-    ),
-    PlantTable: ("kind",),
-}  # fmt: skip
+KNOWN: Mapping[type, frozenset[str]] = {
+    table: frozenset(names.split())
+    for table, names in {
+        Scenario: "title verifies source seed gains flight reference limits controller tuning "
+        "disturbance sensors envelope expect plant",
+        FlightTable: "V_a_mps h_m chi_deg gamma_deg phi_deg n_z duration_s ground_m g_mps2",
+        ReferenceTable: "chi_deg gamma_deg",
+        LimitsTable: "phi_deg phi_rate_dps n_z n_z_rate_per_s",
+        ControllerTable: "rate_hz anti_windup tracking_time_s feed_forward schedule",
+        DisturbanceTable: "chi_amplitude chi_omega_rad_s gamma_amplitude gamma_omega_rad_s "
+        "as_wind path",
+        SensorsTable: "chi_bias_deg chi_noise_sd_deg gamma_bias_deg gamma_noise_sd_deg "
+        "V_a_bias_mps V_a_noise_sd_mps noise_time_constant_s",
+        PlantTable: "kind",
+    }.items()
+}
 """Keys of the tables that shape a kinematic flight, all of which the batch flies.
 
 Heights, and how an aircraft meets the disturbance (``as_wind``, ``path``), are known to make no
@@ -56,34 +44,21 @@ difference. Whatever else a scenario says, its flight is not for the batch.
 """
 
 
-class Settings(NamedTuple):
-    """What all flights of one call share."""
-
-    rate_hz: float
-    duration_s: float
-    anti_windup: Any
-    tracking_time_s: float | None
-    feed_forward: bool
-    schedule: bool
-    moving: bool
-    sensed: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FlownKinematic:
-    """What came of one flight of a batch.
+class FlightResult(NamedTuple):
+    """Status, measures and certificate of one flight.
 
     Attributes
     ----------
     status, reason : str
-        As the run alone has them; both empty where it has to be flown alone to know.
-    measured : ndarray, length of `MEASURES`
+    measured : mapping of str to mapping of str to float
+        As `flighttune.metrics.measures`.
     certified : str or None
+        Whether the claim held; None without a claim or a completed flight.
     """
 
     status: str
     reason: str
-    measured: FloatArray
+    measured: Mapping[str, Mapping[str, float]]
     certified: str | None
 
 
@@ -101,21 +76,19 @@ def batchable(scenario: Scenario, table: PlantTable) -> bool:
     """
     if table.kind != "kinematic" or not _knows(table):
         return False
-    parts = (
-        scenario, scenario.flight, scenario.reference, scenario.limits, scenario.controller,
-        scenario.disturbance, scenario.sensors,
-    )  # fmt: skip
-    return all(part is None or _knows(part) for part in parts)
+    names = ("flight", "reference", "limits", "controller", "disturbance", "sensors")
+    parts = (getattr(scenario, name) for name in names)
+    return _knows(scenario) and all(part is None or _knows(part) for part in parts)
 
 
 def _knows(table: Any) -> bool:
-    known = KNOWN.get(type(table), ())
+    known = KNOWN.get(type(table), frozenset())
     return all(value is None or name in known for name, value in vars(table).items())
 
 
 def fly_batch(
-    scenarios: Sequence[Scenario], gains: PIGains, claim: Claim | None
-) -> list[FlownKinematic]:
+    scenarios: Sequence[Scenario], gains: PIGains, claim: UltimateSet | None
+) -> list[FlightResult | None]:
     """Fly one gain set of the kinematic law in many scenarios.
 
     Parameters
@@ -123,43 +96,45 @@ def fly_batch(
     scenarios : sequence of Scenario
         `batchable` ones.
     gains : PIGains
-    claim : Claim or None
-        Looked at in each flight.
+    claim : UltimateSet or None
+        Checked in each flight.
 
     Returns
     -------
-    list of FlownKinematic
-        In order of `scenarios`, with the bits of flights alone.
+    list of FlightResult or None
+        In order of `scenarios`; the bits of each do not depend on the others. None where a flight
+        has to be flown alone to know its reason.
     """
-    found: dict[int, FlownKinematic] = {}
-    for settings, members in _alike(scenarios).items():
+    alike: dict[Hashable, list[int]] = {}
+    for i, one in enumerate(scenarios):
+        # one call of the kernel has one controller, one time axis and one shape of its inputs
+        common = one.controller, one.flight.duration_s, _moving(one), one.sensors is not None
+        alike.setdefault(common, []).append(i)
+    results: list[FlightResult | None] = [None] * len(scenarios)
+    for members in alike.values():
         for start in range(0, len(members), FLOWN_TOGETHER):
             together = members[start : start + FLOWN_TOGETHER]
-            flown = _flown([scenarios[i] for i in together], gains, claim, settings)
-            found.update(zip(together, flown, strict=True))
-    return [found[i] for i in range(len(scenarios))]
+            for i, result in zip(
+                together, _fly([scenarios[i] for i in together], gains, claim), strict=True
+            ):
+                results[i] = result
+    return results
 
 
-def _alike(scenarios: Sequence[Scenario]) -> dict[Settings, list[int]]:
-    alike: dict[Settings, list[int]] = {}
-    for i, scenario in enumerate(scenarios):
-        c, r = scenario.controller, scenario.reference
-        settings = Settings(
-            c.rate_hz, scenario.flight.duration_s, c.anti_windup, c.tracking_time_s,
-            c.feed_forward, c.schedule,
-            isinstance(r.chi_deg, list) or isinstance(r.gamma_deg, list),
-            scenario.sensors is not None,
-        )  # fmt: skip
-        alike.setdefault(settings, []).append(i)
-    return alike
+def _moving(scenario: Scenario) -> bool:
+    """Whether the reference changes during the flight."""
+    reference = scenario.reference
+    return isinstance(reference.chi_deg, list) or isinstance(reference.gamma_deg, list)
 
 
-def _flown(
-    scenarios: Sequence[Scenario], gains: PIGains, claim: Claim | None, settings: Settings
-) -> Iterator[FlownKinematic]:
-    dt = 1.0 / settings.rate_hz
-    t = np.arange(round(settings.duration_s / dt) + 1, dtype=np.float64) * dt
-    at = t if settings.moving else np.zeros(1)
+def _fly(
+    scenarios: Sequence[Scenario], gains: PIGains, claim: UltimateSet | None
+) -> Iterator[FlightResult | None]:
+    """Flights with the same controller, duration and kinds of inputs."""
+    controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
+    dt = 1.0 / controller.rate_hz
+    t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
+    at = t if _moving(scenarios[0]) else np.zeros(1)
     conditions = [scenario.condition for scenario in scenarios]
     flights = Flights(
         K=np.repeat(gains.K[None], len(scenarios), axis=0),
@@ -171,23 +146,27 @@ def _flown(
     batch = fly_sampled(
         flights,
         dt=dt,
-        duration=settings.duration_s,
-        anti_windup=settings.anti_windup,
-        tracking_time=settings.tracking_time_s,
-        schedule_speed=flights.start[:, 4] if settings.schedule else None,
-        feed_forward=settings.feed_forward,
-        sensors=_sensors(scenarios),
+        duration=duration,
+        anti_windup=controller.anti_windup,
+        tracking_time=controller.tracking_time_s,
+        schedule_speed=flights.start[:, 4] if controller.schedule else None,
+        feed_forward=controller.feed_forward,
+        sensors=[one.sensors.sensors(one.seed) for one in scenarios if one.sensors is not None],
         trajectories=True,
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
         threads=1,
     )
-    measured, certified = _measured(flights, batch), _certified(flights, batch, claim)
-    clock = np.add.accumulate(np.concatenate([[0.0], np.full(len(t) - 1, dt)]))
+    columns = {name: values.tolist() for name, values in _measured(flights, batch).items()}
+    certified = _certified(flights, batch, claim)
     for i in range(len(scenarios)):
-        status, reason = _ended(batch, i, float(clock[batch.samples[i] - 1]))
-        yield FlownKinematic(
-            status=status, reason=reason, measured=measured[i], certified=certified[i]
-        )
+        if batch.ends[i] > ROLLED:
+            yield None
+            continue
+        measured: dict[str, dict[str, float]] = {}
+        for name, values in columns.items() if batch.samples[i] > 1 else ():
+            subject, measure = name.split(".")
+            measured.setdefault(subject, {})[measure] = values[i]
+        yield FlightResult(*_status(batch, i), measured, certified[i])
 
 
 def _bounds(scenario: Scenario) -> tuple[FloatArray, ...]:
@@ -202,62 +181,50 @@ def _wave(scenario: Scenario) -> tuple[float, float, float, float]:
     return wave.chi_amplitude, wave.chi_omega, wave.gamma_amplitude, wave.gamma_omega
 
 
-def _sensors(scenarios: Sequence[Scenario]) -> list[Sensors]:
-    """One a flight, none where there are none."""
-    return [one.sensors.sensors(one.seed) for one in scenarios if one.sensors is not None]
-
-
-def _signals(batch: FlownBatch, names: Iterable[str]) -> list[FloatArray]:
-    return [np.ascontiguousarray(batch.signal(name)) for name in names]
-
-
-def _measured(flights: Flights, batch: FlownBatch) -> FloatArray:
-    """`MEASURES` of each flight, shape (N, measures); NaN for flights of one sample."""
-    chi_err, gamma_err, n_z = _signals(batch, ("chi_err", "gamma_err", "n_z_cmd"))
+def _measured(flights: Flights, batch: BatchResult) -> dict[str, FloatArray]:
+    """What is measured of each flight, by column, shape (N,)."""
     N = len(flights)
-    n_z[np.arange(N), batch.samples - 1] = np.nan  # not flown any more
-    start, flown = flights.start[:, 3], n_z
-    columns = {
-        **{f"chi.{name}": batch.metric(name)[:, 0] for name in MEASURED},
-        **{f"gamma.{name}": batch.metric(name)[:, 1] for name in MEASURED},
-        "chi.peak_rad": np.fmax.reduce(np.abs(chi_err), axis=1),
-        "gamma.peak_rad": np.fmax.reduce(np.abs(gamma_err), axis=1),
+    n_z_cmd = batch.signal("n_z_cmd").copy()
+    n_z_cmd[np.arange(N), batch.samples - 1] = np.nan  # not flown any more
+    n_z = np.column_stack([flights.start[:, 3], n_z_cmd])
+    both = {name: batch.measure(name) for name in METRICS}
+    both["peak_rad"] = np.column_stack(
+        [np.fmax.reduce(np.abs(batch.signal(name)), axis=1) for name in ("chi_err", "gamma_err")]
+    )
+    return {
+        **{f"chi.{name}": values[:, 0] for name, values in both.items()},
+        **{f"gamma.{name}": values[:, 1] for name, values in both.items()},
         "flight.V_a_dev_mps": np.zeros(N),
-        "flight.n_z_min": np.fmin(start, np.fmin.reduce(flown, axis=1)),
-        "flight.n_z_max": np.fmax(start, np.fmax.reduce(flown, axis=1)),
+        "flight.n_z_min": np.fmin.reduce(n_z, axis=1),
+        "flight.n_z_max": np.fmax.reduce(n_z, axis=1),
     }
-    none = np.full(N, np.nan)
-    table = np.column_stack([columns.get(name, none) for name in MEASURES])
-    table[batch.samples < 2] = np.nan
-    return table
 
 
-def _certified(flights: Flights, batch: FlownBatch, claim: Claim | None) -> list[str | None]:
+def _certified(flights: Flights, batch: BatchResult, claim: UltimateSet | None) -> list[str | None]:
     verdicts: list[str | None] = [None] * len(flights)
     whole = np.flatnonzero(batch.ends == 0)
-    if claim is None or not len(whole) or len(batch.t) < FEWEST_SAMPLES:
+    if claim is None or not len(whole) or len(batch.t) < LEAST_SAMPLES:
         return verdicts
-    chi, gamma, chi_err, gamma_err = (
-        signal[whole] for signal in _signals(batch, ("chi", "gamma", "chi_err", "gamma_err"))
-    )
+
+    def signals(*names: str) -> tuple[FloatArray, FloatArray]:
+        course, path = (np.ascontiguousarray(batch.signal(name)[whole]) for name in names)
+        return course, path
+
     ref = np.broadcast_to(flights.ref, (len(flights), len(batch.t), 2))[whole]
-    found = claim.of(
+    found = claim.outcomes(
         batch.t,
-        errors=(chi_err, gamma_err),
+        errors=signals("chi_err", "gamma_err"),
         references=(np.ascontiguousarray(ref[..., 0]), np.ascontiguousarray(ref[..., 1])),
-        flown=(chi, gamma),
+        angles=signals("chi", "gamma"),
     )
     for i, verdict in zip(whole.tolist(), found.tolist(), strict=True):
         verdicts[i] = verdict
     return verdicts
 
 
-def _ended(batch: FlownBatch, i: int, t: float) -> tuple[str, str]:
-    """Status and reason at the time `t` of the plant's clock; empty where the batch cannot say."""
-    end = int(batch.ends[i])
-    if end == 0:
+def _status(batch: BatchResult, i: int) -> tuple[str, str]:
+    """Status and reason of a flight that was completed or rolled over."""
+    if batch.ends[i] != ROLLED:
         return "completed", ""
-    if end != ROLLED:
-        return "", ""
     phi, n_z = (float(batch.last[i, SIGNALS.index(name)]) for name in ("phi_cmd", "n_z_cmd"))
-    return "diverged", REASONS[ROLLED].format(phi_deg=math.degrees(phi), n_z=n_z, t=t)
+    return "diverged", rolled_over(phi, n_z, float(batch.t[batch.samples[i] - 1])).reason

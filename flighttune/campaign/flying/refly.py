@@ -1,19 +1,15 @@
 """Any run of a plan flown again by itself, as ``flighttune fly`` flies a scenario."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from flighttune.campaign.flying.alone import leader_of
-from flighttune.campaign.flying.claim import claims
-from flighttune.campaign.flying.outcome import expected_of, flat, misses
+from flighttune.campaign.dataset import NOT_REPRODUCIBLE
+from flighttune.campaign.flying.alone import fly_group, leader_of
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.campaign.planning.schema import MEASURES
 from flighttune.errors import InputError
-from flighttune.flight import FlownScenario, fly
-from flighttune.metrics import measures
-from flighttune.one_flight import Progress
+from flighttune.flight.fly import FlownScenario, Progress, fly
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
@@ -98,6 +94,33 @@ def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> Flow
     return FlownAgain(flown=flown, run=found)
 
 
+def fly_run(plan: Plan, run: int) -> Run:
+    """Fly one run of a plan for its signals.
+
+    Parameters
+    ----------
+    plan : Plan
+    run : int
+
+    Returns
+    -------
+    Run
+        Its provenance has a scenario of this flight alone, gains as numbers, from which it can be
+        flown again; see `flighttune.campaign.flying.refly`.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no such run, or its draw is refused.
+    PlantError
+        If the aircraft cannot be built.
+    """
+    group = plan.group_of(run)
+    if plan.gain_sets[group.gains] is None:
+        return fly_group(plan, plan.scenario_of(plan.draw_of(run)), group)
+    return fly_again(plan, run).run
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowDifference:
     """Where a run that was flown again is not what its row says.
@@ -114,41 +137,26 @@ class RowDifference:
     flown: Any
 
 
-def row_differences(
-    plan: Plan, run: int, flown: Run, row: Mapping[str, Any]
-) -> tuple[RowDifference, ...]:
-    """Every column in which a run that was flown again differs from its row, to the bit.
+def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[RowDifference, ...]:
+    """Every column in which a run that is flown again differs from its row, to the bit.
 
     Parameters
     ----------
     plan : Plan
     run : int
-    flown : Run
-        That run, as `fly_again` has it.
     row : mapping
         Its row; a null is None.
+
+    Notes
+    -----
+    It is flown as rows are: a kinematic flight of a batch and one alone differ by rounding.
     """
-    group = plan.group_of(run)
-    measured, claim = measures(flown), claims(plan)[group]
-    missed = misses(expected_of(plan.scenario, group), flown.status, flown.reason, measured)
-    values = dict(zip(MEASURES, map(_or_null, flat(measured)), strict=True))
-    again = {
-        "status": flown.status,
-        "reason": flown.reason,
-        "success": not missed,
-        "missed": "; ".join(missed),
-        **values,
-        "certified": claim and claim.of_run(flown),
-    }
+    again = fly_runs(plan, [run]).to_pylist()[0]
     return tuple(
         RowDifference(column=name, in_row=row[name], flown=value)
         for name, value in again.items()
-        if not _same(row[name], value)
+        if name not in NOT_REPRODUCIBLE and not _same(row[name], value)
     )
-
-
-def _or_null(value: float) -> float | None:
-    return None if math.isnan(value) else value
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -165,4 +173,4 @@ def _as_numbers(plan: Plan, group: Group) -> dict[str, Any]:
             f"`gains` must have been found to fly, got none for {group.gains}: its tuning problem "
             "is infeasible."
         )
-    return {"name": group.gains, "K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()}
+    return {"name": group.gains, **gains.as_lists()}

@@ -1,31 +1,44 @@
 """Run numbers of a plan to rows, one a run, the same bits however the runs are divided."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from itertools import groupby
+from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
+from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.alone import fly_group, leader_of, plant_table
-from flighttune.campaign.flying.claim import Claim, claims
+from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.columns import row_schema
-from flighttune.campaign.flying.kinematic_batch import batchable, fly_batch
-from flighttune.campaign.flying.outcome import FlownRow, Outcome, expected_of, flat, misses
-from flighttune.campaign.flying.row_table import row_table
+from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.campaign.planning.schema import MEASURES
+from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import FlightTuneError, InputError
+from flighttune.flight.expectations import missed
+from flighttune.guarantee.ultimate_set import UltimateSet
 from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
+from flighttune.theory.indicators import indicators_batch
 
 BLOCK = 256
-"""Draws that are looked at together: their kinematic flights are flown as a batch."""
+"""Draws of a block: its kinematic flights are flown as a batch."""
+
+SAMPLES = 4
+"""Length of a flight that warms up."""
 
 INVALID = "invalid"
 """Status of a run whose drawn values the scenario or an aircraft refuses."""
 
 Begins = Callable[[int], None]
-"""Told the run before a flight begins, or the first run before those of a batch do."""
+"""Called with the run before a flight begins, or with the first run before a batch begins."""
+
+Outcome = Mapping[str, Any]
+"""Columns of the row of a run from ``status`` on, except R_K and I_K."""
 
 
 def fly_runs(plan: Plan, runs: Sequence[int], *, begins: Begins | None = None) -> pa.Table:
@@ -37,7 +50,7 @@ def fly_runs(plan: Plan, runs: Sequence[int], *, begins: Begins | None = None) -
     runs : sequence of int
         Which, each once.
     begins : callable, optional
-        Told the run before each flight, and the first run before each batch of flights.
+        Called with the run before each flight, with the first run before each batch.
 
     Returns
     -------
@@ -64,43 +77,12 @@ def fly_runs(plan: Plan, runs: Sequence[int], *, begins: Begins | None = None) -
         raise InputError("`runs` must name each run once.")
     tables = [row_schema(plan).empty_table()]
     for _, block in groupby(wanted, key=lambda run: plan.draw_of(run) // BLOCK):
-        tables.append(row_table(plan, _fly_block(plan, list(block), begins or _nobody)))
+        tables.append(_fly_block(plan, list(block), begins or (lambda _: None)))
     return pa.concat_tables(tables).combine_chunks()
 
 
-def fly_run(plan: Plan, run: int) -> Run:
-    """Fly one run of a plan for its signals.
-
-    Parameters
-    ----------
-    plan : Plan
-    run : int
-
-    Returns
-    -------
-    Run
-        Its provenance has a scenario of this flight alone, gains as numbers, from which it can be
-        flown again; see `flighttune.campaign.flying.refly`.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no such run, or its draw is refused.
-    PlantError
-        If the aircraft cannot be built.
-    """
-    from flighttune.campaign.flying.refly import fly_again
-
-    group = plan.group_of(run)
-    if plan.gain_sets[group.gains] is None:
-        return fly_group(plan, plan.scenario_of(plan.draw_of(run)), group)
-    return fly_again(plan, run).run
-
-
-def fallen_row(
-    plan: Plan, run: int, status: str, reason: str, *, wall_s: float = float("nan")
-) -> pa.Table:
-    """The row of a run that nobody could finish.
+def crashed_row(plan: Plan, run: int, status: str, reason: str) -> pa.Table:
+    """The row of a run that ended the process that flew it, or took too long.
 
     Parameters
     ----------
@@ -110,58 +92,72 @@ def fallen_row(
         ``crashed`` or ``timed_out``.
     reason : str
         A sentence.
-    wall_s : float, s, optional
-        How long was waited for it; null by default.
 
     Returns
     -------
     Table
         One row of the schema of the plan.
     """
-    outcome = Outcome(status=status, reason=reason, missed=(f"{status}: {reason}",), wall_s=wall_s)
-    try:
-        scenario = plan.scenario_of(plan.draw_of(run))
-    except FlightTuneError:
-        scenario = None
-    return row_table(plan, [FlownRow(run, scenario, outcome)])
+    scenarios = {}
+    with suppress(FlightTuneError):
+        scenarios[run] = plan.scenario_of(plan.draw_of(run))
+    return _table(plan, {run: _unflown(status, reason)}, scenarios)
 
 
-def _nobody(_: int) -> None:
-    pass
+def warm_up(plan: Plan) -> None:
+    """Load and compile what flying a plan needs, before the time of its runs is taken.
+
+    It flies the undispersed scenario of every group for a few samples, and makes the claims.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is refused here is so, with its reason, in every run.
+    """
+    scenario = plan.scenario
+    short = scenario.flight.model_copy(update={"duration_s": SAMPLES / scenario.controller.rate_hz})
+    scenario = scenario.model_copy(update={"flight": short})
+    for group in plan.groups:
+        gains = plan.gain_sets[group.gains]
+        with suppress(FlightTuneError):
+            if gains is not None and batchable(scenario, plant_table(scenario, group.plant)):
+                fly_batch([scenario], gains, None)
+            fly_group(plan, scenario, group)
+    with suppress(FlightTuneError):
+        claims(plan)
 
 
-def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> list[FlownRow]:
+def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
     begins(runs[0])
-    promised = claims(plan)
-    rows: dict[int, FlownRow] = {}
-    batches: dict[Group, list[FlownRow]] = {}
+    claim_of = claims(plan)
+    scenarios: dict[int, Scenario] = {}
+    outcomes: dict[int, Outcome] = {}
+    batches: dict[Group, list[int]] = {}
     for draw, of_draw in groupby(runs, key=plan.draw_of):
         began = time.perf_counter()
         try:
             scenario = plan.scenario_of(draw)
         except FlightTuneError as error:
-            took = time.perf_counter() - began
-            rows.update({run: FlownRow(run, None, _refused(error, took)) for run in of_draw})
+            outcomes.update(dict.fromkeys(of_draw, _refused(error, began)))
             continue
         led: dict[Group, Run] = {}
         for run in of_draw:
-            group = plan.group_of(run)
-            if plan.gain_sets[group.gains] is not None and batchable(
-                scenario, plant_table(scenario, group.plant)
-            ):
-                batches.setdefault(group, []).append(FlownRow(run, scenario, None))
+            group, scenarios[run] = plan.group_of(run), scenario
+            table = plant_table(scenario, group.plant)
+            if plan.gain_sets[group.gains] is not None and batchable(scenario, table):
+                batches.setdefault(group, []).append(run)
                 continue
             begins(run)
-            outcome = _fly_alone(plan, scenario, group, led, promised[group])
-            rows[run] = FlownRow(run, scenario, outcome)
+            outcomes[run] = _fly_alone(plan, scenario, group, led, claim_of[group])
     for group, members in batches.items():
-        begins(members[0].run)
-        rows.update({row.run: row for row in _fly_together(plan, group, members, promised[group])})
-    return [rows[run] for run in runs]
+        begins(members[0])
+        of_batch = {run: scenarios[run] for run in members}
+        outcomes.update(_fly_together(plan, group, of_batch, claim_of[group]))
+    return _table(plan, {run: outcomes[run] for run in runs}, scenarios)
 
 
 def _fly_alone(
-    plan: Plan, scenario: Scenario, group: Group, led: dict[Group, Run], claim: Claim | None
+    plan: Plan, scenario: Scenario, group: Group, led: dict[Group, Run], claim: UltimateSet | None
 ) -> Outcome:
     """One flight; `led` holds those of the draw whose wind others replay."""
     began = time.perf_counter()
@@ -171,48 +167,107 @@ def _fly_alone(
             led[leader] = fly_group(plan, scenario, leader)
         run = fly_group(plan, scenario, group, led=None if leader is None else led[leader])
     except FlightTuneError as error:
-        return _refused(error, time.perf_counter() - began)
+        return _refused(error, began)
     if scenario.windy and leader is None:
         led[group] = run
-    measured = measures(run)
-    tables = expected_of(scenario, group)
-    return Outcome(
-        status=run.status,
-        reason=run.reason,
-        measured=flat(measured),
-        missed=misses(tables, run.status, run.reason, measured),
-        certified=claim and claim.of_run(run),
-        wall_s=time.perf_counter() - began,
+    result = FlightResult(
+        run.status, run.reason, measures(run), None if claim is None else claim.outcome(run)
     )
+    return _outcome(scenario, group, result, time.perf_counter() - began)
 
 
 def _fly_together(
-    plan: Plan, group: Group, members: list[FlownRow], claim: Claim | None
-) -> list[FlownRow]:
+    plan: Plan, group: Group, scenarios: Mapping[int, Scenario], claim: UltimateSet | None
+) -> dict[int, Outcome]:
+    """Kinematic flights of one group in many draws."""
     began = time.perf_counter()
-    scenarios = [member.scenario for member in members if member.scenario is not None]
     gains = plan.gain_sets[group.gains]
     assert gains is not None
-    flown = fly_batch(scenarios, gains, claim)
-    each = (time.perf_counter() - began) / len(members)
-    tables = expected_of(plan.scenario, group)
-    return [
-        member._replace(
-            outcome=Outcome(
-                status=one.status,
-                reason=one.reason,
-                measured=one.measured,
-                missed=misses(tables, one.status, one.reason, one.measured),
-                certified=one.certified,
-                wall_s=each,
-            )
-            if one.status
-            else _fly_alone(plan, scenario, group, {}, claim)
-        )
-        for member, scenario, one in zip(members, scenarios, flown, strict=True)
-    ]
+    batch = fly_batch(list(scenarios.values()), gains, claim)
+    each = (time.perf_counter() - began) / len(scenarios)
+    return {
+        run: _outcome(scenario, group, result, each)
+        if result is not None
+        else _fly_alone(plan, scenario, group, {}, claim)
+        for (run, scenario), result in zip(scenarios.items(), batch, strict=True)
+    }
 
 
-def _refused(error: FlightTuneError, wall_s: float) -> Outcome:
-    reason = " ".join(str(error).split())
-    return Outcome(status=INVALID, reason=reason, missed=(f"{INVALID}: {reason}",), wall_s=wall_s)
+def _outcome(scenario: Scenario, group: Group, result: FlightResult, wall_s: float) -> Outcome:
+    tables = [table for table in scenario.expect if table.meant(group.plant, group.gains)]
+    misses = missed(tables, result.status, result.reason, result.measured)
+    columns = {
+        f"{subject}.{name}": value
+        for subject, values in result.measured.items()
+        for name, value in values.items()
+    }
+    return {
+        "status": result.status,
+        "reason": result.reason,
+        "success": not misses,
+        "missed": "; ".join(misses),
+        **columns,
+        "certified": result.certified,
+        "wall_s": wall_s,
+    }
+
+
+def _refused(error: FlightTuneError, began: float) -> Outcome:
+    """The outcome of a run whose drawn values are refused."""
+    outcome = _unflown(INVALID, " ".join(str(error).split()))
+    return {**outcome, "wall_s": time.perf_counter() - began}
+
+
+def _unflown(status: str, reason: str) -> Outcome:
+    return {"status": status, "reason": reason, "success": False, "missed": f"{status}: {reason}"}
+
+
+def _table(
+    plan: Plan, outcomes: Mapping[int, Outcome], scenarios: Mapping[int, Scenario]
+) -> pa.Table:
+    """Rows of runs, in their order; `scenarios` has none of those that are refused."""
+    indicators = _indicators(plan, list(outcomes), scenarios)
+    rows = []
+    for run, outcome in outcomes.items():
+        draw, group = plan.draw_of(run), plan.group_of(run)
+        R_K, I_K = indicators.get(run, (None, None))
+        row = {"run": run, "draw": draw, "plant": group.plant, "gains": group.gains}
+        measured = {name: _number(outcome.get(name)) for name in MEASURES}
+        rows.append({**row, **plan.values_of(draw), **outcome, **measured, "R_K": R_K, "I_K": I_K})
+    return pa.Table.from_pylist(rows, schema=row_schema(plan))
+
+
+def _number(value: float | None) -> float | None:
+    """A number, or None where there is none (NaN)."""
+    return value if value == value else None
+
+
+def _indicators(
+    plan: Plan, runs: Sequence[int], scenarios: Mapping[int, Scenario]
+) -> dict[int, tuple[float | None, float | None]]:
+    """R_K and I_K of the linear loop of each run that has gains and a scenario."""
+    models: dict[tuple[float, ...], LinearModel] = {}
+    loops: dict[tuple[float | str, ...], FloatArray] = {}
+    keys: dict[int, tuple[float | str, ...]] = {}
+    for run in runs:
+        name = plan.group_of(run).gains
+        gains = plan.gain_sets[name]
+        if gains is None or run not in scenarios:
+            continue
+        scenario = scenarios[run]
+        flight, controller = scenario.flight, scenario.controller
+        _, gamma = scenario.followed().initial
+        # what the linear model of a draw depends on; all else in it is not dispersed
+        model = (flight.V_a_mps, gamma, flight.g_mps2, controller.rate_hz, controller.schedule)
+        keys[run] = (*model, name)
+        if keys[run] not in loops:
+            if model not in models:
+                models[model] = scenario.linear_model()
+            loops[keys[run]] = closed_loop(models[model], gains)
+    found: dict[tuple[float | str, ...], tuple[float | None, float | None]] = {}
+    for size in {A_K.shape for A_K in loops.values()}:
+        alike = {key: A_K for key, A_K in loops.items() if A_K.shape == size}
+        both = indicators_batch(np.array(list(alike.values())))
+        for key, R_K, I_K in zip(alike, both.R_K.tolist(), both.I_K.tolist(), strict=True):
+            found[key] = _number(R_K), _number(I_K)
+    return {run: found[key] for run, key in keys.items()}

@@ -1,27 +1,37 @@
-"""What is drawn: the dispersed keys and the seed of every draw of a campaign."""
+"""What is drawn: the dispersed keys and the seed of every draw of a campaign.
 
+A draw depends on the campaign's seed and its number alone, so that any process makes the draws of
+its own chunk, to the bit.
+"""
+
+import hashlib
 import math
+from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from scipy.special import ndtr, ndtri
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.planning.copula import correlated
-from flighttune.campaign.planning.design import run_seeds, unit_points
-from flighttune.campaign.planning.disperse_table import DisperseTable
-from flighttune.campaign.planning.schema import Campaign
+from flighttune.campaign.planning.schema import Campaign, CorrelationTable, Grid
+from flighttune.errors import InputError
 from flighttune.scenario.schema import Scenario
 
 SEED = "seed"
 """Column of the seeds, and the factor that stands for chance in a Saltelli design."""
 
+SMALLEST_POINT = 2.0**-54
+"""Points of the unit interval are kept this far from 0, and `1 - LARGEST_POINT` from 1: an inverse
+CDF is infinite there."""
+
+LARGEST_POINT = 1.0 - 2.0**-53
+
+SOBOL_BITS = 32
+"""Bits of a coordinate of a Sobol point: the most with which scipy can skip points."""
+
 Column = npt.NDArray[np.generic]
-
-
-def grid_counts(campaign: Campaign) -> tuple[int, ...]:
-    """Number of values of each grid key, in order of the file."""
-    return tuple(len(table.grid().values) for table in _grids(campaign))
 
 
 def factors(campaign: Campaign) -> tuple[str, ...]:
@@ -35,7 +45,7 @@ def cycle(campaign: Campaign) -> int:
     """Draws that belong together: the cells of the grid, or A, B and the AB of each factor."""
     if campaign.design == "saltelli":
         return len(factors(campaign)) + 2
-    return math.prod(grid_counts(campaign))
+    return math.prod(len(grid.levels) for grid in campaign.grids)
 
 
 def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFrame:
@@ -56,19 +66,190 @@ def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFra
     """
     length = cycle(campaign)
     point, place = np.divmod(np.arange(first, end), length)
-    low, high, points = first // length, -(-end // length), -(-draws // length)
-    sampled = [table for table in campaign.disperse if table.distribution != "grid"]
+    low, high = first // length, -(-end // length)
     if campaign.design == "saltelli":
         columns = _saltelli(campaign, low, high, point - low, place)
     else:
-        u = _points(campaign, [table.key for table in sampled], low, high, points)
-        columns = {t.key: t.of().at(u[:, i])[point - low] for i, t in enumerate(sampled)}
-        columns |= _cells(campaign, place)
+        sampled = [table for table in campaign.disperse if not isinstance(table, Grid)]
+        keys = [table.key for table in sampled]
+        design = "random" if campaign.design == "grid" else campaign.design
+        u = unit_points(
+            design, keys, seed=campaign.seed, first=low, end=high, points=-(-draws // length)
+        )
+        u = correlated(u, keys, campaign.correlation)
+        columns = {table.key: table.at(u[:, i])[point - low] for i, table in enumerate(sampled)}
+        columns |= _cells(campaign.grids, place)
         columns[SEED] = run_seeds(campaign.seed, low, high)[point - low]
     return pd.DataFrame(
         {name: _series(columns[name]) for name in (*campaign.keys, SEED)},
         index=pd.RangeIndex(first, max(end, first), name="draw"),
     )
+
+
+def unit_points(
+    design: str, keys: Sequence[str], *, seed: int, first: int, end: int, points: int
+) -> FloatArray:
+    """Points `first` to `end` of a design.
+
+    A coordinate of a random or Latin hypercube point depends on the seed, the point and the key
+    alone, not on the other keys; a Sobol point on the seed and the set of keys.
+
+    Parameters
+    ----------
+    design : str
+        ``random``, ``latin_hypercube`` or ``sobol``.
+    keys : sequence of str
+        One a coordinate.
+    seed : int
+    first, end : int
+        Points wanted, `end` not among them.
+    points : int
+        Points of the whole design; only those of a Latin hypercube depend on it.
+
+    Returns
+    -------
+    ndarray, shape (end - first, len(keys)), 1
+        Inside the open unit interval.
+
+    Raises
+    ------
+    InputError
+        If there is no such design.
+    """
+    if end <= first or not keys:
+        return np.empty((max(end - first, 0), len(keys)))
+    match design:
+        case "random":
+            u = np.column_stack([_stream(seed, key, first).random(end - first) for key in keys])
+        case "latin_hypercube":
+            u = np.column_stack([_strata(seed, key, points)[first:end] for key in keys])
+        case "sobol":
+            u = _sobol(seed, len(keys), first, end)
+            u = u[:, np.argsort(np.argsort(np.array(keys)))]  # coordinates go by sorted keys
+        case _:
+            raise InputError(f"`design` must be random, latin_hypercube or sobol, got {design!r}.")
+    return np.clip(u, SMALLEST_POINT, LARGEST_POINT)
+
+
+def run_seeds(seed: int, first: int, end: int, *, name: str = "seed") -> npt.NDArray[np.int64]:
+    """Seeds of points `first` to `end`: each depends on the campaign's seed and the point alone.
+
+    Parameters
+    ----------
+    seed : int
+        Of the campaign.
+    first, end : int
+        Points wanted, `end` not among them.
+    name : str
+        Of the stream they come from.
+
+    Returns
+    -------
+    ndarray of int64, shape (end - first,)
+        0 to 2^31 - 1.
+    """
+    raw = _stream(seed, name, first).bit_generator.random_raw(max(end - first, 0))
+    return (np.atleast_1d(raw) >> np.uint64(33)).astype(np.int64)
+
+
+def correlated(
+    u: FloatArray, keys: Sequence[str], correlations: Sequence[CorrelationTable]
+) -> FloatArray:
+    r"""Independent uniform coordinates made dependent by a Gaussian copula, each still uniform.
+
+    Parameters
+    ----------
+    u : ndarray, shape (n, len(keys)), 1
+        Inside the open unit interval.
+    keys : sequence of str
+        Names of the coordinates.
+    correlations : sequence of CorrelationTable
+        Of these keys.
+
+    Returns
+    -------
+    ndarray, shape (n, len(keys)), 1
+        Inside the open unit interval; a coordinate without correlation is as it was.
+
+    Raises
+    ------
+    InputError
+        If the correlations contradict each other.
+
+    Notes
+    -----
+    Normal scores with the correlation ``2 sin(pi rho / 6)`` have the rank correlation ``rho``
+    (Spearman's) [1]_.
+
+    References
+    ----------
+    .. [1] W. H. Kruskal, "Ordinal measures of association", J. Am. Stat. Assoc. 53 (1958) 814-861.
+    """
+    lower, named = copula_factor(correlations)
+    columns = [keys.index(key) for key in named]
+    scores = [ndtri(u[:, column]) for column in columns]
+    result = u.copy()
+    for i, column in enumerate(columns):
+        if not np.any(lower[i, :i]):
+            continue
+        mixed = np.zeros(len(u))
+        for j in range(i + 1):  # not one product of matrices: a chunk must have the bits of all
+            mixed += lower[i, j] * scores[j]
+        result[:, column] = np.clip(ndtr(mixed), SMALLEST_POINT, LARGEST_POINT)
+    return result
+
+
+def copula_factor(correlations: Sequence[CorrelationTable]) -> tuple[FloatArray, list[str]]:
+    """Lower Cholesky factor of the correlation of the normal scores, and its keys, sorted by name.
+
+    Raises
+    ------
+    InputError
+        If the correlations contradict each other.
+    """
+    named = sorted({key for table in correlations for key in table.keys})
+    matrix = np.eye(len(named))
+    for table in correlations:
+        i, j = (named.index(key) for key in table.keys)
+        matrix[i, j] = matrix[j, i] = 2.0 * np.sin(np.pi * table.rank / 6.0)
+    try:
+        return np.asarray(np.linalg.cholesky(matrix), dtype=np.float64), named
+    except np.linalg.LinAlgError:
+        smallest = float(np.linalg.eigvalsh(matrix)[0])
+        raise InputError(
+            "`rank` of the [[correlation]] tables must be possible together (a positive definite "
+            f"matrix), got one of smallest eigenvalue {smallest:.3g}"
+        ) from None
+
+
+def _stream(seed: int, key: str, skipped: int) -> np.random.Generator:
+    """The random numbers of one key, from its number `skipped` on."""
+    words = np.frombuffer(hashlib.sha256(key.encode()).digest()[:16], dtype="<u4")
+    bits = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=tuple(words.tolist())))
+    return np.random.Generator(bits.advance(skipped))
+
+
+@lru_cache(maxsize=256)  # a chunk needs a few points of a permutation of all of them
+def _strata(seed: int, key: str, points: int) -> FloatArray:
+    """One coordinate of a Latin hypercube: its coordinates are independent permutations."""
+    from scipy.stats import qmc
+
+    column = qmc.LatinHypercube(1, rng=_stream(seed, key, 0)).random(points)[:, 0]
+    column.flags.writeable = False
+    return column
+
+
+def _sobol(seed: int, keys: int, first: int, end: int) -> FloatArray:
+    from scipy.stats import qmc
+
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    engine = qmc.Sobol(keys, bits=SOBOL_BITS, rng=rng)
+    if first:
+        u = engine.fast_forward(first).random(end - first)
+    else:
+        head = engine.random(1)  # alone, as the engine warns of a number that is no power of two
+        u = np.vstack([head, engine.random(end - 1)]) if end > 1 else head
+    return np.maximum(u, 2.0 ** -(SOBOL_BITS + 1))  # 0 stands for the lowest cell: its middle
 
 
 def _series(values: Column) -> Column | pd.api.extensions.ExtensionArray:
@@ -78,30 +259,19 @@ def _series(values: Column) -> Column | pd.api.extensions.ExtensionArray:
 
 def _by_chance(scenario: Scenario) -> bool:
     """Whether a flight depends on the scenario's seed."""
-    seen = scenario.sensors
-    noises = () if seen is None else seen.sensors(0).noise_sd
+    sensors = scenario.sensors
+    noises = () if sensors is None else sensors.sensors(0).noise_sd
     return scenario.turbulence is not None or any(noises)
 
 
-def _grids(campaign: Campaign) -> list[DisperseTable]:
-    return [table for table in campaign.disperse if table.distribution == "grid"]
-
-
-def _points(campaign: Campaign, keys: list[str], low: int, high: int, points: int) -> FloatArray:
-    kind = "random" if campaign.design == "grid" else campaign.design
-    u = unit_points(kind, keys, seed=campaign.seed, first=low, end=high, points=points)
-    return correlated(u, keys, campaign.correlation)
-
-
-def _cells(campaign: Campaign, place: npt.NDArray[np.intp]) -> dict[str, Column]:
-    grids = _grids(campaign)
+def _cells(grids: Sequence[Grid], place: npt.NDArray[np.intp]) -> dict[str, Column]:
     if not grids:
         return {}
-    cells = np.unravel_index(place, grid_counts(campaign))
-    counts = grid_counts(campaign)
+    counts = [len(grid.levels) for grid in grids]
+    cells = np.unravel_index(place, counts)
     return {
-        table.key: table.of().at((cell + 0.5) / count)
-        for table, cell, count in zip(grids, cells, counts, strict=True)
+        grid.key: grid.at((cell + 0.5) / count)
+        for grid, cell, count in zip(grids, cells, counts, strict=True)
     }
 
 
@@ -113,20 +283,16 @@ def _saltelli(
     place: npt.NDArray[np.intp],
 ) -> dict[str, Column]:
     """Of point j: A_j, B_j, and A_j with one factor of B_j in turn."""
-    keys = campaign.keys
-    u = unit_points(
-        "sobol",
-        [f"{block}:{key}" for block in "AB" for key in keys],
-        seed=campaign.seed, first=low, end=high, points=high,
-    )  # fmt: skip
-    columns: dict[str, Column] = {}
+    keys, seed = campaign.keys, campaign.seed
+    names = [f"{block}:{key}" for block in "AB" for key in keys]
+    u = unit_points("sobol", names, seed=seed, first=low, end=high, points=high)
+    seeds = run_seeds(seed, low, high)
+    columns: dict[str, Column] = {SEED: seeds[point]}
     for i, name in enumerate(factors(campaign)):
         if name == SEED:
-            a = run_seeds(campaign.seed, low, high)
-            b = run_seeds(campaign.seed, low, high, name="seed of B")
+            a, b = seeds, run_seeds(seed, low, high, name="seed of B")
         else:
-            distribution = campaign.disperse[i].of()
-            a, b = distribution.at(u[:, i]), distribution.at(u[:, len(keys) + i])
+            table = campaign.disperse[i]
+            a, b = table.at(u[:, i]), table.at(u[:, len(keys) + i])
         columns[name] = np.where((place == 1) | (place == 2 + i), b[point], a[point])
-    columns.setdefault(SEED, run_seeds(campaign.seed, low, high)[point])
     return columns

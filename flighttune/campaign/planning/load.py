@@ -1,18 +1,35 @@
 """A campaign file to a campaign that has been checked against its scenario."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from flighttune.campaign.planning.check import check_dispersions
-from flighttune.campaign.planning.disperse_table import DisperseTable
-from flighttune.campaign.planning.places import places_of, with_values
-from flighttune.campaign.planning.schema import Campaign, CampaignTable
+from pydantic import ValidationError
+
+from flighttune.campaign.planning.draws import copula_factor
+from flighttune.campaign.planning.places import (
+    Place,
+    dispersed_places,
+    places_of,
+    with_drawn,
+    with_values,
+)
+from flighttune.campaign.planning.schema import (
+    DISTRIBUTIONS,
+    Campaign,
+    CampaignTable,
+    Dispersion,
+    LogNormal,
+    Normal,
+    Uniform,
+)
 from flighttune.errors import InputError, ScenarioError
+from flighttune.mistakes import mistakes
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.load import load_scenario, toml_tables, validated
-from flighttune.scenario.plant_table import PlantTable
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
 from flighttune.shipped import campaign_file, campaign_names, scenario_file, scenario_names
 
 
@@ -37,14 +54,12 @@ def load_campaign(path: str | Path) -> Campaign:
     """
     file = _existing(path)
     tables = toml_tables(file)
-    for table in tables.get("disperse", []) if isinstance(tables.get("disperse"), list) else []:
-        key = table.get("key") if isinstance(table, Mapping) else None
-        if isinstance(key, str):
-            validated(DisperseTable, table, f"{file}: [[disperse]] `{key}`")
+    _check_disperse(tables.get("disperse"), str(file))
     table = validated(CampaignTable, tables, str(file))
     base = load_scenario(_scenario_of(table.scenario, file))
     nominal = _nominal(table, base, str(file))
-    central = check_dispersions(table, nominal, str(file))
+    _check_correlations(table, str(file))
+    central = _central(table, nominal, str(file))
     return Campaign.of(table, nominal=nominal, central=central)
 
 
@@ -53,9 +68,8 @@ def _existing(path: str | Path) -> Path:
     if found.is_file():
         return found
     name = found.name.removesuffix(".toml")
-    if name in campaign_names() and found.parent in (
-        Path(), Path("campaigns"), Path("scenarios/campaigns")
-    ):  # fmt: skip
+    shipped = Path(), Path("campaigns"), Path("scenarios/campaigns")
+    if name in campaign_names() and found.parent in shipped:
         return campaign_file(name)
     raise ScenarioError(
         f"{path}: the campaign must be a file or one of {', '.join(campaign_names())}; "
@@ -89,7 +103,7 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
         except InputError as error:
             raise ScenarioError(f"{source}: [overrides] `{key}` {error}.") from None
         tables = with_values(tables, [(place, value) for place in places])
-    tables["expect"] = _plain(table.success) or _of_those_flown(tables)
+    tables["expect"] = _plain(table.success) or _expectations(tables)
     whole = f"{source}: the scenario with the campaign's keys"
     scenario = validated(Scenario, tables, whole)
     check_aircraft(scenario, whole)
@@ -98,11 +112,13 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
 
 
 def _plain(tables: list[Any]) -> list[Any]:
-    return [t if isinstance(t, str) else t.model_dump(mode="python", exclude_none=True)
-            for t in tables]  # fmt: skip
+    return [
+        table if isinstance(table, str) else table.model_dump(mode="python", exclude_none=True)
+        for table in tables
+    ]
 
 
-def _of_those_flown(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The scenario's expectations, without those of gains and plants that are not flown."""
     gains = [entry if isinstance(entry, str) else entry["name"] for entry in tables["gains"]]
     plants = [PlantTable.model_validate(plant).label for plant in tables["plant"]]
@@ -121,3 +137,95 @@ def _leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, A
             yield from _leaves(value, f"{key}.")
         else:
             yield key, value
+
+
+def _check_disperse(tables: Any, source: str) -> None:
+    """Check each [[disperse]] by itself, so that what is wrong with it names its key."""
+    for table in tables if isinstance(tables, list) else []:
+        if not isinstance(table, Mapping):
+            continue
+        key, kind = table.get("key"), table.get("distribution")
+        where = f"{source}: [[disperse]]" + (f" `{key}`" if isinstance(key, str) else "")
+        if kind not in DISTRIBUTIONS:
+            known = ", ".join(DISTRIBUTIONS)
+            raise ScenarioError(f"{where} `distribution` must be one of {known}, got {kind!r}.")
+        validated(DISTRIBUTIONS[kind], table, where)
+
+
+def _check_correlations(table: CampaignTable, source: str) -> None:
+    by_key = {one.key: one for one in table.disperse}
+    seen: set[frozenset[str]] = set()
+    for one in table.correlation:
+        for key in one.keys:
+            if not isinstance(by_key.get(key), (Normal, LogNormal, Uniform)):
+                got = by_key[key].distribution if key in by_key else "none"
+                raise ScenarioError(
+                    f"{source}: [[correlation]] `keys` must be dispersed with normal, log_normal "
+                    f"or uniform, got {key!r} with {got}."
+                )
+        if frozenset(one.keys) in seen:
+            raise ScenarioError(
+                f"{source}: [[correlation]] `keys` must be given once, got {one.keys} twice."
+            )
+        seen.add(frozenset(one.keys))
+    try:
+        copula_factor(table.correlation)
+    except InputError as error:
+        raise ScenarioError(f"{source}: {error}.") from None
+
+
+def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
+    """The scenario at the median of everything dispersed.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario refuses a median, or keys or correlations cannot be what they say.
+    """
+    places = dispersed_places(table.disperse, nominal, source)
+    central = _at_medians(table.disperse, nominal, places)
+    if isinstance(central, Scenario):
+        return central
+    guilty = _guilty(table.disperse, nominal, places)
+    named = ", ".join(f"`{one.key}`" for one in guilty)
+    if "is not a known key" in central:
+        raise ScenarioError(
+            f"{source}: [[disperse]] {named} must be a key of the scenario: {central}"
+        )
+    medians = ", ".join(repr(one.central) for one in guilty)
+    raise ScenarioError(
+        f"{source}: [[disperse]] {named}: the scenario refuses the median {medians}: {central}"
+    )
+
+
+def _at_medians(
+    disperse: Sequence[Dispersion], nominal: Scenario, places: Mapping[str, tuple[Place, ...]]
+) -> Scenario | str:
+    """The scenario, or what is wrong with it."""
+    medians = {table.key: table.central for table in disperse}
+    try:
+        scenario = Scenario.model_validate(with_drawn(nominal.as_dict(), disperse, places, medians))
+        check_aircraft(scenario, "")
+    except ValidationError as error:
+        return mistakes(error, Scenario)
+    except ScenarioError as error:
+        return str(error).removeprefix(": ")
+    return scenario
+
+
+def _guilty(
+    disperse: Sequence[Dispersion], nominal: Scenario, places: Mapping[str, tuple[Place, ...]]
+) -> Sequence[Dispersion]:
+    """The tables to blame where the scenario refuses the medians.
+
+    Those without which, each alone, it can be flown; or else a pair; or else all. More than one
+    that alone must go are tables that clash with each other.
+    """
+
+    def possible_without(guilty: Sequence[Dispersion]) -> bool:
+        rest = [one for one in disperse if one not in guilty]
+        return isinstance(_at_medians(rest, nominal, places), Scenario)
+
+    alone = [one for one in disperse if possible_without([one])]
+    pairs = () if alone else combinations(disperse, 2)
+    return alone or next((pair for pair in pairs if possible_without(pair)), disperse)

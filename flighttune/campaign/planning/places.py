@@ -1,17 +1,34 @@
-"""Keys of a scenario by dotted path: where they stand, and values put there."""
+"""Dispersed keys of a scenario, by dotted path: where they stand, and values put there."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
-from flighttune.errors import InputError
-from flighttune.scenario.plant_table import PlantTable
-from flighttune.scenario.sentence import mistakes
+from flighttune.campaign.planning.schema import Acts, Dispersion
+from flighttune.errors import InputError, ScenarioError
+from flighttune.mistakes import mistakes
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
 
 Place: TypeAlias = tuple[str | int, ...]
 """Names of tables and positions in arrays from the top of a scenario to a value."""
+
+NOT_DISPERSED = {
+    "plant.kind": "give each plant in a [[plant]]",
+    "plant.aircraft": "give each aircraft in a [[plant]]",
+    "plant.name": "it is what a plant is called",
+    "seed": "every draw has a seed of its own",
+    "gains": "give each gain set in `gains`",
+    "tuning": "gains are tuned once, on the undispersed scenario",
+    "envelope": "it is the range of a claim, and not flown",
+    "expect": "what a run must come to is the same for all",
+    "title": "it is for the reader",
+    "verifies": "it is for the reader",
+    "source": "it is for the reader",
+}
+"""Tables and keys of a scenario that are the same for all draws, and why."""
 
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
@@ -101,6 +118,101 @@ def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) 
             at = below
         at[place[-1]] = value
     return result
+
+
+def dispersed_places(
+    disperse: Sequence[Dispersion], scenario: Scenario, source: str
+) -> dict[str, tuple[Place, ...]]:
+    """Every place that each dispersed key means.
+
+    Parameters
+    ----------
+    disperse : sequence of Dispersion
+    scenario : Scenario
+        The undispersed one.
+    source : str
+        File of the campaign.
+
+    Raises
+    ------
+    ScenarioError
+        If a key is nowhere in the scenario, may not be dispersed, or is given twice.
+    """
+    values = scenario.as_dict()
+    found: dict[str, tuple[Place, ...]] = {}
+    for table in disperse:
+        where = f"{source}: [[disperse]] `{table.key}`"
+        named = re.sub(r"\[[^\]]*\]", "", table.key)
+        for fixed in {named, named.split(".")[0]} & set(NOT_DISPERSED):
+            raise ScenarioError(f"{where} must not be dispersed: {NOT_DISPERSED[fixed]}.")
+        try:
+            places = places_of(table.key, values, _probe(table))
+        except InputError as error:
+            stop = "" if str(error).endswith("?") else "."
+            raise ScenarioError(f"{where} {error}{stop}") from None
+        for other, theirs in found.items():
+            if any(_overlap(mine, one) for mine in places for one in theirs):
+                raise ScenarioError(f"{where} must be dispersed once, but `{other}` means it too.")
+        for place in places if table.acts != "sets" else ():
+            own = value_at(values, place)
+            if isinstance(own, bool) or not isinstance(own, (int, float)):
+                raise ScenarioError(
+                    f"{where} must be a number in the scenario for `acts` {table.acts!r}, "
+                    f"got {'nothing' if own is None else repr(own)}."
+                )
+        found[table.key] = places
+    return found
+
+
+def with_drawn(
+    tables: Mapping[str, Any],
+    disperse: Sequence[Dispersion],
+    places: Mapping[str, tuple[Place, ...]],
+    drawn: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The tables of a scenario with drawn values put in, added or multiplied by.
+
+    Parameters
+    ----------
+    tables : mapping
+        The undispersed scenario as plain values.
+    disperse : sequence of Dispersion
+    places : mapping of str to tuple of Place
+        Of each dispersed key.
+    drawn : mapping of str to plain value
+        By dispersed key.
+    """
+    return with_values(
+        tables,
+        [
+            (place, _applied(table.acts, drawn[table.key], value_at(tables, place)))
+            for table in disperse
+            for place in places[table.key]
+        ],
+    )
+
+
+def _applied(acts: Acts, value: Any, own: Any) -> Any:
+    match acts:
+        case "sets":
+            return value
+        case "adds":
+            return own + value
+        case "multiplies":
+            return own * value
+
+
+def _probe(table: Dispersion) -> Any:
+    """A value by which to see which plants have a key."""
+    central = table.central
+    if table.acts == "sets" or not isinstance(central, (int, float)):
+        return central
+    return 1.0 if table.acts == "multiplies" else 0.0
+
+
+def _overlap(a: Place, b: Place) -> bool:
+    shorter = min(len(a), len(b))
+    return a[:shorter] == b[:shorter]
 
 
 def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:

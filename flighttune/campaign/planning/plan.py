@@ -2,24 +2,32 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from flighttune.campaign.planning.check import acted, dispersed_places
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.planning.draws import SEED, cycle, drawn, factors
-from flighttune.campaign.planning.places import Place, value_at, with_values
-from flighttune.campaign.planning.plan_file import plan_differences, plan_fields, plan_tables
-from flighttune.campaign.planning.schema import Campaign
+from flighttune.campaign.planning.places import Place, dispersed_places, with_drawn
+from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
-from flighttune.errors import InputError
+from flighttune.errors import InputError, ScenarioError
+from flighttune.flight.outer_loop import gain_set, tune_scenario
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.load import validated
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TUNED, Matrix, Table
+
+VERSION = 1
+"""Of the form of a plan as plain values; another is refused."""
+
+FOR_THE_READER = ("title", "verifies", "source")
+"""Keys that change no row."""
 
 BLOCK = 1024
 """Draws that are made at a time where they are asked for one by one."""
@@ -74,16 +82,6 @@ class Plan:
     def __post_init__(self) -> None:
         if self.runs < 1:
             raise InputError(f"`runs` must be positive, got {self.runs}.")
-        for name in ("gain_sets", "aircraft"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-
-    def __getstate__(self) -> dict[str, Any]:
-        made = {name: self.__dict__[name] for name in ("campaign", "groups", "runs")}
-        return {**made, "gain_sets": dict(self.gain_sets), "aircraft": dict(self.aircraft)}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self.__post_init__()
 
     @property
     def scenario(self) -> Scenario:
@@ -120,10 +118,6 @@ class Plan:
         The cells of a grid; of a Saltelli design the blocks A, B and one a factor; else 1.
         """
         return cycle(self.campaign)
-
-    def block_of(self, draw: int) -> str:
-        """Block of a draw of a Saltelli design: ``A``, ``B``, or the factor that A takes from B."""
-        return ("A", "B", *self.factors)[draw % self.cycle]
 
     def with_runs(self, runs: int) -> "Plan":
         """The same plan for another number of flights."""
@@ -193,20 +187,11 @@ class Plan:
     def _tables(self) -> dict[str, Any]:
         return self.scenario.as_dict()
 
-    @cached_property
-    def _puts(self) -> tuple[tuple[str, Any, Place, Any], ...]:
-        """Key, how it acts, place and the scenario's own value there."""
-        return tuple(
-            (table.key, table.acts, place, value_at(self._tables, place))
-            for table in self.campaign.disperse
-            for place in self.places[table.key]
-        )
-
     def tables_of(self, draw: int) -> dict[str, Any]:
         """The scenario of a draw as the tables of a file, unchecked."""
         drawn = self.values_of(draw)
-        put = [(place, acted(acts, drawn[key], own)) for key, acts, place, own in self._puts]
-        return with_values(self._tables, [*put, ((SEED,), drawn[SEED])])
+        tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
+        return {**tables, SEED: drawn[SEED]}
 
     def scenario_of(self, draw: int) -> Scenario:
         """The scenario of a draw.
@@ -224,7 +209,21 @@ class Plan:
 
     def as_dict(self) -> dict[str, Any]:
         """The plan as plain values that JSON has words for; `plan_from` reads them."""
-        return plan_tables(self)
+        return _with_spelled_numbers(
+            {
+                "version": VERSION,
+                "runs": self.runs,
+                "groups": [asdict(group) for group in self.groups],
+                "gains": {
+                    name: None if gains is None else gains.as_lists()
+                    for name, gains in self.gain_sets.items()
+                },
+                "aircraft": self.aircraft,
+                "campaign": self.campaign.as_dict(),
+                "nominal": _plain(self.campaign.nominal),
+                "central": _plain(self.campaign.central),
+            }
+        )
 
     @cached_property
     def sha256(self) -> str:
@@ -233,7 +232,7 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def differences(self, other: "Plan") -> tuple[str, ...]:
-        """What of this plan is otherwise in a later one, a sentence each.
+        """What of this plan is different in a later one, a sentence each.
 
         Parameters
         ----------
@@ -245,7 +244,92 @@ class Plan:
         tuple of str
             ``key: was X, is Y``; empty where the two plan the same.
         """
-        return plan_differences(self, other)
+        was, now = _leaves(self), _leaves(other)
+        return tuple(
+            f"{key}: was {_abridged(was.get(key))}, is {_abridged(now.get(key))}"
+            for key in dict.fromkeys([*was, *now])
+            if repr(was.get(key)) != repr(now.get(key))
+        )
+
+
+def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
+    """Tune the gains of a campaign, and say who flies what.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        As `load_campaign` returns it.
+    runs : int, optional
+        Flights in total; by default what the file says, and of a grid without it one flight a cell
+        and group.
+
+    Returns
+    -------
+    Plan
+        A gain set that tuning did not find is None: its runs say so.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If `runs` is not positive, or an identified model is needed and there is none.
+    """
+    scenario = campaign.nominal
+    names = scenario.gain_names
+    tuning = tune_scenario(scenario) if TUNED in names else None
+    windy = campaign.central.windy
+    plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
+    groups = tuple(Group(plant.label, name) for plant in plants for name in names)
+    if runs is None:
+        runs = campaign.runs or cycle(campaign) * len(groups)
+    aircraft = {plant.aircraft for plant in plants if plant.aircraft is not None}
+    return Plan(
+        campaign=campaign,
+        gain_sets={name: gain_set(scenario, name, tuning) for name in names},
+        groups=groups,
+        runs=runs,
+        aircraft={name: files_hash(name) for name in sorted(aircraft)},
+    )
+
+
+def files_hash(aircraft: str) -> str:
+    """Hash of the names and contents of an aircraft's files.
+
+    Raises
+    ------
+    InputError
+        If there is no such aircraft.
+    """
+    folder = load_aircraft(aircraft).folder
+    found = hashlib.sha256()
+    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+        if file.suffix in (".xml", ".toml", ".json"):
+            content = file.read_bytes()
+            found.update(f"{file.relative_to(folder).as_posix()} {len(content)}\n".encode())
+            found.update(content)
+    return found.hexdigest()
+
+
+class _GroupTable(Table):
+    plant: str
+    gains: str
+
+
+class _MatricesTable(Table):
+    K_P: Matrix
+    K_I: Matrix
+
+
+class _PlanTables(Table):
+    """What `Plan.as_dict` writes."""
+
+    version: int
+    runs: int
+    groups: list[_GroupTable]
+    gains: dict[str, _MatricesTable | None]
+    aircraft: dict[str, str]
+    campaign: CampaignTable
+    nominal: Scenario
+    central: Scenario
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
@@ -263,6 +347,80 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
     ScenarioError
         If they are not a plan, or one of another version of the form.
     """
-    fields = plan_fields(tables, source)
-    groups = tuple(Group(plant=one["plant"], gains=one["gains"]) for one in fields.pop("groups"))
-    return Plan(groups=groups, **fields)
+    if tables.get("version") != VERSION:
+        raise ScenarioError(
+            f"{source}: `version` of a plan must be {VERSION}, got {tables.get('version')!r}."
+        )
+    read = validated(_PlanTables, _with_numbers(tables), source)
+    return Plan(
+        campaign=Campaign.of(read.campaign, nominal=read.nominal, central=read.central),
+        gain_sets={
+            name: None if one is None else PIGains(K_P=np.array(one.K_P), K_I=np.array(one.K_I))
+            for name, one in read.gains.items()
+        },
+        groups=tuple(Group(one.plant, one.gains) for one in read.groups),
+        runs=read.runs,
+        aircraft=read.aircraft,
+    )
+
+
+def _plain(scenario: Scenario) -> dict[str, Any]:
+    return scenario.model_dump(mode="python", exclude_none=True)
+
+
+def _leaves(plan: Plan) -> dict[str, Any]:
+    """What changes a row of a plan, by name."""
+    campaign = plan.campaign.as_dict()
+    campaign["disperse"] = {table["key"]: table for table in campaign["disperse"]}
+    scenario = _plain(plan.scenario)
+    for name in FOR_THE_READER:
+        campaign.pop(name, None)
+        scenario.pop(name, None)
+    campaign.pop("runs", None)
+    gains = {name: one and one.as_lists() for name, one in plan.gain_sets.items()}
+    return {
+        "runs": plan.runs,
+        **dict(_walk(campaign, "")),
+        **dict(_walk(scenario, "scenario.")),
+        **dict(_walk(gains, "gains as numbers, ")),
+        **dict(_walk(plan.aircraft, "files of aircraft ")),
+    }
+
+
+def _walk(value: Any, above: str) -> Iterator[tuple[str, Any]]:
+    """Names and values of everything that is neither a table nor an array of tables."""
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from _walk(item, f"{above}{name}.")
+    elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
+        for i, item in enumerate(value):
+            yield from _walk(item, f"{above.removesuffix('.')}[{i}].")
+    else:
+        yield above.removesuffix("."), value
+
+
+def _abridged(value: Any) -> str:
+    text = "not given" if value is None else repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _with_spelled_numbers(value: Any) -> Any:
+    """Values with numbers that JSON has no word for written as ``{"float": "nan"}``."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"float": repr(value)}
+    if isinstance(value, Mapping):
+        return {key: _with_spelled_numbers(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_with_spelled_numbers(item) for item in value]
+    return value
+
+
+def _with_numbers(value: Any) -> Any:
+    """The values that `_with_spelled_numbers` wrote."""
+    if isinstance(value, Mapping):
+        if set(value) == {"float"} and isinstance(value["float"], str):
+            return float(value["float"])
+        return {key: _with_numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_with_numbers(item) for item in value]
+    return value

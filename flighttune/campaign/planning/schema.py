@@ -1,19 +1,33 @@
 """The tables and keys of a campaign file."""
 
+import math
 from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
+from scipy.special import ndtri
 
-from flighttune.campaign.planning.disperse_table import CorrelationTable, DisperseTable
-from flighttune.scenario.expect_table import (
+from flighttune.arrays import FloatArray
+from flighttune.scenario.schema import GainsTable, Scenario
+from flighttune.scenario.tables import (
     CHANNEL_MEASURES,
     FLIGHT_MEASURES,
     ExpectTable,
+    Finite,
+    NotNegative,
+    PlantTable,
+    Positive,
+    Seed,
+    Table,
 )
-from flighttune.scenario.plant_table import PlantTable
-from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.table import NotNegative, Positive, Seed, Table
 
+Value: TypeAlias = bool | int | float | str
+"""What a key of a scenario can be set to."""
+
+Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
+Key: TypeAlias = Annotated[str, Field(min_length=1)]
+Acts: TypeAlias = Literal["sets", "adds", "multiplies"]
 Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "saltelli", "grid"]
 Runs: TypeAlias = Annotated[int, Field(ge=1, le=10**9)]
 Count: TypeAlias = Annotated[int, Field(ge=0)]
@@ -24,11 +38,210 @@ MEASURES = (
 )
 """What a run is measured by, as the columns of rows are named."""
 
+MOST_POINTS = 10_000
+"""Values of one grid key."""
+
+MOST_SD = 8.0
+"""How far from the mean the bounds of a truncated normal distribution may begin, in sd."""
+
+
+class DisperseTable(Table):
+    """``[[disperse]]``: one key of the scenario that differs from draw to draw.
+
+    What is drawn is the key's value, is added to the scenario's own or multiplies it. Each
+    distribution has two members more: ``central`` is the value at which a campaign is checked, the
+    median or, of values that have none, the likeliest; ``at(u)`` has the values at points ``u`` of
+    the open unit interval. They are inverse CDFs by hand because `scipy.stats` takes 0.4 s to load,
+    in every process that flies.
+    """
+
+    key: Key
+    acts: Acts = "sets"
+
+
+class Normal(DisperseTable):
+    """Normal distribution, `sd` that before truncation; truncated where a bound is given."""
+
+    distribution: Literal["normal"] = "normal"
+    mean: Finite
+    sd: Positive
+    lower: Finite | None = None
+    upper: Finite | None = None
+
+    @model_validator(mode="after")
+    def _something_between_the_bounds(self) -> "Normal":
+        low, high = self._bounds
+        _check_rising(low, high)
+        if low > self.mean + MOST_SD * self.sd or high < self.mean - MOST_SD * self.sd:
+            raise ValueError(
+                f"`mean` must lie within {MOST_SD:g} `sd` of what `lower` and `upper` leave, "
+                f"got {self.mean:g}"
+            )
+        return self
+
+    @property
+    def _bounds(self) -> tuple[float, float]:
+        return (
+            -math.inf if self.lower is None else self.lower,
+            math.inf if self.upper is None else self.upper,
+        )
+
+    @property
+    def central(self) -> float:
+        """The median."""
+        return float(self.at(np.array([0.5]))[0])
+
+    def at(self, u: FloatArray) -> FloatArray:
+        """Values at points `u` of the open unit interval, shape as `u`."""
+        if self.lower is None and self.upper is None:
+            return self.mean + self.sd * ndtri(u)
+        from scipy.stats import truncnorm
+
+        low, high = self._bounds
+        a, b = (low - self.mean) / self.sd, (high - self.mean) / self.sd
+        # clipped: in the tail rounding may put a value outside its bound
+        return np.clip(self.mean + self.sd * truncnorm.ppf(u, a, b), low, high)
+
+
+class LogNormal(DisperseTable):
+    """Log-normal distribution; `sd_log` is that of the natural logarithm."""
+
+    distribution: Literal["log_normal"] = "log_normal"
+    median: Positive
+    sd_log: Positive
+
+    @property
+    def central(self) -> float:
+        """The median."""
+        return self.median
+
+    def at(self, u: FloatArray) -> FloatArray:
+        """Values at points `u` of the open unit interval, shape as `u`."""
+        return self.median * np.exp(self.sd_log * ndtri(u))
+
+
+class Uniform(DisperseTable):
+    """Uniform distribution from `lower` to `upper`."""
+
+    distribution: Literal["uniform"] = "uniform"
+    lower: Finite
+    upper: Finite
+
+    @model_validator(mode="after")
+    def _rising(self) -> "Uniform":
+        _check_rising(self.lower, self.upper)
+        return self
+
+    @property
+    def central(self) -> float:
+        """The median."""
+        return self.lower + 0.5 * (self.upper - self.lower)
+
+    def at(self, u: FloatArray) -> FloatArray:
+        """Values at points `u` of the open unit interval, shape as `u`."""
+        return self.lower + u * (self.upper - self.lower)
+
+
+class Choice(DisperseTable):
+    """One of some values, in proportion to their weights."""
+
+    distribution: Literal["choice"] = "choice"
+    values: Values
+    weights: list[NotNegative] | None = None
+
+    @model_validator(mode="after")
+    def _weights_and_values_fit(self) -> "Choice":
+        _check_kind(self.values, self.acts)
+        weights = self.weights
+        if weights is not None and (len(weights) != len(self.values) or not sum(weights) > 0.0):
+            raise ValueError(
+                f"`weights` must be as many numbers as `values`, {len(self.values)}, and not all "
+                f"zero, got {weights}"
+            )
+        return self
+
+    @property
+    def central(self) -> Value:
+        """The likeliest value that is not NaN; the first of several."""
+        weights = self.weights or [1.0] * len(self.values)
+        known = [(v, w) for v, w in zip(self.values, weights, strict=True) if v == v]
+        return max(known, key=lambda pair: pair[1], default=(self.values[0], 0.0))[0]
+
+    def at(self, u: FloatArray) -> npt.NDArray[np.generic]:
+        """Values at points `u` of the open unit interval, shape as `u`."""
+        edges = np.cumsum(self.weights or [1.0] * len(self.values))
+        return _as_array(self.values)[np.searchsorted(edges, u * edges[-1], side="right")]
+
+
+class Grid(DisperseTable):
+    """Values that are all flown, each as often as any other: nothing is left to chance."""
+
+    distribution: Literal["grid"] = "grid"
+    values: Values | None = None
+    lower: Finite | None = None
+    upper: Finite | None = None
+    count: Annotated[int, Field(ge=2, le=MOST_POINTS)] | None = None
+
+    @model_validator(mode="after")
+    def _values_or_range(self) -> "Grid":
+        given = [one is not None for one in (self.lower, self.upper, self.count)]
+        if all(given) == (self.values is not None):
+            raise ValueError(
+                "`values` must be given with distribution grid, or `lower`, `upper` and `count` in "
+                "their place"
+            )
+        if self.values is not None and any(given):
+            raise ValueError("`lower`, `upper` and `count` must be absent where `values` are given")
+        _check_kind(self.levels, self.acts)
+        if self.lower is not None and self.upper is not None:
+            _check_rising(self.lower, self.upper)
+        return self
+
+    @property
+    def levels(self) -> list[Value]:
+        """The values."""
+        if self.values is not None:
+            return self.values
+        assert self.lower is not None and self.upper is not None and self.count is not None  # noqa: PT018
+        return list(np.linspace(self.lower, self.upper, self.count).tolist())
+
+    @property
+    def central(self) -> Value:
+        """The value in the middle."""
+        return self.levels[(len(self.levels) - 1) // 2]
+
+    def at(self, u: FloatArray) -> npt.NDArray[np.generic]:
+        """The value whose share of the unit interval `u` lies in, shape as `u`."""
+        return _as_array(self.levels)[(u * len(self.levels)).astype(np.intp)]
+
+
+Dispersion: TypeAlias = Normal | LogNormal | Uniform | Choice | Grid
+DISTRIBUTIONS: dict[str, type[Dispersion]] = {
+    "normal": Normal,
+    "log_normal": LogNormal,
+    "uniform": Uniform,
+    "choice": Choice,
+    "grid": Grid,
+}
+
+
+class CorrelationTable(Table):
+    """``[[correlation]]``: rank correlation of two keys that are drawn."""
+
+    keys: Annotated[list[Key], Field(min_length=2, max_length=2)]
+    rank: Annotated[float, Field(gt=-1.0, lt=1.0)]
+
+    @model_validator(mode="after")
+    def _of_two_keys(self) -> "CorrelationTable":
+        if self.keys[0] == self.keys[1]:
+            raise ValueError(f"[[correlation]] `keys` must be two, got {self.keys[0]!r} twice")
+        return self
+
 
 class CertificateTable(Table):
-    """``[certificate]``: the claim that is looked at in every run.
+    """``[certificate]``: the claim that is checked in every run.
 
-    The errors, once inside the certified ultimate set of a disturbance whose rate keeps below
+    The errors, once inside the certified ultimate set of a disturbance whose rate stays below
     ``L_d_rad_s2``, stay there. By default that rate is measured on the undispersed flight of the
     same plant and gains, from ``from_s`` (half the duration where it is not given) on.
     """
@@ -67,21 +280,22 @@ class CampaignTable(Table):
     gains: Annotated[list[str | GainsTable], Field(min_length=1)] | None = None
     plant: Annotated[list[PlantTable], Field(min_length=1)] | None = None
     overrides: dict[str, Any] = Field(default_factory=dict)
-    disperse: list[DisperseTable] = Field(default_factory=list)
+    disperse: list[Annotated[Dispersion, Field(discriminator="distribution")]] = Field(
+        default_factory=list
+    )
     correlation: list[CorrelationTable] = Field(default_factory=list)
     success: list[ExpectTable] = Field(default_factory=list)
     certificate: CertificateTable | None = None
     keep: KeepTable = KeepTable()
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> "CampaignTable":
-        grids = [table.key for table in self.disperse if table.distribution == "grid"]
-        if self.design == "grid" and not grids:
+    def _design_fits(self) -> "CampaignTable":
+        if self.design == "grid" and not self.grids:
             raise ValueError(
                 "`design` must not be 'grid' where no [[disperse]] has the distribution grid"
             )
-        if self.design == "saltelli" and (grids or self.correlation):
-            what = f"grid of `{grids[0]}`" if grids else "[[correlation]]"
+        if self.design == "saltelli" and (self.grids or self.correlation):
+            what = f"grid of `{self.grids[0].key}`" if self.grids else "[[correlation]]"
             raise ValueError(f"`design` must not be 'saltelli' where there is a {what}")
         if self.design == "saltelli" and not self.disperse:
             raise ValueError("[[disperse]] must be given with `design` 'saltelli'")
@@ -93,6 +307,11 @@ class CampaignTable(Table):
     def keys(self) -> tuple[str, ...]:
         """The dispersed keys in order of the file."""
         return tuple(table.key for table in self.disperse)
+
+    @property
+    def grids(self) -> tuple[Grid, ...]:
+        """The keys of a grid in order of the file."""
+        return tuple(table for table in self.disperse if isinstance(table, Grid))
 
 
 class Campaign(CampaignTable):
@@ -115,3 +334,25 @@ class Campaign(CampaignTable):
     def as_dict(self) -> dict[str, Any]:
         """The keys of the file as plain values, defaults filled in."""
         return self.model_dump(mode="python", exclude={"nominal", "central"}, exclude_none=True)
+
+
+def _check_rising(low: float, high: float) -> None:
+    if not low < high:
+        raise ValueError(f"`lower` must be below `upper`, got {low:g} and {high:g}")
+
+
+def _check_kind(values: list[Value], acts: Acts) -> None:
+    kinds = {
+        "boolean" if isinstance(one, bool) else "string" if isinstance(one, str) else "number"
+        for one in values
+    }
+    if len(kinds) > 1:
+        raise ValueError(f"`values` must be all numbers, all strings or all booleans, got {values}")
+    if acts != "sets" and kinds != {"number"}:
+        raise ValueError(f"`values` must be numbers with `acts` {acts!r}, got {values}")
+
+
+def _as_array(values: list[Value]) -> npt.NDArray[np.generic]:
+    """Values as an array of booleans, integers, floats or (objects that are) strings."""
+    strings = any(isinstance(value, str) for value in values)
+    return np.array(values, dtype=object if strings else None)

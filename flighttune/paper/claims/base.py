@@ -1,12 +1,13 @@
 """A sentence of the paper, the comparisons it comes down to, and the verdict they give."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import pandas as pd
 
 from flighttune.paper.study import Study
+from flighttune.present.numbers import number
 
 Verdict: TypeAlias = Literal["reproduced", "partly", "not reproduced", "not checkable"]
 
@@ -35,9 +36,12 @@ class Check:
     holds: bool
 
 
+Checks: TypeAlias = Iterator[Check]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """A checkable sentence.
+    """A sentence of the paper.
 
     Attributes
     ----------
@@ -46,7 +50,7 @@ class Claim:
     text : str
         What the paper says, shortened.
     where : str
-        Where it stands.
+        Its place in the paper.
     checks : callable
         From a study to the comparisons; none where the claim cannot be checked.
     missing : str
@@ -58,6 +62,10 @@ class Claim:
     where: str
     checks: Callable[[Study], Iterable[Check]]
     missing: str = ""
+
+    def judge(self, study: Study) -> "Finding":
+        """Make the comparisons with the numbers of a study."""
+        return Finding(claim=self, checks=tuple(self.checks(study)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,35 +83,30 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """All comparisons agree, some, none; or there are none."""
-        held = sum(check.holds for check in self.checks)
+        """Reproduced where all comparisons agree, partly where some do."""
+        agreeing = sum(check.holds for check in self.checks)
         if not self.checks:
             return "not checkable"
-        if held == len(self.checks):
+        if agreeing == len(self.checks):
             return "reproduced"
-        return "partly" if held else "not reproduced"
+        return "partly" if agreeing else "not reproduced"
 
     @property
     def expected(self) -> dict[str, str | float]:
-        """What the paper says of each thing compared."""
+        """What the paper says of each quantity compared."""
         return {check.what: check.expected for check in self.checks}
 
     @property
     def computed(self) -> dict[str, str | float]:
-        """What comes out for each thing compared; what is missing where nothing can be."""
+        """What comes out for each quantity compared, or what is missing to compare anything."""
         if not self.checks:
             return {"missing": self.claim.missing}
         return {check.what: check.computed for check in self.checks}
 
 
-def judged(claim: Claim, study: Study) -> Finding:
-    """The claim held against a study."""
-    return Finding(claim=claim, checks=tuple(claim.checks(study)))
-
-
-def nothing(_: Study) -> tuple[Check, ...]:
-    """The comparisons of a claim that cannot be checked."""
-    return ()
+def uncheckable(_: Study) -> Checks:
+    """No comparison at all."""
+    return iter(())
 
 
 def at_most(what: str, value: float, limit: float) -> Check:
@@ -111,9 +114,15 @@ def at_most(what: str, value: float, limit: float) -> Check:
     return Check(what, f"≤ {limit:.4g}", value, value <= limit)
 
 
-def at_least(what: str, value: float, limit: float) -> Check:
-    """`value` must not be below `limit`."""
-    return Check(what, f"≥ {limit:.4g}", value, value >= limit)
+def at_least(what: str, value: float, limit: float, *, symbol: str = "") -> Check:
+    """`value` must not be below `limit`, which may be named by a symbol."""
+    name = f"{symbol} = " if symbol else ""
+    return Check(what, f"≥ {name}{limit:.4g}", value, value >= limit)
+
+
+def below(what: str, value: float, limit: float) -> Check:
+    """`value` must be less than `limit`."""
+    return Check(what, f"< {limit:.4g}", value, value < limit)
 
 
 def printed_number(what: str, value: float, number: float, last_digit: float) -> Check:
@@ -121,13 +130,23 @@ def printed_number(what: str, value: float, number: float, last_digit: float) ->
     return Check(what, number, value, abs(value - number) <= last_digit)
 
 
-def steps(values: pd.Series) -> tuple[int, int]:
+def all_steps(what: str, agreeing: int, count: int) -> Check:
+    """Every step from one neighbour to the next must go the way that the paper says."""
+    computed = f"{agreeing} of {count} steps"
+    return Check(what, f"{count} of {count} steps", computed, agreeing == count)
+
+
+def rising_steps(values: pd.Series) -> tuple[int, int]:
     """Number of neighbours at which a series rises, and of all neighbours."""
     change = values.diff().dropna()
     return int((change > 0.0).sum()), len(change)
 
 
-def lower_with_higher_R_K(what: str, from_high_to_low: pd.Series) -> Check:
+def lower_with_higher_R_K(name: str, from_high_to_low: pd.Series) -> Check:
     """A measure must rise at every step from the highest R_K to the lowest."""
-    rising, count = steps(from_high_to_low)
-    return Check(what, f"{count} of {count} steps", f"{rising} of {count} steps", rising == count)
+    return all_steps(f"{name} lower with higher R_K", *rising_steps(from_high_to_low))
+
+
+def text_of(value: str | float) -> str:
+    """What was expected or computed, for a table: a number with five digits."""
+    return value if isinstance(value, str) else number(value, ".5g")

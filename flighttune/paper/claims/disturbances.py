@@ -1,188 +1,121 @@
 """Claims of section 5.2.3: K* under the disturbances d1 to d9."""
 
-from collections.abc import Callable, Iterator
-
 import numpy as np
 import pandas as pd
 
 from flighttune.paper import parameters as printed
-from flighttune.paper.claims.base import Check, Claim
+from flighttune.paper.claims.base import Check, Checks, all_steps, at_least, at_most, below
+from flighttune.paper.claims.thresholds import (
+    LINEAR,
+    NEARLY_ALL,
+    NOT_SIGNIFICANT,
+    ORDER_OF_1E3,
+    PRONOUNCED,
+)
 from flighttune.paper.flight import NEAR
 from flighttune.paper.study import Study
 
-NOT_SIGNIFICANT = 0.1
-"""A relative rise above this is significant."""
-
-LINEAR = 0.95
-"""R^2 of a straight line from which a relation is called linear."""
-
-MINIMAL = 1e-2
-"""Growth below this is of the order of 1e-3 at most, rad."""
-
-PRONOUNCED = 0.5
-"""A relative rise from here on is a pronounced upward trend."""
+STATED_AMPLITUDES = (0.1, 0.3)
+"""The L_d for which the text speaks of ITAE over omega_d."""
 
 
-def near_origin(study: Study) -> Iterator[Check]:
+def _largest_after_20_s(study: Study, channel: str) -> pd.Series:
+    return pd.Series(
+        {name: flight.after(channel, printed.DURATION) for name, flight in study.disturbed.items()}
+    )
+
+
+def _steps_along(table: pd.DataFrame, what: str, *, axis: int, rising: bool = True) -> Check:
+    """A table over L_d (axis 0) and omega_d (1) must rise, or fall, at every step along one."""
+    change = np.diff(table.to_numpy(), axis=axis)
+    agreeing = int(((change if rising else -change) > 0.0).sum())
+    word, name = "rises" if rising else "falls", ("L_d", "ω_d")[axis]
+    return all_steps(f"{what} {word} with {name}", agreeing, change.size)
+
+
+def near_origin(study: Study) -> Checks:
     """After 20 s the errors stay near the origin, for nearly all disturbances."""
     for channel in ("chi", "gamma"):
-        left = {n: f.after(channel, printed.DURATION) for n, f in study.disturbed.items()}
-        near = sum(value < NEAR for value in left.values())
+        left = _largest_after_20_s(study, channel)
+        near = int((left < NEAR).sum())
         what = f"disturbances with |e_{channel}| < {NEAR:g} rad after 20 s"
-        yield Check(
-            what, "≥ 8 of 9", f"{near} of 9, largest {max(left.values()):.3g} rad", near >= 8
-        )
+        computed = f"{near} of 9, largest {left.max():.3g} rad"
+        yield Check(what, f"≥ {NEARLY_ALL} of 9", computed, near >= NEARLY_ALL)
 
 
-def _along_both(
-    table: pd.DataFrame, what: str, *, rising: bool, flat: float = 0.0
-) -> Iterator[Check]:
-    """A table over L_d and omega_d must rise (or fall) at every step along each."""
-    sign = 1.0 if rising else -1.0
-    for axis, name in ((0, "L_d"), (1, "ω_d")):
-        change = sign * np.diff(table.to_numpy(), axis=axis)
-        good = int((change > flat).sum())
-        word = "rises" if rising else "falls"
-        yield Check(
-            f"{what} {word} with {name}",
-            f"{change.size} of {change.size} steps",
-            f"{good} of {change.size} steps",
-            good == change.size,
-        )
-
-
-def smaller_overshoot(study: Study) -> Iterator[Check]:
+def smaller_overshoot(study: Study) -> Checks:
     """MO of the course error falls with L_d and with omega_d."""
-    yield from _along_both(study.of_disturbances("chi", "MO_rad"), "MO of e_chi", rising=False)
+    overshoot = study.of_disturbances("chi", "MO_rad")
+    for axis in (0, 1):
+        yield _steps_along(overshoot, "MO of e_chi", axis=axis, rising=False)
 
 
-def larger_afterwards(study: Study) -> Iterator[Check]:
+def larger_afterwards(study: Study) -> Checks:
     """The largest error after 20 s rises with L_d and with omega_d."""
-    keys = pd.DataFrame.from_dict(printed.TABLE_3, orient="index", columns=["L_d", "omega_d"])
     for channel in ("chi", "gamma"):
-        left = {n: f.after(channel, printed.DURATION) for n, f in study.disturbed.items()}
-        table = keys.assign(value=pd.Series(left)).pivot(
-            index="L_d", columns="omega_d", values="value"
-        )
-        yield from _along_both(table, f"largest |e_{channel}| after 20 s", rising=True)
+        left = study.over_disturbances(_largest_after_20_s(study, channel))
+        for axis in (0, 1):
+            yield _steps_along(left, f"largest |e_{channel}| after 20 s", axis=axis)
 
 
-def insensitive_ITAE(study: Study) -> Iterator[Check]:
-    """For L_d = 0.1 and 0.3, ITAE does not rise significantly with omega_d."""
-    for L_d in (0.1, 0.3):
+def insensitive_ITAE(study: Study) -> Checks:
+    """For the stated L_d, ITAE does not rise significantly with omega_d."""
+    for L_d in STATED_AMPLITUDES:
         for channel in ("chi", "gamma"):
             row = study.of_disturbances(channel, "ITAE").loc[L_d]
             rise = float(row.max() / row.iloc[0] - 1.0)
             what = f"largest relative rise of ITAE of e_{channel} with ω_d, L_d = {L_d:g}"
-            yield Check(what, f"≤ {NOT_SIGNIFICANT:g}", rise, rise <= NOT_SIGNIFICANT)
+            yield at_most(what, rise, NOT_SIGNIFICANT)
 
 
-def decreasing_ITAE(study: Study) -> Iterator[Check]:
-    """For L_d = 0.1 and 0.3, a straight line through ITAE over omega_d falls."""
-    for L_d in (0.1, 0.3):
+def decreasing_ITAE(study: Study) -> Checks:
+    """For the stated L_d, a straight line through ITAE over omega_d falls."""
+    for L_d in STATED_AMPLITUDES:
         for channel in ("chi", "gamma"):
             row = study.of_disturbances(channel, "ITAE").loc[L_d]
             omega = row.index.to_numpy(dtype=float)
             slope = np.polyfit(omega, row.to_numpy(), 1)[0]
             change = float(slope * np.ptp(omega) / row.iloc[0])
             what = f"relative change of ITAE of e_{channel} along a line over ω_d, L_d = {L_d:g}"
-            yield Check(what, "< 0", change, change < 0.0)
+            yield below(what, change, 0.0)
 
 
-def rising_MS(study: Study) -> Iterator[Check]:
+def rising_MS(study: Study) -> Checks:
     """MS rises with omega_d and L_d."""
     for channel in ("s_chi", "s_gamma"):
-        table = study.of_disturbances(channel, "MS_rad")
-        yield from _along_both(table, f"MS of {channel}", rising=True)
+        MS = study.of_disturbances(channel, "MS_rad")
+        for axis in (0, 1):
+            yield _steps_along(MS, f"MS of {channel}", axis=axis)
 
 
-def _fit(x: np.ndarray, y: np.ndarray) -> float:
-    """R^2 of a straight line."""
-    return float(np.corrcoef(x, y)[0, 1] ** 2)
-
-
-def linear_MS(study: Study) -> Iterator[Check]:
+def linear_MS(study: Study) -> Checks:
     """MS follows a straight line in L_d for each omega_d."""
     for channel in ("s_chi", "s_gamma"):
         table = study.of_disturbances(channel, "MS_rad")
         for omega in table.columns:
-            fit = _fit(table.index.to_numpy(dtype=float), table[omega].to_numpy())
-            what = f"R² of MS of {channel} over L_d, ω_d = {omega:g}"
-            yield Check(what, f"≥ {LINEAR:g}", fit, fit >= LINEAR)
+            R_squared = float(np.corrcoef(table.index.astype(float), table[omega])[0, 1] ** 2)
+            yield at_least(f"R² of MS of {channel} over L_d, ω_d = {omega:g}", R_squared, LINEAR)
 
 
-def rising_ST(study: Study) -> Iterator[Check]:
+def rising_ST(study: Study) -> Checks:
     """ST rises with L_d at every omega_d."""
     for channel in ("s_chi", "s_gamma"):
-        yield next(
-            _along_both(study.of_disturbances(channel, "ST_rad"), f"ST of {channel}", rising=True)
-        )
+        yield _steps_along(study.of_disturbances(channel, "ST_rad"), f"ST of {channel}", axis=0)
 
 
-def minimal_ST(study: Study) -> Iterator[Check]:
+def minimal_ST(study: Study) -> Checks:
     """The growth of ST from the smallest to the largest L_d is of the order of 1e-3."""
     for channel in ("s_chi", "s_gamma"):
-        table = study.of_disturbances(channel, "ST_rad")
-        growth = float((table.loc[0.3] - table.loc[0.1]).abs().max())
+        growth = study.growth_of_ST(channel)
         what = f"largest growth of ST of {channel} from L_d = 0.1 to 0.3 [rad]"
-        yield Check(what, "of the order of 1e-3", growth, growth < MINIMAL)
+        yield Check(what, "of the order of 1e-3", growth, growth < ORDER_OF_1E3)
 
 
-def insensitive_ST(study: Study) -> Iterator[Check]:
+def insensitive_ST(study: Study) -> Checks:
     """ST does not rise by half or more from the lowest omega_d to the highest, at any L_d."""
     for channel in ("s_chi", "s_gamma"):
         table = study.of_disturbances(channel, "ST_rad")
         rise = table.iloc[:, -1] / table.iloc[:, 0] - 1.0
-        many = int((rise >= PRONOUNCED).sum())
+        count = int((rise >= PRONOUNCED).sum())
         what = f"amplitudes at which ST of {channel} rises by half or more with ω_d"
-        yield Check(what, "0 of 3", f"{many} of 3, largest {rise.max():+.0%}", many == 0)
-
-
-def _claim(id: str, text: str, place: str, checks: Callable[[Study], Iterator[Check]]) -> Claim:
-    return Claim(id=id, text=text, where=f"section 5.2.3, {place}", checks=checks)
-
-
-CLAIMS = (
-    _claim(
-        "near-origin",
-        "nearly all curves stabilise near the origin after 20 s",
-        "Fig. 11",
-        near_origin,
-    ),
-    _claim(
-        "smaller-overshoot",
-        "with larger L_d and ω_d the overshoot of e_chi decreases",
-        "Fig. 11 (a)",
-        smaller_overshoot,
-    ),
-    _claim(
-        "larger-afterwards",
-        "the amplitudes of both errors after 20 s increase accordingly",
-        "Fig. 11 (a), (b)",
-        larger_afterwards,
-    ),
-    _claim(
-        "insensitive-ITAE",
-        "for L_d = 0.1 and 0.3 no significant rise of ITAE with ω_d",
-        "Fig. 10 (a)",
-        insensitive_ITAE,
-    ),
-    _claim(
-        "decreasing-ITAE",
-        "for L_d = 0.1 and 0.3 “there is even a decreasing trend” of ITAE with ω_d",
-        "Fig. 10 (a)",
-        decreasing_ITAE,
-    ),
-    _claim(
-        "rising-MS", "increasing ω_d and L_d enhances the impact on MS", "Fig. 10 (b)", rising_MS
-    ),
-    _claim("linear-MS", "this impact exhibits linearity", "Fig. 10 (b)", linear_MS),
-    _claim("rising-ST", "an increase in L_d leads to a rise in ST", "Fig. 10 (c)", rising_ST),
-    _claim("minimal-ST", "the growth of ST is of the order of 1e-3", "Fig. 10 (c)", minimal_ST),
-    _claim(
-        "insensitive-ST",
-        "ST shows no pronounced upward trend with ω_d",
-        "Fig. 10 (c)",
-        insensitive_ST,
-    ),
-)
+        yield Check(what, "0 of 3", f"{count} of 3, largest {rise.max():+.0%}", count == 0)

@@ -1,43 +1,52 @@
-"""The items that can be made again: to add one, add a file and list it here."""
+"""The items that can be made again: to add one, describe it in ``items.toml`` and list it here."""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
 
 from flighttune.errors import InputError
-from flighttune.paper.items import (
-    fig3,
-    fig5,
-    fig6,
-    fig7,
-    fig8,
-    fig9,
-    fig10,
-    fig11,
-    fig12,
-    fig13,
-    gains,
-    table2,
-)
-from flighttune.paper.items.base import Item
+from flighttune.paper import parameters as printed
+from flighttune.paper.items import gains, histories, oscillator, trends
+from flighttune.paper.items.base import Assumption, Item
 
-ITEMS: dict[str, Item] = {
-    module.ITEM.name: module.ITEM
-    for module in (
-        fig3,
-        gains,
-        fig6,
-        fig5,
-        fig12,
-        table2,
-        fig8,
-        fig7,
-        fig13,
-        fig9,
-        fig11,
-        fig10,
-    )
+MAKERS = {
+    "fig3": oscillator.fig3,
+    "gains": gains.gains,
+    "fig6": gains.fig6,
+    "fig5": histories.fig5,
+    "fig12": histories.fig12,
+    "table2": gains.table2,
+    "fig8": histories.fig8,
+    "fig7": trends.fig7,
+    "fig13": trends.fig13,
+    "fig9": trends.fig9,
+    "fig11": histories.fig11,
+    "fig10": trends.fig10,
 }
+"""What makes each item, in the order of the paper."""
+
+
+def _described() -> dict[str, Item]:
+    """Each maker with its text from ``items.toml``."""
+    text = tomllib.loads(Path(__file__).with_name("items.toml").read_text(encoding="utf-8"))
+    assumptions = {
+        name: Assumption(**{key: words.format(**vars(printed)) for key, words in entry.items()})
+        for name, entry in text["assumption"].items()
+    }
+    items = {}
+    for name, make in MAKERS.items():
+        entry = text["item"][name]
+        entry["parameters"] = [text["parameter"][key] for key in entry["parameters"]]
+        entry["assumed"] = [assumptions[key] for key in entry["assumed"]]
+        items[name] = Item(name=name, make=make, **entry)
+    return items
+
+
+ITEMS = _described()
 """By name, in the order of the paper."""
 
 
-def chosen(names: tuple[str, ...]) -> tuple[Item, ...]:
+def chosen(names: Sequence[str]) -> tuple[Item, ...]:
     """Items by name in the order of the paper; all for no names.
 
     Raises

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from flighttune.paper.parameters import Assumption
+from flighttune.paper import parameters as printed
 from flighttune.paper.study import Study
 
 if TYPE_CHECKING:
@@ -19,20 +19,39 @@ class Made:
 
     Attributes
     ----------
-    figures : mapping of str to (str, Figure)
-        Caption and figure by file name; the first bears the item's name.
+    figures : mapping of str to Figure
+        By file name; the first bears the item's name.
     tables : mapping of str to DataFrame
         What the figures show, by file name; the first bears the item's name. Columns carry units.
     values : mapping
-        The numbers of the item, plain.
-    outcome : tuple of str
-        What comes out, a sentence each.
+        The numbers of the item, plain: ``--json`` prints them.
+    numbers : mapping
+        Further numbers, which only its sentences name.
     """
 
-    figures: "Mapping[str, tuple[str, Figure]]"
+    figures: "Mapping[str, Figure]"
     tables: Mapping[str, pd.DataFrame]
     values: Mapping[str, Any]
-    outcome: tuple[str, ...] = ()
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Assumption:
+    """A choice that had to be made because the paper does not print it.
+
+    Attributes
+    ----------
+    what : str
+        What is missing.
+    taken : str
+        What was taken instead.
+    why : str
+        The reason for that choice.
+    """
+
+    what: str
+    taken: str
+    why: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,41 +68,37 @@ class Item:
         Where it stands in the paper.
     make : callable
         From a study to the item as computed.
-    parameters : tuple of str
-        What was used of what the paper prints, a line each.
-    assumed : tuple of Assumption
+    parameters : list of str
+        The printed parameters used, a line each.
+    assumed : list of Assumption
         What the paper does not print.
+    outcome : list of str
+        The results, a sentence each, with braces where `Made` has the numbers.
+    captions : mapping of str to str
+        Captions of the figures by file name, with braces as well.
     """
 
     name: str
     title: str
     printed: str
     make: Callable[[Study], Made]
-    parameters: tuple[str, ...]
-    assumed: tuple[Assumption, ...] = field(default=())
+    parameters: list[str]
+    assumed: list[Assumption]
+    outcome: list[str]
+    captions: Mapping[str, str]
 
+    def filled_in(self, text: str, made: Made) -> str:
+        """A caption or a sentence of the outcome with the numbers as computed."""
+        return text.format(printed=printed, values=made.values, **made.numbers)
 
-def text_of(item: Item, made: Made) -> str:
-    """The short text of an item, Markdown."""
-    lines = [f"# {item.name}: {item.title}", "", f"{item.printed} of arXiv 2411.13140.", ""]
-    lines += ["## What comes out", "", *(f"- {line}" for line in made.outcome), ""]
-    lines += ["## Parameters", "", *(f"- {line}" for line in item.parameters), ""]
-    lines += ["## Assumed, because the paper does not print it", ""]
-    lines += [f"- {a.what}: {a.taken}. Why: {a.why}." for a in item.assumed] or ["- nothing"]
-    return "\n".join(lines) + "\n"
-
-
-MANOEUVRE = (
-    "Table 1: V = 25 m/s, g = 9.81 m/s², χ(0) = π/3, γ(0) = π/4, references χ_c = 0 and "
-    "γ_c = π/12, 20 s",
-    "Table 1: φ within ±π/4, n_z within ±2.1",
-)
-"""Parameters of every flight."""
-
-TABLE_1_DISTURBANCE = "Table 1: d_χ = 0.1 sin(0.15 t), d_γ = 0.1 cos(0.15 t) rad/s"
-
-PRINTED_STAR = (
-    "K_P* = [1.6968, 0.5906; −0.5906, 1.9556], K_I* = [3.4869, 0.1784; −0.1784, 3.4869] as printed"
-)
-
-FAMILY = "Table 2: K = K* − ε (I, I), ε = −4, −2, −1, 0.5, 0.8, 1 for K1 to K6"
+    def text(self, made: Made) -> str:
+        """The short text of the item, Markdown."""
+        assumed = [f"{a.what}: {a.taken}. Why: {a.why}." for a in self.assumed] or ["nothing"]
+        parts = [f"# {self.name}: {self.title}\n\n{self.printed} of arXiv 2411.13140.\n"]
+        for title, lines in (
+            ("What comes out", [self.filled_in(line, made) for line in self.outcome]),
+            ("Parameters", self.parameters),
+            ("Assumed, because the paper does not print it", assumed),
+        ):
+            parts.append(f"## {title}\n\n" + "".join(f"- {line}\n" for line in lines))
+        return "\n".join(parts)

@@ -1,4 +1,4 @@
-"""K*, its indicators, and the true optimum of the problem that it is printed for."""
+"""K*, K1 to K6 and the true optimum: indicators, eigenvalues, constraints, without any flight."""
 
 import math
 from typing import TYPE_CHECKING
@@ -6,54 +6,54 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from flighttune.control.closed_loop import closed_loop, closed_loops
-from flighttune.control.gains import PIGains
+from flighttune.arrays import FloatArray
+from flighttune.control.gains import PAPER_EPSILON, PIGains
+from flighttune.control.linear_model import closed_loop, closed_loops
 from flighttune.paper import parameters as printed
 from flighttune.paper import style
-from flighttune.paper.commands import command_use, worst_use
-from flighttune.paper.items.base import PRINTED_STAR, Item, Made
-from flighttune.paper.parameters import STAR
+from flighttune.paper.commands import initial_commands, largest_share
+from flighttune.paper.items.base import Made
+from flighttune.paper.parameters import DURATION, STAR
 from flighttune.paper.study import Study
-from flighttune.theory.indicators import indicators, indicators_batch
+from flighttune.present.figures import INK
+from flighttune.present.palette import LIMIT, NEUTRAL
+from flighttune.theory.indicators import IndicatorArrays, indicators, indicators_batch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 OPTIMUM = "optimum without input constraints"
 NEAREST = "smallest I_K within the input constraints"
-EPSILONS = np.linspace(-6.0, 1.25, 300)
+GAIN_SET_COLOURS = {STAR: INK, OPTIMUM: style.GREEN, NEAREST: style.MAGENTA}
+
+PAIRS_PRINTED = {**printed.TABLE_2, STAR: (printed.R_K_PRINTED, printed.I_K_PRINTED)}
+"""R_K and I_K as printed: the rows of Table 2, and the line below K*."""
 
 
-def make(study: Study) -> Made:
-    """Set K* beside the optimum, its indicators beside the printed ones, and its constraints."""
+def _indicators_over(study: Study, epsilon: FloatArray) -> IndicatorArrays:
+    """Indicators of K* - epsilon (I, I), for a curve."""
+    shift = np.hstack([np.eye(2), np.eye(2)])
+    gains = study.star.K - epsilon[:, None, None] * shift
+    return indicators_batch(closed_loops(study.model, gains))
+
+
+def gains(study: Study) -> Made:
+    """Compare K* with the optimum, its indicators with the printed ones, and its constraints."""
     sets = {STAR: study.star}
     for name, result in ((OPTIMUM, study.optimum), (NEAREST, study.constrained)):
         if result.gains is not None:
             sets[name] = result.gains
-    table = pd.DataFrame({name: _row(study, gains) for name, gains in sets.items()}).T
+    table = pd.DataFrame({name: _row(study, one) for name, one in sets.items()}).T
     star, best, near = study.indicators[STAR], study.optimum, study.constrained
     return Made(
         figures={
-            "gains": (
-                "K* and the true optimum in the plane of the indicators; the curve is the family "
-                "K* − ε (I, I).",
-                _plane(study),
-            ),
-            "gains_indicators": (
-                "Printed indicators minus those of the printed gains, in units of the last digit: "
-                "Table 2 agrees, the line below K* does not.",
-                _disagreement(study),
-            ),
-            "gains_constraints": (
-                "Commands and rates at t_0 as a part of their printed limits. The gains that keep "
-                f"them all with the smallest I_K have an I_K of {near.I_K:.1f} s².",
-                _constraints(sets),
-            ),
+            "gains": _plane(study),
+            "gains_indicators": _disagreement(study),
+            "gains_constraints": _constraints(sets),
         },
         tables={"gains": table.rename_axis("gains").reset_index()},
         values={
-            "K_P": study.star.K_P.tolist(),
-            "K_I": study.star.K_I.tolist(),
+            **study.star.as_lists(),
             "R_K": star.R_K,
             "I_K": star.I_K,
             "R_K_printed": printed.R_K_PRINTED,
@@ -70,26 +70,18 @@ def make(study: Study) -> Made:
                 "R_K": near.R_K,
             },
             "command_use": {
-                key: {"value": value, "lower": low, "upper": high}
-                for key, (value, low, high) in command_use(study.star).items()
+                name: use._asdict() for name, use in initial_commands(study.star).items()
             },
         },
-        outcome=(
-            f"The printed gains have R_K {star.R_K:.4f} and I_K {star.I_K:.4f}; printed are "
-            f"{printed.R_K_PRINTED} and {printed.I_K_PRINTED}.",
-            f"At t_0 they ask for {worst_use(study.star):.2f} times what a limit allows.",
-            f"With all printed constraints the model is {near.status} for I* = {printed.I_STAR}: "
-            f"the smallest I_K is {near.I_K:.2f}.",
-            f"Without the input constraints the highest R_K is {best.R_K:.5f}.",
-        ),
+        numbers={"largest_share": largest_share(study.star)},
     )
 
 
-def _row(study: Study, gains: PIGains) -> dict[str, float]:
-    found = indicators(closed_loop(study.model, gains))
+def _row(study: Study, one: PIGains) -> dict[str, float]:
+    found = indicators(closed_loop(study.model, one))
     entries = {
         f"{part}_{i + 1}{j + 1}": float(matrix[i, j])
-        for part, matrix in (("K_P", gains.K_P), ("K_I", gains.K_I))
+        for part, matrix in (("K_P", one.K_P), ("K_I", one.K_I))
         for i in (0, 1)
         for j in (0, 1)
     }
@@ -98,64 +90,49 @@ def _row(study: Study, gains: PIGains) -> dict[str, float]:
         "R_K_1_per_s": found.R_K,
         "I_K_s2": found.I_K,
         "spectral_abscissa_1_per_s": found.spectral_abscissa,
-        "largest_use_of_a_limit": worst_use(gains),
+        "largest_use_of_a_limit": largest_share(one),
     }
 
 
 def _plane(study: Study) -> "Figure":
     figure, (panel,) = style.grid(1, 1, size=(6.2, 4.2))
-    shift = np.hstack([np.eye(2), np.eye(2)])
-    curve = indicators_batch(
-        closed_loops(study.model, study.star.K - EPSILONS[:, None, None] * shift)
-    )
-    panel.plot(curve.R_K, curve.I_K, color=style.GREY, label="K* − ε (I, I)")
+    curve = _indicators_over(study, np.linspace(-6.0, 1.25, 300))
+    panel.plot(curve.R_K, curve.I_K, color=NEUTRAL, label="K* − ε (I, I)")
     for name, found in study.indicators.items():
         panel.plot(found.R_K, found.I_K, "o", color=style.GAIN_COLOURS[name])
         style.note(panel, name, (found.R_K, found.I_K), by=(0, 11))
-    panel.plot(
-        printed.R_K_PRINTED,
-        printed.I_K_PRINTED,
-        "x",
-        color=style.RED,
-        ms=8,
-        mew=2,
-        label="K*, indicators as printed",
-    )
+    cross = {"color": LIMIT, "ms": 8, "mew": 2, "label": "K*, indicators as printed"}
+    panel.plot(printed.R_K_PRINTED, printed.I_K_PRINTED, "x", **cross)
     best = study.optimum
     if math.isfinite(best.I_K):
         label = f"optimum for I* = {printed.I_STAR:g}, no input constraints"
         panel.plot(best.R_K, best.I_K, "*", color=style.GREEN, ms=12, label=label)
-    style.level(panel, printed.I_STAR, label=f"I* = {printed.I_STAR:g}")
-    panel.set_xlim(0.15, 0.85)
-    panel.set_ylim(4.5, 10.0)
-    panel.set_xlabel(style.R_K_AXIS)
-    panel.set_ylabel(style.I_K_AXIS)
-    style.legend(panel, loc="upper center")
+    style.limits(panel, y=(printed.I_STAR,), label=f"I* = {printed.I_STAR:g}")
+    panel.set(xlim=(0.15, 0.85), ylim=(4.5, 10.0))
+    panel.set(xlabel=style.AXES["R_K"], ylabel=style.AXES["I_K"])
+    panel.legend(loc="upper center")
     return figure
 
 
 def _disagreement(study: Study) -> "Figure":
     figure, panels = style.grid(1, 2, size=(8.0, 3.2), titles=("$R_K$", "$I_K$"))
-    rows = {**printed.TABLE_2, STAR: (printed.R_K_PRINTED, printed.I_K_PRINTED)}
-    digits = (printed.LAST_DIGITS, (1e-4, 1e-4))
     for k, (panel, unit) in enumerate(zip(panels, ("1/s", "s²"), strict=True)):
-        for name, pair in rows.items():
+        for place, (name, pair) in enumerate(PAIRS_PRINTED.items()):
             found = study.indicators[name]
-            off = pair[k] - (found.R_K, found.I_K)[k]
-            size = abs(off) / digits[name == STAR][k]
+            off = abs(pair[k] - (found.R_K, found.I_K)[k])
+            size = off / (printed.STAR_LAST_DIGIT if name == STAR else printed.LAST_DIGITS[k])
+            # A logarithmic axis has no zero: the bar of full agreement ends at its lower edge.
             panel.bar(name, max(size, 1e-3), color=style.GAIN_COLOURS[name], width=0.6)
-            shown = f"{size:.2g}" if size < 10.0 else f"{size:.0f}"
-            style.note(panel, shown, (list(rows).index(name), size), by=(0, 6))
-        panel.axhline(1.0, color=style.RED, lw=1.1, ls=(0, (6, 3)))
-        panel.set_yscale("log")
-        panel.set_ylim(1e-3, 600.0)
+            text = f"{size:.2g}" if size < 10.0 else f"{size:.0f}"
+            style.note(panel, text, (place, size), by=(0, 6))
+        style.limits(panel, y=(1.0,))
+        panel.set(yscale="log", ylim=(1e-3, 600.0))
         panel.set_ylabel(f"|printed − computed|\n[last printed digits, {unit}]")
     return figure
 
 
 def _constraints(sets: dict[str, PIGains]) -> "Figure":
     figure, (panel,) = style.grid(1, 1, size=(7.4, 3.4))
-    colours = {STAR: style.INK, OPTIMUM: style.GREEN, NEAREST: style.MAGENTA}
     labels = {
         "phi": "φ(t₀)",
         "phi rate": "φ̇(t₀)",
@@ -163,43 +140,94 @@ def _constraints(sets: dict[str, PIGains]) -> "Figure":
         "n_z rate": r"$\dot n_z$(t₀)",
     }
     height = 0.8 / len(sets)
-    for k, (name, gains) in enumerate(sets.items()):
-        use = command_use(gains)
-        for row, key in enumerate(labels):
-            value, low, high = use[key]
-            part = value / (high if value > 0.0 else low)
-            where = row + (k - (len(sets) - 1) / 2.0) * height
-            label = name.replace("I_K", "$I_K$") if row == 0 else ""
-            panel.barh(where, part, height=0.9 * height, color=colours[name], label=label)
-            style.note(panel, f"{part:.2f}", (part, where), by=(12, 0))
-    panel.axvline(1.0, color=style.RED, lw=1.3, ls=(0, (6, 3)))
+    for k, (name, one) in enumerate(sets.items()):
+        uses = initial_commands(one)
+        shares = [uses[key].share for key in labels]
+        places = np.arange(len(labels)) + (k - (len(sets) - 1) / 2.0) * height
+        colour, label = GAIN_SET_COLOURS[name], name.replace("I_K", "$I_K$")
+        panel.barh(places, shares, height=0.9 * height, color=colour, label=label)
+        for share, place in zip(shares, places, strict=True):
+            style.note(panel, f"{share:.2f}", (share, place), by=(12, 0))
+    style.limits(panel, x=(1.0,))
     panel.set_yticks(range(len(labels)), list(labels.values()))
     panel.invert_yaxis()
     panel.set_xlabel("command or rate at t₀ / its printed limit")
-    style.legend(panel, loc="lower right")
+    panel.legend(loc="lower right")
     return figure
 
 
-ITEM = Item(
-    name="gains",
-    title="K*, its indicators and the true optimum",
-    printed="Section 5.2, the gains printed below the control law",
-    make=make,
-    parameters=(
-        PRINTED_STAR,
-        "Table 1: V = 25 m/s, g = 9.81 m/s², γ_c = π/12",
-        "section 4.4: Δt = 0.1 s, x_0 = e(0) = (−π/3, −π/6); Table 1: limits of φ, n_z and rates",
-    ),
-    assumed=(
-        printed.Assumption(
-            "I*, the bound on I_K",
-            f"{printed.I_STAR:g}",
-            "the I_K printed for K*: the printed optimum has to satisfy it",
-        ),
-        printed.Assumption(
-            "which of many optimal Q gives I_K",
-            "the solution of the Lyapunov equation, the smallest",
-            "it gives the numbers of Table 2",
-        ),
-    ),
-)
+def table2(study: Study) -> Made:
+    """Compare the printed table with the computed one."""
+    rows = {
+        name: {
+            "epsilon": {**PAPER_EPSILON, STAR: 0.0}[name],
+            "R_K_printed": PAIRS_PRINTED[name][0],
+            "R_K": found.R_K,
+            "I_K_printed": PAIRS_PRINTED[name][1],
+            "I_K": found.I_K,
+            "spectral_abscissa": found.spectral_abscissa,
+        }
+        for name, found in study.indicators.items()
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("type")
+    distance = (table["R_K"] - table["R_K_printed"]).abs()
+    return Made(
+        figures={"table2": _table2_panels(study, table)},
+        tables={"table2": table.reset_index()},
+        values={
+            name: {"R_K": found.R_K, "I_K": found.I_K} for name, found in study.indicators.items()
+        },
+        numbers={
+            "largest_distance": distance.drop(STAR).max(),
+            "distance_of_star": distance[STAR],
+        },
+    )
+
+
+def _table2_panels(study: Study, table: pd.DataFrame) -> "Figure":
+    figure, panels = style.grid(1, 2, size=(8.0, 3.3), titles=("$R_K$", "$I_K$"))
+    epsilon = np.linspace(-4.5, 1.15, 300)
+    curve = _indicators_over(study, epsilon)
+    for panel, key, values in zip(panels, ("R_K", "I_K"), (curve.R_K, curve.I_K), strict=True):
+        panel.plot(epsilon, values, color=NEUTRAL, label="computed")
+        for name, row in table.iterrows():
+            mark = {"marker": "o", "ms": 5, "color": style.GAIN_COLOURS[str(name)], "label": name}
+            if name == STAR:
+                mark = {"marker": "x", "ms": 8, "mew": 2, "color": LIMIT, "label": "K* as printed"}
+            panel.plot(row["epsilon"], row[f"{key}_printed"], ls="none", **mark)
+        panel.set(xlabel="ε", ylabel=style.AXES[key])
+    style.legend_above(figure, panels[0], columns=8)
+    return figure
+
+
+def fig6(study: Study) -> Made:
+    """Draw the eigenvalues of A_K(0) with K*, and the disturbance."""
+    found = study.indicators[STAR]
+    t = np.linspace(0.0, DURATION, 401)
+    disturbance = printed.disturbance(printed.PRINTED_DISTURBANCE)
+    d = np.array([disturbance(moment) for moment in t.tolist()])
+    eigenvalues = pd.DataFrame(
+        {"real_1_per_s": found.eigenvalues.real, "imag_1_per_s": found.eigenvalues.imag}
+    )
+    titles = "eigenvalues of $A_K(0)$, K*", "disturbance"
+    figure, (a, b) = style.grid(1, 2, size=(8.0, 3.2), titles=titles)
+    style.limits(a, x=(0.0,))
+    a.plot(*eigenvalues.to_numpy().T, "o", color=INK, ms=6)
+    a.set(xlim=(-0.6, 0.1), ylim=(-1.6, 1.6))
+    a.set(xlabel="real part [1/s]", ylabel="imaginary part [1/s]")
+    b.plot(t, d[:, 0], color=style.CHI, label=r"$d_\chi$")
+    b.plot(t, d[:, 1], color=style.GAMMA, label=r"$d_\gamma$")
+    b.set_ylim(-0.115, 0.16)
+    style.over_time(b, "disturbance [rad/s]", DURATION)
+    b.legend(loc="upper right", ncols=2)
+    return Made(
+        figures={"fig6": figure},
+        tables={
+            "fig6": eigenvalues,
+            "fig6_b": pd.DataFrame({"t_s": t, "d_chi_radps": d[:, 0], "d_gamma_radps": d[:, 1]}),
+        },
+        values={
+            "eigenvalues": eigenvalues.to_numpy().tolist(),
+            "spectral_abscissa": found.spectral_abscissa,
+        },
+    )

@@ -9,29 +9,40 @@ from functools import lru_cache
 from pathlib import Path
 
 import jsbsim
+import numpy as np
 
+from flighttune.aircraft.aircraft import PROPERTY_NAME, AircraftConfig
+from flighttune.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim.aircraft import AircraftConfig
-from flighttune.plants.jsbsim.aircraft_tables import PROPERTY_NAME
 from flighttune.plants.jsbsim.log import one_line, quiet, silence
-from flighttune.plants.jsbsim.wrapping import model_folders
+from flighttune.plants.jsbsim.model_files import model_folders
 
 LAPSE_RATE = 0.0065
 SEA_LEVEL_TEMPERATURE = 288.15
 SEA_LEVEL_PRESSURE = 101325.0
 PRESSURE_EXPONENT = 5.25588
-"""Of the ICAO standard atmosphere, K/m, K, Pa and g/(R L)."""
+"""ICAO standard atmosphere: K/m, K, Pa and g/(R L)."""
 
 _RANKINE = 1.8
 _PSF = 47.880259
 """Pascal in a pound-force per square foot."""
 
+_INCHES = 12.0
+_LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
+"""Properties that are 0 in an empty aircraft."""
+
 _SETTLING_STEP = 0.02
-_INTEGRATED = (
-    "rate/rotational", "rate/translational", "position/rotational", "position/translational",
-)  # fmt: skip
+_MOTIONS = [
+    f"simulation/integrator/{of}/{motion}"
+    for of in ("rate", "position")
+    for motion in ("rotational", "translational")
+]
 
 _EARTH = Path(__file__).with_name("earth.xml")
+
+
+_ANY_RATE_HZ = 200.0
+"""Rate of an aircraft that is weighed and not flown."""
 
 
 @lru_cache(maxsize=1024)
@@ -67,7 +78,7 @@ class Fdm:
             self._exec = jsbsim.FGFDMExec(str(config.folder))
         with (
             self._translated("cannot be loaded"),
-            model_folders(config) as folders,
+            model_folders(config, weigh) as folders,
             quiet() as log,
         ):
             self._exec.set_debug_level(0)
@@ -84,16 +95,16 @@ class Fdm:
                     f"{self._model}: must load in JSBSim without complaint, "
                     f"got: {log.text or 'no reason'}."
                 )
+            # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
+            # flight would drift off its course by 0.006 deg/s.
             if not self._exec.load_planet(str(_EARTH), False):
                 raise PlantError(f"{_EARTH}: cannot be loaded: {log.text}.")
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
-        self._integrators = [
-            (self.writer(name), self.reader(name))
-            for name in (f"simulation/integrator/{kind}" for kind in _INTEGRATED)
-        ]
+        self._integrators = [(self.writer(name), self.reader(name)) for name in _MOTIONS]
         for name, value in config.settings.items():
             self.writer(name)(value)
+        # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
         self.writer("propulsion/set-running")(-1.0)
         if ground:
             self._lay_sea_level_at(ground)
@@ -141,6 +152,7 @@ class Fdm:
         """
         silence()
         try:
+            # Only with the trim status set do lags and rate limits settle in one evaluation.
             self._exec.set_trim_status(True)
             done = self._exec.run_ic()
             self._exec.set_trim_status(False)
@@ -157,6 +169,7 @@ class Fdm:
         """
         if not self.engine_settles:
             return
+        # Integrators of type 0 hold the aircraft still while time passes for the engine.
         kept = [(write, read()) for write, read in self._integrators]
         for write, _ in kept:
             write(0.0)
@@ -168,21 +181,24 @@ class Fdm:
         for write, value in kept:
             write(value)
 
-    def linearization(self) -> jsbsim.FGLinearization:
-        """Return JSBSim's linearisation about the state the aircraft is in.
+    def _body(self) -> Body:
+        cg = [self.reader(f"inertia/cg-{axis}-in")() / _INCHES for axis in "xyz"]
+        inertia = np.empty((3, 3))
+        for name, (i, j) in INERTIAS.items():
+            inertia[i, j] = inertia[j, i] = self.reader(f"inertia/{name}-slugs_ft2")()
+        return Body(self.reader("inertia/weight-lbs")(), np.array(cg), inertia)
 
-        Raises
-        ------
-        PlantError
-            If the aircraft has no engine: JSBSim ends the process over that.
-        """
-        if not self._exec.get_propulsion().get_num_engines():
-            raise PlantError(f"{self._model}: must have an engine to be linearised, got none.")
-        with self._translated("cannot be linearised"), quiet():
-            return jsbsim.FGLinearization(self._exec)
+    def _unload(self) -> None:
+        for line in self._exec.query_property_catalog("").splitlines():
+            name = line.partition(" ")[0]
+            if "inertia/pointmass-weight" in name or re.search(
+                r"/tank(\[\d+\])?/contents-lbs", name
+            ):
+                self.writer(name)(0.0)
+        self.evaluate()
 
     def abandon(self) -> None:
-        """Keep the broken aircraft for good.
+        """Keep the broken aircraft until the process ends.
 
         JSBSim evaluates an aircraft once more when it frees it, and ends the process if that fails.
         """
@@ -219,3 +235,12 @@ class Fdm:
     def _translation(self, what: str, error: jsbsim.BaseError) -> PlantError:
         self.abandon()
         return PlantError(f"{self._model}: {what} by JSBSim: {one_line(str(error))}")
+
+
+def weigh(config: AircraftConfig) -> MassBalance:
+    """Load an aircraft and weigh it, then once more without load and fuel."""
+    fdm = Fdm(config, _ANY_RATE_HZ)
+    whole = fdm._body()
+    pounds_per_slug = whole.weight / fdm.reader("inertia/mass-slugs")()
+    fdm._unload()
+    return MassBalance(whole=whole, empty=fdm._body(), pounds_per_slug=pounds_per_slug)

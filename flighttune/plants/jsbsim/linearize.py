@@ -1,19 +1,31 @@
 """Rigid-body linearisation of a trimmed JSBSim aircraft, and its modes."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import AircraftConfig
+from flighttune.plants.jsbsim.bench import CONTROLS, AirframeState, Bench, slopes
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.trim import trim
 
-LONGITUDINAL = "Vt", "Alpha", "Theta", "Q"
-LATERAL = "Beta", "Phi", "P", "R"
+STATES = ("V_a", "alpha", "theta", "q", "beta", "phi", "p", "r")
+"""Of the longitudinal motion, then of the lateral one."""
+
 RATE_HZ = 200.0
 OSCILLATES = 1e-9
-"""Share of its size from which an eigenvalue's imaginary part counts."""
+"""Share of its size from which an eigenvalue's imaginary part counts: below it is rounding."""
+
+_HALF_WIDTHS = {
+    **dict.fromkeys((*STATES[1:], *CONTROLS[:-1]), 1e-3),
+    "V_a": 0.1,
+    "throttle": 0.01,
+}
+"""Of the differences: rad, rad/s, m/s and 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,20 +61,14 @@ class RigidBodyModel:
 
     Attributes
     ----------
-    A, B : ndarray, shapes (n, n), (n, m)
-        In the units named.
-    states, state_units, inputs, input_units : tuple of str
-        Names, as JSBSim gives them, and units.
+    A, B : ndarray, shapes (8, 8), (8, 4)
+        States `STATES`, inputs `CONTROLS`, SI and rad.
     modes : tuple of Mode
         Longitudinal ones first, the fastest of each plane first.
     """
 
     A: FloatArray
     B: FloatArray
-    states: tuple[str, ...]
-    state_units: tuple[str, ...]
-    inputs: tuple[str, ...]
-    input_units: tuple[str, ...]
     modes: tuple[Mode, ...]
 
     def __post_init__(self) -> None:
@@ -81,70 +87,50 @@ def linearize(config: AircraftConfig, condition: FlightCondition) -> RigidBodyMo
     Returns
     -------
     RigidBodyModel
+        By central differences on the bench, actuators and engine settled.
 
     Raises
     ------
     InputError
         If `condition` lies outside the aircraft's envelope.
     PlantError
-        If the aircraft cannot be built, or has no engine: JSBSim's linearisation ends the process
-        without one.
+        If the aircraft cannot be built.
     TrimError
         If there is no steady flight at `condition`.
-
-    Notes
-    -----
-    JSBSim's ``FGLinearization``: differences about the trimmed state. The trim leaves the inner
-    loop disengaged, so that the surfaces stay where they are. JSBSim looks for a steady engine
-    without end where it takes its time to settle; for such aircraft the differences are taken by
-    `flighttune.plants.jsbsim.differences`.
     """
-    from flighttune.plants.jsbsim.differences import (
-        CONTROL_UNITS,
-        CONTROLS,
-        STATE_UNITS,
-        STATES,
-        differences,
-    )
-    from flighttune.plants.jsbsim.fdm import Fdm
-    from flighttune.plants.jsbsim.trim import trim
-
     fdm = Fdm(config, RATE_HZ)
-    if fdm.engine_settles:
-        A, B = differences(fdm, condition)
-        return _model(A, B, STATES, STATE_UNITS, inputs=CONTROLS, input_units=CONTROL_UNITS)
-    trim(fdm, condition)
-    found = fdm.linearization()
-    return _model(
-        np.array(found.system_matrix, dtype=float),
-        np.array(found.input_matrix, dtype=float),
-        tuple(found.x_names),
-        tuple(found.x_units),
-        inputs=tuple(found.u_names),
-        input_units=tuple(found.u_units),
+    at = trim(fdm, condition)
+    bench = Bench(fdm, condition.h)
+    # Not JSBSim's FGLinearization: it never returns where an engine takes its time to settle, and
+    # ends the process where there is none. Where it works it agrees.
+    by = slopes(lambda state: _state_rates(state, bench.accelerations(state)), at, _HALF_WIDTHS)
+    A, B = (np.column_stack([by[name] for name in names]) for names in (STATES, CONTROLS))
+    modes = (
+        *longitudinal_modes(A[:4, :4]),
+        *lateral_modes(A[4:, 4:]),
     )
+    return RigidBodyModel(A=A, B=B, modes=modes)
 
 
-def _model(
-    A: FloatArray,
-    B: FloatArray,
-    states: tuple[str, ...],
-    state_units: tuple[str, ...],
-    *,
-    inputs: tuple[str, ...],
-    input_units: tuple[str, ...],
-) -> RigidBodyModel:
-    return RigidBodyModel(
-        A=A,
-        B=B,
-        states=states,
-        state_units=state_units,
-        inputs=inputs,
-        input_units=input_units,
-        modes=(
-            *longitudinal_modes(_plane(A, states, LONGITUDINAL)),
-            *lateral_modes(_plane(A, states, LATERAL)),
-        ),
+def _state_rates(state: AirframeState, measured: dict[str, float]) -> FloatArray:
+    """Rates of `STATES` from the accelerations measured in `state`."""
+    u, v, w = state.velocity
+    u_dot, v_dot, w_dot = (measured[name] for name in ("u_dot", "v_dot", "w_dot"))
+    V_dot = (u * u_dot + v * v_dot + w * w_dot) / state.V_a
+    ahead = math.hypot(u, w)
+    sin_phi, cos_phi = math.sin(state.phi), math.cos(state.phi)
+    turning = state.q * sin_phi + state.r * cos_phi
+    return np.array(
+        [
+            V_dot,
+            (u * w_dot - w * u_dot) / ahead**2,
+            state.q * cos_phi - state.r * sin_phi,
+            measured["q_dot"],
+            (v_dot - v * V_dot / state.V_a) / ahead,
+            state.p + math.tan(state.theta) * turning,
+            measured["p_dot"],
+            measured["r_dot"],
+        ]
     )
 
 
@@ -183,8 +169,3 @@ def _once_a_pair(names: Sequence[str], eigenvalues: list[complex]) -> tuple[Mode
 
 def _oscillates(eigenvalue: complex) -> bool:
     return abs(complex(eigenvalue).imag) > OSCILLATES * abs(eigenvalue)
-
-
-def _plane(A: FloatArray, states: tuple[str, ...], kept: tuple[str, ...]) -> FloatArray:
-    rows = [states.index(name) for name in kept]
-    return A[np.ix_(rows, rows)]

@@ -7,28 +7,28 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
+from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
-from flighttune.plants.jsbsim.aircraft import AircraftConfig, load_aircraft
 
 if TYPE_CHECKING:
+    from flighttune.aircraft.off_nominal import OffNominal
     from flighttune.plants.jsbsim.fdm import Fdm
-    from flighttune.plants.jsbsim.off_nominal import OffNominal
     from flighttune.plants.weather import Weather
 
 _AIRFRAME_SIGNALS = (
-    "alpha", "beta", "theta", "psi", "p", "q", "r", "h", "V_g", "n_y",
-    "aileron", "elevator", "rudder", "throttle", "thrust",
-    "wind_north", "wind_east", "wind_down",
-)  # fmt: skip
+    *("alpha", "beta", "theta", "psi", "p", "q", "r", "h", "V_g", "n_y"),
+    *("aileron", "elevator", "rudder", "throttle", "thrust"),
+    *("wind_north", "wind_east", "wind_down"),
+)
 
 _STEP_SHARE = 1e-6
-"""How far from a whole number of integration steps a duration may lie, in steps."""
+"""How far a duration may lie from a whole number of integration steps: rounding."""
 
 
 _GUARD_INTERVAL = 0.02
-"""Longest time flown between two looks at the state, s."""
+"""Longest time between two checks of the state, s."""
 
 LARGEST_SEED = 2**31 - 1
 """Largest seed that JSBSim takes."""
@@ -139,7 +139,7 @@ class JSBSimPlant:
         from flighttune.plants.jsbsim.air import carry_along, weather_step
         from flighttune.plants.jsbsim.fdm import Fdm
         from flighttune.plants.jsbsim.guard import Guard
-        from flighttune.plants.jsbsim.observer import observer
+        from flighttune.plants.jsbsim.signal_reader import signal_reader
         from flighttune.plants.jsbsim.trim import trim
 
         self._observe = self._write_phi_cmd = _not_started
@@ -148,7 +148,7 @@ class JSBSimPlant:
         point = trim(fdm, condition)
         if self._weather is not None:
             carry_along(fdm, self._weather.deterministic(0.0, condition.h))
-        observe = observer(fdm, condition.chi, point.psi)
+        observe = signal_reader(fdm, condition.chi, point.psi)
         self._guard = Guard(fdm)
         self._inside, self._run = self._guard.inside, fdm.run
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
@@ -182,7 +182,7 @@ class JSBSimPlant:
         -------
         Stop or None
             ``diverged`` where a command or the state is not finite, ``ground_contact``, or
-            ``left_envelope``; looked for at least every 20 ms of flight.
+            ``left_envelope``; checked at least every 20 ms of flight.
 
         Raises
         ------
@@ -244,7 +244,7 @@ class JSBSimPlant:
         self._write_phi_cmd = write_phi_cmd
 
     def _count_steps(self, duration: float) -> tuple[range, ...]:
-        """Return the integration steps of `duration`, in chunks after which the guard looks."""
+        """Return the integration steps of `duration`, in chunks; the guard checks after each."""
         steps = duration * self._rate
         if not (0.5 < steps < math.inf and abs(steps - round(steps)) < _STEP_SHARE * steps):
             raise InputError(
@@ -277,9 +277,10 @@ def check_off_nominal(config: AircraftConfig) -> None:
     PlantError
         If its files cannot be read.
     """
-    from flighttune.plants.jsbsim.wrapping import main_file_text
+    from flighttune.plants.jsbsim.fdm import weigh
+    from flighttune.plants.jsbsim.model_files import main_file_text
 
-    main_file_text(config)
+    main_file_text(config, weigh)
 
 
 def _not_started(*_: object) -> NoReturn:

@@ -1,16 +1,16 @@
-"""Where an aircraft can start a flight: its envelope, its command limits, the ground."""
+"""Check of a start: inside envelope and command limits, above the ground."""
 
 from collections.abc import Iterator
 
+from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import AircraftConfig
 from flighttune.units import DEG
 
 
 def start_faults(
     config: AircraftConfig, condition: FlightCondition, ground: float
 ) -> Iterator[tuple[str, str]]:
-    """What of a condition lies outside the aircraft.
+    """Give what of a condition lies outside the aircraft's envelope or limits.
 
     Parameters
     ----------

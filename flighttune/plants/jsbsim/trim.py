@@ -1,19 +1,132 @@
 """Steady flight of a JSBSim aircraft: straight or turning, climbing or descending."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from scipy.optimize import least_squares
 
+from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.newton import interior_root
 from flighttune.plants.jsbsim.start_check import start_faults
-from flighttune.units import DEG, FT, G_0
+from flighttune.units import DEG, G_0
+
+_GAIN, _FAST = 0.5, 0.1
+"""A step must gain the one share; be down to the other for the slopes to serve on."""
+
+_ROOM_USED = 0.9
+"""Share of the way to a bound that a step takes which would pass it."""
+
+_CLOSE = 1e-9
+"""Residual below which a step that gains nothing more has met rounding."""
+
+_HALVINGS = 3
+"""How often a step that gains too little is taken half as long."""
+
+_NEWTON_STEPS = 12
+
+_STUCK = 0.25
+"""Two steps one after the other that can go less than this share of their way end the search, where
+the same bound stands in the way: the root lies behind it, or the slopes mislead.
+"""
+
+
+def interior_root(
+    residuals: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    *,
+    widths: FloatArray,
+    enough: float = 0.0,
+) -> FloatArray | None:
+    """Return the root that Newton's method finds from `start`.
+
+    Parameters
+    ----------
+    residuals : callable
+        From n unknowns to n residuals, all of order 1.
+    start : ndarray, shape (n,)
+        Strictly inside the bounds.
+    bounds : tuple of two ndarrays, shape (n,)
+        Lowest and highest value of each unknown.
+    widths : ndarray, shape (n,)
+        Differences of the unknowns that slopes are taken over.
+    enough : float
+        Residual at which the search ends; by default it goes down to rounding.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        None where a step gains too little, as it does where the root lies beyond the bounds.
+
+    Notes
+    -----
+    Slopes are one-sided differences; after a step that went well they are brought up to date by
+    Broyden's formula instead.
+    """
+    lower, upper = bounds
+    x, r, slopes, wall = start, residuals(start), None, None
+    for _ in range(_NEWTON_STEPS):
+        here, fresh = float(np.abs(r).max()), slopes is None
+        if slopes is None:
+            slopes = slopes_within(residuals, x, r, widths, upper)
+        try:
+            step = np.linalg.solve(slopes, -r)
+        except np.linalg.LinAlgError:
+            return None
+        with np.errstate(divide="ignore"):
+            ways = np.where(step > 0.0, upper - x, x - lower) / np.abs(step)
+        nearest = int(np.argmin(ways))
+        room = float(ways[nearest])
+        part = 1.0 if room > 1.0 else _ROOM_USED * room
+        wall_before, wall = wall, (nearest, step[nearest] > 0.0) if room < _STUCK else None
+        if wall is not None and wall == wall_before:
+            return None
+        for _ in range(1 + _HALVINGS * (fresh and here > _CLOSE)):
+            moved = part * step
+            there = residuals(x + moved)
+            now = float(np.abs(there).max())
+            if now < (1.0 - _GAIN * part) * here:
+                break
+            part *= 0.5
+        else:
+            if here < _CLOSE or fresh:
+                return x if here < _CLOSE else None
+            slopes = None
+            continue
+        slopes = slopes + np.outer(there, moved) / (moved @ moved) if now < _FAST * here else None
+        x, r = x + moved, there
+        if now < enough:
+            return x
+    return None
+
+
+def slopes_within(
+    residuals: Callable[[FloatArray], FloatArray],
+    x: FloatArray,
+    r: FloatArray,
+    widths: FloatArray,
+    upper: FloatArray,
+) -> FloatArray:
+    """Slopes of `residuals`, `r` at `x`, by one-sided differences that do not pass `upper`."""
+    columns = []
+    for i, width in enumerate(np.where(x + widths < upper, widths, -widths).tolist()):
+        moved = x.copy()
+        moved[i] += width
+        columns.append((residuals(moved) - r) / (moved[i] - x[i]))
+    return np.array(columns).T
+
+
+SPEEDS = 6
+"""Airspeeds of a table over the envelope, where none are given."""
+
+CLIMBS = (-10.0 * DEG, -5.0 * DEG, 0.0, 5.0 * DEG, 10.0 * DEG, 20.0 * DEG, 45.0 * DEG)
+FDM_RATE_HZ = 200.0
 
 _SIDESLIP_SEARCHED = 10.0 * DEG
 _RESIDUAL_ALLOWED = 1e-6
@@ -25,44 +138,21 @@ _DIFFERENCE = 2.0**-26
 _SETTLED = 1e-8
 """Residual that an engine which is still settling leaves."""
 
-_TOO_LITTLE = "full throttle has too little thrust"
-_TOO_MUCH = "the aircraft speeds up with the throttle closed"
-
 _STEPS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 3e-4)
-"""Differences of the unknowns: rad, rad/s, throttle. The one that an engine follows comes last."""
+"""Differences of the unknowns (rad, rad/s, throttle) where an engine settles: to within 1e-6 g, and
+its thrust has kinks. The unknown that the engine follows comes last.
+"""
+
+_MOST_STEPS = 60
+"""Steps of least squares."""
+
+_TOO_LITTLE = "full throttle has too little thrust"
 
 _AT_STOP = 0.01
 """Share of its interval within which a trim variable counts as lying at the end of it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrimPoint:
-    """Steady flight found by `trim`.
-
-    Attributes
-    ----------
-    alpha, beta, theta, psi : float, rad
-        Angle of attack, sideslip, pitch attitude, heading.
-    aileron, elevator, rudder : float, rad
-        Surface positions: rolls right, trailing edge down, trailing edge left.
-    throttle : float, 1
-        Throttle position.
-    psi_dot : float, rad/s
-        Turn rate, clockwise seen from above.
-    """
-
-    alpha: float
-    beta: float
-    theta: float
-    psi: float
-    aileron: float
-    elevator: float
-    rudder: float
-    throttle: float
-    psi_dot: float
-
-
-def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
+def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) -> AirframeState:
     """Put `fdm`, its inner loop disengaged, into steady coordinated flight at `condition`.
 
     Seven unknowns (angle of attack, sideslip, three surfaces, turn rate, throttle) bring six body
@@ -75,10 +165,13 @@ def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
         The aircraft.
     condition : FlightCondition
         Airspeed, height, course, flight-path angle and roll; `n_z` follows from them.
+    thrust_short : bool
+        Whether thrust is known to be too little for a shallower climb: the throttle is then tried
+        at its stop at once. The answer is the same.
 
     Returns
     -------
-    TrimPoint
+    AirframeState
         The steady flight the aircraft is left in.
 
     Raises
@@ -88,160 +181,135 @@ def trim(fdm: Fdm, condition: FlightCondition) -> TrimPoint:
     TrimError
         If there is no steady flight; the message says what stands against it.
     """
-    _check_condition(fdm, condition)
+    for name, fault in start_faults(fdm.config, condition, fdm.ground):
+        raise InputError(f"`{name}` {fault}.")
     problem = _TrimProblem(fdm, condition)
-    lower, upper = problem.bounds
-    start = np.clip(problem.guess, lower + 0.02 * (upper - lower), upper - 0.02 * (upper - lower))
-    x = interior_root(
-        problem.residuals,
-        start,
-        (lower, upper),
-        widths=np.array(_STEPS) if fdm.engine_settles else _DIFFERENCE * (upper - lower),
-        enough=_SETTLED if fdm.engine_settles else 0.0,
-    )
+    start = problem.start
+    x = None
+    if not thrust_short:
+        x = interior_root(
+            problem.residuals,
+            start,
+            (problem.lower, problem.upper),
+            widths=problem.widths,
+            enough=_SETTLED if fdm.engine_settles else 0.0,
+        )
     if x is None:
-        differences: Any = problem.jacobian if fdm.engine_settles else "2-point"
-        x = least_squares(
-            problem.residuals, start, bounds=(lower, upper), x_scale=upper - lower, max_nfev=60,
-            xtol=1e-14, ftol=1e-14, gtol=1e-14, jac=differences,
-        ).x  # fmt: skip
+        x = problem.best_compromise(start)
     worst = float(np.max(np.abs(problem.residuals(x))))
     if not worst < _RESIDUAL_ALLOWED:
+        c = condition
         raise TrimError(
-            f"{fdm.config.file}: no steady flight at {_described(condition)}: "
+            f"{fdm.config.file}: no steady flight at V_a {c.V_a:g} m/s, h {c.h:g} m, "
+            f"gamma {c.gamma / DEG:g} deg, phi {c.phi / DEG:g} deg: "
             f"{problem.obstacle(x)} (left over: {worst:.2g} g)."
         )
-    return problem.point(x)
+    return problem.state(x)
 
 
 class _TrimProblem:
     """Accelerations of the aircraft as a function of the seven unknowns."""
 
     def __init__(self, fdm: Fdm, condition: FlightCondition) -> None:
-        self._fdm = fdm
+        self._bench = Bench(fdm, condition.h)
         self._condition = condition
-        channels = fdm.config.channels
-        self._set = {
-            name: fdm.writer(f"ic/{name}")
-            for name in ("u-fps", "v-fps", "w-fps", "phi-rad", "theta-rad", "psi-true-rad",
-                         "p-rad_sec", "q-rad_sec", "r-rad_sec", "h-sl-ft")
-        }  # fmt: skip
-        self._controls = [
-            fdm.writer(channels.aileron_trim_rad),
-            fdm.writer(channels.elevator_trim_rad),
-            fdm.writer(channels.rudder_trim_rad),
-            fdm.writer(channels.throttle_trim),
-        ]
-        ft_over_g = FT / G_0
-        weight_lbf = fdm.reader("inertia/mass-slugs")() / ft_over_g
-        self._balance = [
-            (fdm.reader("accelerations/udot-ft_sec2"), ft_over_g),
-            (fdm.reader("accelerations/vdot-ft_sec2"), ft_over_g),
-            (fdm.reader("accelerations/wdot-ft_sec2"), ft_over_g),
-            (fdm.reader("accelerations/pdot-rad_sec2"), 1.0),
-            (fdm.reader("accelerations/qdot-rad_sec2"), 1.0),
-            (fdm.reader("accelerations/rdot-rad_sec2"), 1.0),
-            (fdm.reader("forces/fby-total-lbs"), 1.0 / weight_lbf),
-        ]
-        self._settled_throttle = math.nan
-        fdm.writer(channels.engaged)(0.0)
-        self._set["h-sl-ft"]((condition.h - fdm.ground) / FT)
-
-    @property
-    def guess(self) -> FloatArray:
-        """Where the search starts."""
-        c = self._condition
-        alpha = 0.05 * math.cos(c.gamma) / math.cos(c.phi)
-        return np.array([alpha, 0.0, 0.0, 0.0, 0.0, G_0 / c.V_a * math.tan(c.phi), 0.3])
-
-    @property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest value of each unknown."""
-        config = self._fdm.config
-        turn_rate = 2.0 * G_0 / self._condition.V_a * (0.1 + abs(math.tan(self._condition.phi)))
-        intervals = np.array([
-            config.envelope.alpha,
+        envelope, stops = fdm.config.envelope, fdm.config.actuators
+        turn_rate = 2.0 * G_0 / condition.V_a * (0.1 + abs(math.tan(condition.phi)))
+        intervals = (
+            envelope.alpha,
             (-_SIDESLIP_SEARCHED, _SIDESLIP_SEARCHED),
-            config.actuators.aileron,
-            config.actuators.elevator,
-            config.actuators.rudder,
+            stops.aileron,
+            stops.elevator,
+            stops.rudder,
             (-turn_rate, turn_rate),
-            config.actuators.throttle,
-        ])  # fmt: skip
-        return intervals[:, 0], intervals[:, 1]
+            stops.throttle,
+        )
+        self.lower, self.upper = np.array(intervals).T
+        span = self.upper - self.lower
+        self.widths = np.array(_STEPS) if fdm.engine_settles else _DIFFERENCE * span
+        alpha = 0.05 * math.cos(condition.gamma) / math.cos(condition.phi)
+        psi_dot = G_0 / condition.V_a * math.tan(condition.phi)
+        guess = np.array([alpha, 0.0, 0.0, 0.0, 0.0, psi_dot, 0.3])
+        self.start: FloatArray = np.clip(guess, self.lower + 0.02 * span, self.upper - 0.02 * span)
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        """Return the derivative of `residuals` by one-sided differences inside the bounds.
-
-        Their steps are wide: an engine settles to within 1e-6 g, and its thrust has kinks.
-        """
-        here, (_, upper) = self.residuals(x), self.bounds
-        columns = []
-        for i, step in enumerate(_STEPS):
-            signed = step if x[i] + step < upper[i] else -step
-            moved = x.copy()
-            moved[i] += signed
-            columns.append((self.residuals(moved) - here) / signed)
-        return np.array(columns).T
-
-    def point(self, x: FloatArray) -> TrimPoint:
-        """Return the flight that the unknowns `x` stand for."""
+    def state(self, x: FloatArray) -> AirframeState:
+        """Return the steady turn that the unknowns `x` stand for."""
         alpha, beta, aileron, elevator, rudder, psi_dot, throttle = map(float, x)
-        theta = pitch_attitude(self._condition.gamma, self._condition.phi, alpha, beta)
-        psi = self._condition.chi - _drift_angle(theta, self._condition.phi, alpha, beta)
-        return TrimPoint(
-            alpha=alpha, beta=beta, theta=theta, psi=psi, aileron=aileron, elevator=elevator,
-            rudder=rudder, throttle=throttle, psi_dot=psi_dot,
-        )  # fmt: skip
+        gamma, phi = self._condition.gamma, self._condition.phi
+        theta = pitch_attitude(gamma, phi, alpha, beta)
+        return AirframeState(
+            V_a=self._condition.V_a,
+            alpha=alpha,
+            beta=beta,
+            phi=phi,
+            theta=theta,
+            psi=self._condition.chi - _drift_angle(theta, phi, alpha, beta),
+            p=-psi_dot * math.sin(theta),
+            q=psi_dot * math.cos(theta) * math.sin(phi),
+            r=psi_dot * math.cos(theta) * math.cos(phi),
+            aileron=aileron,
+            elevator=elevator,
+            rudder=rudder,
+            throttle=throttle,
+        )
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Return what is left of six accelerations and the lateral load factor at `x`."""
-        point, phi, write = self.point(x), self._condition.phi, self._set
-        V_a_fps = self._condition.V_a / FT
-        write["u-fps"](V_a_fps * math.cos(point.alpha) * math.cos(point.beta))
-        write["v-fps"](V_a_fps * math.sin(point.beta))
-        write["w-fps"](V_a_fps * math.sin(point.alpha) * math.cos(point.beta))
-        write["phi-rad"](phi)
-        write["theta-rad"](point.theta)
-        write["psi-true-rad"](point.psi % math.tau)
-        write["p-rad_sec"](-point.psi_dot * math.sin(point.theta))
-        write["q-rad_sec"](point.psi_dot * math.cos(point.theta) * math.sin(phi))
-        write["r-rad_sec"](point.psi_dot * math.cos(point.theta) * math.cos(phi))
-        controls = (point.aileron, point.elevator, point.rudder, point.throttle)
-        for write_control, value in zip(self._controls, controls, strict=True):
-            write_control(value)
-        self._fdm.evaluate()
-        if point.throttle != self._settled_throttle:
-            self._settled_throttle = point.throttle
-            self._fdm.settle_engine()
-            self._fdm.evaluate()
-        return np.array([read() * scale for read, scale in self._balance])
+        measured = self._bench.accelerations(self.state(x))
+        linear = [measured[name] / G_0 for name in ("u_dot", "v_dot", "w_dot")]
+        rest = [measured[name] for name in ("p_dot", "q_dot", "r_dot", "n_y")]
+        return np.array(linear + rest)
+
+    def best_compromise(self, start: FloatArray) -> FloatArray:
+        """Return the least squares of `residuals` within the bounds.
+
+        Most flights that cannot be trimmed lack thrust or have too much of it, so that the throttle
+        is tried at its stops first. An engine that takes its time then settles once only.
+        """
+        from scipy.optimize import least_squares  # takes as long to import as all the rest
+
+        span = self.upper - self.lower
+        for stop, sense in ((self.upper[-1], -1.0), (self.lower[-1], 1.0)):
+            at_stop = least_squares(
+                lambda six, stop=stop: self.residuals(np.append(six, stop)),
+                start[:-1],
+                bounds=(self.lower[:-1], self.upper[:-1]),
+                x_scale=span[:-1],
+                max_nfev=_MOST_STEPS,
+            )
+            if sense * at_stop.fun[0] > _RESIDUAL_ALLOWED:
+                return np.append(at_stop.x, stop)
+
+        def slopes(x: FloatArray) -> FloatArray:
+            return slopes_within(self.residuals, x, self.residuals(x), self.widths, self.upper)
+
+        return least_squares(
+            self.residuals,
+            start,
+            jac=cast("Any", slopes),  # scipy's annotations only know the names of its own methods
+            bounds=(self.lower, self.upper),
+            x_scale=span,
+            max_nfev=_MOST_STEPS,
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+        ).x
 
     def obstacle(self, x: FloatArray) -> str:
-        """Name the bounds the best compromise leans on, and what the engine cannot do."""
-        low, high = self.bounds
-        share = (x - low) / (high - low)
+        """Name the bounds that the best compromise `x` leans on."""
+        share = (x - self.lower) / (self.upper - self.lower)
+        low, high = share < _AT_STOP, share > 1.0 - _AT_STOP
+        alpha = f"alpha is at {x[0] / DEG:.1f} deg"
         reasons = (
-            (share[-1] > 1 - _AT_STOP, _TOO_LITTLE),
-            (share[-1] < _AT_STOP, _TOO_MUCH),
-            (share[0] > 1 - _AT_STOP, f"it would stall, alpha is at {x[0] / DEG:.1f} deg"),
-            (share[0] < _AT_STOP, f"negative stall, alpha is at {x[0] / DEG:.1f} deg"),
-            (min(share[3], 1 - share[3]) < _AT_STOP, "the elevator is at its stop"),
-            (min(share[2], 1 - share[2]) < _AT_STOP, "the aileron is at its stop"),
-            (min(share[4], 1 - share[4]) < _AT_STOP, "the rudder is at its stop"),
+            (high[6], _TOO_LITTLE),
+            (low[6], "the aircraft speeds up with the throttle closed"),
+            (high[0], f"it would stall, {alpha}"),
+            (low[0], f"negative stall, {alpha}"),
+            (low[3] or high[3], "the elevator is at its stop"),
+            (low[2] or high[2], "the aileron is at its stop"),
+            (low[4] or high[4], "the rudder is at its stop"),
         )
-        leans = [text for holds, text in reasons if holds]
-        return ", ".join(leans) or self._engine_obstacle(x) or "the search did not converge"
-
-    def _engine_obstacle(self, x: FloatArray) -> str:
-        """Say what is wrong where neither stop of the throttle balances the speed at `x`."""
-        lower, upper = self.bounds
-        for stop, sense, text in ((upper, -1.0, _TOO_LITTLE), (lower, 1.0, _TOO_MUCH)):
-            at_stop = x.copy()
-            at_stop[-1] = stop[-1]
-            if sense * self.residuals(at_stop)[0] > _RESIDUAL_ALLOWED:
-                return text
-        return ""
+        return ", ".join(text for holds, text in reasons if holds) or "the search did not converge"
 
 
 def pitch_attitude(gamma: float, phi: float, alpha: float, beta: float) -> float:
@@ -273,13 +341,98 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
     return math.atan2(aside, ahead)
 
 
-def _check_condition(fdm: Fdm, condition: FlightCondition) -> None:
-    for name, fault in start_faults(fdm.config, condition, fdm.ground):
-        raise InputError(f"`{name}` {fault}.")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrimRow:
+    """One flight condition, and the steady flight there or why there is none.
+
+    Attributes
+    ----------
+    condition : FlightCondition
+    point : AirframeState or None
+    reason : str
+        Why there is no trim; empty where there is one. Outside the envelope: the range, and what
+        stands against steady flight there, if anything.
+    """
+
+    condition: FlightCondition
+    point: AirframeState | None
+    reason: str
 
 
-def _described(condition: FlightCondition) -> str:
-    return (
-        f"V_a {condition.V_a:g} m/s, h {condition.h:g} m, gamma {condition.gamma / DEG:g} deg, "
-        f"phi {condition.phi / DEG:g} deg"
+def trim_table(
+    config: AircraftConfig,
+    *,
+    V_a: Sequence[float] | None = None,
+    gamma: Sequence[float] | None = None,
+    phi: float = 0.0,
+    h: float = 1000.0,
+) -> tuple[TrimRow, ...]:
+    """Return the steady flights of an aircraft at every airspeed with every flight-path angle.
+
+    Parameters
+    ----------
+    config : AircraftConfig
+        The aircraft.
+    V_a : sequence of float, m/s, optional
+        Airspeeds; by default `SPEEDS` over the envelope.
+    gamma : sequence of float, rad, optional
+        Flight-path angles; by default `CLIMBS`.
+    phi, h : float, rad and m
+        Bank and height of all of them.
+
+    Raises
+    ------
+    InputError
+        If an airspeed or angle is no number for a flight.
+    PlantError
+        If the aircraft cannot be built.
+    """
+    speeds = np.linspace(*config.envelope.V_a, SPEEDS).tolist() if V_a is None else V_a
+    rows: list[TrimRow] = []
+    for speed in speeds:
+        lowest_short = math.inf  # shallowest climb for which thrust is too little
+        for climb in CLIMBS if gamma is None else gamma:
+            condition = FlightCondition(V_a=speed, h=h, gamma=climb, phi=phi)
+            row = _row(config, condition, thrust_short=climb > lowest_short)
+            if _TOO_LITTLE in row.reason:
+                lowest_short = min(lowest_short, climb)
+            rows.append(row)
+    return tuple(rows)
+
+
+def _row(config: AircraftConfig, condition: FlightCondition, *, thrust_short: bool) -> TrimRow:
+    faults = list(start_faults(config, condition, ground=0.0))
+    outside = "; ".join(f"`{name}` {fault}" for name, fault in faults)
+    outside = outside.replace(f" ({config.file})", "")
+    if "h" in dict(faults):
+        return TrimRow(condition=condition, point=None, reason=outside)
+    if not outside:
+        point, obstacle = _search(config, condition, thrust_short)
+        return TrimRow(condition=condition, point=point, reason=obstacle)
+    point, obstacle = _search(_without_edges(config), condition, thrust_short)
+    if point is not None:
+        angle = f"with alpha at {point.alpha / DEG:.1f} deg"
+        obstacle = f"it would fly, {angle} and the throttle at {point.throttle:.2f}"
+    return TrimRow(
+        condition=condition,
+        point=None,
+        reason=f"outside the envelope: {outside}; there: {obstacle}",
     )
+
+
+def _search(
+    config: AircraftConfig, condition: FlightCondition, thrust_short: bool
+) -> tuple[AirframeState | None, str]:
+    """The trim, or what stands against it."""
+    try:
+        return trim(Fdm(config, FDM_RATE_HZ), condition, thrust_short=thrust_short), ""
+    except TrimError as error:
+        return None, str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
+
+
+def _without_edges(config: AircraftConfig) -> AircraftConfig:
+    """The aircraft where only alpha, surfaces and engine stand against a steady flight."""
+    anything = (-math.inf, math.inf)
+    envelope = config.envelope.model_copy(update={"V_a": anything})
+    limits = config.limits.model_copy(update={"phi": anything, "n_z": anything})
+    return config.model_copy(update={"envelope": envelope, "limits": limits})

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from published_aerosonde import MASS, accelerations, evaluated
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.shipped import aircraft_folder

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.weather import (

@@ -4,8 +4,8 @@ import shutil
 
 import pytest
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
-from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.shipped import aircraft_folder
 
 

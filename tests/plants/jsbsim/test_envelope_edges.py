@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.weather import Gust, Turbulence, Weather
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttune.plants.jsbsim.newton import interior_root
+from flighttune.plants.jsbsim.trim import interior_root
 
 WIDTHS = np.full(2, 1e-7)
 ROUNDING = 1e-14

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from published_aerosonde import accelerations, evaluated
 
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.off_nominal import OffNominal
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.shipped import aircraft_folder

@@ -10,9 +10,9 @@ import jsbsim
 import numpy as np
 import pytest
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import PlantError, TrimError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.shipped import aircraft_folder

@@ -1,0 +1,122 @@
+"""Draw docs/gap.png and write the numbers of docs/gap.md: python docs/figures/gap.py."""
+
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.flight.gap import Gap, explain_gap
+from flighttune.flight.gap_figure import save_gap_figure
+from flighttune.flight.outer_loop import gain_set
+from flighttune.scenario import load_scenario
+from flighttune.simulate.run import Run
+from flighttune.units import DEG_PER_RAD
+
+FOLDER = Path(__file__).parents[1]
+BEGIN, END = "<!-- gap:begin -->\n", "<!-- gap:end -->"
+GAINS = "paper"
+TURNED = 5.0 / DEG_PER_RAD
+COLUMNS = {
+    "ITAE": ("ITAE", "rad s²", 1.0),
+    "MO_rad": ("MO", "deg", DEG_PER_RAD),
+    "ST_rad": ("ST", "deg", DEG_PER_RAD),
+}
+
+
+def paper_gap() -> Gap:
+    """The gap of the paper's manoeuvre with the paper's gains."""
+    scenario = load_scenario("paper")
+    gains = gain_set(scenario, GAINS)
+    if gains is None:
+        raise SystemExit(f"there are no gains named {GAINS}")
+    return explain_gap(scenario, gains, name=GAINS)
+
+
+def rows(gap: Gap) -> list[tuple[str, list[float]]]:
+    """Name and numbers of each row of the table."""
+    if gap.ladder is None:
+        raise SystemExit(gap.reason)
+    metrics = gap.flown().metrics
+
+    def numbers(table, apart) -> list[float]:
+        return [
+            *apart,
+            *(
+                float(table.loc[channel, key]) * unit
+                for key, (_, _, unit) in COLUMNS.items()
+                for channel in ("chi", "gamma")
+            ),
+        ]
+
+    def rms(values) -> float:
+        return float(np.sqrt(np.mean(values**2))) * DEG_PER_RAD
+
+    first, last = gap.runs[0], gap.runs[-1]
+    found = [(f"`{first.provenance.plant}`", numbers(metrics.loc[first.label], [0.0, 0.0]))]
+    for step in gap.ladder.steps:
+        found.append((f"+ {step.adds}", numbers(step.metrics, [rms(step.chi), rms(step.gamma)])))
+    whole = gap.ladder.whole
+    top = numbers(metrics.loc[last.label], [rms(whole.chi), rms(whole.gamma)])
+    return [*found, (f"= `{last.provenance.plant}`", top)]
+
+
+def table(gap: Gap) -> str:
+    """The contributions as a Markdown table."""
+    heads = ["plant or step", "Δχ rms [deg]", "Δγ rms [deg]"]
+    heads += [f"{name} {s} [{unit}]" for name, unit, _ in COLUMNS.values() for s in "χγ"]
+    lines = [heads, ["---", *["---:"] * (len(heads) - 1)]]
+    for name, values in rows(gap):
+        sign = "+" if name.startswith("+") else ""
+        apart = [f"{value:.2f}" if value else "" for value in values[:2]]
+        lines.append([name, *apart, *(f"{value:{sign}.2f}" for value in values[2:])])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def reading(gap: Gap) -> str:
+    """The sentences with numbers below the table."""
+    free = gap.free
+    settled = gap.check and gap.check.settled
+    if not (gap.mismatch and gap.verdict and settled and gap.ladder and free):
+        raise SystemExit("the paper's manoeuvre must have a certificate")
+    waits = [f"{first_turn(run):.1f} s on `{run.provenance.plant}`" for run in gap.runs]
+    loop = gap.ladder.inner_loop
+    whole = gap.verdict
+    return "\n".join(
+        [
+            f"Δ is the difference in χ and γ. The first {TURNED * DEG_PER_RAD:.0f} deg of turn "
+            f"take {', '.join(waits)}. The {loop.source} lag accounts for "
+            f"{loop.phi.fit_percent:.1f} % of the variance of φ in this flight and for "
+            f"{loop.n_z.fit_percent:.1f} % of that of n_z.",
+            "",
+            f"The mismatch reaches {gap.mismatch.bound:.2f} rad/s, its derivative "
+            f"L_d = {gap.mismatch.L_d:.2f} rad/s². The set for it lets the course be off by "
+            f"{whole.claim.tube[0] * DEG_PER_RAD:.0f} deg (exact for the linear loop: "
+            f"{whole.claim.reach[0] * DEG_PER_RAD:.0f} deg): {whole.sentence}. In "
+            f"the second half of the flight L_d is {settled.claim.L_d:.3f} rad/s² and the set ends "
+            f"at {settled.claim.tube[0] * DEG_PER_RAD:.1f} deg: {settled.sentence}"
+            + (f", entered at {settled.t_entered:.1f} s." if settled.t_entered else ".")
+            + f" From {free.t_from:.1f} s on no limit holds a command: the errors must stay within "
+            f"{max(free.widest) * DEG_PER_RAD:.1f} deg of those of the linear loop left alone, and "
+            f"at the end within {free.at_end[0] * DEG_PER_RAD:.1f} deg (χ) and "
+            f"{free.at_end[1] * DEG_PER_RAD:.1f} deg (γ): {free.sentence}.",
+        ]
+    )
+
+
+def first_turn(run: Run) -> float:
+    """Time at which the course has moved by `TURNED` toward the reference, s."""
+    moved = (run.signals["chi"].iloc[0] - run.signals["chi"]).to_numpy() >= TURNED
+    return float(run.signals.index[int(np.argmax(moved))])
+
+
+def written(text: str, gap: Gap) -> str:
+    """The page with the section between its marks made new."""
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    return f"{before}{BEGIN}\n{table(gap)}\n\n{reading(gap)}\n\n{END}{after}"
+
+
+if __name__ == "__main__":
+    flown = paper_gap()
+    save_gap_figure(flown, FOLDER / "gap.png", dpi=90)
+    page = FOLDER / "gap.md"
+    page.write_text(written(page.read_text(encoding="utf-8"), flown), encoding="utf-8")

@@ -1,0 +1,270 @@
+"""Pictures of a recording without a screen, as the viewer draws it.
+
+Run it with ``python docs/figures/screenshot.py runs/paper/paper.rrd picture.png --at 4.4``.
+"""
+
+import argparse
+import io
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flighttune.errors import RecordingError
+from flighttune.recording.entities import TIMELINE
+from flighttune.recording.run_columns import check_recording
+from flighttune.recording.viewer import ViewerProcess, free_port, stream_url
+from flighttune.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerState
+
+SIZE = (1600, 1000)
+TITLE_BAR = 36
+COLOURS = 256
+NO_GRAPHICS = ("render context", "adapter")
+NEEDS_DRIVER = "find a graphics card or a software driver (Debian: mesa-vulkan-drivers)"
+SETTLE_TIMEOUT = 20.0
+ALIKE_AT_START = 6
+"""Pictures in a row without change after which the messages of the start are gone."""
+
+POLL = 0.1
+LOADING_GRACE = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """A warning or error of the viewer: the view (or the log) it is in, and its text."""
+
+    where: str
+    words: str
+
+
+class HeadlessViewer:
+    """A viewer without window that has one recording open.
+
+    Parameters
+    ----------
+    recording : path-like
+        A ``.rrd`` file.
+    size : (int, int), pixels
+        Width and height of the pictures.
+
+    Raises
+    ------
+    RecordingError
+        If the viewer cannot start (without a graphics card it needs a software driver such as
+        Debian's ``mesa-vulkan-drivers``) or cannot open the file.
+    """
+
+    def __init__(self, recording: str | Path, *, size: tuple[int, int] = SIZE) -> None:
+        from rerun.experimental import ViewerClient
+
+        check_recording(recording)
+        self._recording = recording
+        path = Path(recording).resolve()
+        port = free_port()
+        window = f"{size[0]}x{size[1]}"
+        self._process = ViewerProcess(
+            ["--headless", "--hide-welcome-screen", "--window-size", window],
+            port=port,
+            environment={"CI": "true", "RUST_LOG": "error"},
+        )
+        try:
+            self._client = ViewerClient.connect(stream_url(port))
+            self._open(path)
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, path: Path) -> None:
+        with self._translated_errors():
+            self._client.open(str(path))
+        end = time.monotonic() + LOADING_GRACE
+        while self._state().loading and time.monotonic() < end:
+            time.sleep(POLL)
+        with self._translated_errors():
+            self._layout = self._client.get_blueprint().blueprint
+        self._layout["/top_panel"] = {"PanelBlueprint": {"state": "Hidden"}}
+        self._apply()
+        self._settle(alike=ALIKE_AT_START)
+
+    @contextmanager
+    def _translated_errors(self) -> Iterator[None]:
+        """Raise a failing request to the viewer as a RecordingError."""
+        try:
+            yield
+        except (ConnectionError, RuntimeError) as error:
+            said = self._process.last_error() if self._process.ended else str(error)
+            wanted = NEEDS_DRIVER if any(word in said for word in NO_GRAPHICS) else "show it"
+            raise RecordingError(
+                f"{self._recording}: the viewer must {wanted}, got: {said}."
+            ) from error
+
+    def _state(self) -> "ViewerState":
+        with self._translated_errors():
+            return self._client.get_state()
+
+    def _apply(self) -> None:
+        with self._translated_errors():
+            self._client.set_blueprint(self._layout, of="recording")
+
+    @property
+    def tabs(self) -> dict[str, str]:
+        """Name of each tab and its place in the layout."""
+        return {self._name(place): place for place in _inside(self._tabs())}
+
+    def _tabs(self) -> dict[str, Any]:
+        for parts in self._layout.values():
+            container = parts.get("ContainerBlueprint", {})
+            if container.get("container_kind") == "Tabs":
+                return container
+        raise RecordingError("the layout of a recording must have tabs, got none.")
+
+    def _name(self, place: str) -> str:
+        return next(iter(self._layout[_key(place)].values()))["display_name"]
+
+    def views(self, tab: str) -> dict[str, str]:
+        """Name and id of every view on `tab`."""
+        found: dict[str, str] = {}
+        pending = [self.tabs[tab]]
+        while pending:
+            place = pending.pop(0)
+            if _key(place).startswith("/view/"):
+                found[self._name(place)] = place.rpartition("/")[2]
+            else:
+                pending += _inside(self._layout[_key(place)]["ContainerBlueprint"])
+        return found
+
+    def show(self, tab: str | None = None, *, at: float | None = None) -> None:
+        """Bring a tab to the front and the time cursor to `at` (s of flight); wait for the picture.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such tab, or the picture does not come to rest.
+        """
+        if tab is not None:
+            if tab not in self.tabs:
+                known = ", ".join(self.tabs)
+                raise RecordingError(
+                    f"{self._recording}: the tab must be one of {known}, got {tab}."
+                )
+            self._tabs()["active_tab"] = self.tabs[tab]
+            self._apply()
+        if at is not None:
+            with self._translated_errors():
+                self._client.set_time(TIMELINE, duration=float(at), play_state="paused")
+        self._settle()
+
+    def _settle(self, *, alike: int = 2) -> None:
+        """Wait until `alike` pictures in a row are the same."""
+        before, count, end = b"", 0, time.monotonic() + SETTLE_TIMEOUT
+        while time.monotonic() < end:
+            now = self.picture()
+            count = count + 1 if now == before and not self._state().loading else 1
+            if count == alike:
+                return
+            before = now
+        raise RecordingError(
+            f"{self._recording}: the picture must come to rest within {SETTLE_TIMEOUT:g} s."
+        )
+
+    def picture(self, view: str | None = None) -> bytes:
+        """PNG of the whole window, or of one view by its id."""
+        with self._translated_errors():
+            return self._client.take_screenshot(view)
+
+    @property
+    def cursor(self) -> float | None:
+        """Time of flight shown, s."""
+        now = self._state().recordings[0].current_time
+        return None if now is None else now / 1e9
+
+    def complaints(self) -> list[Complaint]:
+        """Reports of the views, and errors in the log of the viewer."""
+        found = [
+            Complaint(view.name, f"{report.summary} {report.details or ''}".strip())
+            for view in self._state().views
+            for report in view.reports
+        ]
+        with self._translated_errors():
+            logged = [entry for entry in self._client.get_logs() if entry.level == "ERROR"]
+        return found + [Complaint("log", entry.message) for entry in logged]
+
+    def close(self) -> None:
+        """End the viewer."""
+        self._process.close()
+
+    def __enter__(self) -> "HeadlessViewer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _key(place: str) -> str:
+    """Key of a part of the layout: the viewer refers to parts with and without a first slash."""
+    return f"/{place.lstrip('/')}"
+
+
+def _inside(container: dict[str, Any]) -> list[str]:
+    """Parts of a container; the viewer gives a single one without a list."""
+    contents = container["contents"]
+    return [contents] if isinstance(contents, str) else list(contents)
+
+
+def screenshot(
+    recording: str | Path,
+    path: str | Path,
+    *,
+    tab: str | None = None,
+    at: float | None = None,
+    size: tuple[int, int] = SIZE,
+) -> None:
+    """Save a picture of a recording, small enough for a page: 256 colours, no title bar.
+
+    Parameters
+    ----------
+    recording : path-like
+        A ``.rrd`` file.
+    path : path-like
+        PNG file to write or replace.
+    tab : str, optional
+        Name of the tab to show; the first one if not given.
+    at : float, s, optional
+        Time of flight to show; the start if not given.
+    size : (int, int), pixels
+        Width and height of the window, of which the picture leaves out the title bar.
+
+    Raises
+    ------
+    RecordingError
+        If the viewer cannot start, or the recording cannot be opened or has no such tab.
+    """
+    from PIL import Image
+
+    with HeadlessViewer(recording, size=size) as viewer:
+        viewer.show(tab, at=at)
+        picture = viewer.picture()
+    with whole_file(Path(path)) as part, Image.open(io.BytesIO(picture)) as image:
+        width, height = image.size
+        below = image.convert("RGB").crop((0, TITLE_BAR, width, height))
+        below.quantize(COLOURS, dither=Image.Dither.NONE).save(part, optimize=True)
+
+
+def main() -> None:
+    """Read the command line and save one picture."""
+    parser = argparse.ArgumentParser(description="Save a picture of a recording.")
+    parser.add_argument("recording", help="a .rrd file")
+    parser.add_argument("picture", help="the PNG file to write")
+    parser.add_argument("--tab", help="tab to show [default: the first]")
+    parser.add_argument("--at", type=float, help="time of flight to show, s [default: the start]")
+    given = parser.parse_args()
+    screenshot(given.recording, given.picture, tab=given.tab, at=given.at)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,391 @@
+"""The main file of an aircraft, with placeholders where each flight has numbers of its own."""
+
+import difflib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError, PlantError
+from flighttune.units import FT, SLUG
+
+_PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
+_HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
+
+
+def read_xml(file: Path, what: str) -> ElementTree.Element:
+    """Return the root element of `file`.
+
+    Parameters
+    ----------
+    file : path
+        An XML file.
+    what : str
+        What an error message begins with.
+
+    Raises
+    ------
+    PlantError
+        If it cannot be read.
+    """
+    try:
+        return ElementTree.parse(file).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise PlantError(f"{what}: {error}.") from error
+
+
+def placeholder(name: str, base: float = 1.0) -> str:
+    """Text that stands for the value of `name` times `base`, the number in the aircraft's file."""
+    return f"{{{{{name}*{base!r}}}}}"
+
+
+def template_of(root: ElementTree.Element) -> str:
+    """Text of an element tree, with the placeholders in it."""
+    return _HEAD + ElementTree.tostring(root, encoding="unicode")
+
+
+def filled(template: str, values: Mapping[str, float]) -> str:
+    """Text with `values` in its placeholders, to the last bit."""
+    return _PLACEHOLDER.sub(lambda found: repr(values[found[1]] * float(found[2])), template)
+
+
+AXES = dict(zip(OffNominal.AXES, ["LIFT", "DRAG", "SIDE", "ROLL", "PITCH", "YAW"], strict=True))
+"""JSBSim's axis for each factor on aerodynamics as a whole."""
+
+SURFACE_ACTUATORS = tuple(f"fcs/{name}-actuator" for name in ("aileron", "elevator", "rudder"))
+"""Names by which the inner loop knows the actuators of the surfaces."""
+
+COEFFICIENT = "coefficient "
+"""What the placeholder of a factor on a single function begins with."""
+
+_THRUST_OF = {"electric_engine": ("power",), "turbine_engine": ("milthrust", "maxthrust")}
+"""Numbers proportional to the thrust of engines that push without a propeller."""
+
+_NOT_OPERATIONS = ("description", "documentation")
+
+
+def scale_axis(root: Element, key: str, file: Path) -> None:
+    """Multiply every function of the axis that belongs to `key`.
+
+    Parameters
+    ----------
+    root : Element
+        Main file of the aircraft.
+    key : str
+        One of `AXES`; the factor is its placeholder.
+    file : path
+        Where the main file stands.
+
+    Raises
+    ------
+    InputError
+        If the aircraft has no such axis.
+    """
+    axes = root.findall("aerodynamics/axis")
+    functions = [f for axis in axes if axis.get("name") == AXES[key] for f in axis.iter("function")]
+    if not functions:
+        names = ", ".join(dict.fromkeys(axis.get("name", "?") for axis in axes))
+        raise InputError(
+            f"`{key}_factor` must be left out: {file} has no {AXES[key]} axis, only {names}."
+        )
+    for function in functions:
+        _multiply_function(function, placeholder(key))
+
+
+def scale_coefficient(root: Element, name: str, file: Path) -> None:
+    """Multiply the one aerodynamic function, or named part of one, that is called `name`.
+
+    Parameters
+    ----------
+    root : Element
+        Main file of the aircraft.
+    name : str
+        Name in the file, or its part behind the last slash.
+    file : path
+        Where the main file stands.
+
+    Raises
+    ------
+    InputError
+        If there is none or more than one.
+    """
+    named = list(_named(root))
+    found = [one for one in named if name in (one[2], one[2].rpartition("/")[2])]
+    if len(found) != 1:
+        raise InputError(f"`coefficient_factors.{name}` must be {_one_of(name, named, file)}")
+    parent, i, _ = found[0]
+    if parent[i].tag == "function":
+        _multiply_function(parent[i], placeholder(f"{COEFFICIENT}{name}"))
+    else:
+        _multiply(parent, i, placeholder(f"{COEFFICIENT}{name}"))
+
+
+def scale_thrust(root: Element, engines: Path, file: Path) -> None:
+    """Multiply the thrust of every engine: of its propeller, or of what pushes directly.
+
+    Parameters
+    ----------
+    root : Element
+        Main file of the aircraft; the files of engines and thrusters are put into it.
+    engines : path
+        Folder of those.
+    file : path
+        Where the main file stands.
+
+    Raises
+    ------
+    InputError
+        If it is not known how.
+    PlantError
+        If the file of an engine or thruster cannot be read.
+    """
+    for engine in root.iterfind("propulsion/engine"):
+        motor = _inlined(engine, engines)
+        thruster = engine.find("thruster")
+        thruster_kind = None if thruster is None else _inlined(thruster, engines)
+        if thruster_kind is not None and thruster_kind.tag == "propeller":
+            factor = thruster_kind.find("ct_factor")
+            if factor is None:
+                factor = SubElement(thruster_kind, "ct_factor")
+                factor.text = "1"
+            factor.text = placeholder("thrust", float(factor.text or 1.0))
+            continue
+        numbers = [n for tag in _THRUST_OF.get(motor.tag, ()) for n in motor.findall(tag)]
+        if not numbers:
+            raise InputError(
+                f"`thrust_factor` must be left out: {file} has a <{motor.tag}> without a "
+                "propeller; known are electric and turbine engines, and propellers."
+            )
+        for number in numbers:
+            number.text = placeholder("thrust", float(number.text or 0.0))
+
+
+def slow_actuators(root: Element, systems: Path, file: Path) -> None:
+    """Multiply the time constants of the surface actuators.
+
+    Parameters
+    ----------
+    root : Element
+        Main file of the aircraft; systems with such an actuator are put into it.
+    systems : path
+        Folder of those.
+    file : path
+        Where the main file stands.
+
+    Raises
+    ------
+    InputError
+        If none of them has a lag.
+    PlantError
+        If the file of a system cannot be read.
+    """
+    for i, system in enumerate(root):
+        if system.tag == "system" and system.get("file"):
+            read = read_xml(_file(systems, system.get("file", "")), str(file))
+            if list(_lags(read)):
+                root[i] = read
+    lags = list(_lags(root))
+    if not lags:
+        raise InputError(
+            f"`actuator_lag_factor` must be left out: {file} gives none of "
+            f"{', '.join(SURFACE_ACTUATORS)} a number for its <lag>."
+        )
+    for lag in lags:
+        lag.text = placeholder("actuator_rate", float(lag.text or 0.0))
+
+
+def _lags(root: Element) -> Iterator[Element]:
+    for actuator in root.iter("actuator"):
+        lag = actuator.find("lag")
+        if actuator.get("name") in SURFACE_ACTUATORS and lag is not None and _is_number(lag.text):
+            yield lag
+
+
+def _is_number(text: str | None) -> bool:
+    try:
+        return text is not None and bool(float(text))
+    except ValueError:
+        return False
+
+
+def _named(root: Element) -> Iterator[tuple[Element, int, str]]:
+    """Parent, place and name of everything in the aerodynamics that has a name and a value."""
+    for aerodynamics in root.iterfind("aerodynamics"):
+        for parent in aerodynamics.iter():
+            for i, child in enumerate(parent):
+                name = child.get("name")
+                if name and child.tag != "axis":
+                    yield parent, i, name.strip()
+
+
+def _one_of(name: str, named: list[tuple[Element, int, str]], file: Path) -> str:
+    names = [full for _, _, full in named]
+    meant = [full for full in names if full.rpartition("/")[2] == name]
+    if meant:
+        return f"one function of {file}: it means {', '.join(meant)}."
+    short = {full.rpartition("/")[2]: full for full in names}
+    close = difflib.get_close_matches(name, short, n=1)
+    hint = f"did you mean `{close[0]}`?" if close else f"it has {', '.join(list(short))}."
+    return f"a named aerodynamic function of {file}; {hint}"
+
+
+def _inlined(holder: Element, folder: Path) -> Element:
+    """Put the file that `holder` names into it, and return what was in that file."""
+    name = holder.attrib.pop("file", None)
+    if name is None:
+        return holder[0]
+    read = read_xml(_file(folder, name), str(folder))
+    holder.insert(0, read)
+    return read
+
+
+def _file(folder: Path, name: str) -> Path:
+    path = folder / name
+    return path if path.suffix == ".xml" else path.with_name(f"{path.name}.xml")
+
+
+def _multiply_function(function: Element, factor: str) -> None:
+    (last,) = [i for i, part in enumerate(function) if part.tag not in _NOT_OPERATIONS][-1:]
+    _multiply(function, last, factor)
+
+
+def _multiply(parent: Element, i: int, factor: str) -> None:
+    product = Element("product")
+    SubElement(product, "value").text = factor
+    product.append(parent[i])
+    parent[i] = product
+
+
+_KG_M2 = SLUG * FT * FT
+_INCHES = 12.0
+
+INERTIAS = {
+    "ixx": (0, 0),
+    "iyy": (1, 1),
+    "izz": (2, 2),
+    "ixy": (0, 1),
+    "ixz": (0, 2),
+    "iyz": (1, 2),
+}
+_SIGN = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 1.0, "ixz": -1.0, "iyz": 1.0}
+"""Entry of the tensor over the number in the file with negated_crossproduct_inertia="false"; by
+default JSBSim turns the signs of all three products.
+"""
+
+_TRIANGLE = 1e-9
+"""Share of the largest inertia by which rounding may break the triangle inequality."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """Weight (lbf), centre of gravity (ft: aft, right, up) and inertia about it (slug ft^2, body).
+
+    The inertia is a tensor: its products have a minus sign.
+    """
+
+    weight: float
+    cg: FloatArray
+    inertia: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MassBalance:
+    """The whole aircraft as JSBSim weighs it, and the part of it whose numbers can be set.
+
+    Attributes
+    ----------
+    whole, empty : body
+        With load and fuel, and without.
+    pounds_per_slug : float, 1
+        As JSBSim has it.
+    """
+
+    whole: Body
+    empty: Body
+    pounds_per_slug: float
+
+    def values(self, off: OffNominal) -> dict[str, float]:
+        """Numbers of the empty aircraft that make the whole one as `off` says.
+
+        Parameters
+        ----------
+        off : OffNominal
+            Factors on the whole aircraft, and the shift of its centre of gravity.
+
+        Returns
+        -------
+        dict of str to float, lbf, in and slug ft^2
+            By the placeholders of `open_mass_balance`, in its units.
+
+        Raises
+        ------
+        InputError
+            If load and fuel alone weigh as much, or no body has such inertias.
+        """
+        weight = off.mass * self.whole.weight
+        empty_weight = self.empty.weight + weight - self.whole.weight
+        if not empty_weight > 0.0:
+            lowest = 1.0 - self.empty.weight / self.whole.weight
+            raise InputError(
+                f"`mass_factor` must be above {lowest:.3g}, what load and fuel weigh, "
+                f"got {off.mass:g}."
+            )
+        cg = self.whole.cg + np.array([1.0, 1.0, -1.0]) * off.cg_shift / FT
+        inertia = self._inertia(off)
+        # About one point (the nominal centre of gravity) moments and inertias add up: those of load
+        # and fuel stay as they are, and the empty aircraft makes up for the rest.
+        nominal, empty = self.whole.cg, self.empty
+        load_moment = self.whole.weight * nominal - empty.weight * empty.cg
+        load_inertia = self.whole.inertia - empty.inertia
+        load_inertia = load_inertia - self._offset(empty.weight, empty.cg - nominal)
+        empty_cg = (weight * cg - load_moment) / empty_weight
+        inertia = self._inertia(off) + self._offset(weight, cg - nominal) - load_inertia
+        inertia = inertia - self._offset(empty_weight, empty_cg - nominal)
+        found = {name: _SIGN[name] * float(inertia[at]) for name, at in INERTIAS.items()}
+        found |= dict(zip(("cg_x", "cg_y", "cg_z"), (empty_cg * _INCHES).tolist(), strict=True))
+        return found | {"emptywt": empty_weight}
+
+    def _offset(self, weight: float, distance: FloatArray) -> FloatArray:
+        """Inertia of a point at `distance` (ft: aft, right, up), body axes."""
+        x = np.array([-1.0, 1.0, -1.0]) * distance
+        return weight / self.pounds_per_slug * (x @ x * np.eye(3) - np.outer(x, x))
+
+    def _inertia(self, off: OffNominal) -> FloatArray:
+        """Inertia of the whole aircraft; refuses what no body has."""
+        scaled = self.whole.inertia.copy()
+        for name in OffNominal.INERTIAS:
+            i, j = INERTIAS[name]
+            scaled[i, j] = scaled[j, i] = getattr(off, name) * self.whole.inertia[i, j]
+        changed = [f"`{name}_factor`" for name in OffNominal.INERTIAS if getattr(off, name) != 1.0]
+        least, middle, largest = np.linalg.eigvalsh(scaled)
+        a, b, c = np.linalg.eigvalsh(self.whole.inertia)
+        sum_needed = min(1.0, (a + b) / c)  # some aircraft break the inequality as they are
+        possible = least > 0.0 and least + middle >= (sum_needed - _TRIANGLE) * largest
+        if changed and not possible:
+            got = ", ".join(f"{value * _KG_M2:.4g}" for value in (least, middle, largest))
+            raise InputError(
+                f"{' and '.join(changed)} must leave principal inertias of which none is larger "
+                f"than the two others together, got {got} kg m2."
+            )
+        return scaled
+
+
+def open_mass_balance(root: Element) -> None:
+    """Put placeholders where the file says what the empty aircraft weighs."""
+    (balance,) = root.findall("mass_balance")
+    for element in balance.findall("*"):
+        if element.tag in (*INERTIAS, "emptywt", "location"):
+            balance.remove(element)
+    balance.set("negated_crossproduct_inertia", "false")
+    for name in INERTIAS:
+        SubElement(balance, name, unit="SLUG*FT2").text = placeholder(name)
+    SubElement(balance, "emptywt", unit="LBS").text = placeholder("emptywt")
+    location = SubElement(balance, "location", name="CG", unit="IN")
+    for axis in "xyz":
+        SubElement(location, axis).text = placeholder(f"cg_{axis}")

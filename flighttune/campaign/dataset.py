@@ -1,0 +1,311 @@
+"""A campaign on disk: ``campaign.json``, one Parquet file per chunk of runs, and kept signals.
+
+Any reader of Parquet can read ``runs/`` at any time: a file that is there is complete.
+"""
+
+import hashlib
+import json
+import re
+import shutil
+import uuid
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from flighttune.campaign.planning.plan import Plan, plan_from
+from flighttune.errors import OutputError, RecordingError
+
+FORMAT = 1
+CAMPAIGN = "campaign.json"
+RUNS, SIGNALS = "runs", "signals"
+WRITING = ".writing"
+"""Folder of unfinished files: not in ``runs``, where a reader's ``*.parquet`` would find them."""
+
+NOT_REPRODUCIBLE = ("wall_s",)
+"""Columns that differ each time a run is flown."""
+
+NO_SIGNALS = ("crashed", "timed_out", "invalid", "no_gains", "no_trim")
+"""Statuses of runs without a time history."""
+
+_PART = re.compile(r"part-(\d+)-(\d+)\.parquet")
+_SIGNALS = re.compile(r"run-(\d+)\.parquet")
+
+
+class Span(NamedTuple):
+    """The runs from `first` up to, but not including, `end`."""
+
+    first: int
+    end: int
+
+    @property
+    def runs(self) -> int:
+        """How many there are."""
+        return self.end - self.first
+
+
+def missing(present: Iterable[Span], runs: int) -> tuple[Span, ...]:
+    """The gaps between the spans that are present among the runs 0 to `runs`, in order."""
+    gaps, at = [], 0
+    for span in sorted(present):
+        if at < min(span.first, runs):
+            gaps.append(Span(at, min(span.first, runs)))
+        at = max(at, span.end)
+    if at < runs:
+        gaps.append(Span(at, runs))
+    return tuple(gaps)
+
+
+class Dataset:
+    """The folder of a campaign.
+
+    Parameters
+    ----------
+    folder : str or Path
+    plan : Plan
+        What is flown into it.
+    versions : mapping of str to str
+        Of the libraries that its numbers depend on.
+    """
+
+    def __init__(self, folder: str | Path, plan: Plan, versions: Mapping[str, str]) -> None:
+        self.folder, self.plan, self.versions = Path(folder), plan, dict(versions)
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """Runs of each file that is there, in order.
+
+        Raises
+        ------
+        RecordingError
+            If two files hold the same run.
+        """
+        spans = sorted(Span(int(one[1]), int(one[2])) for one in self._matches(RUNS, _PART))
+        for one, other in pairwise(spans):
+            if other.first < one.end:
+                raise RecordingError(
+                    f"{self.folder / RUNS}: a run must be in one file, got run {other.first} "
+                    f"in {_part_name(one)} and {_part_name(other)}."
+                )
+        return tuple(spans)
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """The runs whose signals are there, in order."""
+        return tuple(sorted(int(one[1]) for one in self._matches(SIGNALS, _SIGNALS)))
+
+    def write_plan(self) -> None:
+        """Write ``campaign.json``; this and the other methods that write raise OutputError."""
+        text = {"format": FORMAT, "versions": self.versions, "plan": self.plan.as_dict()}
+        self._write(CAMPAIGN, (json.dumps(text, indent=1) + "\n").encode())
+
+    def write_part(self, rows: pa.Table) -> None:
+        """Write the rows of a span of runs, in order of `run`."""
+        runs = rows.column("run")
+        span = Span(runs[0].as_py(), runs[-1].as_py() + 1)
+        self._write(f"{RUNS}/{_part_name(span)}", parquet_bytes(rows))
+
+    def read_part(self, span: Span, columns: Sequence[str] | None = None) -> pa.Table:
+        """The rows of one file.
+
+        Raises
+        ------
+        RecordingError
+            If the file is damaged or does not hold these runs, each once.
+        """
+        path = self.folder / RUNS / _part_name(span)
+        wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
+        try:
+            data = pa.BufferReader(path.read_bytes())
+            file = pq.ParquetFile(data, page_checksum_verification=True)
+            # a thread of Arrow that releases our bytes while Python exits would crash the process
+            rows = file.read(wanted, use_threads=False)
+            sound = np.array_equal(rows.column("run").to_numpy(), np.arange(*span))
+        except (pa.ArrowException, OSError, KeyError) as error:
+            raise RecordingError(f"{path}: is damaged: {error}.") from error
+        if not sound:
+            raise RecordingError(
+                f"{path}: must hold the runs {span.first} to {span.end - 1}, each once and in "
+                "order."
+            )
+        return rows
+
+    def remove_part(self, span: Span) -> None:
+        """Remove the file of a span of runs."""
+        self._remove(f"{RUNS}/{_part_name(span)}")
+
+    def tables(self, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
+        """The rows, file by file in order of `run`.
+
+        Raises
+        ------
+        RecordingError
+            If a file is damaged.
+        """
+        for span in self.spans:
+            yield self.read_part(span, columns)
+
+    def rows(self, columns: Sequence[str] | None = None) -> pa.Table:
+        """All rows that are there, in order of `run`.
+
+        Raises
+        ------
+        RecordingError
+            If there are none, or a file is damaged.
+        """
+        tables = list(self.tables(columns))
+        if not tables:
+            raise RecordingError(f"{self.folder}: no run has been flown yet.")
+        return pa.concat_tables(tables)
+
+    def write_signals(self, run: int, data: bytes) -> None:
+        """Write the recording of a run."""
+        self._write(f"{SIGNALS}/{_signals_name(run)}", data)
+
+    def remove_signals(self, run: int) -> None:
+        """Remove the recording of a run."""
+        self._remove(f"{SIGNALS}/{_signals_name(run)}")
+
+    def clean(self) -> None:
+        """Remove what was being written when a campaign was killed."""
+        shutil.rmtree(self.folder / WRITING, ignore_errors=True)
+
+    def _matches(self, folder: str, name: re.Pattern[str]) -> Iterator[re.Match[str]]:
+        with suppress(FileNotFoundError):
+            for path in (self.folder / folder).iterdir():
+                if found := name.fullmatch(path.name):
+                    yield found
+
+    def _write(self, name: str, data: bytes) -> None:
+        """Write a file completely or not at all: it gets its name when it is finished."""
+        path, unfinished = self.folder / name, self.folder / WRITING / uuid.uuid4().hex
+        try:
+            for folder in (path.parent, unfinished.parent):
+                folder.mkdir(parents=True, exist_ok=True)
+            unfinished.write_bytes(data)
+            unfinished.replace(path)
+        except OSError as error:
+            with suppress(OSError):
+                unfinished.unlink()
+            raise OutputError(f"{path}: must be writable, got: {error.strerror}.") from error
+
+    def _remove(self, name: str) -> None:
+        path = self.folder / name
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{path}: must be removable, got: {error.strerror}.") from error
+
+
+def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
+    """The runs to keep signals of: the first failures, the worst by a measure, and a sample.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        With all its rows: the choice follows from them alone.
+
+    Returns
+    -------
+    tuple of int
+        In order. A failure is a run that does not meet what the campaign calls success; the worst
+        are those with the largest measure, of all groups together; the sample is drawn by the seed
+        of the campaign. Runs without a time history are not among them, and among the worst none
+        that do not have the measure.
+    """
+    campaign = dataset.plan.campaign
+    keep = campaign.keep
+    rows = dataset.rows(["success", "status", keep.worst_by])
+    flew = ~np.isin(rows.column("status").to_numpy(), NO_SIGNALS)
+    run = rows.column("run").to_numpy()[flew]
+    success = rows.column("success").fill_null(False).to_numpy()[flew]
+    measure = rows.column(keep.worst_by).to_numpy()[flew]
+    known = np.flatnonzero(~np.isnan(measure))
+    worst = known[np.argsort(-measure[known], kind="stable")]
+    random = np.random.default_rng(np.random.SeedSequence((campaign.seed, len(run))))
+    sample = random.choice(run, min(keep.sample, len(run)), replace=False)
+    chosen = {*run[~success][: keep.failures], *run[worst][: keep.worst], *sample}
+    return tuple(sorted(int(one) for one in chosen))
+
+
+def parquet_bytes(rows: pa.Table) -> bytes:
+    """The file of rows."""
+    sink = pa.BufferOutputStream()
+    pq.write_table(rows, sink, compression="zstd", write_page_checksum=True)
+    return sink.getvalue().to_pybytes()
+
+
+def open_dataset(folder: str | Path) -> Dataset:
+    """The campaign in a folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+
+    Raises
+    ------
+    RecordingError
+        If there is none, or it was written by a newer flighttune.
+    """
+    path = Path(folder) / CAMPAIGN
+    if not path.exists():
+        raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
+    try:
+        text: dict[str, Any] = json.loads(path.read_bytes())
+        if text["format"] > FORMAT:
+            raise RecordingError(f"{path}: layout must be {FORMAT} or older, got {text['format']}.")
+        return Dataset(folder, plan_from(text["plan"]), text["versions"])
+    except RecordingError:
+        raise
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: must describe a campaign, got: {error}.") from error
+
+
+def dataset_hash(folder: str | Path) -> str:
+    """Digest of the rows in order of run, of all columns but ``wall_s``.
+
+    Two campaigns have the same digest only where every number has the same bits.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Of a campaign.
+
+    Raises
+    ------
+    RecordingError
+        If there is no campaign, or a file of it is damaged.
+    """
+    rows = open_dataset(folder).rows()
+    digest = hashlib.sha256()
+    for field in rows.schema:
+        if field.name in NOT_REPRODUCIBLE:
+            continue
+        digest.update(f"{field.name}:{field.type};".encode())
+        for block in _bits(rows.column(field.name)):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
+    """Which values are missing, then the values themselves."""
+    yield np.packbits(column.is_null().to_numpy()).tobytes()
+    if not pa.types.is_primitive(column.type):
+        for text in column.cast(pa.large_string()).fill_null("").to_pylist():
+            yield f"{len(text)}:{text}".encode()
+        return
+    zero = False if pa.types.is_boolean(column.type) else 0
+    yield column.fill_null(pa.scalar(zero, column.type)).to_numpy().tobytes()
+
+
+def _part_name(span: Span) -> str:
+    return f"part-{span.first:010d}-{span.end:010d}.parquet"
+
+
+def _signals_name(run: int) -> str:
+    return f"run-{run:010d}.parquet"

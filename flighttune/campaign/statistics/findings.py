@@ -1,0 +1,232 @@
+"""Everything the report of a campaign says, as numbers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.flying.claim import claims
+from flighttune.campaign.planning.draws import SEED
+from flighttune.campaign.planning.plan import Group
+from flighttune.campaign.statistics.flights import Flights, is_number
+from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method, share
+from flighttune.campaign.statistics.paired import Paired, paired, scores
+from flighttune.campaign.statistics.sensitivity import (
+    Influence,
+    SobolIndices,
+    classes_of,
+    influences,
+    sobol_indices,
+)
+from flighttune.campaign.statistics.summary import (
+    ConvergenceCurve,
+    GroupSummary,
+    convergence,
+    summaries,
+)
+from flighttune.errors import FlightTuneError
+from flighttune.guarantee.ultimate_set import UltimateSet
+
+SUCCESS = "success"
+SPLIT_INTO = 5
+"""Classes of the most important parameter for which a success rate is given."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Split:
+    """Success rate over the values of one parameter.
+
+    Attributes
+    ----------
+    group : Group
+    parameter : str
+    labels : tuple of str
+        Value or range of each class.
+    centres : tuple of float
+        Median of the parameter in each; counted where it is no number.
+    success : tuple of Estimate
+    """
+
+    group: Group
+    parameter: str
+    labels: tuple[str, ...]
+    centres: tuple[float, ...]
+    success: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Findings:
+    """What a campaign tells.
+
+    Attributes
+    ----------
+    flights : Flights
+    method : str
+        Interval of shares.
+    confidence : float, 1
+        Of all intervals.
+    measure : str or None
+        What flights are ordered and compared by; None where no flight has it.
+    groups : tuple of GroupSummary
+    paired : tuple of Paired
+    influences : mapping of (Group, str) to tuple of Influence
+        By group, and ``success`` or `measure`; empty ones where nothing can be said.
+    sobol : mapping of (Group, str) to SobolIndices
+        By the same, where the design of the campaign allows.
+    splits : tuple of Split
+        Of every group that both succeeded and failed, by the parameter that matters most to it.
+    convergence : tuple of ConvergenceCurve
+    claims : mapping of Group to UltimateSet
+        What the certified set of each group is; empty where no flight was compared with one, or the
+        undispersed flights that it is measured on cannot be flown here.
+    """
+
+    flights: Flights
+    method: Method
+    confidence: float
+    measure: str | None
+    groups: tuple[GroupSummary, ...]
+    paired: tuple[Paired, ...]
+    influences: Mapping[tuple[Group, str], tuple[Influence, ...]]
+    sobol: Mapping[tuple[Group, str], SobolIndices]
+    splits: tuple[Split, ...]
+    convergence: tuple[ConvergenceCurve, ...]
+    claims: Mapping[Group, UltimateSet]
+
+
+def findings(
+    flights: Flights, *, method: Method = "wilson", confidence: float = CONFIDENCE
+) -> Findings:
+    """Look at everything that has flown of a campaign.
+
+    Parameters
+    ----------
+    flights : Flights
+    method : "wilson" or "clopper-pearson"
+        Interval of shares.
+    confidence : float, 1
+        Of all intervals.
+    """
+    measure = _measure(flights)
+    looked_at = [SUCCESS] + ([measure] if measure else [])
+    found, sobol, splits = {}, {}, []
+    for group, rows in flights.groups():
+        independent = flights.independent(rows)
+        for name in looked_at:
+            found[group, name] = influences(
+                independent.loc[:, flights.keys],
+                values_of(independent, name),
+                confidence=confidence,
+            )
+            indices = _sobol(flights, rows, name, confidence)
+            if indices is not None:
+                sobol[group, name] = indices
+        split = _split(flights, group, rows, found[group, SUCCESS], method, confidence)
+        splits += [split] if split is not None else []
+    groups = summaries(flights, method=method, confidence=confidence)
+    pairs, curves = (), ()
+    if measure is not None:
+        pairs = paired(flights.rows, measure, confidence=confidence)
+        curves = convergence(flights, measure, method=method, confidence=confidence)
+    return Findings(
+        flights=flights,
+        method=method,
+        confidence=confidence,
+        measure=measure,
+        groups=groups,
+        paired=pairs,
+        influences=found,
+        sobol=sobol,
+        splits=tuple(splits),
+        convergence=curves,
+        claims=_claims(flights) if any(one.certified for one in groups) else {},
+    )
+
+
+def _claims(flights: Flights) -> dict[Group, UltimateSet]:
+    try:
+        found = claims(flights.plan)
+    except FlightTuneError:
+        return {}
+    return {group: claim for group, claim in found.items() if claim is not None}
+
+
+def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
+    """Success as 0 and 1, or a measure: NaN where the flight was not completed."""
+    if name == SUCCESS:
+        return rows[SUCCESS].to_numpy(dtype=float)
+    values = scores(rows, name)
+    return np.where(np.isinf(values), np.nan, values)
+
+
+def _measure(flights: Flights) -> str | None:
+    """What the campaign keeps the worst flights by, or the first measure there is."""
+    known = flights.measures
+    return flights.worst_by if flights.worst_by in known else next(iter(known), None)
+
+
+def _sobol(
+    flights: Flights, rows: pd.DataFrame, name: str, confidence: float
+) -> SobolIndices | None:
+    """Indices over the whole cycles of a Saltelli design that have flown."""
+    factors, cycle = flights.plan.factors, flights.plan.cycle
+    if not factors:
+        return None
+    draws = rows["draw"].to_numpy()
+    values = np.full((int(draws.max()) // cycle + 1, cycle), np.nan)
+    values[draws // cycle, draws % cycle] = values_of(rows, name)
+    return sobol_indices(
+        values[:, 0],
+        values[:, 1],
+        values[:, 2:].T,
+        confidence=confidence,
+        seed=flights.plan.campaign.seed,
+    )
+
+
+def _split(
+    flights: Flights,
+    group: Group,
+    rows: pd.DataFrame,
+    found: tuple[Influence, ...],
+    method: Method,
+    confidence: float,
+) -> Split | None:
+    """Success over the parameter that matters most, if any does."""
+    apart = [one.parameter for one in found if one.apart and one.parameter != SEED]
+    if not apart:
+        return None
+    rows = rows.loc[rows[apart[0]].notna().to_numpy()]
+    column = pd.Series(rows[apart[0]])
+    codes, clusters = classes_of(column, SPLIT_INTO), flights.clusters(rows)
+    success = rows[SUCCESS].to_numpy(dtype=bool)
+    classes = range(int(codes.max()) + 1)
+    values = [column.to_numpy()[codes == one] for one in classes]
+    numeric = is_number(column)
+    return Split(
+        group=group,
+        parameter=apart[0],
+        labels=_ranges(values) if numeric else tuple(str(one[0]) for one in values),
+        centres=tuple(
+            float(np.median(one.astype(float))) if numeric else float(place)
+            for place, one in enumerate(values)
+        ),
+        success=tuple(
+            share(
+                success[codes == one], clusters[codes == one], method=method, confidence=confidence
+            )
+            for one in classes
+        ),
+    )
+
+
+def _ranges(values: list[np.ndarray]) -> tuple[str, ...]:
+    """Ranges of neighbouring classes, each ending where the next begins."""
+    if all(one.min() == one.max() for one in values):
+        return tuple(f"{one[0]:.4g}" for one in values)
+    edges = [values[0].min(), *(0.5 * (a.max() + b.min()) for a, b in pairwise(values))]
+    edges.append(values[-1].max())
+    return tuple(f"{low:.4g} to {high:.4g}" for low, high in pairwise(edges))

@@ -1,0 +1,159 @@
+"""The flights of a campaign as they are on disk, finished or not."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from flighttune.campaign.dataset import open_dataset
+from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.campaign.planning.schema import MEASURES
+
+TEXTS = ("reason", "missed", "certified")
+"""Columns that may be null, which then are empty."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flights:
+    """Rows of a campaign with the plan that made them.
+
+    Attributes
+    ----------
+    url : str
+        Folder of the campaign, as it was given.
+    plan : Plan
+    rows : DataFrame
+        A row a run that is there, in order of ``run``; columns as in the files.
+    versions : mapping of str to str
+        Of the libraries that shaped the rows.
+    """
+
+    url: str
+    plan: Plan
+    rows: pd.DataFrame
+    versions: Mapping[str, str]
+
+    @property
+    def keys(self) -> list[str]:
+        """Columns of what was drawn."""
+        return [key for key in self.plan.keys if key in self.rows]
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """Measures that at least one flight has."""
+        there = [name for name in MEASURES if name in self.rows]
+        return tuple(name for name in there if self.rows[name].notna().to_numpy().any())
+
+    @property
+    def worst_by(self) -> str:
+        """The measure that flights are ordered by, largest last."""
+        return self.plan.campaign.keep.worst_by
+
+    def is_number(self, key: str) -> bool:
+        """Whether what was drawn under a key has an order that a correlation can use."""
+        return is_number(pd.Series(self.rows[key]))
+
+    def clusters(self, rows: pd.DataFrame) -> npt.NDArray[np.intp]:
+        """Number of the cycle of the design that each of some rows belongs to.
+
+        Cycles are independent of each other.
+        """
+        return rows["draw"].to_numpy() // self.plan.cycle
+
+    def independent(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """Those of some rows whose parameters were drawn independently.
+
+        All but in Saltelli's design, of which they are the blocks A and B.
+        """
+        if not self.plan.factors:
+            return rows
+        return rows.loc[rows["draw"].to_numpy() % self.plan.cycle < 2]
+
+    def groups(self) -> Iterator[tuple[Group, pd.DataFrame]]:
+        """Rows of every group that has some, in the order of the plan."""
+        plant, gains = (self.rows[name].to_numpy(dtype=object) for name in ("plant", "gains"))
+        for group in self.plan.groups:
+            rows = self.rows.loc[(plant == group.plant) & (gains == group.gains)]
+            if len(rows):
+                yield group, rows
+
+
+def load_flights(url: str | Path) -> Flights:
+    """Read the rows that a campaign has written so far.
+
+    Parameters
+    ----------
+    url : str or Path
+        Folder of the campaign.
+
+    Returns
+    -------
+    Flights
+
+    Raises
+    ------
+    RecordingError
+        If there is no campaign, no run of it has been flown, or a file is damaged.
+    """
+    dataset = open_dataset(url)
+    rows = dataset.rows().to_pandas()
+    return flights_of(rows, dataset.plan, url=str(dataset.folder), versions=dataset.versions)
+
+
+def flights_of(
+    rows: pd.DataFrame, plan: Plan, *, url: str = "", versions: Mapping[str, str] | None = None
+) -> Flights:
+    """Put rows and their plan together.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Columns of the files of a campaign, in order of ``run``.
+    plan : Plan
+    url : str
+        Where they come from.
+    versions : mapping of str to str, optional
+    """
+    rows = rows.reset_index(drop=True)
+    texts = {name: rows[name].fillna("").astype(str) for name in TEXTS}
+    numbers = {
+        name: rows[name].to_numpy(dtype=float, na_value=np.nan) for name in MEASURES if name in rows
+    }
+    success = rows["success"].to_numpy(dtype=bool, na_value=False)
+    rows = rows.assign(**texts, **numbers, success=success)
+    return Flights(url=url, plan=plan, rows=rows, versions=versions or {})
+
+
+def is_number(column: pd.Series) -> bool:
+    """Whether the values of a parameter have an order that correlation can use."""
+    return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
+
+
+def worst_first(rows: pd.DataFrame, measure: str, count: int) -> pd.DataFrame:
+    """The completed flights with the largest values of a measure.
+
+    Parameters
+    ----------
+    rows : DataFrame
+    measure : str
+        A column.
+    count : int
+    """
+    known = (rows["status"] == "completed").to_numpy() & rows[measure].notna().to_numpy()
+    return rows.loc[known].sort_values([measure, "run"], ascending=[False, True]).head(count)
+
+
+def failures(rows: pd.DataFrame, count: int) -> pd.DataFrame:
+    """Flights that were not completed, of every status in turn the first ones.
+
+    Parameters
+    ----------
+    rows : DataFrame
+    count : int
+    """
+    early = rows.loc[(rows["status"] != "completed").to_numpy()]
+    turn = early.groupby("status", sort=False, observed=True).cumcount()
+    return early.loc[turn.sort_values(kind="stable").index[:count]].sort_values("run")

@@ -1,0 +1,276 @@
+"""Shares and percentiles of many flights, each with its interval.
+
+SciPy's intervals of a proportion take whole counts; those of draws that belong together are
+effective ones, which are not whole.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import bdtr, betaincinv, ndtri
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+
+Method: TypeAlias = Literal["wilson", "clopper-pearson"]
+
+CONFIDENCE = 0.95
+
+
+def wilson(
+    successes: npt.ArrayLike, n: npt.ArrayLike, confidence: float = CONFIDENCE
+) -> tuple[FloatArray, FloatArray]:
+    r"""Wilson's score interval of the probability behind a count of successes.
+
+    Parameters
+    ----------
+    successes, n : array_like, shape (...), 1
+        Successes, and trials they are of; not whole where they are effective numbers.
+    confidence : float, 1
+        Between 0 and 1.
+
+    Returns
+    -------
+    lo, hi : ndarray, shape (...), 1
+        0 and 1 where there are no trials.
+
+    Raises
+    ------
+    InputError
+        If a count is negative or above its trials, or `confidence` is not between 0 and 1.
+
+    Notes
+    -----
+    With ``z`` the normal quantile of ``(1 + confidence) / 2`` and ``p = successes / n``:
+    ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n)``, from [1]_.
+
+    References
+    ----------
+    .. [1] E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
+       J. Am. Stat. Assoc. 22 (1927) 209-212.
+    """
+    k, trials = _counts(successes, n)
+    z2 = float(ndtri(0.5 + 0.5 * _confidence(confidence))) ** 2
+    m = np.maximum(trials, 1.0)
+    middle = (k + 0.5 * z2) / (m + z2)
+    half = np.sqrt(z2) / (m + z2) * np.sqrt(k * (m - k) / m + 0.25 * z2)
+    lo = np.where(k == 0.0, 0.0, middle - half)
+    hi = np.where(k == trials, 1.0, middle + half)
+    return _known(trials, lo, hi)
+
+
+def clopper_pearson(
+    successes: npt.ArrayLike, n: npt.ArrayLike, confidence: float = CONFIDENCE
+) -> tuple[FloatArray, FloatArray]:
+    """Clopper and Pearson's interval, which never covers less often than it says.
+
+    Parameters
+    ----------
+    successes, n : array_like, shape (...), 1
+        Successes, and trials they are of; not whole where they are effective numbers.
+    confidence : float, 1
+        Between 0 and 1.
+
+    Returns
+    -------
+    lo, hi : ndarray, shape (...), 1
+        0 and 1 where there are no trials.
+
+    Raises
+    ------
+    InputError
+        If a count is negative or above its trials, or `confidence` is not between 0 and 1.
+
+    Notes
+    -----
+    Quantiles of beta distributions, as in [1]_.
+
+    References
+    ----------
+    .. [1] C. J. Clopper, E. S. Pearson, "The use of confidence or fiducial limits illustrated in
+       the case of the binomial", Biometrika 26 (1934) 404-413.
+    """
+    k, trials = _counts(successes, n)
+    tail = 0.5 - 0.5 * _confidence(confidence)
+    lo = np.where(k == 0.0, 0.0, betaincinv(np.maximum(k, 0.5), trials - k + 1.0, tail))
+    hi = np.where(k == trials, 1.0, betaincinv(k + 1.0, np.maximum(trials - k, 0.5), 1.0 - tail))
+    return _known(trials, lo, hi)
+
+
+def quantile_interval(
+    values: npt.ArrayLike,
+    q: float,
+    confidence: float = CONFIDENCE,
+    *,
+    effective: float | None = None,
+) -> tuple[float, float]:
+    """Interval of a quantile by order statistics, whatever the distribution.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        Values of one distribution, without NaN.
+    q : float, 1
+        Between 0 and 1.
+    confidence : float, 1
+        Between 0 and 1.
+    effective : float, 1, optional
+        Number of independent values that tell as much as these (`effective_size`); by default n.
+
+    Returns
+    -------
+    lo, hi : float
+        Two of the values; minus or plus infinity where there are too few to bound that side.
+
+    Raises
+    ------
+    InputError
+        If `q` or `confidence` is not between 0 and 1.
+
+    Notes
+    -----
+    The number of values below the quantile is binomial: ``lo`` is the largest order statistic that
+    is above the quantile with a probability of at most ``(1 - confidence) / 2``, ``hi`` the
+    smallest that is below it. The interval therefore covers at least as often as it says.
+    """
+    if not 0.0 < q < 1.0:
+        raise InputError(f"`q` must be between 0 and 1, got {q}.")
+    tail = 0.5 - 0.5 * _confidence(confidence)
+    ordered = np.sort(np.asarray(values, dtype=float))
+    n = len(ordered)
+    if not n:
+        return -np.inf, np.inf
+    m = n if effective is None else max(1, min(n, math.floor(effective)))
+    at_most = bdtr(np.arange(m), m, q)
+    below = math.floor(np.sum(at_most <= tail) * n / m)
+    above = math.ceil((np.sum(at_most < 1.0 - tail) + 1) * n / m)
+    lo = float(ordered[below - 1]) if below else -np.inf
+    hi = float(ordered[above - 1]) if above <= n else np.inf
+    return lo, hi
+
+
+def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
+    """Number of independent values whose mean is as sure as that of values in clusters.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        Finite, or of booleans.
+    clusters : array_like, shape (n,)
+        What each value belongs to; values of different clusters are independent.
+
+    Returns
+    -------
+    float, 1
+        1 to n; n where every cluster holds one value or there is only one cluster, the number of
+        clusters where no value differs.
+
+    Notes
+    -----
+    n over the design effect of [1]_: the variance of the mean as a ratio of totals over clusters,
+    over that of n independent values. c clusters of one size whose members are all alike count as
+    c - 1.
+
+    References
+    ----------
+    .. [1] L. Kish, *Survey Sampling*, Wiley 1965, sections 6.4 and 8.2.
+    """
+    x = np.asarray(values, dtype=float)
+    place = np.unique(np.asarray(clusters), return_inverse=True)[1]
+    n, count = len(x), int(place.max(initial=-1)) + 1
+    if count in (n, 1):
+        return float(n)
+    apart = float(np.sum((x - x.mean()) ** 2)) / n
+    if apart == 0.0:
+        return float(count)
+    off = np.bincount(place, weights=x - x.mean())
+    of_mean = count / (count - 1) * float(off @ off) / n**2
+    return float(np.clip(apart / of_mean if of_mean else n, 1.0, n))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A number with its interval.
+
+    Attributes
+    ----------
+    value, lo, hi : float
+        NaN where there is no value.
+    n : int
+        Flights that it is of.
+    """
+
+    value: float
+    lo: float
+    hi: float
+    n: int
+
+
+def share(
+    flags: npt.NDArray[np.bool_],
+    clusters: npt.ArrayLike,
+    *,
+    method: Method = "wilson",
+    confidence: float = CONFIDENCE,
+) -> Estimate:
+    """Share of flights of which something is true.
+
+    Parameters
+    ----------
+    flags : ndarray of bool, shape (n,)
+    clusters : array_like, shape (n,)
+        Cycle of the design of each flight.
+    method : "wilson" or "clopper-pearson"
+    confidence : float, 1
+    """
+    n = len(flags)
+    if not n:
+        return Estimate(value=np.nan, lo=0.0, hi=1.0, n=0)
+    rate, size = float(np.mean(flags)), effective_size(flags, clusters)
+    count = float(np.sum(flags)) if size == n else rate * size
+    lo, hi = (wilson if method == "wilson" else clopper_pearson)(count, size, confidence)
+    return Estimate(value=rate, lo=float(lo), hi=float(hi), n=n)
+
+
+def percentile(
+    values: FloatArray, q: float, clusters: npt.ArrayLike, *, confidence: float = CONFIDENCE
+) -> Estimate:
+    """Quantile of a measure.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Without NaN.
+    q : float, 1
+        Between 0 and 1.
+    clusters : array_like, shape (n,)
+        Cycle of the design of each flight.
+    confidence : float, 1
+    """
+    if not len(values):
+        return Estimate(value=np.nan, lo=np.nan, hi=np.nan, n=0)
+    value = float(np.quantile(values, q))
+    size = effective_size(values <= value, clusters)
+    lo, hi = quantile_interval(values, q, confidence, effective=size)
+    return Estimate(value=value, lo=lo, hi=hi, n=len(values))
+
+
+def _counts(successes: npt.ArrayLike, n: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    k, trials = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(n, dtype=float))
+    if not np.all((k >= 0.0) & (k <= trials)):
+        raise InputError(f"`successes` must be 0 to `n`, got {successes} of {n}.")
+    return k, trials
+
+
+def _confidence(confidence: float) -> float:
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"`confidence` must be between 0 and 1, got {confidence}.")
+    return confidence
+
+
+def _known(trials: FloatArray, lo: FloatArray, hi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The bounds, and all of 0 to 1 where there are no trials."""
+    return np.where(trials > 0.0, lo, 0.0), np.where(trials > 0.0, hi, 1.0)

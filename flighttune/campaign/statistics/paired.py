@@ -1,0 +1,146 @@
+"""Gain sets against each other on the same draws."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+from scipy.special import bdtr
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.statistics.intervals import CONFIDENCE, quantile_interval, wilson
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paired:
+    """Two gain sets on the draws that both flew on one plant.
+
+    Attributes
+    ----------
+    plant, a, b : str
+        Plant, and the gain sets.
+    measure : str
+        What they are compared by; less is better.
+    n : int
+        Draws that both flew.
+    wins_a, wins_b : int
+        Draws on which one has less than the other.
+    win_rate, lo, hi : float, 1
+        Share of the draws that were not tied on which `a` has less, with its interval.
+    median, median_lo, median_hi : float
+        Median over the draws of the measure with `a` less that with `b`, with its interval.
+    only_a, only_b : int
+        Draws on which one succeeded and the other did not.
+    p_success : float, 1
+        Probability of counts as different as these if both succeeded equally often (exact McNemar
+        test); 1 where there are none.
+    """
+
+    plant: str
+    a: str
+    b: str
+    measure: str
+    n: int
+    wins_a: int
+    wins_b: int
+    win_rate: float
+    lo: float
+    hi: float
+    median: float
+    median_lo: float
+    median_hi: float
+    only_a: int
+    only_b: int
+    p_success: float
+
+
+def paired(
+    rows: pd.DataFrame, measure: str, *, confidence: float = CONFIDENCE
+) -> tuple[Paired, ...]:
+    """Every two gain sets on every plant, draw by draw.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Columns ``plant``, ``gains``, ``draw``, ``status``, ``success`` and `measure`.
+    measure : str
+        A column of which less is better. A flight that was not completed, or has no value, counts
+        as worse than any other; two such are tied.
+    confidence : float, 1
+
+    Returns
+    -------
+    tuple of Paired
+        Without pairs that have no draw in common.
+    """
+    return tuple(_pairs(rows.assign(**{measure: scores(rows, measure)}), measure, confidence))
+
+
+def scores(rows: pd.DataFrame, measure: str) -> FloatArray:
+    """The measure of every flight, infinite where it was not completed or has no value."""
+    values = rows[measure].to_numpy(dtype=float)
+    known = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
+    return np.where(known, values, np.inf)
+
+
+def ordered_quantile(values: FloatArray, q: float) -> FloatArray:
+    """The order statistic at a quantile along the last axis: infinite values need no mean."""
+    n = values.shape[-1]
+    place = min(n - 1, max(0, math.ceil(q * n) - 1))
+    return np.partition(values, place, axis=-1)[..., place]
+
+
+def difference(a: FloatArray, b: FloatArray) -> FloatArray:
+    """``a - b``, 0 where both are infinite: two lost flights are tied."""
+    tied = a == b
+    return np.where(tied, 0.0, np.where(tied, 0.0, a) - np.where(tied, 0.0, b))
+
+
+def _pairs(rows: pd.DataFrame, measure: str, confidence: float) -> Iterator[Paired]:
+    for plant, on_plant in rows.groupby("plant", sort=False):
+        values = on_plant.pivot(index="draw", columns="gains", values=measure)
+        success = on_plant.pivot(index="draw", columns="gains", values="success")
+        names = list(dict.fromkeys(on_plant["gains"]))
+        for a, b in combinations(names, 2):
+            both = (values[a].notna() & values[b].notna()).to_numpy()
+            if both.any():
+                x, y = (values[name].to_numpy(dtype=float)[both] for name in (a, b))
+                ok_a, ok_b = (success[name].to_numpy()[both].astype(bool) for name in (a, b))
+                yield _compared(str(plant), (a, b), measure, (x, y), (ok_a, ok_b), confidence)
+
+
+def _compared(
+    plant: str,
+    names: tuple[str, str],
+    measure: str,
+    values: tuple[FloatArray, FloatArray],
+    success: tuple[np.ndarray, np.ndarray],
+    confidence: float,
+) -> Paired:
+    x, y = values
+    wins_a, wins_b = int(np.sum(x < y)), int(np.sum(y < x))
+    lo, hi = wilson(wins_a, wins_a + wins_b, confidence)
+    apart = difference(x, y)
+    median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
+    only_a, only_b = (int(np.sum(s & ~o)) for s, o in (success, success[::-1]))
+    return Paired(
+        plant=plant,
+        a=names[0],
+        b=names[1],
+        measure=measure,
+        n=len(x),
+        wins_a=wins_a,
+        wins_b=wins_b,
+        win_rate=wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5,
+        lo=float(lo),
+        hi=float(hi),
+        median=float(ordered_quantile(apart, 0.5)),
+        median_lo=median_lo,
+        median_hi=median_hi,
+        only_a=only_a,
+        only_b=only_b,
+        # exact McNemar test: both sides of the binomial distribution
+        p_success=min(1.0, 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))),
+    )

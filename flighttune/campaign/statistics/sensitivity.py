@@ -1,0 +1,346 @@
+"""Which parameters matter to a metric: rank statistics, and Sobol indices of a Saltelli design."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.special import ndtri
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.statistics.flights import is_number
+from flighttune.campaign.statistics.intervals import CONFIDENCE
+from flighttune.errors import ShapeError
+
+Test: TypeAlias = tuple[float, float]
+"""A statistic and its p-value, both NaN where there is none."""
+
+CLASSES = 10
+"""Classes of equal size that a number with many values is cut into."""
+
+LEAST_IN_CLASS = 5
+"""Flights in a class on average: the test by ranks needs them."""
+
+LEAST_FLIGHTS = 10
+COLLINEAR = 1e10
+"""Condition number of the correlations of ranks from which on they tell no partial ones."""
+
+# scipy.stats.sobol_indices gives the same indices, but only of 2^k blocks, and its intervals
+# cannot be seeded: a campaign that is still flying has any number of blocks, and its report must
+# say the same twice.
+RESAMPLES = 1000
+LEAST_BLOCKS = 8
+AT_ONCE = 4_000_000
+"""Weights of blocks that are in memory at a time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Influence:
+    """What one parameter does to one measure.
+
+    Attributes
+    ----------
+    parameter : str
+    n : int
+        Flights it comes from.
+    rho, lo, hi : float, 1
+        Spearman's rank correlation with its interval; NaN where the parameter is no number.
+    partial : float, 1
+        The same with the ranks of all other parameters fixed; NaN where they are collinear.
+    share : float, 1
+        Share of the variance of the measure's ranks that the parameter explains by itself, whatever
+        the shape; 0 is what chance would explain.
+    p_rho, p_share : float, 1
+        Probability of a `rho` and a `share` as large without any influence, corrected for the
+        number of tests.
+    apart : bool
+        Whether chance is refused as the explanation of either of them.
+    """
+
+    parameter: str
+    n: int
+    rho: float
+    lo: float
+    hi: float
+    partial: float
+    share: float
+    p_rho: float
+    p_share: float
+    apart: bool
+
+    @property
+    def strength(self) -> float:
+        """What influences are ordered by, 0 to 1: `share` or the square of `rho`, the larger."""
+        known = [one for one in (self.share, self.rho**2) if math.isfinite(one)]
+        return max(known, default=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SobolIndices:
+    """Indices of d parameters, with percentile intervals.
+
+    Attributes
+    ----------
+    n : int
+        Blocks of flights they come from.
+    first, first_lo, first_hi : ndarray, shape (d,), 1
+        Share of the variance that a parameter makes by itself.
+    total, total_lo, total_hi : ndarray, shape (d,), 1
+        Share that would go if the parameter were known, its interactions included.
+    """
+
+    n: int
+    first: FloatArray
+    first_lo: FloatArray
+    first_hi: FloatArray
+    total: FloatArray
+    total_lo: FloatArray
+    total_hi: FloatArray
+
+
+def influences(
+    parameters: pd.DataFrame, measure: npt.ArrayLike, *, confidence: float = CONFIDENCE
+) -> tuple[Influence, ...]:
+    """Influence of every parameter on a measure, the strongest first.
+
+    Parameters
+    ----------
+    parameters : DataFrame
+        A row a flight; columns of numbers, or of anything else as categories.
+    measure : array_like, shape (flights,)
+        Flights without a value, or without one of a parameter, are left out; infinite ones count
+        by their rank.
+    confidence : float, 1
+        Of intervals and of `Influence.apart`.
+
+    Returns
+    -------
+    tuple of Influence
+        None of parameters that do not vary. Empty where there are fewer than 10 flights or the
+        measure does not vary.
+
+    Notes
+    -----
+    The interval of `rho` is that of [1]_. `share` is epsilon squared of the Kruskal-Wallis test
+    [2]_ over the values of the parameter, or over ten classes of equal size where it has more than
+    ten, less what chance explains: ``(H - k + 1) / (n - k)`` for k classes. P-values are corrected
+    together by Holm's method [3]_.
+
+    References
+    ----------
+    .. [1] D. G. Bonett, T. A. Wright, "Sample size requirements for estimating Pearson, Kendall and
+       Spearman correlations", Psychometrika 65 (2000) 23-28.
+    .. [2] W. H. Kruskal, W. A. Wallis, "Use of ranks in one-criterion variance analysis", J. Am.
+       Stat. Assoc. 47 (1952) 583-621.
+    .. [3] S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6
+       (1979) 65-70.
+    """
+    from scipy.stats import rankdata
+
+    values = np.asarray(measure, dtype=float)
+    kept = ~np.isnan(values) & parameters.notna().all(axis=1).to_numpy()
+    ranks = rankdata(values[kept])
+    table = {str(name): pd.Series(column[kept]) for name, column in parameters.items()}
+    table = {name: column for name, column in table.items() if column.nunique() > 1}
+    n = len(ranks)
+    if n < LEAST_FLIGHTS or ranks.min() == ranks.max() or not table:
+        return ()
+    correlations = [_spearman(column, ranks) for column in table.values()]
+    shares = [_share(column, ranks) for column in table.values()]
+    partial = _partial(table, ranks)
+    p = holm([p for _, p in (*correlations, *shares)])
+    found = []
+    for i, name in enumerate(table):
+        p_rho, p_share = p[i], p[len(table) + i]
+        rho = correlations[i][0]
+        lo, hi = _interval(rho, n, confidence)
+        found.append(
+            Influence(
+                parameter=name, n=n, rho=rho, lo=lo, hi=hi, partial=partial[name],
+                share=shares[i][0], p_rho=p_rho, p_share=p_share,
+                apart=min(p_rho, p_share) < 1.0 - confidence,
+            )
+        )  # fmt: skip
+    return tuple(sorted(found, key=lambda one: -one.strength))
+
+
+def sobol_indices(
+    f_A: FloatArray,
+    f_B: FloatArray,
+    f_AB: FloatArray,
+    *,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+) -> SobolIndices | None:
+    r"""First and total indices of a measure flown on Saltelli's design.
+
+    Parameters
+    ----------
+    f_A, f_B : ndarray, shape (n,)
+        The measure at n points A, and at n independent points B.
+    f_AB : ndarray, shape (d, n)
+        At the points A with the i-th parameter of B.
+    confidence : float, 1
+        Of the intervals.
+    resamples : int
+        Of the blocks (A, B and all A_B of one row together), with replacement.
+    seed : int
+        Of the resampling.
+
+    Returns
+    -------
+    SobolIndices or None
+        From the blocks in which every flight has a value; None where those are fewer than 8, or
+        their measure does not vary.
+
+    Raises
+    ------
+    ShapeError
+        If the shapes do not fit.
+
+    Notes
+    -----
+    ``S_i = mean(f_B (f_AB_i - f_A)) / V`` and ``S_Ti = mean((f_A - f_AB_i)^2) / 2V`` with V the
+    variance over A and B, eqs. (b) and (f) of table 2 in [1]_; the mean is taken off `f` first.
+
+    References
+    ----------
+    .. [1] A. Saltelli et al., "Variance based sensitivity analysis of model output. Design and
+       estimator for the total sensitivity index", Comput. Phys. Commun. 181 (2010) 259-270.
+    """
+    if f_A.shape != f_B.shape or f_AB.ndim != 2 or f_AB.shape[1:] != f_A.shape:
+        raise ShapeError(
+            f"`f_A`, `f_B` and `f_AB` must have shapes (n,), (n,) and (d, n), got {f_A.shape}, "
+            f"{f_B.shape} and {f_AB.shape}."
+        )
+    whole = np.isfinite(f_A) & np.isfinite(f_B) & np.isfinite(f_AB).all(axis=0)
+    f_A, f_B, f_AB = f_A[whole], f_B[whole], f_AB[:, whole]
+    n, d = len(f_A), len(f_AB)
+    if n < LEAST_BLOCKS or np.ptp([f_A, f_B]) == 0.0:
+        return None
+    mean = 0.5 * (f_A.mean() + f_B.mean())
+    a, b, ab = f_A - mean, f_B - mean, f_AB - mean
+    terms = np.vstack([b * (ab - a), 0.5 * (a - ab) ** 2, 0.5 * (a + b), 0.5 * (a**2 + b**2)])
+    found = _indices(terms.mean(axis=1)[None], d)[0]
+    tail = 0.5 - 0.5 * confidence
+    resampled = np.vstack(list(_resampled(terms, resamples, seed)))
+    lo, hi = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
+    return SobolIndices(
+        n=n,
+        first=found[:d],
+        first_lo=lo[:d],
+        first_hi=hi[:d],
+        total=found[d:],
+        total_lo=lo[d:],
+        total_hi=hi[d:],
+    )
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """P-values corrected together; those that are NaN take no part and become 1."""
+    values = np.array(p, dtype=float)
+    known = np.flatnonzero(~np.isnan(values))
+    order = known[np.argsort(values[known], kind="stable")]
+    factors = np.arange(len(order), 0, -1)
+    corrected = np.ones(len(values))
+    corrected[order] = np.minimum(1.0, np.maximum.accumulate(values[order] * factors))
+    return corrected.tolist()
+
+
+def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
+    """Class of each flight by its value of a parameter.
+
+    Parameters
+    ----------
+    column : Series
+        Values; a number with more than `most` of them, or with fewer than five flights of each, is
+        cut into classes of equal size.
+    most : int
+
+    Returns
+    -------
+    ndarray of int, shape (flights,)
+        From 0 on, rising with a number.
+    """
+    from scipy.stats import rankdata
+
+    codes, found = pd.factorize(column, sort=True)
+    few = len(found) <= most and LEAST_IN_CLASS * len(found) <= len(column)
+    if few or not is_number(column):
+        return np.asarray(codes)
+    count = max(2, min(most, len(column) // LEAST_IN_CLASS))
+    places = (rankdata(column) - 0.5) / len(column)
+    return pd.factorize(np.floor(places * count), sort=True)[0]
+
+
+def _spearman(column: pd.Series, ranks: FloatArray) -> Test:
+    from scipy.stats import spearmanr
+
+    if not is_number(column):
+        return math.nan, math.nan
+    found: Any = spearmanr(column, ranks)
+    return float(found.statistic), float(found.pvalue)
+
+
+def _share(column: pd.Series, ranks: FloatArray) -> Test:
+    """Epsilon squared less what chance explains, and the p-value of Kruskal and Wallis."""
+    from scipy.stats import kruskal
+
+    codes = classes_of(column)
+    n, k = len(ranks), int(codes.max()) + 1
+    if not 1 < k < n:
+        return math.nan, math.nan
+    H, p = kruskal(*(ranks[codes == one] for one in range(k)))
+    return (float(H) - k + 1) / (n - k), float(p)
+
+
+def _partial(table: Mapping[str, pd.Series], ranks: FloatArray) -> dict[str, float]:
+    """Partial rank correlation of every number; k categories are k - 1 indicator columns."""
+    from scipy.stats import rankdata
+
+    numbers = [name for name, column in table.items() if is_number(column)]
+    columns = [rankdata(table[name]) for name in numbers]
+    for name, column in table.items():
+        if name not in numbers:
+            codes = pd.factorize(column)[0]
+            columns += [(codes == one).astype(float) for one in range(1, codes.max() + 1)]
+    found = dict.fromkeys(table, math.nan)
+    correlations = np.corrcoef([*columns, ranks])
+    if len(ranks) > len(columns) + 2 and np.linalg.cond(correlations) < COLLINEAR:
+        inverse = np.linalg.inv(correlations)
+        scale = np.sqrt(np.diag(inverse))
+        partial = -inverse[-1] / (scale[-1] * scale)
+        found.update(zip(numbers, partial.tolist(), strict=False))
+    return found
+
+
+def _interval(rho: float, n: int, confidence: float) -> tuple[float, float]:
+    """Of a rank correlation, by the normal distribution of its area tangent."""
+    if math.isnan(rho):
+        return math.nan, math.nan
+    if abs(rho) >= 1.0:
+        return rho, rho
+    half = float(ndtri(0.5 + 0.5 * confidence)) * math.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
+    middle = math.atanh(rho)
+    return math.tanh(middle - half), math.tanh(middle + half)
+
+
+def _resampled(terms: FloatArray, resamples: int, seed: int) -> Iterator[FloatArray]:
+    """Means of the terms over blocks drawn with replacement, some resamples at a time."""
+    n = terms.shape[1]
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    some = max(1, AT_ONCE // n)
+    for first in range(0, resamples, some):
+        size = min(some, resamples - first)
+        yield rng.multinomial(n, np.full(n, 1.0 / n), size=size) @ terms.T / n
+
+
+def _indices(means: FloatArray, d: int) -> FloatArray:
+    """First, then total indices, shape (resamples, 2 d), from the means of the terms."""
+    variance = means[:, -1] - means[:, -2] ** 2
+    variance[variance <= 0.0] = np.nan
+    return means[:, : 2 * d] / variance[:, None]

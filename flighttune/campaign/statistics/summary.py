@@ -1,0 +1,370 @@
+"""Results of each group: shares, percentiles, reasons of failure, and their convergence."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.planning.plan import Group
+from flighttune.campaign.statistics.flights import Flights
+from flighttune.campaign.statistics.intervals import (
+    CONFIDENCE,
+    Estimate,
+    Method,
+    percentile,
+    share,
+)
+
+PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
+BETWEEN_SENTENCES = "; "
+"""What stands between the sentences of the column ``missed``."""
+
+GOT = ", got … (missed by …)"
+"""End of a sentence of several flights that says nothing."""
+
+FIRST, POINTS = 10, 25
+"""Smallest number of flights of a convergence curve, and its points."""
+
+_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=])-?(?:inf|nan)\b")
+
+HELD, BROKEN, NOT_ENTERED = "held", "broken", "not entered"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reason:
+    """What several flights say in the same words, with other numbers.
+
+    Attributes
+    ----------
+    text : str
+        With an ellipsis in place of each number that they do not share.
+    count : int
+    run : int
+        The first of them.
+    example : str
+        What that one says.
+    """
+
+    text: str
+    count: int
+    run: int
+    example: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """How a measure is spread over the flights that were completed and have it.
+
+    Attributes
+    ----------
+    n : int
+        How many those are.
+    mean : float
+    percentiles : mapping of str to Estimate
+        ``p05``, ``p50`` and ``p95``.
+    """
+
+    n: int
+    mean: float
+    percentiles: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Status:
+    """How many flights ended in one way.
+
+    Attributes
+    ----------
+    status : str
+    count : int
+    reasons : tuple of Reason
+        The most frequent first; empty where there are none.
+    """
+
+    status: str
+    count: int
+    reasons: tuple[Reason, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertifiedCount:
+    """Whether the certified ultimate set held.
+
+    Attributes
+    ----------
+    held, broken, not_entered, lost : int
+        Flights; lost ones were not completed.
+    of_all : Estimate
+        Share that held of all flights.
+    of_entered : Estimate
+        Share that held of those that entered the set.
+    """
+
+    held: int
+    broken: int
+    not_entered: int
+    lost: int
+    of_all: Estimate
+    of_entered: Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupSummary:
+    """The flights of one plant with one gain set.
+
+    Attributes
+    ----------
+    group : Group
+    n : int
+        Flights.
+    successes : int
+    success : Estimate
+        Their share.
+    statuses : tuple of Status
+        The most frequent first.
+    missed : tuple of Reason
+        What completed flights failed, the most frequent first; a flight may miss several.
+    measures : mapping of str to Spread
+        Of every measure that a completed flight has.
+    certified : CertifiedCount or None
+        None where nothing was claimed.
+    """
+
+    group: Group
+    n: int
+    successes: int
+    success: Estimate
+    statuses: tuple[Status, ...]
+    missed: tuple[Reason, ...]
+    measures: Mapping[str, Spread]
+    certified: CertifiedCount | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConvergenceCurve:
+    """Estimates from the first flights of a group.
+
+    Attributes
+    ----------
+    group : Group
+    n : tuple of int
+        Numbers of flights, evenly spaced by their logarithm, all of them last.
+    success : tuple of Estimate
+        Success rate of each.
+    measure : str
+        A measure, less of which is better.
+    p50, p95 : tuple of Estimate
+        Its median and 95th percentile over the completed flights of each.
+    """
+
+    group: Group
+    n: tuple[int, ...]
+    success: tuple[Estimate, ...]
+    measure: str
+    p50: tuple[Estimate, ...]
+    p95: tuple[Estimate, ...]
+
+
+def summaries(
+    flights: Flights, *, method: Method = "wilson", confidence: float = CONFIDENCE
+) -> tuple[GroupSummary, ...]:
+    """Sum up every group of a campaign.
+
+    Parameters
+    ----------
+    flights : Flights
+    method : "wilson" or "clopper-pearson"
+        Interval of shares.
+    confidence : float, 1
+        Of all intervals.
+
+    Returns
+    -------
+    tuple of GroupSummary
+        In the order of the plan, without groups of which nothing has flights.
+
+    Notes
+    -----
+    Where draws of a design belong together (the blocks of Saltelli's, the cells of a grid), counts
+    are replaced by effective ones, see `flighttune.campaign.statistics.intervals.effective_size`.
+    Points of a Latin hypercube or Sobol sequence are taken as if they were independent: their
+    intervals are wider than they need be.
+    """
+    return tuple(
+        _summary(group, rows, flights, method, confidence) for group, rows in flights.groups()
+    )
+
+
+def _summary(
+    group: Group, rows: pd.DataFrame, flights: Flights, method: Method, confidence: float
+) -> GroupSummary:
+    clusters = flights.clusters(rows)
+    success = rows["success"].to_numpy(dtype=bool)
+    completed = (rows["status"] == "completed").to_numpy()
+    failed = rows.loc[completed & ~success]
+    return GroupSummary(
+        group=group,
+        n=len(rows),
+        successes=int(success.sum()),
+        success=share(success, clusters, method=method, confidence=confidence),
+        statuses=_statuses(rows),
+        missed=_missed(failed),
+        measures={
+            name: _spread(rows[name].to_numpy(dtype=float), completed, clusters, confidence)
+            for name in flights.measures
+            if rows.loc[completed, name].notna().any()
+        },
+        certified=_certified(rows, clusters, method, confidence),
+    )
+
+
+def _statuses(rows: pd.DataFrame) -> tuple[Status, ...]:
+    found = [
+        Status(
+            status=str(name),
+            count=len(own),
+            reasons=reasons(own["reason"].tolist(), own["run"].tolist()),
+        )
+        for name, own in rows.groupby("status", sort=False, observed=True)
+    ]
+    return tuple(sorted(found, key=lambda one: -one.count))
+
+
+def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
+    """Every sentence by itself: a flight that misses two bounds counts for both."""
+    sentences = [
+        (sentence, run)
+        for text, run in zip(failed["missed"].tolist(), failed["run"].tolist(), strict=True)
+        for sentence in text.split(BETWEEN_SENTENCES)
+    ]
+    found = reasons(*zip(*sentences, strict=True)) if sentences else ()
+    return tuple(replace(one, text=one.text.removesuffix(GOT)) for one in found)
+
+
+def _spread(
+    values: FloatArray, completed: np.ndarray, clusters: np.ndarray, confidence: float
+) -> Spread:
+    kept = completed & ~np.isnan(values)
+    values, clusters = values[kept], clusters[kept]
+    return Spread(
+        n=len(values),
+        mean=float(np.mean(values)),
+        percentiles={
+            name: percentile(values, q, clusters, confidence=confidence)
+            for name, q in PERCENTILES.items()
+        },
+    )
+
+
+def _certified(
+    rows: pd.DataFrame, clusters: np.ndarray, method: Method, confidence: float
+) -> CertifiedCount | None:
+    said = rows["certified"].to_numpy(dtype=object)
+    held, broken, outside = (said == word for word in (HELD, BROKEN, NOT_ENTERED))
+    lost = (rows["status"] != "completed").to_numpy()
+    entered = held | broken
+    if not (entered | outside).any():
+        return None
+    all_of = entered | outside | lost
+    of_all, of_entered = (
+        share(held[kept], clusters[kept], method=method, confidence=confidence)
+        for kept in (all_of, entered)
+    )
+    return CertifiedCount(
+        held=int(held.sum()),
+        broken=int(broken.sum()),
+        not_entered=int(outside.sum()),
+        lost=int(lost.sum()),
+        of_all=of_all,
+        of_entered=of_entered,
+    )
+
+
+def convergence(
+    flights: Flights, measure: str, *, method: Method = "wilson", confidence: float = CONFIDENCE
+) -> tuple[ConvergenceCurve, ...]:
+    """Success rate and percentiles of every group from its first flights on.
+
+    Parameters
+    ----------
+    flights : Flights
+    measure : str
+        A column of the rows.
+    method : "wilson" or "clopper-pearson"
+        Interval of the success rate.
+    confidence : float, 1
+
+    Returns
+    -------
+    tuple of ConvergenceCurve
+        In the order of the plan; nothing of groups that have not flights.
+    """
+    found = []
+    for group, rows in flights.groups():
+        clusters, success = flights.clusters(rows), rows["success"].to_numpy(dtype=bool)
+        values = rows[measure].to_numpy(dtype=float)
+        known = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
+        counts = prefixes(len(rows))
+        p50, p95 = (
+            tuple(
+                percentile(
+                    values[:n][known[:n]], PERCENTILES[q], clusters[:n][known[:n]],
+                    confidence=confidence,
+                )
+                for n in counts
+            )
+            for q in ("p50", "p95")
+        )  # fmt: skip
+        rates = tuple(
+            share(success[:n], clusters[:n], method=method, confidence=confidence) for n in counts
+        )
+        found.append(
+            ConvergenceCurve(
+                group=group, n=tuple(counts), success=rates, measure=measure, p50=p50, p95=p95
+            )
+        )
+    return tuple(found)
+
+
+def prefixes(n: int) -> list[int]:
+    """Up to 25 numbers to `n`, evenly spaced by their logarithm, from 10 on or a quarter of `n`."""
+    first = max(1, min(FIRST, n // 4))
+    spaced: npt.NDArray[np.float64] = np.geomspace(first, n, POINTS)
+    return sorted({round(value) for value in spaced.tolist()})
+
+
+def reasons(texts: Sequence[str], runs: Sequence[int]) -> tuple[Reason, ...]:
+    """Group sentences that differ in their numbers alone, the most frequent first.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        Empty ones are left out.
+    runs : sequence of int
+        Run of each.
+    """
+    found: dict[str, list[int]] = {}
+    for place, text in enumerate(texts):
+        if text:
+            found.setdefault(_NUMBER.sub("…", text), []).append(place)
+    grouped = [
+        Reason(
+            text=_shared([texts[place] for place in at]),
+            count=len(at),
+            run=int(runs[at[0]]),
+            example=texts[at[0]],
+        )
+        for at in found.values()
+    ]
+    return tuple(sorted(grouped, key=lambda one: (-one.count, one.run)))
+
+
+def _shared(texts: Sequence[str]) -> str:
+    """The words of texts that differ in numbers alone, and the numbers that are the same."""
+    places = zip(*(_NUMBER.findall(text) for text in texts), strict=True)
+    numbers = iter([one[0] if len(set(one)) == 1 else "…" for one in places])
+    return _NUMBER.sub(lambda _: next(numbers), texts[0])

@@ -1,0 +1,34 @@
+"""Arguments and options that several commands have."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from typer import Argument, Option
+
+from flighttune.errors import InputError
+
+ScenarioArgument = Annotated[
+    str, Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")
+]
+JsonOption = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
+GainsOption = Annotated[
+    str | None,
+    Option(
+        help="Gain set (paper, K1..K6, tuned, or a name from the scenario), or a file with K_P and "
+        "K_I [default: the first of the scenario]."
+    ),
+]
+GainsFileOption = Annotated[
+    Path | None, Option("--out", help="JSON file to write; `--gains` of other commands reads it.")
+]
+
+
+def out_folder(default: str) -> Any:
+    """The option ``--out`` of a command that writes into a folder."""
+    return Option("--out", help=f"Folder to write to [default: {default}].")
+
+
+def check_ending(out: Path | None, *endings: str) -> None:
+    """Refuse an ``--out`` that does not end in one of `endings`, before anything is computed."""
+    if out is not None and out.suffix.lower() not in endings:
+        raise InputError(f"{out}: --out must end in {endings[0]}.")

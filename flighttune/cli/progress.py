@@ -1,0 +1,181 @@
+"""While a command runs: a bar where someone watches, lines elsewhere; Ctrl-C and SIGTERM."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from flighttune.cli.show import tell
+
+if TYPE_CHECKING:
+    from flighttune.campaign.engine.progress import CampaignProgress
+
+LINE_EVERY_S = 10.0
+SIGNALS = signal.SIGINT, signal.SIGTERM
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
+    """A bar on stderr where someone watches, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        tasks: dict[str, Any] = {}
+
+        def update(label: str, part: float) -> None:
+            if label not in tasks:
+                tasks[label] = bar.add_task(label, total=1.0)
+            bar.update(tasks[label], completed=part)
+
+        yield update
+
+
+class CampaignDisplay:
+    """Observer of a campaign: shows on stderr how far it is, and stops it when asked to.
+
+    Parameters
+    ----------
+    bar : rich.progress.Progress or None
+        Where to show it; lines are printed without.
+
+    Attributes
+    ----------
+    stopped : bool
+        Whether the campaign shall stop.
+    """
+
+    def __init__(self, bar: Any) -> None:
+        self.stopped = False
+        self._bar = bar
+        self._task = None if bar is None else bar.add_task("starting", total=None, text="")
+        self._last_line_at = -LINE_EVERY_S
+        self._doing = ""
+        self._warned = False
+
+    def see(self, progress: "CampaignProgress") -> None:
+        """Show how far the campaign is."""
+        if progress.doing == "flying" and not progress.workers and not self._warned:
+            self._warned = True
+            self.hear("no worker is there yet; waiting for one")
+        new = progress.doing != self._doing
+        self._doing = progress.doing
+        if self._bar is not None:
+            self._bar.update(
+                self._task,
+                description=progress.doing,
+                completed=progress.done,
+                total=progress.runs,
+                text=", ".join(_parts(progress)),
+                refresh=new,
+            )
+            return
+        now = time.monotonic()
+        if new or now >= self._last_line_at + LINE_EVERY_S:
+            self._last_line_at = now
+            done = f"{progress.doing}: {progress.done} of {progress.runs} runs"
+            tell(", ".join([done, *_parts(progress)]))
+
+    def hear(self, sentence: str) -> None:
+        """Show a sentence."""
+        if self._bar is not None:
+            self._bar.console.print(sentence, markup=False, highlight=False)
+        else:
+            tell(sentence)
+
+    def stop(self) -> None:
+        """Ask the campaign to end; what is in flight is dropped, what is flown is kept."""
+        self.stopped = True
+        self.hear("stopping; what has been flown is kept")
+
+
+@contextmanager
+def campaign_display() -> Iterator[CampaignDisplay]:
+    """Show the campaign of the block; the first Ctrl-C or SIGTERM stops it."""
+    bar = None
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[text]}"),
+        )
+        bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    display = CampaignDisplay(bar)
+    with stop_on_interrupt(display.stop), bar or nullcontext():
+        yield display
+
+
+def _parts(progress: "CampaignProgress") -> list[str]:
+    parts = []
+    if progress.rate_per_s:
+        parts.append(f"{rate(progress.rate_per_s)} a second")
+    if progress.left_s is not None and progress.doing == "flying":
+        parts.append(f"{duration(progress.left_s)} left")
+    if progress.failed:
+        parts.append(f"{progress.failed} failed")
+    if progress.crashed:
+        parts.append(f"{progress.crashed} crashed")
+    return parts
+
+
+def rate(per_s: float) -> str:
+    """A number a second, to three figures or whole."""
+    return f"{per_s:.0f}" if per_s >= 100.0 else f"{per_s:.3g}"
+
+
+def duration(seconds: float) -> str:
+    """A time as one would say it: ``48 s``, ``12 min``, ``3.4 h``."""
+    if seconds < 120.0:
+        return f"{seconds:.0f} s" if seconds >= 10.0 else f"{seconds:.2g} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
+
+
+@contextmanager
+def stop_on_interrupt(stop: Callable[[], object]) -> Iterator[None]:
+    """Call `stop` at the first Ctrl-C or SIGTERM of the block; a second one ends the command.
+
+    Parameters
+    ----------
+    stop : callable
+        Called from the signal handler: it only asks for the end, and returns at once.
+    """
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        _restore(before)
+        stop()
+
+    before = [signal.getsignal(number) for number in SIGNALS]
+    for number in SIGNALS:
+        signal.signal(number, handle)
+    try:
+        yield
+    finally:
+        _restore(before)
+
+
+@contextmanager
+def raise_on_interrupt() -> Iterator[None]:
+    """Raise KeyboardInterrupt at SIGTERM too, so that what the block opened is closed.
+
+    Shells start commands in the background with SIGINT ignored; in the block it is not.
+    """
+    before = [signal.signal(number, signal.default_int_handler) for number in SIGNALS]
+    try:
+        yield
+    finally:
+        _restore(before)
+
+
+def _restore(handlers: list[Any]) -> None:
+    for number, handler in zip(SIGNALS, handlers, strict=True):
+        signal.signal(number, handler)

@@ -1,0 +1,249 @@
+"""Two runs of one manoeuvre: which belong together, which is better, how far apart they flew."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from flighttune.comparison.source import Source
+from flighttune.metrics import METRICS, channel_metrics, flight_metrics
+from flighttune.simulate.run import Run
+
+Better: TypeAlias = Literal["a", "b", "same", ""]
+BetterIf: TypeAlias = Literal["low", "near zero", "neither"]
+
+BETTER_IF: dict[str, BetterIf] = {
+    "ITAE": "low",
+    "ITAE_mean": "low",
+    "PT_s": "neither",
+    "MO_rad": "low",
+    "MS_rad": "near zero",
+    "ST_rad": "low",
+    "rise_s": "low",
+    "settling_s": "low",
+    "effort_rms": "low",
+    "saturation_s": "low",
+    "V_a_dev_mps": "low",
+    "n_z_min": "neither",
+    "n_z_max": "neither",
+    "alpha_max_rad": "low",
+}
+"""What is better, of each metric. A time that is never reached is worse than any that is."""
+
+NEVER = ("rise_s", "settling_s")
+"""Metrics whose missing value means that it was never reached."""
+
+FLIGHT_UNITS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_max_rad": "rad"}
+
+FLIGHT = "flight"
+"""Channel of the measures of the whole aircraft."""
+
+EQUAL = 1e-12
+"""Relative difference up to which neither is better."""
+
+Row: TypeAlias = dict[str, Any]
+
+MANOEUVRE = ("V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "duration_s")
+"""Keys of ``[flight]`` that belong to the manoeuvre, as does all of ``[reference]``."""
+
+DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference")
+"""Keys that are text, or are compared elsewhere."""
+
+FEWEST_SAMPLES = 2
+
+
+def paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
+    """Pair the runs of two sources.
+
+    Parameters
+    ----------
+    a, b : sequence of Run
+
+    Returns
+    -------
+    list of (Run, Run)
+        One run each: those two. Else those of equal label; where there are none, those of equal
+        plant if both sides have a single gain set, or of equal gains if both have a single plant.
+        Empty where nothing fits.
+    """
+    if len(a) == len(b) == 1:
+        return [(a[0], b[0])]
+    for key, rest in (("label", None), ("plant", "gains_name"), ("gains_name", "plant")):
+        if rest and any(len({getattr(r.provenance, rest) for r in side}) > 1 for side in (a, b)):
+            continue
+        partners = {_key(run, key): run for run in b}
+        found = [(run, partners[_key(run, key)]) for run in a if _key(run, key) in partners]
+        if found:
+            return found
+    return []
+
+
+def _key(run: Run, name: str) -> str:
+    return run.label if name == "label" else getattr(run.provenance, name)
+
+
+def why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
+    """Why two sources cannot be compared, in one sentence; empty where they can.
+
+    Parameters
+    ----------
+    a, b : Source
+    pairs : sequence of (Run, Run)
+        What `paired` makes of their runs.
+    """
+    between = f"{a.name} and {b.name}"
+    for one in (a, b):
+        for signal, unit in one.units.items():
+            return f"{one.name}: `{signal}` must have the unit of the other side, got {unit!r}."
+    for one, other in ((a, b), (b, a)):
+        several = not one.chosen and len(one.gain_sets) > 1
+        if several and set(one.gain_sets) != set(other.gain_sets):
+            choices = ", ".join(f"{one.name}@{gains}" for gains in one.gain_sets)
+            return f"{between}: {one.name} has several gain sets, name one of {choices}."
+    if not pairs:
+        labels = " | ".join(", ".join(run.label for run in side.runs) for side in (a, b))
+        return f"{between}: a run must have a partner of the same plant or gains, got {labels}."
+    for one, other in pairs:
+        for source, run in ((a, one), (b, other)):
+            if len(run.signals) < FEWEST_SAMPLES:
+                return f"{source.name}: {run.label} must have flown, got {run.status}: {run.reason}"
+        aircraft = [run.provenance.aircraft for run in (one, other)]
+        if all(aircraft) and aircraft[0] != aircraft[1]:
+            return f"{between}: the aircraft must be the same, got {aircraft[0]} and {aircraft[1]}."
+        flown = [manoeuvre(run) for run in (one, other)]
+        different = _changes(*flown)
+        if different:
+            key, (value, got) = next(iter(different.items()))
+            return f"{between}: the manoeuvre must be the same, `{key}` is {value} and {got}."
+    return ""
+
+
+def manoeuvre(run: Run) -> dict[str, Any]:
+    """What a run was asked to fly: start, length and reference, as in the scenario.
+
+    Gains, plant, limits, controller, weather and gravity of the law are not part of it: they are
+    what one compares.
+    """
+    scenario = run.provenance.scenario
+    flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
+    return _flat({"flight": flight, "reference": scenario["reference"]})
+
+
+def differences(a: Run, b: Run) -> dict[str, tuple[Any, Any]]:
+    """Settings of the scenarios of two runs that are not the same, by dotted key."""
+
+    def settings(run: Run) -> dict[str, Any]:
+        scenario = run.provenance.scenario
+        return _flat({key: value for key, value in scenario.items() if key not in DESCRIPTION})
+
+    return _changes(settings(a), settings(b))
+
+
+def _flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def _changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    return {key: (a.get(key), b.get(key)) for key in sorted({*a, *b}) if a.get(key) != b.get(key)}
+
+
+def until(run: Run, end: float) -> Run:
+    """The part of a run up to `end`, s."""
+    return run if run.duration <= end else replace(run, signals=run.signals.loc[:end])
+
+
+def metric_rows(a: Run, b: Run) -> list[Row]:
+    """Metrics of two runs side by side.
+
+    Parameters
+    ----------
+    a, b : Run
+        Of at least two samples, flown for the same time.
+
+    Returns
+    -------
+    list of dict
+        ``channel`` (chi, gamma or flight), ``name``, ``unit``, ``a``, ``b``, ``diff`` (b minus a)
+        and ``better`` (a, b, same, or empty where neither direction is better); chi and gamma
+        first. A measure that one plant does not have is left out.
+    """
+    rows = []
+    both = [channel_metrics(run) for run in (a, b)]
+    for channel in both[0].index:
+        for name in METRICS:
+            values = [float(one.at[channel, name]) for one in both]
+            rows.append(_row(str(channel), name, *values))
+    first, second = flight_metrics(a), flight_metrics(b)
+    return rows + [
+        _row(FLIGHT, name, first[name], second[name]) for name in first if name in second
+    ]
+
+
+def better(name: str, a: float, b: float) -> Better:
+    """Which of two values of a metric is better: ``a``, ``b``, ``same``, or empty for neither."""
+    wanted = BETTER_IF[name]
+    if wanted == "neither":
+        return ""
+    if name in NEVER:
+        a, b = (math.inf if math.isnan(value) else value for value in (a, b))
+    elif math.isnan(a) or math.isnan(b):
+        return ""
+    if wanted == "near zero":
+        a, b = abs(a), abs(b)
+    if math.isclose(a, b, rel_tol=EQUAL):
+        return "same"
+    return "a" if a < b else "b"
+
+
+def largest_distance(a: Run, b: Run) -> tuple[float, float]:
+    """Largest distance of two runs at the same time after the start.
+
+    Parameters
+    ----------
+    a, b : Run
+        With positions.
+
+    Returns
+    -------
+    distance, time : float, m and s
+        Over the time both flew, at the samples of both; positions between samples are linear.
+    """
+    t_a, t_b = (run.signals.index.to_numpy(dtype=float) for run in (a, b))
+    t = np.union1d(t_a, t_b)
+    t = t[t <= min(t_a[-1], t_b[-1])]
+    apart = [
+        np.interp(t, t_b, b.signals[axis].to_numpy())
+        - np.interp(t, t_a, a.signals[axis].to_numpy())
+        for axis in ("north", "east", "down")
+    ]
+    distance = np.sqrt(np.sum(np.square(apart), axis=0))
+    at = int(np.argmax(distance))
+    return float(distance[at]), float(t[at])
+
+
+def _row(channel: str, name: str, a: float, b: float) -> Row:
+    return {
+        "channel": channel,
+        "name": name,
+        "unit": _unit(channel, name),
+        "a": a,
+        "b": b,
+        "diff": b - a,
+        "better": better(name, a, b),
+    }
+
+
+def _unit(channel: str, name: str) -> str:
+    if channel == FLIGHT:
+        return FLIGHT_UNITS[name]
+    if name == "effort_rms":
+        return "rad" if channel == "chi" else "1"
+    return METRICS[name]

@@ -1,0 +1,1 @@
+"""A scenario to runs: tune, fly, hold against expectations, explain, fly again."""

@@ -1,0 +1,415 @@
+"""A scenario to runs: every gain set on every plant, with indicators and metrics."""
+
+import math
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from types import MappingProxyType
+from typing import Protocol
+
+import pandas as pd
+
+from flighttune.control.gains import PIGains
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import closed_loop
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import TrimError
+from flighttune.flight.expectations import missed_expectations
+from flighttune.flight.outer_loop import gain_set, tune_scenario
+from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.plants.air_path import AirPathPlant
+from flighttune.plants.base import Plant
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.plants.wind import WIND, WindRecord
+from flighttune.scenario.aircraft_check import check_aircraft
+from flighttune.scenario.schema import TUNED, Scenario
+from flighttune.scenario.tables import PlantTable
+from flighttune.simulate.loop import LOOP_SIGNALS, simulate
+from flighttune.simulate.run import Provenance, Run, RunStatus
+from flighttune.theory.indicators import Indicators, indicators
+from flighttune.tuning.result import TuningResult
+
+LOWEST_FDM_RATE_HZ = 200.0
+"""The flight dynamics run at the lowest multiple of the controller's rate from here on."""
+
+VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
+
+Progress = Callable[[str, float], None]
+"""Called with the label of a run and the part of it flown, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlownScenario:
+    """A scenario with its runs, indicators and metrics.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    runs : tuple of Run
+        Plant by plant, gain set by gain set.
+    indicators : mapping of str to Indicators
+        R_K and I_K on the linear model of the scenario, by name of the gain set.
+    tuning : TuningResult or None
+        How the gains named ``tuned`` were found, where the scenario asks for them.
+    metrics : DataFrame
+        `channel_metrics` of every run flown; index (run, channel).
+    flight : DataFrame
+        `flight_metrics` of every run flown; index run.
+    """
+
+    scenario: Scenario
+    runs: tuple[Run, ...]
+    indicators: Mapping[str, Indicators]
+    tuning: TuningResult | None
+    metrics: pd.DataFrame
+    flight: pd.DataFrame
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        runs: tuple[Run, ...],
+        indicators: Mapping[str, Indicators],
+        tuning: TuningResult | None = None,
+    ) -> "FlownScenario":
+        """Runs of a scenario with the metrics of those that flew."""
+        long_enough = [run for run in runs if len(run.signals) > 1]
+        metrics = {run.label: channel_metrics(run) for run in long_enough}
+        flight = {run.label: flight_metrics(run) for run in long_enough}
+        return cls(
+            scenario=scenario,
+            runs=runs,
+            indicators=indicators,
+            tuning=tuning,
+            metrics=pd.concat(metrics, names=["run"]) if metrics else pd.DataFrame(),
+            flight=pd.DataFrame.from_dict(flight, orient="index"),
+        )
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Expectations of the scenario that a run does not meet, a sentence each."""
+        return missed_expectations(self.scenario, self.runs)
+
+    def metrics_of(self, run: Run) -> dict[str, dict[str, float]]:
+        """Measures of one run as numbers: ``chi``, ``gamma`` and ``flight``; empty if not flown."""
+        if run.label not in self.flight.index:
+            return {}
+        channels = self.metrics.loc[run.label].to_dict(orient="index")
+        return {**channels, "flight": self.flight.loc[run.label].to_dict()}
+
+
+class Observer(Protocol):
+    """Sees the flights of a scenario while they are flown, and may end them.
+
+    Attributes
+    ----------
+    stopped : bool
+        Whether no further run may begin.
+    """
+
+    @property
+    def stopped(self) -> bool:
+        """Whether no further run may begin."""
+        ...
+
+    def watch(self, plant: Plant, label: str) -> Plant:
+        """Wrap the plant of a run, so that the observer sees its signals."""
+        ...
+
+
+def fly(
+    scenario: Scenario, *, progress: Progress | None = None, observer: Observer | None = None
+) -> FlownScenario:
+    """Fly every gain set of a scenario on each of its plants.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to fly.
+    progress : callable, optional
+        Called with how far each run is.
+    observer : Observer, optional
+
+    Returns
+    -------
+    FlownScenario
+        With one run a plant and gain set. A run that diverged, left the envelope, hit the ground or
+        could not start says so in its status and reason.
+
+    Raises
+    ------
+    ScenarioError
+        If an aircraft does not exist, or the start or limits of the scenario lie outside it.
+    PlantError
+        If an aircraft cannot be built.
+    """
+    check_aircraft(scenario, scenario.title)
+    tuning = tune_scenario(scenario) if TUNED in scenario.gains else None
+    names = scenario.gain_names
+    gain_sets = {name: gain_set(scenario, name, tuning) for name in names}
+    model = scenario.linear_model()
+    indicators_of = {
+        name: indicators(closed_loop(model, gains))
+        for name, gains in gain_sets.items()
+        if gains is not None
+    }
+    runs = _flights(scenario, gain_sets, progress, observer)
+    return FlownScenario.of(scenario, runs, MappingProxyType(indicators_of), tuning)
+
+
+def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = None) -> Plant:
+    """A fresh plant of a scenario, ready to start.
+
+    Parameters
+    ----------
+    table : PlantTable
+        Which plant.
+    scenario : Scenario
+        Its weather, seed and rates.
+    wind : WindRecord, optional
+        What a plant that is no aircraft flies in; still air by default.
+
+    Raises
+    ------
+    InputError
+        If the aircraft cannot be off the nominal as the table says; the message names the key.
+    PlantError
+        If the aircraft cannot be built.
+    """
+    if table.aircraft is None:
+        return PointMassPlant(
+            table.lags(),
+            wind=wind,
+            disturbance=scenario.disturbance and scenario.disturbance.sinusoid(),
+            law="paper" if table.kind == "kinematic" else "exact",
+            g=scenario.flight.g_mps2,
+        )
+    from flighttune.plants.jsbsim.plant import JSBSimPlant
+
+    rate = scenario.controller.rate_hz
+    aircraft = JSBSimPlant(
+        table.aircraft,
+        fdm_rate_hz=rate * math.ceil(LOWEST_FDM_RATE_HZ / rate),
+        seed=scenario.seed,
+        weather=scenario.weather(),
+        ground=scenario.flight.ground_m,
+        throttle_max=table.throttle_max,
+        off_nominal=table.airframe and table.airframe.off_nominal(),
+    )
+    return steered(aircraft, scenario)
+
+
+def steered(plant: Plant, scenario: Scenario) -> Plant:
+    """A plant in wind with the path a scenario steers it by: over ground, or through the air.
+
+    Parameters
+    ----------
+    plant : Plant
+        One that shows ground speed and wind.
+    scenario : Scenario
+        Its ``[disturbance]`` tells which.
+    """
+    by_air = scenario.disturbance is not None and scenario.disturbance.path == "air"
+    return AirPathPlant(plant) if by_air else plant
+
+
+def _flights(
+    scenario: Scenario,
+    gain_sets: Mapping[str, PIGains | None],
+    progress: Progress | None,
+    observer: Observer | None,
+) -> tuple[Run, ...]:
+    # In wind the first aircraft flies first: plants without weather replay the wind it met.
+    order = sorted(scenario.plant, key=lambda plant: scenario.windy and plant.aircraft is None)
+    leader = order[0].label if scenario.windy and order[0].aircraft else ""
+    runs: dict[tuple[str, str], Run] = {}
+    for plant in order:
+        for name, gains in gain_sets.items():
+            if observer is not None and observer.stopped and gains is not None:
+                reason = "the flights were stopped before this one began"
+                run = _unflown(scenario, plant.label, name, gains, "interrupted", reason)
+            else:
+                led = runs.get((leader, name)) if plant.aircraft is None else None
+                run = fly_alone(
+                    scenario, plant, gains, name, led=led, progress=progress, observer=observer
+                )
+            runs[plant.label, name] = run
+    return tuple(runs[plant.label, name] for plant in scenario.plant for name in gain_sets)
+
+
+def fly_alone(
+    scenario: Scenario,
+    table: PlantTable,
+    gains: PIGains | None,
+    gains_name: str,
+    *,
+    led: Run | None = None,
+    progress: Progress | None = None,
+    observer: Observer | None = None,
+) -> Run:
+    """Fly one gain set of a scenario on one of its plants.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    table : PlantTable
+        The plant.
+    gains : PIGains or None
+        None where tuning found none.
+    gains_name : str
+    led : Run, optional
+        The flight of the same gains whose wind a plant that is no aircraft replays; without one it
+        flies in the steady wind of the scenario.
+    progress, observer
+        As of `fly`.
+
+    Raises
+    ------
+    PlantError
+        If an aircraft cannot be built.
+    """
+    if led is not None and gains is not None and not len(led.signals):
+        reason = f"the wind is that of {led.provenance.plant}, which did not fly: {led.reason}"
+        return _unflown(scenario, table.label, gains_name, gains, led.status, reason)
+    wind = wind_met(led) if led is not None and len(led.signals) else _steady_wind(scenario)
+    plant = plant_of(table, scenario, wind)
+    if observer is not None:
+        plant = observer.watch(plant, f"{table.label} / {gains_name}")
+    return fly_once(
+        scenario, plant, gains, plant_label=table.label, gains_name=gains_name, progress=progress
+    )
+
+
+def wind_met(run: Run) -> WindRecord:
+    """The wind that an aircraft recorded, for other plants to fly in."""
+    north, east, down = (run.signals[name].to_numpy() for name in WIND)
+    t = run.signals.index.to_numpy(dtype=float)
+    return WindRecord(t=t, north=north, east=east, down=down)
+
+
+def _steady_wind(scenario: Scenario) -> WindRecord | None:
+    weather = scenario.weather()
+    if weather is None or not scenario.windy:
+        return None
+    north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
+    return WindRecord.steady(north=north, east=east, down=down)
+
+
+def fly_once(
+    scenario: Scenario,
+    plant: Plant,
+    gains: PIGains | None,
+    *,
+    plant_label: str,
+    gains_name: str,
+    limits: Limits | None = None,
+    progress: Progress | None = None,
+) -> Run:
+    """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its manoeuvre, sensors and controller settings are flown.
+    plant : Plant
+    gains : PIGains or None
+        None where tuning found none: the run then says so.
+    plant_label, gains_name : str
+        Names in the run's label.
+    limits : Limits, optional
+        Of the commands; by default those of the scenario and of the plant.
+    progress : callable, optional
+        Called with how far the run is.
+
+    Returns
+    -------
+    Run
+        One that diverged, left the envelope, hit the ground or could not start says so in its
+        status and reason.
+
+    Raises
+    ------
+    PlantError
+        If an aircraft cannot be built.
+    """
+    if gains is None:
+        reason = "tuning found no gains that meet the constraints"
+        return _unflown(scenario, plant_label, gains_name, None, "no_gains", reason)
+    started = time.perf_counter()
+    settings, duration = scenario.controller, scenario.flight.duration_s
+    controller = MimoPI(
+        gains,
+        scenario.limits.limits().within(plant.limits) if limits is None else limits,
+        dt=1.0 / settings.rate_hz,
+        anti_windup=settings.anti_windup,
+        tracking_time=settings.tracking_time_s,
+        schedule_speed=scenario.flight.V_a_mps if settings.schedule else None,
+    )
+    label = f"{plant_label} / {gains_name}"
+    try:
+        signals, stop = simulate(
+            plant,
+            controller,
+            scenario.followed(),
+            condition=scenario.condition,
+            duration=duration,
+            feed_forward=settings.feed_forward,
+            sensors=scenario.sensors and scenario.sensors.sensors(scenario.seed),
+            progress=progress and (lambda t: progress(label, t / duration)),
+        )
+    except TrimError as error:
+        return _unflown(scenario, plant_label, gains_name, gains, "no_trim", str(error))
+    if progress is not None:
+        progress(label, 1.0)
+    wall_s = time.perf_counter() - started
+    return Run(
+        signals=signals,
+        status="completed" if stop is None else stop.status,
+        reason="" if stop is None else stop.reason,
+        provenance=_provenance(scenario, plant_label, gains_name, gains, wall_s),
+    )
+
+
+def _unflown(
+    scenario: Scenario,
+    plant_label: str,
+    gains_name: str,
+    gains: PIGains | None,
+    status: RunStatus,
+    reason: str,
+) -> Run:
+    """The run, without samples, of a flight that could not begin."""
+    signals = pd.DataFrame(
+        columns=pd.Index(LOOP_SIGNALS), index=pd.Index([], name="t"), dtype=float
+    )
+    made_by = _provenance(scenario, plant_label, gains_name, gains, 0.0)
+    return Run(signals=signals, status=status, reason=reason, provenance=made_by)
+
+
+def _provenance(
+    scenario: Scenario, plant_label: str, gains_name: str, gains: PIGains | None, wall_s: float
+) -> Provenance:
+    return Provenance(
+        scenario=scenario.as_dict(),
+        plant=plant_label,
+        gains_name=gains_name,
+        gains=gains,
+        seed=scenario.seed,
+        versions=library_versions(),
+        wall_s=wall_s,
+    )
+
+
+def library_versions() -> dict[str, str]:
+    """Version of every library that shapes the numbers of a flight."""
+    return dict(_installed())
+
+
+@cache
+def _installed() -> tuple[tuple[str, str], ...]:
+    """Names and versions, looked up once: it takes as long as a tenth of a flight."""
+    python = ("python", platform.python_version())
+    return (python, *((name, version(name)) for name in VERSIONED))

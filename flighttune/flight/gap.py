@@ -1,0 +1,201 @@
+"""The gap between the paper's law and an aircraft: ladder, mismatch, guarantee in flight."""
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from flighttune.control.gains import PIGains
+from flighttune.control.linear_model import closed_loop
+from flighttune.errors import InputError
+from flighttune.flight.fly import FlownScenario, Progress
+from flighttune.flight.ladder import (
+    LEAST_SAMPLES,
+    Ladder,
+    LagSource,
+    Step,
+    fly_aircraft,
+    fly_ladder,
+)
+from flighttune.guarantee.flight_check import FlightCheck, FreeFlight, flight_check, free_flight
+from flighttune.guarantee.mismatch import CHANNELS, Mismatch, mismatch
+from flighttune.guarantee.ultimate_set import Verdict
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
+from flighttune.theory.indicators import Indicators, indicators
+
+GapStatus = Literal["explained", "cut_short", "not_flown"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Gap:
+    """Where the difference between the paper's law and the aircraft comes from.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    status : "explained", "cut_short" or "not_flown"
+        Cut short: a rung ended early, and everything is about the time all of them flew.
+    reason : str
+        Why, where it is not ``explained``.
+    runs : tuple of Run
+        The rungs, lowest first; the aircraft with its mismatch and error bounds as signals.
+    indicators : Indicators
+        Of the kinematic law's loop about level flight on the first reference.
+    ladder : Ladder or None
+    mismatch : Mismatch or None
+        Of the aircraft against the paper's law.
+    check : FlightCheck or None
+        The aircraft's flight against the guarantee; None also where the loop is unstable.
+    verdict : Verdict or None
+        Of the whole flight.
+    free : FreeFlight or None
+        The part of the flight that no limit holds, in the reach of the linear loop.
+    """
+
+    scenario: Scenario
+    status: GapStatus
+    reason: str
+    runs: tuple[Run, ...]
+    indicators: Indicators
+    ladder: Ladder | None = None
+    mismatch: Mismatch | None = None
+    check: FlightCheck | None = None
+    verdict: Verdict | None = None
+    free: FreeFlight | None = None
+
+    @property
+    def aircraft(self) -> Run:
+        """The top rung."""
+        return self.runs[-1]
+
+    @property
+    def name(self) -> str:
+        """Name of the gains, and of the plant in brackets where it has one of its own."""
+        made_by = self.aircraft.provenance
+        names = {table.label: table.name for table in self.scenario.plant}
+        plant = names.get(made_by.plant)
+        return f"{made_by.gains_name} ({plant})" if plant else made_by.gains_name
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The steps of the ladder; none where the aircraft did not fly."""
+        return () if self.ladder is None else self.ladder.steps
+
+    def flown(self) -> FlownScenario:
+        """The rungs as a flown scenario, to be recorded like any other."""
+        names = {run.provenance.gains_name for run in self.runs}
+        return FlownScenario.of(
+            self.scenario, self.runs, MappingProxyType(dict.fromkeys(names, self.indicators))
+        )
+
+
+def explain_gap(
+    scenario: Scenario,
+    gains: PIGains,
+    *,
+    name: str = "gains",
+    plant: str | None = None,
+    lag: LagSource | None = None,
+    progress: Progress | None = None,
+) -> Gap:
+    """Fly the same gains up the ladder and say what each step adds.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With a jsbsim plant, the top of the ladder. Its limits and those of the scenario hold on
+        every rung.
+    gains : PIGains
+        The gains flown.
+    name : str
+        Their name in labels.
+    plant : str, optional
+        Label of the jsbsim plant, where it is not the first one.
+    lag : {"identified", "fitted"}, optional
+        Where the lag of the third rung comes from: the aircraft's model file, or this very flight.
+        By default the model file, where there is one.
+    progress : callable, optional
+        Called with how far each run is.
+
+    Returns
+    -------
+    Gap
+        Also where the aircraft does not trim or a rung ends early: its status says so.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no such jsbsim plant.
+    PlantError
+        If the aircraft cannot be built.
+    """
+    aircraft = fly_aircraft(scenario, gains, name, plant=plant, progress=progress)
+    if len(aircraft.signals) >= LEAST_SAMPLES:
+        return explain_flight(scenario, aircraft, lag=lag, progress=progress)
+    return Gap(
+        scenario=scenario,
+        status="not_flown",
+        reason=f"{aircraft.label}: {aircraft.status}: {aircraft.reason}",
+        runs=(aircraft,),
+        indicators=indicators(closed_loop(scenario.kinematic_model(), gains)),
+    )
+
+
+def explain_flight(
+    scenario: Scenario,
+    aircraft: Run,
+    *,
+    lag: LagSource | None = None,
+    progress: Progress | None = None,
+) -> Gap:
+    """Fly the rungs below an aircraft that has flown, and say what each step adds.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    aircraft : Run
+        Of one of its jsbsim plants.
+    lag, progress
+        As of `explain_gap`.
+
+    Raises
+    ------
+    InputError
+        If the flight is too short, or without gains.
+    """
+    gains = aircraft.provenance.gains
+    if gains is None:
+        raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
+    ladder = fly_ladder(scenario, aircraft, lag=lag, progress=progress)
+    top = ladder.runs[-1]
+    found, check = mismatch(top), flight_check(top)
+    early = [run for run in ladder.runs if run.reason]
+    return Gap(
+        scenario=scenario,
+        status="cut_short" if early else "explained",
+        reason=f"{early[0].label}: {early[0].reason}" if early else "",
+        runs=(*ladder.runs[:-1], with_mismatch(top, found, check)),
+        indicators=indicators(closed_loop(scenario.kinematic_model(), gains)),
+        ladder=ladder,
+        mismatch=found,
+        check=check,
+        verdict=check and check.verdict(),
+        free=check and free_flight(check),
+    )
+
+
+def with_mismatch(run: Run, found: Mismatch, check: FlightCheck | None) -> Run:
+    """The run with the mismatch and, around its reference, the error bounds as signals.
+
+    What is constant over a sample interval stands at the start of it; the last sample repeats.
+    """
+    columns = {f"mismatch_{name}": found.d[:, i] for i, name in enumerate(CHANNELS)}
+    if check is not None:
+        for i, name in enumerate(CHANNELS):
+            reference = run.signals[f"{name}_ref"].to_numpy()[:-1]
+            columns[f"{name}_tube_low"] = reference - check.error_bounds[:, i]
+            columns[f"{name}_tube_high"] = reference + check.error_bounds[:, i]
+    added = {key: np.append(values, values[-1]) for key, values in columns.items()}
+    return replace(run, signals=run.signals.assign(**added))

@@ -1,0 +1,355 @@
+"""One gain set flown on a ladder of plants, and what each step adds to the difference."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.control.gains import PIGains
+from flighttune.control.inner_loop import InnerLag
+from flighttune.errors import InputError, ScenarioError
+from flighttune.flight.fly import Progress, fly_alone, fly_once, plant_of, steered, wind_met
+from flighttune.identify.file import load_identified
+from flighttune.identify.fit import FittedLag, assessed_lag, fitted_lag
+from flighttune.identify.model import IdentifiedAircraft
+from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.plants.base import Plant
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.plants.wind import WIND
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
+from flighttune.simulate.run import Run
+
+LEAST_SAMPLES = 12
+"""A shorter flight cannot be compared, and no lag can be fitted to it."""
+
+REFERENCE_STEP = math.radians(5.0)
+"""If the course reference moves by more between two samples, it may itself wrap the error."""
+
+LagSource = Literal["identified", "fitted"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InnerLoop:
+    """Lags of roll and load factor.
+
+    Attributes
+    ----------
+    phi, n_z : FittedLag
+        With the share of the flight's variance that each explains.
+    source : "identified" or "fitted"
+        From the aircraft's model file, or from this flight.
+    """
+
+    phi: FittedLag
+    n_z: FittedLag
+    source: LagSource
+
+    @property
+    def lags(self) -> tuple[InnerLag, InnerLag]:
+        """Of roll and of load factor."""
+        return self.phi.lag, self.n_z.lag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Step:
+    """One step of the ladder: from a plant to the next one up.
+
+    Attributes
+    ----------
+    lower, upper : str
+        Labels of the two plants.
+    adds : str
+        What the upper plant models and the lower one does not.
+    chi, gamma : ndarray, shape (n,), rad
+        Upper minus lower at every sample.
+    metrics : DataFrame
+        Upper minus lower; index ``chi``, ``gamma`` and columns as `channel_metrics`. NaN if one
+        of the two failed; see `Ladder.failed`.
+    flight : Series
+        Upper minus lower of `flight_metrics` that both have; NaN as in `metrics`.
+    """
+
+    lower: str
+    upper: str
+    adds: str
+    chi: FloatArray
+    gamma: FloatArray
+    metrics: pd.DataFrame
+    flight: pd.Series
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ladder:
+    """Rungs from the paper's law to the aircraft, with the same controller and limits.
+
+    Attributes
+    ----------
+    runs : tuple of Run, length 4
+        Paper's law, exact point mass, point mass behind the inner loop, aircraft; cut to the time
+        that all of them flew, each with the status it ended with.
+    inner_loop : InnerLoop
+        Lags of the third rung, and their source.
+    steps : tuple of Step, length 3
+    whole : Step
+        From the first rung to the last.
+    """
+
+    runs: tuple[Run, ...]
+    inner_loop: InnerLoop
+    steps: tuple[Step, ...]
+    whole: Step
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Why a rung has no metrics, by plant, lowest first; empty if all were completed."""
+        return {run.provenance.plant: why for run in self.runs if (why := _failure(run))}
+
+    @property
+    def residual(self) -> float:
+        """Largest difference between the sum of the steps and the whole; should be rounding.
+
+        Metrics count only if the whole has them.
+        """
+        parts = [
+            sum((getattr(step, name) for step in self.steps), np.zeros(1))
+            - getattr(self.whole, name)
+            for name in ("chi", "gamma")
+        ]
+        for name in ("metrics", "flight"):
+            added = sum(getattr(step, name).to_numpy(dtype=float) for step in self.steps)
+            parts.append(added - getattr(self.whole, name).to_numpy(dtype=float))
+        return max(float(np.max(np.abs(part[np.isfinite(part)]), initial=0.0)) for part in parts)
+
+
+def fly_aircraft(
+    scenario: Scenario,
+    gains: PIGains | None,
+    name: str,
+    *,
+    plant: str | None = None,
+    progress: Progress | None = None,
+) -> Run:
+    """Fly the top rung: a jsbsim plant of a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    gains : PIGains or None
+        None if tuning found none.
+    name : str
+        Name of the gains in labels.
+    plant : str, optional
+        Label of the plant; by default the first one.
+    progress : callable, optional
+        See `flighttune.flight.fly.fly`.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no such plant.
+    PlantError
+        If the aircraft cannot be built.
+    """
+    return fly_alone(scenario, aircraft_table(scenario, plant), gains, name, progress=progress)
+
+
+def fly_ladder(
+    scenario: Scenario,
+    aircraft: Run,
+    *,
+    lag: LagSource | None = None,
+    progress: Progress | None = None,
+) -> Ladder:
+    """Fly the lower rungs after the aircraft, in the wind that it met.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With a jsbsim plant.
+    aircraft : Run
+        The flight from `fly_aircraft`, of at least `LEAST_SAMPLES` samples.
+    lag : {"identified", "fitted"}, optional
+        Where the lag of the third rung comes from; see `inner_loop_of`.
+    progress : callable, optional
+        Called with the progress of each run.
+
+    Returns
+    -------
+    Ladder
+
+    Raises
+    ------
+    InputError
+        If a rung has too few samples.
+    ScenarioError
+        If a model of the inner loop cannot be used.
+    """
+    gains = aircraft.provenance.gains
+    if len(aircraft.signals) < LEAST_SAMPLES:
+        raise InputError(
+            f"`aircraft` must have flown {LEAST_SAMPLES} samples, got {len(aircraft.signals)}: "
+            f"{aircraft.reason}"
+        )
+    table = aircraft_table(scenario, aircraft.provenance.plant)
+    inner_loop = inner_loop_of(table.aircraft or "", scenario, aircraft, wanted=lag)
+    limits = scenario.limits.limits().within(plant_of(table, scenario).limits)
+    g = scenario.flight.g_mps2
+    windy = set(WIND) <= set(aircraft.signals) and aircraft.signals[list(WIND)].to_numpy().any()
+    wind = wind_met(aircraft) if windy else None
+    lower: dict[str, Plant] = {
+        "kinematic": PointMassPlant(law="paper", wind=wind, g=g),
+        "point_mass": PointMassPlant(wind=wind, g=g),
+        "point_mass_lag": PointMassPlant(inner_loop.lags, wind=wind, g=g),
+    }
+    runs = [
+        fly_once(
+            scenario,
+            plant if wind is None else steered(plant, scenario),
+            gains,
+            plant_label=label,
+            gains_name=aircraft.provenance.gains_name,
+            limits=limits,
+            progress=progress,
+        )
+        for label, plant in lower.items()
+    ]
+    return _ladder([*runs, aircraft], inner_loop)
+
+
+def _ladder(runs: Sequence[Run], inner_loop: InnerLoop) -> Ladder:
+    shortest = min(runs, key=lambda run: len(run.signals))
+    n = len(shortest.signals)
+    if n < LEAST_SAMPLES:
+        raise InputError(
+            f"{shortest.label} must have flown {LEAST_SAMPLES} samples, got {n}: {shortest.reason}"
+        )
+    cut = tuple(replace(run, signals=run.signals.iloc[:n]) for run in runs)
+    adds = ("turning with actual lift", "lag of the inner loop", "six degrees of freedom")
+    return Ladder(
+        runs=cut,
+        inner_loop=inner_loop,
+        steps=tuple(
+            _step(lower, upper, what)
+            for (lower, upper), what in zip(pairwise(cut), adds, strict=True)
+        ),
+        whole=_step(cut[0], cut[-1], "total"),
+    )
+
+
+def rung_metrics(run: Run) -> pd.DataFrame:
+    """`channel_metrics` of a rung, all NaN if it failed."""
+    return channel_metrics(run) * (math.nan if _failure(run) else 1.0)
+
+
+def _step(lower: Run, upper: Run, adds: str) -> Step:
+    below, above = pd.Series(flight_metrics(lower)), pd.Series(flight_metrics(upper))
+    # Only these are measured on every rung: a point mass has no angle of attack.
+    shared = [name for name in below.index if name in ("V_a_dev_mps", "n_z_min", "n_z_max")]
+    known = math.nan if _failure(lower) or _failure(upper) else 1.0
+    return Step(
+        lower=lower.provenance.plant,
+        upper=upper.provenance.plant,
+        adds=adds,
+        chi=(upper.signals["chi"] - lower.signals["chi"]).to_numpy(),
+        gamma=(upper.signals["gamma"] - lower.signals["gamma"]).to_numpy(),
+        metrics=known * (channel_metrics(upper) - channel_metrics(lower)),
+        flight=known * (above - below).loc[shared],
+    )
+
+
+def _failure(run: Run) -> str:
+    """Why the metrics of a run are meaningless; empty if they are valid.
+
+    A course error that jumps by more than half a turn while the reference does not has wrapped: the
+    flight went around, and its overshoot is an artefact of the wrapping. A flight that the user
+    interrupted is still valid.
+    """
+    if run.status not in ("completed", "interrupted"):
+        return f"ended early ({run.status.replace('_', ' ')})"
+    jumps, moved = (np.abs(np.diff(run.signals[f"chi_{one}"].to_numpy())) for one in ("err", "ref"))
+    wrapped = (jumps > math.pi) & (moved < REFERENCE_STEP)
+    return "diverged (course error past 180 deg)" if wrapped.any() else ""
+
+
+def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
+    """The jsbsim plant of a scenario that is the top of the ladder.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    plant : str, optional
+        Its label; by default the first one.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    aircraft = [table for table in scenario.plant if table.kind == "jsbsim"]
+    if not aircraft:
+        raise InputError(
+            "`plant` must have one of kind jsbsim for a gap to be explained, got "
+            f"{', '.join(table.label for table in scenario.plant)}."
+        )
+    if plant is None:
+        return aircraft[0]
+    for table in aircraft:
+        if table.label == plant:
+            return table
+    known = ", ".join(table.label for table in aircraft)
+    raise InputError(f"`plant` must be one of {known} for a gap to be explained, got {plant!r}.")
+
+
+def inner_loop_of(
+    aircraft: str, scenario: Scenario, run: Run, *, wanted: LagSource | None = None
+) -> InnerLoop:
+    """The inner loop of an aircraft that has flown.
+
+    Parameters
+    ----------
+    aircraft : str
+        Name or folder of the aircraft.
+    scenario : Scenario
+        Selects the identified condition nearest to its airspeed and first climb angle.
+    run : Run
+        The flight.
+    wanted : {"identified", "fitted"}, optional
+        By default identified, if the aircraft has a model file.
+
+    Returns
+    -------
+    InnerLoop
+
+    Raises
+    ------
+    ScenarioError
+        If the model file cannot be used, or is required and missing.
+    """
+    t = run.signals.index.to_numpy(dtype=float)
+    phi, n_z = (
+        (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())
+        for name in ("phi", "n_z")
+    )
+    model = None if wanted == "fitted" else _model(aircraft, required=wanted == "identified")
+    if model is None:
+        return InnerLoop(phi=fitted_lag(t, *phi), n_z=fitted_lag(t, *n_z), source="fitted")
+    _, gamma = scenario.followed().initial
+    roll, load = model.nearest(scenario.flight.V_a_mps, gamma).lags
+    return InnerLoop(
+        phi=assessed_lag(roll, t, *phi), n_z=assessed_lag(load, t, *n_z), source="identified"
+    )
+
+
+def _model(aircraft: str, *, required: bool) -> IdentifiedAircraft | None:
+    try:
+        return load_identified(aircraft)
+    except ScenarioError as error:
+        if required or not isinstance(error.__cause__, FileNotFoundError):
+            raise
+        return None

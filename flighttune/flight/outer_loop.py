@@ -1,0 +1,279 @@
+"""What a scenario asks of the outer loop: its tuning problem, its gains, and their guarantees."""
+
+import math
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.certificates import Certification, certify
+from flighttune.control.envelope import Envelope
+from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
+from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.errors import InputError, ScenarioError
+from flighttune.identify.model import DesignModel
+from flighttune.scenario.schema import GainsTable, Scenario
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
+from flighttune.theory.common import CommonQ, common_Q
+from flighttune.theory.indicators import scaled
+from flighttune.tuning.envelope import LargestEnvelope, largest_envelope
+from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.result import TuningResult
+from flighttune.tuning.robust import tune_worst_case
+from flighttune.tuning.tune import tune
+from flighttune.units import wrap_angle
+
+
+def tuning_problem(scenario: Scenario) -> TuningProblem:
+    """The optimisation model for a scenario, on the model that its [tuning] names.
+
+    Returns
+    -------
+    TuningProblem
+        Maximise R_K of the loop about the first reference under ``I_K <= I_star`` (on the kinematic
+        law) and, where the scenario asks, the input limits at the first error.
+
+    Notes
+    -----
+    Section 4.4 of arXiv 2411.13140. The limits hold for the PI part alone, as printed: a
+    feed-forward is not counted.
+    """
+    settings = scenario.tuning
+    if settings.model == "identified":
+        return identified_problems(scenario)[0]
+    return _problem(scenario, scenario.linear_model(), tuning_scaling(scenario), settings.I_star)
+
+
+def tuning_scaling(scenario: Scenario) -> FloatArray | None:
+    """Units of state in which R_K is maximised, shape (n + p,); None where they are plain.
+
+    Of the first condition where [tuning] says ``robust``.
+    """
+    settings = scenario.tuning
+    if settings.model == "identified":
+        return scenario.identified_models()[0].scaling
+    return None if settings.state_scaling is None else np.array(settings.state_scaling)
+
+
+def identified_problems(scenario: Scenario) -> tuple[TuningProblem, ...]:
+    """The problems whose smallest R_K the gains named ``tuned_identified`` maximise.
+
+    Returns
+    -------
+    tuple of TuningProblem
+        On the identified model of the first reference, or, where [tuning] says ``robust``, on that
+        of every condition identified; without a bound on I_K.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no identified model.
+    """
+    return tuple(
+        _problem(scenario, one.model, one.scaling, math.inf) for one in scenario.identified_models()
+    )
+
+
+def _problem(
+    scenario: Scenario, model: LinearModel, scaling: FloatArray | None, I_star: float
+) -> TuningProblem:
+    chi_ref, gamma_ref = scenario.followed().initial
+    condition, settings = scenario.condition, scenario.tuning
+    _, m, p = model.shape
+    bound = None if settings.gain_max is None else np.full((m, 2 * p), settings.gain_max)
+    return TuningProblem(
+        model=model,
+        I_star=I_star,
+        limits=scenario.limits.limits() if settings.input_limits else None,
+        x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
+        scaling=scaling,
+        K_min=None if bound is None else -bound,
+        K_max=bound,
+        K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
+        seed=scenario.seed,
+    )
+
+
+def tune_scenario(scenario: Scenario, model: TuningModel | None = None) -> TuningResult:
+    """The gains named ``tuned`` of a scenario, and how they were found.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    model : "kinematic" or "identified", optional
+        By default what the scenario's [tuning] says. On the identified model each channel is tuned
+        by itself, for the smallest R_K over the models of `identified_problems`.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If an identified model is needed and there is none.
+    """
+    settings = scenario.tuning
+    if (model or settings.model) == "identified":
+        return tune_worst_case(identified_problems(scenario), starts=settings.starts)
+    return tune(tuning_problem(scenario), method=settings.method, starts=settings.starts)
+
+
+def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
+    """Gains by the name a scenario knows them by.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Whose gain sets and tuning problem are meant.
+    name : str
+        ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains given as
+        numbers.
+    tuning : TuningResult, optional
+        Result for ``tuned``; found anew by default.
+
+    Returns
+    -------
+    PIGains or None
+        None for tuned gains where the problem is infeasible.
+
+    Raises
+    ------
+    InputError
+        If there are no such gains.
+    """
+    given = {e.name: e.gains() for e in scenario.gains if isinstance(e, GainsTable)}
+    if name in given:
+        return given[name]
+    if name == TUNED:
+        tuning = tune_scenario(scenario) if tuning is None else tuning
+        return tuning.gains if tuning.status == "optimal" else None
+    if name == TUNED_IDENTIFIED:
+        tuning = tune_scenario(scenario, "identified")
+        return tuning.gains if tuning.status == "optimal" else None
+    known = paper_family()
+    if name not in known:
+        names = [TUNED, *known, *given, TUNED_IDENTIFIED]
+        raise InputError(f"`gains` must be one of {', '.join(names)}, got {name!r}.")
+    return known[name]
+
+
+def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
+    """Steady wings-level flight on the first reference, and the scenario's ranges of flight.
+
+    Returns
+    -------
+    trim, envelope : Envelope
+        A single condition, and the ranges that must contain it.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario gives no ranges, they do not contain the trim, or its model is not the
+        kinematic law alone: the ranges are of that law.
+    """
+    if scenario.envelope is None:
+        raise ScenarioError(f"{scenario.title}: `envelope` must be given for a claim over one.")
+    states = scenario.linear_model().states
+    if len(states) != len(PAPER_GAINS.errors):
+        raise ScenarioError(
+            f"{scenario.title}: `model` of [tuning] must be the kinematic law without a lag for a "
+            f"claim over an envelope, got one with the states {', '.join(states)}."
+        )
+    _, gamma = scenario.followed().initial
+    trim = Envelope.at(V_a=scenario.flight.V_a_mps, gamma=gamma, phi=0.0, n_z=math.cos(gamma))
+    envelope = scenario.envelope.envelope()
+    if not envelope.contains(trim):
+        raise ScenarioError(
+            f"{scenario.title}: `envelope` must contain the trim {trim}, got {envelope}."
+        )
+    return trim, envelope
+
+
+def certify_scenario(
+    scenario: Scenario, gains: PIGains, *, envelope: bool = False, L_d: float | None = None
+) -> Certification:
+    """A certificate of gains on the linear model of a scenario, or the reason for its absence.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its hash goes into the certificate.
+    gains : PIGains
+    envelope : bool
+        Claim the rate for every flight inside the scenario's ranges; where [tuning] names the
+        identified model, at every condition identified and for every mixture of their loops.
+    L_d : float, rad/s^2, optional
+        Bound of the disturbance's derivative; by default that of the scenario's sinusoid, if any.
+
+    Returns
+    -------
+    Certification
+
+    Raises
+    ------
+    ScenarioError
+        If an envelope is asked for and the scenario gives none, or its model is the kinematic law
+        behind a lag; or if there is no identified model.
+    InputError
+        If `L_d` is not positive, or the conditions identified have lags of different order.
+    """
+    if L_d is None and scenario.disturbance is not None:
+        L_d = scenario.disturbance.sinusoid().rate_bound or None
+    identified = envelope and scenario.tuning.model == "identified"
+    ranges = trim_and_envelope(scenario)[1] if envelope and not identified else None
+    everywhere = _identified_everywhere(scenario) if identified else ()
+    return certify(
+        scenario.linear_model(),
+        gains,
+        envelope=ranges,
+        g=None if ranges is None else scenario.flight.g_mps2,
+        L_d=L_d,
+        conditions=[((one.V_a, one.gamma), one.model) for one in everywhere],
+        scenario_sha256=scenario.sha256,
+    )
+
+
+def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
+    """The rate that one Q proves at every condition identified, and for every mixture of them.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Says which aircraft, controller rate and schedule; its `robust` does not matter.
+    gains : PIGains
+
+    Returns
+    -------
+    CommonQ
+        In the units of state of `identified_problems`; rate 0 where there is no common Q. A
+        certificate (`certify_scenario` with ``envelope``) is in plain units.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no identified model, or the conditions have lags of different order.
+    """
+    models = _identified_everywhere(scenario)
+    loops = [scaled(closed_loop(one.model, gains), one.scaling) for one in models]
+    return common_Q(np.array(loops))
+
+
+def _identified_everywhere(scenario: Scenario) -> tuple[DesignModel, ...]:
+    """The identified models of every condition of the file, all of one order."""
+    everywhere = scenario.tuning.model_copy(update={"robust": True})
+    models = scenario.model_copy(update={"tuning": everywhere}).identified_models()
+    orders = sorted({len(one.model.states) for one in models})
+    if len(orders) > 1:
+        raise InputError(
+            f"`identified` must have lags of one order at every condition for a common Q, got "
+            f"models of {' and '.join(map(str, orders))} states."
+        )
+    return models
+
+
+def largest_certified(scenario: Scenario, gains: PIGains) -> LargestEnvelope:
+    """How far the scenario's envelope can be scaled about the trim for gains to be certified.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario gives no envelope.
+    """
+    trim, envelope = trim_and_envelope(scenario)
+    return largest_envelope(gains, envelope, trim, g=scenario.flight.g_mps2)

@@ -1,0 +1,166 @@
+"""Fly recorded runs again from what they say made them, and look for the first difference."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flighttune.control.gains import PIGains
+from flighttune.errors import RecordingError
+from flighttune.flight.fly import Progress, fly, library_versions
+from flighttune.scenario import scenario_from
+from flighttune.simulate.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Where a run that was flown again first differs.
+
+    Attributes
+    ----------
+    what : str
+        A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
+        ``signals`` (their names).
+    t : float or None, s
+        When, where it is a signal.
+    recorded, reflown : float, int or str
+        Both values, SI and rad.
+    """
+
+    what: str
+    t: float | None
+    recorded: float | int | str
+    reflown: float | int | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reflight:
+    """A recorded run and the same flight flown again.
+
+    Attributes
+    ----------
+    recorded, reflown : Run
+    difference : Difference or None
+        The first one; None where gains, outcome and every sample are equal to the bit. Of a run
+        that was stopped by hand only the samples it has are compared.
+    versions : mapping of str to (str, str)
+        Libraries whose version is not the recorded one: then and now.
+    """
+
+    recorded: Run
+    reflown: Run
+    difference: Difference | None
+    versions: Mapping[str, tuple[str, str]]
+
+
+def refly(runs: Sequence[Run], *, progress: Progress | None = None) -> tuple[Reflight, ...]:
+    """Fly runs again from the scenario and seed in their provenance.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs of one scenario, as `load_recording` returns them.
+    progress : callable, optional
+        Called with how far each run is.
+
+    Returns
+    -------
+    tuple of Reflight
+        One a run, in order.
+
+    Raises
+    ------
+    RecordingError
+        If the runs are not of one scenario, or not flown as their scenario says (a rung of a
+        ladder, a figure of the paper).
+    ScenarioError
+        If the scenario cannot be read, being from another version.
+    """
+    scenarios = [dict(run.provenance.scenario) for run in runs]
+    if not runs or any(other != scenarios[0] for other in scenarios[1:]):
+        raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")
+    scenario = scenario_from(scenarios[0])
+    names = scenario.gain_names
+    known = [f"{plant.label} / {name}" for plant in scenario.plant for name in names]
+    for run in runs:
+        if run.label not in known:
+            raise RecordingError(
+                f"{run.label}: the run must be one of its scenario ({', '.join(known)}) "
+                "to be flown again."
+            )
+    again = {run.label: run for run in fly(scenario, progress=progress).runs}
+    return tuple(
+        Reflight(
+            recorded=run,
+            reflown=again[run.label],
+            difference=first_difference(run, again[run.label]),
+            versions=changed_versions(run.provenance.versions),
+        )
+        for run in runs
+    )
+
+
+def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Libraries whose version is not that of `then`: the version then, and now."""
+    now = library_versions()
+    return {
+        name: (version, now.get(name, "none"))
+        for name, version in then.items()
+        if now.get(name) != version
+    }
+
+
+def first_difference(recorded: Run, reflown: Run) -> Difference | None:
+    """The first difference of two runs to the bit: gains, then signals in time, then outcome.
+
+    Parameters
+    ----------
+    recorded : Run
+        With the status ``interrupted`` only its samples are compared.
+    reflown : Run
+    """
+    return next(_differences(recorded, reflown), None)
+
+
+def _differences(recorded: Run, reflown: Run) -> Iterator[Difference]:
+    yield from _in_gains(recorded.provenance.gains, reflown.provenance.gains)
+    yield from _in_signals(recorded, reflown)
+    if recorded.status == "interrupted":
+        return
+    for what, then, now in (
+        ("samples", len(recorded.signals), len(reflown.signals)),
+        ("status", recorded.status, reflown.status),
+        ("reason", recorded.reason, reflown.reason),
+    ):
+        if then != now:
+            yield Difference(what, None, then, now)
+
+
+def _in_gains(recorded: PIGains | None, reflown: PIGains | None) -> Iterator[Difference]:
+    if recorded is None or reflown is None:
+        if recorded is not reflown:
+            then, now = ("none" if gains is None else "found" for gains in (recorded, reflown))
+            yield Difference("gains", None, then, now)
+        return
+    for name in ("K_P", "K_I"):
+        then, now = getattr(recorded, name), getattr(reflown, name)
+        for i, j in np.argwhere(then != now).tolist():
+            yield Difference(f"{name}[{i}][{j}]", None, float(then[i, j]), float(now[i, j]))
+
+
+def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
+    n = min(len(recorded.signals), len(reflown.signals))
+    if not n:
+        return
+    columns = [list(map(str, run.signals)) for run in (recorded, reflown)]
+    if columns[0] != columns[1]:
+        odd = [", ".join(sorted(set(a) - set(b))) or "others" for a, b in (columns, columns[::-1])]
+        yield Difference("signals", None, *odd)
+        return
+    then, now = (run.signals.reset_index().to_numpy(dtype=float)[:n] for run in (recorded, reflown))
+    # Bits, not values: a NaN equals itself, and zeros of either sign are two numbers.
+    bits = [np.ascontiguousarray(table).view(np.uint64) for table in (then, now)]
+    for row, column in np.argwhere(bits[0] != bits[1])[:1].tolist():
+        what = ["t", *columns[0]][column]
+        at = (row, column)
+        yield Difference(what, float(then[row, 0]), float(then[at]), float(now[at]))

@@ -1,0 +1,1 @@
+"""A claim about the linear loop, held against a flight."""

@@ -1,0 +1,361 @@
+"""Check of a flight against the guarantee of its gains.
+
+Every output uses this check (`flighttune gap`, reports, recordings and campaigns), so that all
+state the same bound and the same verdict about the same flight. The loop is always that of the
+kinematic law, whatever model the gains were tuned on: the mismatch is measured against that law,
+and a bound of it enters that loop alone.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import expm
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+from flighttune.guarantee.error_states import error_states
+from flighttune.guarantee.mismatch import (
+    LEAST_SAMPLES,
+    Mismatch,
+    flies_the_law,
+    law_of,
+    mismatch,
+)
+from flighttune.guarantee.ultimate_set import (
+    ROUNDING,
+    SETTLED_FROM,
+    CertifiedLoop,
+    UltimateSet,
+    Verdict,
+    certified_loop,
+    entered_and_left,
+    held_or_broken,
+    largest_command,
+    outcomes,
+)
+from flighttune.simulate.run import Run
+from flighttune.units import DEG
+
+NEEDED = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
+LIMITED = ("phi_limited", "n_z_limited")
+
+SHORTEST = 1.0
+"""Time without limits, s, below which the reach is not computed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightCheck:
+    """A flight in the velocity form of its loop, and the bound its gains guarantee.
+
+    Attributes
+    ----------
+    loop : CertifiedLoop
+    t : ndarray, shape (n,), s
+        Middle of each sample interval.
+    states : ndarray, shape (n, 4), rad/s and rad
+        s = (e', e) there.
+    level : ndarray, shape (n,)
+        ``s' W^-1 s`` for L_d = 1: the flight is in the ultimate set of L_d where it is at most
+        ``L_d^2``.
+    strength : ndarray, shape (n - 1,), rad/s^2
+        Norm of the derivative of the mismatch.
+    moved, limited : ndarray of bool, shape (n,)
+        Where the reference changes its slope, and where a command is at a limit.
+    bound : ndarray, shape (n,)
+        Upper bound of `size`; NaN where there is no claim, because the reference moves or a command
+        is at a limit.
+    error_bounds : ndarray, shape (n, 2), rad
+        Largest errors of course and path angle that go with `bound`.
+    commanded : float, rad
+        Largest change commanded; see `UltimateSet`.
+    duration : float, s
+        Time flown.
+    of_the_law : bool
+        The plant is the law itself, so that the mismatch is rounding and bounds nothing.
+    """
+
+    loop: CertifiedLoop
+    t: FloatArray
+    states: FloatArray
+    level: FloatArray
+    strength: FloatArray
+    moved: npt.NDArray[np.bool_]
+    limited: npt.NDArray[np.bool_]
+    bound: FloatArray
+    error_bounds: FloatArray
+    commanded: float
+    duration: float
+    of_the_law: bool
+
+    @property
+    def size(self) -> FloatArray:
+        """``||s||``, shape (n,)."""
+        return np.linalg.norm(self.states, axis=1)
+
+    @property
+    def errors(self) -> FloatArray:
+        """Errors of course and path angle, shape (n, 2), rad."""
+        return self.states[:, 2:]
+
+    @property
+    def broken(self) -> npt.NDArray[np.bool_]:
+        """Where `size` is above `bound`, shape (n,)."""
+        return self.size > self.bound * (1.0 + ROUNDING) + ROUNDING**2
+
+    @property
+    def t_broken(self) -> float | None:
+        """When the bound is first broken, s; None where it holds."""
+        return self._first(self.broken)
+
+    @property
+    def share_broken(self) -> float:
+        """Part of the samples with a claim at which it is broken, 0 to 1."""
+        claimed = int(np.isfinite(self.bound).sum())
+        return float(self.broken.sum()) / claimed if claimed else 0.0
+
+    def verdict(self, t_from: float = 0.0) -> Verdict:
+        """Whether the ultimate set of the mismatch from `t_from` (s) on holds from there on."""
+        first = int(np.searchsorted(self.t, t_from))
+        L_d = float(self.strength[min(first, len(self.strength) - 1) :].max())
+        claim = UltimateSet(loop=self.loop, L_d=L_d, t_from=t_from, commanded=self.commanded)
+        inside, moved = claim.contains(self.level[first:]), self.moved[first:]
+        within, left = entered_and_left(inside, moved)
+        outcome: Any = outcomes(inside, moved).item()
+        return Verdict(
+            claim=claim,
+            outcome=outcome,
+            t_entered=self._first(within, first),
+            t_broken=self._first(left, first),
+        )
+
+    @property
+    def settled(self) -> Verdict | None:
+        """The verdict on the second half of the flight; None of the law itself."""
+        return None if self.of_the_law else self.verdict(SETTLED_FROM * self.duration)
+
+    def _first(self, where: npt.NDArray[np.bool_], offset: int = 0) -> float | None:
+        places = np.flatnonzero(where)
+        return round(float(self.t[offset + places[0]]), 9) if len(places) else None
+
+
+def flight_check(run: Run) -> FlightCheck | None:
+    """Check a run against the guarantee of its gains.
+
+    Parameters
+    ----------
+    run : Run
+        A flight whose scenario says ``V_a_mps`` in its table ``flight``.
+
+    Returns
+    -------
+    FlightCheck or None
+        None if there is no guarantee: no gains, an unstable loop, a flight of fewer than four
+        samples, or signals of the loop that are missing.
+    """
+    law, gains, signals = law_of(run), run.provenance.gains, run.signals
+    if law is None or gains is None or len(signals) < LEAST_SAMPLES:
+        return None
+    if not set(NEEDED) <= set(signals) or not np.isfinite(signals[list(NEEDED)].to_numpy()).all():
+        return None
+    try:
+        loop, found = certified_loop(law.model(), gains), mismatch(run)
+    except InputError:  # a first reference at the vertical, gains of other channels
+        return None
+    return loop and check_against(run, loop, found)
+
+
+def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck:
+    """Hold a run against a loop, given its mismatch.
+
+    Parameters
+    ----------
+    run : Run
+    loop : CertifiedLoop
+        Of its gains.
+    found : Mismatch
+        Of that run.
+
+    Notes
+    -----
+    By superposition s is the free response from the start of a stretch plus what the mismatch adds
+    from rest. With ``A_K' Q + Q A_K + I = 0`` the free response obeys
+    ``||s|| <= sqrt(s_0' Q s_0 / lambda_min(Q)) exp(-R_K (t - t_0) / 2)``; the rest obeys
+    ``V' <= a (|d'|^2 - V)`` from V = 0, see `UltimateSet`. The second inequality is integrated
+    along the mismatch measured, so that the bound follows the departure of the aircraft from the
+    law; with the largest |d'| of the flight in its place it would be that of the ultimate set.
+
+    The loop is linear: a stretch begins behind every move of the reference and where a limit lets
+    go of a command, and there is no claim while a limit holds one.
+    """
+    signals = run.signals
+    references = signals["chi_ref"].to_numpy(), signals["gamma_ref"].to_numpy()
+    errors = signals["chi_err"].to_numpy(), signals["gamma_err"].to_numpy()
+    t = signals.index.to_numpy(dtype=float)
+    rates = found.rates[:, 0], found.rates[:, 1]
+    flown = error_states(t, errors=errors, references=references, rates=rates)
+    limited = np.zeros(len(t) - 1, dtype=bool)
+    for name in LIMITED:
+        if name in signals:
+            limited |= signals[name].to_numpy()[:-1] != 0.0
+    strength = np.linalg.norm(found.d_dot, axis=1)
+    middle, Q = found.t + 0.5 * np.diff(t), loop.indicators.Q
+    assert Q is not None  # of a stable loop
+    claimed = ~(flown.moved | limited)
+    free = _free_response(middle, flown.level(Q), claimed, loop.indicators.R_K)
+    forced = _forced_response(np.diff(middle), strength, claimed, loop.unit.multiplier)
+    smallest = float(np.linalg.eigvalsh(Q)[0])
+    free_widths = np.sqrt(np.diag(np.linalg.inv(Q))[2:])
+    forced_widths = np.sqrt(np.diag(loop.unit.W)[2:])
+    return FlightCheck(
+        loop=loop,
+        t=middle,
+        states=np.column_stack(flown.states),
+        level=flown.level(loop.shape),
+        strength=strength,
+        moved=flown.moved,
+        limited=limited,
+        bound=np.sqrt(free / smallest) + loop.unit.radius * np.sqrt(forced),
+        error_bounds=np.sqrt(free)[:, None] * free_widths
+        + np.sqrt(forced)[:, None] * forced_widths,
+        commanded=largest_command(*references, (errors[0][0], errors[1][0])),
+        duration=float(t[-1]),
+        of_the_law=flies_the_law(run),
+    )
+
+
+def _free_response(
+    t: FloatArray, level: FloatArray, claimed: npt.NDArray[np.bool_], rate: float
+) -> FloatArray:
+    """Bound of ``s' Q s`` without mismatch: an exponential from the start of each stretch."""
+    n = np.arange(len(t))
+    begins = claimed & ~np.concatenate([[False], claimed[:-1]])
+    start = np.maximum.accumulate(np.where(begins, n, 0))
+    return np.where(claimed, level[start] * np.exp(-rate * (t - t[start])), math.nan)
+
+
+def _forced_response(
+    dt: FloatArray, strength: FloatArray, claimed: npt.NDArray[np.bool_], multiplier: float
+) -> FloatArray:
+    """Bound of ``s' W^-1 s`` for what the mismatch adds from the start of each stretch."""
+    fades, squares = np.exp(-multiplier * dt).tolist(), (strength**2).tolist()
+    bound = np.where(claimed, 0.0, math.nan)
+    for k in np.flatnonzero(claimed[1:] & claimed[:-1]).tolist():
+        bound[k + 1] = fades[k] * bound[k] + (1.0 - fades[k]) * squares[k]
+    return bound
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FreeFlight:
+    """The last part of a flight, without limits: how far the mismatch can have pushed it.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,), s
+        Middle of each sample interval since then.
+    centre : ndarray, shape (n, 2), rad
+        Errors of course and path angle that the linear loop has from its state then on, alone.
+    width : ndarray, shape (n, 2), rad
+        How far from there the mismatch can have pushed them, whatever its direction.
+    errors : ndarray, shape (n, 2), rad
+        As flown.
+    L_d : float, rad/s^2
+        Bound of the mismatch's derivative in that time.
+    """
+
+    t: FloatArray
+    centre: FloatArray
+    width: FloatArray
+    errors: FloatArray
+    L_d: float
+
+    @property
+    def t_from(self) -> float:
+        """When it begins, s."""
+        return round(float(self.t[0]), 9)
+
+    @property
+    def widest(self) -> tuple[float, float]:
+        """Largest width of course and path angle, rad."""
+        chi, gamma = self.width.max(axis=0).tolist()
+        return chi, gamma
+
+    @property
+    def at_end(self) -> tuple[float, float]:
+        """Largest errors of course and path angle that the tube leaves room for at the end, rad."""
+        chi, gamma = (np.abs(self.centre[-1]) + self.width[-1]).tolist()
+        return chi, gamma
+
+    @property
+    def outside(self) -> FloatArray:
+        """How far each error is out of its tube, shape (n, 2), rad; 0 inside."""
+        room = self.width * (1.0 + ROUNDING) + ROUNDING
+        return np.maximum(np.abs(self.errors - self.centre) - room, 0.0)
+
+    @property
+    def t_broken(self) -> float | None:
+        """When an error first was outside, s; None where none was."""
+        out = (self.outside > 0.0).any(axis=1)
+        return round(float(self.t[int(np.argmax(out))]), 9) if out.any() else None
+
+    @property
+    def sentence(self) -> str:
+        """``held``, or when an error first was outside and how far any ever was."""
+        by = f", by at most {self.outside.max() / DEG:.2f} deg"
+        return held_or_broken(self.t_broken) + (by if self.t_broken is not None else "")
+
+
+def free_flight(check: FlightCheck) -> FreeFlight | None:
+    """Hold the part of a flight that no limit holds against the reach of its linear loop.
+
+    Parameters
+    ----------
+    check : FlightCheck
+        Of the flight.
+
+    Returns
+    -------
+    FreeFlight or None
+        None where limits held the commands, or the reference moved, until less than `SHORTEST`
+        before the end.
+
+    Notes
+    -----
+    ``e(t) = C exp(A t) s(0) - int C exp(A (t - tau)) E d'(tau) dtau``, so each error is off its
+    free response by at most the integral of ``norm(c exp(A (t - tau)) E) |d'(tau)|``, and some
+    direction of d' at each instant gets there: no ellipsoid is closer. What the law's own curvature
+    adds, ``tan(phi) - phi``, is neither in d nor in the loop: by that much a flight can be outside.
+    """
+    disturbed = np.flatnonzero(check.limited | check.moved)
+    first = int(disturbed[-1]) + 1 if len(disturbed) else 0
+    states, strength = check.states[first:], check.strength[first:]
+    dt = float(check.t[1] - check.t[0])
+    if len(states) * dt < SHORTEST:
+        return None
+    centre, pushes = _responses(check.loop.A_K, check.loop.E, states[0], len(states), dt)
+    width = np.zeros_like(centre)
+    for i in range(centre.shape[1]):
+        width[1:, i] = np.convolve(pushes[:, i], strength)[: len(strength)]
+    return FreeFlight(
+        t=check.t[first:],
+        centre=centre,
+        width=width,
+        errors=states[:, 2:],
+        L_d=float(strength.max()),
+    )
+
+
+def _responses(
+    A_K: FloatArray, E: FloatArray, start: FloatArray, count: int, dt: float
+) -> tuple[FloatArray, FloatArray]:
+    """Errors from `start` alone, and the most a unit of strength in one interval adds to them."""
+    step, half = expm(A_K * dt), expm(A_K * 0.5 * dt)
+    to_errors = np.eye(len(A_K))[2:]
+    centre, pushes = np.empty((count, 2)), np.empty((count, 2))
+    for k in range(count):
+        centre[k] = to_errors @ start
+        pushes[k] = np.linalg.norm(to_errors @ half @ E, axis=1) * dt
+        to_errors = to_errors @ step
+    return centre, pushes

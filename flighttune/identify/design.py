@@ -1,0 +1,326 @@
+"""Design of the inner loop: derivatives of the airframe, gains, step responses, file."""
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import least_squares
+
+from flighttune.aircraft.aircraft import AircraftConfig, Design
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError, PlantError
+from flighttune.identify.steps import StepCheck, check_steps
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.bench import AirframeState, Bench, slopes
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.trim import trim
+from flighttune.units import G_0
+from flighttune.whole_file import whole_file
+
+FDM_RATE_HZ = 200.0
+NO_GAIN = 1e-9
+"""A gain up to this size is the rounding of a difference and written as 0."""
+
+DIGITS = 4
+"""Significant digits of the gains in the file; these are the ones flown."""
+
+_MEASURED = ("p_dot", "q_dot", "r_dot", "u_dot", "n_z", "n_y")
+_HALF_WIDTHS = dict.fromkeys(
+    ("p", "q", "r", "alpha", "beta", "aileron", "elevator", "rudder"), 1e-3
+) | {"throttle": 0.05}
+"""Of the differences: rad/s, rad and 1."""
+
+ACTUATOR = 25.0
+"""Bandwidth of the surface actuators, rad/s."""
+
+ROLL_STIFFNESS = 2.3
+"""Natural frequency of the roll error over the bandwidth of the roll model, where not given."""
+
+WELL_DAMPED = 0.9
+DUTCH_ROLL_DAMPING = 0.7
+SIDE_FORCE = 1.0
+"""Bandwidth at which the rudder takes the lateral load factor to zero, rad/s."""
+
+LARGEST_DAMPER = 0.6
+"""Largest gain from pitch rate to pitch acceleration over the bandwidth of the actuator."""
+
+MODEL_LEAD = 2.0
+"""Bandwidth of the load-factor model over that of the response asked for, at most 20 rad/s."""
+
+_SPAN, _STEP = 2.0, 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Airframe:
+    """Derivatives of accelerations and load factors about wings-level flight, SI and rad.
+
+    Attributes
+    ----------
+    V_a, alpha : float, m/s and rad
+        Airspeed and angle of attack.
+    slopes : mapping of str to mapping of str to float
+        ``slopes[what][by]``: of ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2), ``u_dot`` (m/s^2),
+        ``n_z``, ``n_y`` (1), by ``p``, ``q``, ``r`` (rad/s), ``alpha``, ``beta``, ``aileron``,
+        ``elevator``, ``rudder`` (rad) and ``throttle`` (1).
+    """
+
+    V_a: float
+    alpha: float
+    slopes: dict[str, dict[str, float]]
+
+    def of(self, what: str, by: str) -> float:
+        """Return the derivative of `what` by `by`."""
+        return self.slopes[what][by]
+
+
+def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
+    """Return the derivatives of `fdm` about wings-level flight at `condition`.
+
+    Central differences of evaluations in the trimmed state, actuators and engine settled.
+
+    Raises
+    ------
+    TrimError
+        If there is no steady flight at `condition`.
+    """
+    at = trim(fdm, condition)
+    bench = Bench(fdm, condition.h)
+
+    def measure(state: AirframeState) -> FloatArray:
+        measured = bench.accelerations(state)
+        return np.array([measured[name] for name in _MEASURED])
+
+    by = slopes(measure, at, _HALF_WIDTHS)
+    return Airframe(
+        V_a=condition.V_a,
+        alpha=at.alpha,
+        slopes={
+            what: {name: float(column[i]) for name, column in by.items()}
+            for i, what in enumerate(_MEASURED)
+        },
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignedAircraft:
+    """Result of a design.
+
+    Attributes
+    ----------
+    config : AircraftConfig
+        The aircraft with its new gains.
+    previous : mapping of str to float
+        Gains it had before.
+    checks : tuple of StepCheck
+        Its step responses against the goals.
+    """
+
+    config: AircraftConfig
+    previous: dict[str, float]
+    checks: tuple[StepCheck, ...]
+
+    @property
+    def missed(self) -> tuple[StepCheck, ...]:
+        """Steps that are slower than asked, or overshoot more."""
+        return tuple(check for check in self.checks if not check.met)
+
+
+def design_aircraft(config: AircraftConfig) -> DesignedAircraft:
+    """Design the gains of an aircraft's inner loop and fly its step responses.
+
+    Parameters
+    ----------
+    config : AircraftConfig
+        With a ``[design]`` table. The gains it has do not matter: the same file gives the same
+        design.
+
+    Raises
+    ------
+    InputError
+        If there is no such table.
+    PlantError
+        If the aircraft cannot be built, or its surfaces do not act as the inner loop needs.
+    TrimError
+        If there is no steady level flight at one of its airspeeds.
+    """
+    design = config.design
+    if design is None:
+        raise InputError(f"{config.file}: `design` must be given: what to make the gains for.")
+    found = airframe(Fdm(config, FDM_RATE_HZ), FlightCondition(V_a=design.V_a, h=design.h))
+    gains = {
+        name: float(f"{value:.{DIGITS}g}") if abs(value) > NO_GAIN else 0.0
+        for name, value in inner_loop_gains(found, design).items()
+    }
+    designed = config.model_copy(update={"gains": gains})
+    return DesignedAircraft(
+        config=designed, previous=dict(config.gains), checks=check_steps(designed)
+    )
+
+
+def write_gains(file: Path, gains: dict[str, float]) -> None:
+    """Put `gains` into an ``aircraft.toml``; everything else in it, comments too, stays.
+
+    The file is written under a temporary name until it is whole.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or has no line for one of the gains.
+    """
+    text = file.read_text(encoding="utf-8")
+    for name, value in gains.items():
+        line = re.compile(rf'(?m)^("{re.escape(name)}"\s*=\s*)[-+.\deE]+')
+        text, count = line.subn(rf"\g<1>{value!r}", text)
+        if count != 1:
+            raise InputError(f"{file}: [gains] must have one line `{name}`, got {count}.")
+    with whole_file(file) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def inner_loop_gains(airframe: Airframe, design: Design) -> dict[str, float]:
+    """Return the gains by the JSBSim property that takes them, in the units of ``aircraft.toml``.
+
+    Parameters
+    ----------
+    airframe : Airframe
+        Derivatives at the design condition.
+    design : Design
+        Bandwidths asked for.
+
+    Raises
+    ------
+    PlantError
+        If a surface or the throttle has no effect, or one of the wrong sign.
+
+    Notes
+    -----
+    Roll: the error of the roll model obeys ``e'' + 2 zeta omega e' + omega^2 e = 0``, omega being
+    `roll_error` of the design; the integrator is an order slower than the model. Pitch: least
+    squares of the linear step response, with actuator, to that of two equal real poles. Yaw:
+    damping of the dutch roll, and the static effect of the rudder on the lateral load factor.
+    Rolling at the rate p without sideslip takes the yaw rate
+    ``r = g/V phi + alpha p``: the feed-forward of the rudder meets the yaw moment of p, of that r
+    and of the aileron, and ``r' = g/V p``. Speed: a first-order loop on the slope of thrust.
+    """
+    _check_effects(airframe)
+    return {
+        "inner-loop/V_a-design-mps": airframe.V_a,
+        **_roll(airframe, design),
+        **_pitch(airframe, design.n_z),
+        **_yaw(airframe),
+        **_speed(airframe, design.speed),
+    }
+
+
+def _check_effects(airframe: Airframe) -> None:
+    positive = ("p_dot", "aileron"), ("u_dot", "throttle"), ("n_z", "alpha"), ("r_dot", "beta")
+    negative = ("q_dot", "elevator"), ("r_dot", "rudder")
+    for what, by in (*positive, *negative):
+        slope = airframe.of(what, by)
+        sign, word = (1.0, "positive") if (what, by) in positive else (-1.0, "negative")
+        if not sign * slope > 0.0:
+            raise PlantError(
+                f"the slope of {what} by {by} must be {word} for this inner loop, got {slope:g}."
+            )
+
+
+def _roll(airframe: Airframe, design: Design) -> dict[str, float]:
+    damping, effect = -airframe.of("p_dot", "p"), airframe.of("p_dot", "aileron")
+    bandwidth = design.roll
+    omega = design.roll_error or min(ROLL_STIFFNESS * bandwidth, 0.5 * ACTUATOR)
+    k_p = omega**2 / effect
+    return {
+        "inner-loop/roll/model-rad_sec": bandwidth,
+        "inner-loop/roll/k_ff": damping / effect,
+        "inner-loop/roll/k_p": k_p,
+        "inner-loop/roll/k_i": 0.1 * bandwidth * k_p,
+        "inner-loop/roll/k_d": max(0.0, 2.0 * WELL_DAMPED * omega - damping) / effect,
+    }
+
+
+def _pitch(airframe: Airframe, bandwidth: float) -> dict[str, float]:
+    effect, lift = -airframe.of("q_dot", "elevator"), airframe.of("n_z", "alpha")
+    model = min(MODEL_LEAD * bandwidth, 20.0)
+    t = np.arange(0.0, _SPAN, _STEP)
+    goal = 1.0 - (1.0 + bandwidth * t) * np.exp(-bandwidth * t)
+    scale = np.array([1.0, bandwidth / lift, bandwidth**2 / lift]) * bandwidth / effect
+
+    def error(log_gains: FloatArray) -> FloatArray:
+        k_q, k_p, k_i = scale * np.exp(log_gains)
+        response = _n_z_step(airframe, model, k_q, k_p, k_i, len(t))
+        return np.append(np.clip(response - goal, -10.0, 10.0), 0.02 * log_gains)
+
+    highest = [math.log(LARGEST_DAMPER * ACTUATOR / bandwidth), 2.0, 2.0]
+    found = least_squares(error, np.minimum(0.0, np.array(highest) - 0.1), bounds=(-4.0, highest))
+    k_q, k_p, k_i = (scale * np.exp(found.x)).tolist()
+    return {
+        "inner-loop/pitch/model-rad_sec": model,
+        "inner-loop/pitch/k_p": k_p,
+        "inner-loop/pitch/k_i": k_i,
+        "inner-loop/pitch/k_q": k_q,
+    }
+
+
+def _n_z_step(
+    airframe: Airframe, model: float, k_q: float, k_p: float, k_i: float, count: int
+) -> FloatArray:
+    """Load factor of the linear short period after a step of its command, shape (count,)."""
+    of, g_over_V = airframe.of, G_0 / airframe.V_a
+    n_alpha, n_e = of("n_z", "alpha"), of("n_z", "elevator")
+    m_alpha, m_q, m_e = of("q_dot", "alpha"), of("q_dot", "q"), of("q_dot", "elevator")
+    alpha, q, elevator, n_model, integral, command = range(6)
+    A = np.zeros((6, 6))
+    n_z = np.zeros(6)
+    n_z[[alpha, elevator]] = n_alpha, n_e
+    A[alpha] = -g_over_V * n_z
+    A[alpha, q] = 1.0
+    A[q, [alpha, q, elevator]] = m_alpha, m_q, m_e
+    A[n_model, [n_model, command]] = -model, model
+    n_z_error = -n_z
+    n_z_error[n_model] += 1.0
+    A[integral] = n_z_error
+    law = -k_p * n_z_error
+    law[q] += k_q
+    law[n_model] -= k_q * g_over_V
+    law[integral] -= k_i
+    A[elevator] = ACTUATOR * law
+    A[elevator, elevator] -= ACTUATOR
+    step = expm(A * _STEP)
+    x = np.zeros(6)
+    x[command] = 1.0
+    response = np.empty(count)
+    for k in range(count):
+        response[k] = n_z @ x
+        x = step @ x
+    return np.nan_to_num(response, nan=10.0, posinf=10.0, neginf=-10.0)
+
+
+def _yaw(airframe: Airframe) -> dict[str, float]:
+    of = airframe.of
+    effect, weathercock = -of("r_dot", "rudder"), of("r_dot", "beta")
+    side = of("n_y", "beta")
+    damping = -of("r_dot", "r") - side * G_0 / airframe.V_a
+    goal = 2.0 * DUTCH_ROLL_DAMPING * math.sqrt(weathercock)
+    static = abs(side * effect / weathercock)
+    roll_k_ff = -of("p_dot", "p") / of("p_dot", "aileron")
+    adverse = of("r_dot", "p") + of("r_dot", "aileron") * roll_k_ff
+    k_r = max(0.0, goal - damping) / effect
+    straight = adverse - G_0 / airframe.V_a + airframe.alpha * of("r_dot", "r")
+    return {
+        "inner-loop/yaw/k_ff": straight / effect - airframe.alpha * k_r,
+        "inner-loop/yaw/k_r": k_r,
+        "inner-loop/yaw/k_p": 0.75 * SIDE_FORCE / static,
+        "inner-loop/yaw/k_i": SIDE_FORCE / static,
+    }
+
+
+def _speed(airframe: Airframe, bandwidth: float) -> dict[str, float]:
+    thrust = airframe.of("u_dot", "throttle")
+    return {
+        "inner-loop/speed/k_gamma": G_0 / thrust,
+        "inner-loop/speed/k_p": bandwidth / thrust,
+        "inner-loop/speed/k_i": 0.25 * bandwidth**2 / thrust,
+    }

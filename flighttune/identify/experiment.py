@@ -1,0 +1,262 @@
+"""Flights that identify an inner loop: multisines to fit it, a manoeuvre to check the fit."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.control.limits import Limits
+from flighttune.errors import InputError, PlantError
+from flighttune.plants.base import FlightCondition, Plant
+
+DT = 0.01
+"""Sample time of the commands, s."""
+
+PERIOD = 20.0
+"""Of the multisines, s: their frequencies are multiples of 2 pi / PERIOD."""
+
+BAND = 0.3, 20.0
+"""Frequencies excited, rad/s."""
+
+LINES = 30
+"""Frequencies aimed at, shared by the two channels in turn."""
+
+PEAK_SHARE = 0.4
+"""Largest command as a share of what the magnitude limits leave."""
+RATE_SHARE = 0.8
+"""Largest rate of the command as a share of its limit."""
+
+PHASE_DRAWS = 100
+"""Random phases drawn, of which those that allow the largest amplitude are taken."""
+CHECK_UNIT = 0.9, 0.8
+CHECK_START = 1.0, 2.3
+CHECK_DURATION = 12.0
+"""Unit of the 3-2-1-1 steps in roll and load factor, their start, and the duration: s."""
+
+ATTEMPTS = 4
+"""Attempts, each with half the amplitude of the one before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Excitation:
+    """Commands that add to steady flight.
+
+    Attributes
+    ----------
+    commands : ndarray, shape (samples, 2), rad and 1
+        Roll and load factor, every `DT` seconds.
+    lines : tuple of two ndarrays of int
+        Harmonics of `PERIOD` in roll and in load factor; empty where the command is not periodic.
+    """
+
+    commands: FloatArray
+    lines: tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "commands", read_only_matrix("commands", self.commands))
+
+    def scaled(self, factor: float) -> "Excitation":
+        """Return the same commands, `factor` times as large."""
+        return Excitation(commands=factor * self.commands, lines=self.lines)
+
+
+def multisines(limits: Limits, *, seed: int = 0) -> Excitation:
+    """Return one period of multisines inside the limits, no frequency in both channels.
+
+    Parameters
+    ----------
+    limits : Limits
+        Of the commands (phi, n_z); finite.
+    seed : int
+        Of the phases: of many draws the one that lets the sines be largest is taken.
+
+    Returns
+    -------
+    Excitation
+
+    Raises
+    ------
+    InputError
+        If a limit is not finite or leaves no room about steady flight.
+
+    Notes
+    -----
+    R. Pintelon and J. Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed.,
+    Wiley 2012, chapter 5: random-phase multisines on a quasi-logarithmic grid, the channels on
+    interleaved lines so that one experiment shows every path.
+    """
+    base = 2.0 * math.pi / PERIOD
+    wanted = np.geomspace(BAND[0], BAND[1], LINES) / base
+    harmonics = np.unique(np.round(wanted).astype(int))
+    lines = harmonics[::2], harmonics[1::2]
+    children = np.random.SeedSequence(seed).spawn(2)
+    peaks, rates = command_room(limits)
+    columns = [
+        _multisine(lines[i], peaks[i], rates[i], np.random.default_rng(children[i]))
+        for i in range(2)
+    ]
+    return Excitation(commands=np.column_stack(columns), lines=lines)
+
+
+def check_manoeuvre(limits: Limits) -> Excitation:
+    """Return 3-2-1-1 steps of both channels, ramped as fast as the limits allow, for validation.
+
+    Parameters
+    ----------
+    limits : Limits
+        Of the commands (phi, n_z); finite.
+
+    Returns
+    -------
+    Excitation
+        Without lines.
+
+    Raises
+    ------
+    InputError
+        As `multisines`.
+
+    Notes
+    -----
+    The pulses of 3, 2, 1 and 1 units are the usual ones of flight test: R. V. Jategaonkar, *Flight
+    Vehicle System Identification*, 2nd ed., AIAA 2015, section 2.3.
+    """
+    peaks, rates = command_room(limits)
+    t = np.arange(round(CHECK_DURATION / DT), dtype=np.float64) * DT
+    columns = [
+        _ramped(_pulses(t, CHECK_START[i], CHECK_UNIT[i]) * 0.8 * peaks[i], rates[i])
+        for i in range(2)
+    ]
+    none = np.empty(0, dtype=int)
+    return Excitation(commands=np.column_stack(columns), lines=(none, none))
+
+
+def command_room(limits: Limits) -> tuple[FloatArray, FloatArray]:
+    """Return the largest changes of (phi, n_z) about level flight, and of their rates, to use.
+
+    Returns
+    -------
+    peaks, rates : ndarray, shape (2,), rad and 1, and per second
+
+    Raises
+    ------
+    InputError
+        If a limit is not finite or leaves no room.
+    """
+    level = np.array([0.0, 1.0])
+    room = np.minimum(limits.upper - level, level - limits.lower)
+    rates = np.minimum(limits.rate_upper, -limits.rate_lower)
+    for name, values in (("limits", room), ("limits on rates", rates)):
+        if values.shape != (2,) or not (np.isfinite(values).all() and (values > 0.0).all()):
+            raise InputError(
+                f"`{name}` must be finite and leave room about level flight, got {values.tolist()}."
+            )
+    return PEAK_SHARE * room, RATE_SHARE * rates
+
+
+def _multisine(
+    harmonics: npt.NDArray[np.int_], peak: float, rate: float, rng: np.random.Generator
+) -> FloatArray:
+    """Amplitudes fall with the root of frequency: between peak and rate limit."""
+    t = np.arange(round(PERIOD / DT), dtype=np.float64) * DT
+    angles = np.outer(harmonics * (2.0 * math.pi / PERIOD), t)
+    amplitudes = 1.0 / np.sqrt(harmonics)
+    best, largest = np.zeros_like(t), 0.0
+    for _ in range(PHASE_DRAWS):
+        phases = rng.uniform(0.0, 2.0 * math.pi, len(harmonics))
+        sum_of_sines = amplitudes @ np.cos(angles + phases[:, None])
+        fastest = np.abs(np.diff(sum_of_sines, append=sum_of_sines[0])).max() / DT
+        size = float(min(peak / np.abs(sum_of_sines).max(), rate / fastest))
+        if size > largest:
+            best, largest = size * sum_of_sines, size
+    return best
+
+
+def _pulses(t: FloatArray, start: float, unit: float) -> FloatArray:
+    """Plus, minus, plus, minus one for 3, 2, 1 and 1 units."""
+    since = (t - start) / unit
+    levels = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
+    return levels[np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], since, side="right")]
+
+
+def _ramped(wanted: FloatArray, rate: float) -> FloatArray:
+    ramped = np.zeros_like(wanted)
+    for k in range(1, len(wanted)):
+        step = wanted[k] - ramped[k - 1]
+        ramped[k] = ramped[k - 1] + min(max(step, -rate * DT), rate * DT)
+    return ramped
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Response:
+    """Commands and measured response, every `DT` seconds.
+
+    Attributes
+    ----------
+    commanded, measured : ndarray, shape (samples, 2), rad and 1
+        Roll and load factor; `measured` is read when the command is given.
+    excitation : Excitation
+        As applied, after any shrinking.
+    """
+
+    commanded: FloatArray
+    measured: FloatArray
+    excitation: Excitation
+
+
+def respond(
+    plant_factory: Callable[[], Plant], condition: FlightCondition, excitation: Excitation
+) -> Response:
+    """Fly an excitation on fresh plants, at half the size where the flight ends early.
+
+    The load-factor command is what steady flight at the present attitude needs, plus the
+    excitation, so that the path stays near the trim.
+
+    Parameters
+    ----------
+    plant_factory : callable
+        Returns a fresh plant.
+    condition : FlightCondition
+        Where to start, wings level.
+    excitation : Excitation
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    TrimError
+        If there is no steady flight at `condition`.
+    PlantError
+        If every flight ended early; the message gives the reason of the last.
+    """
+    reason = ""
+    for attempt in range(ATTEMPTS):
+        tried = excitation.scaled(0.5**attempt)
+        commanded, measured, reason = _flight(plant_factory(), condition, tried)
+        if not reason:
+            return Response(commanded=commanded, measured=measured, excitation=tried)
+    raise PlantError(
+        f"the excitation must be flown to its end, but even at {0.5 ** (ATTEMPTS - 1):g} of its "
+        f"size: {reason}"
+    )
+
+
+def _flight(
+    plant: Plant, condition: FlightCondition, excitation: Excitation
+) -> tuple[FloatArray, FloatArray, str]:
+    plant.start(condition)
+    commanded, measured = [], []
+    for phi_cmd, n_z_change in excitation.commands.tolist():
+        _, gamma, phi, n_z = plant.observe()[:4]
+        n_z_cmd = math.cos(gamma) / math.cos(phi) + n_z_change
+        commanded.append((phi_cmd, n_z_cmd))
+        measured.append((phi, n_z))
+        stop = plant.advance(phi_cmd, n_z_cmd, DT)
+        if stop is not None:
+            return np.empty(0), np.empty(0), stop.reason
+    return np.array(commanded), np.array(measured), ""

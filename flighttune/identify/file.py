@@ -1,0 +1,214 @@
+"""Identified aircraft as JSON files: units in the keys, written whole or not at all."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from flighttune.control.inner_loop import InnerLag
+from flighttune.errors import ScenarioError
+from flighttune.identify.model import (
+    IdentifiedAircraft,
+    IdentifiedChannel,
+    IdentifiedCondition,
+    design_model,
+)
+from flighttune.mistakes import first_mistake
+from flighttune.shipped import aircraft_folder
+from flighttune.units import DEG, G_0
+from flighttune.whole_file import whole_file
+
+FORMAT = "flighttune identified aircraft 1"
+"""Readers refuse what they do not know."""
+
+FILE_NAME = "identified.json"
+
+DIGITS = 6
+"""Significant digits written: more than a flight gives, fewer than two machines differ in."""
+
+UNITS = {
+    "cross": "largest answer of the other channel to this command: 1/rad (phi), rad (n_z)",
+    "model": "states, inputs and errors in rad, n_z in 1, time in s; g 9.80665 m/s^2",
+}
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+
+
+class _Lag(_Table):
+    order: Literal[1, 2, 3]
+    natural_frequency_rad_s: Positive
+    damping: Positive | None
+    lag_s: Positive | None
+    delay_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+    def value(self) -> InnerLag:
+        """The lag; what its order does not have keeps the default."""
+        return InnerLag(
+            order=self.order,
+            natural_frequency=self.natural_frequency_rad_s,
+            damping=self.damping or 1.0,
+            lag=self.lag_s or 1.0,
+            delay=self.delay_s,
+        )
+
+
+class _Channel(_Lag):
+    fit_percent: Finite
+    residual: Finite
+    cross: Finite
+    simpler: _Lag
+
+    def channel(self) -> IdentifiedChannel:
+        """The channel as a value."""
+        return IdentifiedChannel(
+            lag=self.value(),
+            fit_percent=self.fit_percent,
+            residual=self.residual,
+            cross=self.cross,
+            simpler=self.simpler.value(),
+        )
+
+
+class _Channels(_Table):
+    phi: _Channel
+    n_z: _Channel
+
+
+class _Condition(_Table):
+    V_a_mps: Positive
+    gamma_deg: Annotated[float, Field(gt=-90.0, lt=90.0)]
+    h_m: Finite
+    channels: _Channels
+
+    def condition(self) -> IdentifiedCondition:
+        """The condition as a value."""
+        return IdentifiedCondition(
+            V_a=self.V_a_mps,
+            gamma=self.gamma_deg * DEG,
+            h=self.h_m,
+            phi=self.channels.phi.channel(),
+            n_z=self.channels.n_z.channel(),
+        )
+
+
+class _File(_Table):
+    format: Literal["flighttune identified aircraft 1"]
+    aircraft: str
+    seed: int
+    conditions: Annotated[list[_Condition], Field(min_length=1)]
+
+
+def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
+    """An identified aircraft as the object of its file."""
+    return {
+        "format": FORMAT,
+        "aircraft": aircraft.aircraft,
+        "seed": aircraft.seed,
+        "units": UNITS,
+        "conditions": [_condition_table(one) for one in aircraft.conditions],
+    }
+
+
+def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
+    """Write an identified aircraft as JSON, under a temporary name until it is whole.
+
+    Parameters
+    ----------
+    aircraft : IdentifiedAircraft
+    path : str or Path
+        Its folder is made where there is none.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    text = json.dumps(identified_tables(aircraft), indent=2, allow_nan=False) + "\n"
+    with whole_file(Path(path)) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def load_identified(source: str | Path) -> IdentifiedAircraft:
+    """Read an identified aircraft.
+
+    Parameters
+    ----------
+    source : str or Path
+        A JSON file as `save_identified` writes it, the folder of an aircraft that holds one named
+        ``identified.json``, or the name of a shipped aircraft.
+
+    Raises
+    ------
+    InputError
+        If there is no such aircraft.
+    ScenarioError
+        If the file cannot be read or does not hold an identified aircraft; the message names file
+        and key.
+    """
+    path = Path(source)
+    if path.name == str(source) and path.suffix != ".json":
+        path = aircraft_folder(str(source))
+    if path.is_dir():
+        path = path / FILE_NAME
+    try:
+        found = _File.model_validate_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ScenarioError(
+            f"{path}: the identified model must be readable: {error.strerror}; "
+            f"`flighttune identify` writes one."
+        ) from error
+    except ValidationError as error:
+        raise ScenarioError(f"{path}: {first_mistake(error)}") from error
+    return IdentifiedAircraft(
+        aircraft=found.aircraft,
+        conditions=tuple(one.condition() for one in found.conditions),
+        seed=found.seed,
+    )
+
+
+def _condition_table(condition: IdentifiedCondition) -> dict[str, Any]:
+    model = design_model(condition, g=G_0).model
+    matrices = {name: getattr(model, name).tolist() for name in ("A", "B", "C")}
+    return {
+        "V_a_mps": condition.V_a,
+        "gamma_deg": _rounded(condition.gamma / DEG),
+        "h_m": condition.h,
+        "channels": {name: _channel_table(getattr(condition, name)) for name in ("phi", "n_z")},
+        "model": {
+            "states": list(model.states),
+            "inputs": [f"{name}_cmd" for name in model.inputs],
+            "errors": list(model.errors),
+            **{name: [list(map(_rounded, row)) for row in rows] for name, rows in matrices.items()},
+        },
+    }
+
+
+def _channel_table(channel: IdentifiedChannel) -> dict[str, Any]:
+    return {
+        **_lag_table(channel.lag),
+        "bandwidth_rad_s": _rounded(channel.lag.bandwidth),
+        "fit_percent": _rounded(channel.fit_percent),
+        "residual": _rounded(channel.residual),
+        "cross": _rounded(channel.cross),
+        "simpler": _lag_table(channel.simpler),
+    }
+
+
+def _lag_table(lag: InnerLag) -> dict[str, Any]:
+    return {
+        "order": lag.order,
+        "natural_frequency_rad_s": _rounded(lag.natural_frequency),
+        "damping": _rounded(lag.damping) if lag.order > 1 else None,
+        "lag_s": _rounded(lag.lag) if lag.order > 2 else None,
+        "delay_s": _rounded(lag.delay),
+    }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

@@ -1,0 +1,163 @@
+"""An aircraft's inner loop as it was identified, at one or more flight conditions."""
+
+import math
+from dataclasses import dataclass, replace
+
+from flighttune.arrays import FloatArray
+from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
+from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.errors import InputError
+
+ANGLE_PER_SPEED = math.radians(60.0)
+"""Difference of climb that counts like a doubling of airspeed in `nearest`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifiedChannel:
+    """One channel: the identified lag, and how well it fits.
+
+    Attributes
+    ----------
+    lag : InnerLag
+    fit_percent : float, %
+        Share of the variance explained on a manoeuvre that was not used for the fit.
+    residual : float, 1
+        Root mean square distance between fitted and measured frequency response.
+    cross : float, unit of the other channel over that of this one
+        Largest response of the other channel to this one's command over the band.
+    simpler : InnerLag
+        The best lag of at most second order; `lag` itself where that is one.
+    """
+
+    lag: InnerLag
+    fit_percent: float
+    residual: float
+    cross: float
+    simpler: InnerLag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifiedCondition:
+    """The inner loop at one flight condition.
+
+    Attributes
+    ----------
+    V_a : float, m/s
+        Airspeed.
+    gamma : float, rad
+        Flight-path angle, climb positive.
+    h : float, m
+        Height above sea level.
+    phi, n_z : IdentifiedChannel
+        Roll and load factor.
+    """
+
+    V_a: float
+    gamma: float
+    h: float
+    phi: IdentifiedChannel
+    n_z: IdentifiedChannel
+
+    @property
+    def lags(self) -> tuple[InnerLag, InnerLag]:
+        """Of roll and load factor."""
+        return self.phi.lag, self.n_z.lag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifiedAircraft:
+    """An aircraft's inner loop at every condition identified.
+
+    Attributes
+    ----------
+    aircraft : str
+        Its name.
+    conditions : tuple of IdentifiedCondition
+        At least one; the first is the nominal one.
+    seed : int
+        Of the excitation.
+    """
+
+    aircraft: str
+    conditions: tuple[IdentifiedCondition, ...]
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.conditions:
+            raise InputError("`conditions` must not be empty.")
+
+    def nearest(self, V_a: float, gamma: float) -> IdentifiedCondition:
+        """The condition nearest to an airspeed (m/s) and a flight-path angle (rad)."""
+
+        def distance(condition: IdentifiedCondition) -> float:
+            octaves = math.log2(condition.V_a / V_a)
+            return math.hypot(octaves, (condition.gamma - gamma) / ANGLE_PER_SPEED)
+
+        return min(self.conditions, key=distance)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DesignModel:
+    """The chi/gamma law behind an identified inner loop: what gains are designed on.
+
+    Attributes
+    ----------
+    model : LinearModel
+        States (chi, gamma, lags), inputs (phi, n_z) commands, errors (chi, gamma).
+    scaling : ndarray, shape (n + 2,)
+        As `flighttune.control.inner_loop.inner_loop_scaling`.
+    V_a, gamma : float, m/s and rad
+        Airspeed and flight-path angle of the law.
+    """
+
+    model: LinearModel
+    scaling: FloatArray
+    V_a: float
+    gamma: float
+
+
+def design_model(
+    condition: IdentifiedCondition,
+    *,
+    g: float,
+    V_a: float | None = None,
+    gamma: float | None = None,
+    hold: float = 0.0,
+    schedule_speed: float | None = None,
+) -> DesignModel:
+    """Return the plant of the outer loop: the chi/gamma law behind the identified inner loop.
+
+    Parameters
+    ----------
+    condition : IdentifiedCondition
+    g : float, m/s^2
+        Acceleration of gravity.
+    V_a, gamma : float, m/s and rad, optional
+        Of the law; by default those of `condition`.
+    hold : float, s
+        Delay added to both channels: half the sample time of the controller.
+    schedule_speed : float, m/s, optional
+        Airspeed for which gains that grow with airspeed are given: the inputs of the law are then
+        scaled by ``V_a / schedule_speed``, which is the same loop.
+
+    Returns
+    -------
+    DesignModel
+
+    Raises
+    ------
+    InputError
+        If a value cannot be used.
+    """
+    V_a = condition.V_a if V_a is None else V_a
+    gamma = condition.gamma if gamma is None else gamma
+    law = kinematic_model(V_a=V_a, gamma=gamma, g=g)
+    if schedule_speed is not None:
+        law = replace(law, B=law.B * (V_a / schedule_speed))
+    lags = [lag.delayed(hold) for lag in condition.lags]
+    return DesignModel(
+        model=with_inner_loop(law, lags),
+        scaling=inner_loop_scaling(law, lags),
+        V_a=V_a,
+        gamma=gamma,
+    )

@@ -1,0 +1,126 @@
+"""Pydantic's problems with a file as one line that names keys and says what must be."""
+
+import difflib
+import re
+from collections.abc import Iterable
+from itertools import takewhile
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+UNION_TAGS = {"step", "ramp", "doublet", "str", "float", "constrained-float", "GainsTable"}
+"""How pydantic names the member of a union that it tried, among the keys of a problem."""
+
+MAX_LISTED = 5
+"""Mistakes listed in one line; the rest is counted."""
+
+
+def joined(faults: Iterable[str]) -> str:
+    """Faults as one line that ends in a full stop, or in the last one's question mark."""
+    sentences = [fault.removesuffix(".") for fault in faults]
+    more = len(sentences) - MAX_LISTED
+    line = "; ".join(sentences[:MAX_LISTED]) + (f"; and {more} more" if more > 0 else "")
+    return " ".join(line.split()) + ("" if line.endswith("?") else ".")
+
+
+def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
+    """All mistakes in values for `model` as one line, the most informative first.
+
+    Parameters
+    ----------
+    error : ValidationError
+        What pydantic found.
+    model : type of BaseModel
+        What the values were read as.
+    """
+    problems = sorted(error.errors(include_url=False), key=_informative, reverse=True)
+    # A value of a union has a problem for every member that was tried: one of them is enough.
+    by_place: dict[tuple[int | str, ...], ErrorDetails] = {}
+    for problem in problems:
+        by_place.setdefault(_place(problem), problem)
+    return joined(_sentence(problem, model) for problem in by_place.values())
+
+
+def first_mistake(error: ValidationError) -> str:
+    """The first mistake in a file of ours: dotted key, what its value must be and what it is."""
+    problem = error.errors(include_url=False)[0]
+    return f"`{'.'.join(map(str, problem['loc']))}` {_requirement(problem)}."
+
+
+def _keys(problem: ErrorDetails) -> tuple[str, ...]:
+    return tuple(part for part in problem["loc"] if isinstance(part, str) and not _is_tag(part))
+
+
+def _informative(problem: ErrorDetails) -> tuple[int, bool, bool]:
+    """Sorts a problem: the member of a union that fits best fails deepest, and an unknown key that
+    is a typing error explains the key that is missing.
+    """
+    a_list = isinstance(problem.get("input"), list)
+    return (
+        len(problem["loc"]),
+        problem["type"] == "extra_forbidden",
+        a_list and problem["type"] != "float_type",
+    )
+
+
+def _place(problem: ErrorDetails) -> tuple[int | str, ...]:
+    """Keys and indices down to the value that is wrong, without the member of a union."""
+    untagged = takewhile(lambda part: not (isinstance(part, str) and _is_tag(part)), problem["loc"])
+    return tuple(untagged)
+
+
+def _sentence(problem: ErrorDetails, model: type[BaseModel]) -> str:
+    keys = _keys(problem)
+    key = keys[-1] if keys else ""
+    table = f"[{'.'.join(keys[:-1])}] " if len(keys) > 1 else ""
+    got, kind, message = problem.get("input"), problem["type"], problem["msg"]
+    if kind == "extra_forbidden":
+        known = _known_keys(model, keys[:-1])
+        close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+        hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(known)}."
+        return f"{table}`{key}` is not a known key; {hint}"
+    if kind == "value_error" and message.startswith(("Value error, `", "Value error, [")):
+        return f"{table}{message.removeprefix('Value error, ')}."  # a validator named its key
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return f"{table}`{key}` must have a `shape` of step, ramp or doublet, got {got!r}."
+    return f"{table}`{key}` {_requirement(problem)}."
+
+
+def _requirement(problem: ErrorDetails) -> str:
+    """What a value must be, and what it is."""
+    plain = {
+        "missing": "must be given",
+        "extra_forbidden": "must not be there: the key is unknown",
+    }
+    if problem["type"] in plain:
+        return plain[problem["type"]]
+    # "List should have at least 1 item after validation, ..." becomes "must have at least 1 item".
+    message = re.sub(r"^(Value error,|Input|List|Tuple|String) ", "", problem["msg"])
+    message = message.split(" after validation")[0].replace("should", "must")
+    if problem["type"] in ("model_type", "dict_type"):
+        message = "must be a table"
+    return f"{message}, got {problem.get('input')!r}"
+
+
+def _is_tag(part: str) -> bool:
+    # A list or a constrained type among the members is named like "list[tagged-union[...]]".
+    return part in UNION_TAGS or "[" in part
+
+
+def _known_keys(model: type[BaseModel], keys: Iterable[str]) -> list[str]:
+    for key in keys:
+        for candidate in _tables_of(model, key):
+            model = candidate
+    return list(model.model_fields)
+
+
+def _tables_of(model: type[BaseModel], key: str) -> list[type[BaseModel]]:
+    field = model.model_fields.get(key)
+    found: list[type[BaseModel]] = []
+    pending = [field.annotation] if field else []
+    while pending:
+        kind = pending.pop()
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            found.append(kind)
+        pending.extend(getattr(kind, "__args__", ()))
+    return found

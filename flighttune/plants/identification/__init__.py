@@ -1,1 +1,0 @@
-"""A flown inner loop to a lag model: excite, fit, check on another manoeuvre, write to a file."""

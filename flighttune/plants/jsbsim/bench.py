@@ -1,0 +1,144 @@
+"""The test bench: puts an aircraft into any state of flight and reads its accelerations."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from flighttune.arrays import FloatArray
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.units import FT, G_0
+
+CONTROLS = ("aileron", "elevator", "rudder", "throttle")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirframeState:
+    """Motion and controls of an aircraft in still air.
+
+    Attributes
+    ----------
+    V_a : float, m/s
+        Airspeed.
+    alpha, beta : float, rad
+        Angle of attack, sideslip.
+    phi, theta, psi : float, rad
+        Roll, pitch attitude, heading.
+    p, q, r : float, rad/s
+        Body rates.
+    aileron, elevator, rudder : float, rad
+        Surface positions: rolls right, trailing edge down, trailing edge left.
+    throttle : float, 1
+        Throttle position.
+    """
+
+    V_a: float
+    alpha: float
+    beta: float
+    phi: float
+    theta: float
+    psi: float
+    p: float
+    q: float
+    r: float
+    aileron: float
+    elevator: float
+    rudder: float
+    throttle: float
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """Velocity through the air along the body axes, m/s: ahead, right, down."""
+        ahead = self.V_a * math.cos(self.beta)
+        return (
+            ahead * math.cos(self.alpha),
+            self.V_a * math.sin(self.beta),
+            ahead * math.sin(self.alpha),
+        )
+
+
+class Bench:
+    """An aircraft at one height, its inner loop disengaged, actuators and engine settled.
+
+    Parameters
+    ----------
+    fdm : Fdm
+        The aircraft; it is left in the state measured last.
+    h : float, m
+        Height above sea level.
+    """
+
+    def __init__(self, fdm: Fdm, h: float) -> None:
+        self._fdm = fdm
+        channels = fdm.config.channels
+        fdm.writer(channels.engaged)(0.0)
+        fdm.writer("ic/h-sl-ft")((h - fdm.ground) / FT)
+        self._velocity = [fdm.writer(f"ic/{axis}-fps") for axis in "uvw"]
+        self._attitude = [fdm.writer(f"ic/{name}-rad") for name in ("phi", "theta", "psi-true")]
+        self._rates = [fdm.writer(f"ic/{axis}-rad_sec") for axis in "pqr"]
+        self._controls = [fdm.writer(trim_name) for trim_name, _ in channels.trimmed]
+        self._linear = [fdm.reader(f"accelerations/{axis}dot-ft_sec2") for axis in "uvw"]
+        self._angular = [fdm.reader(f"accelerations/{axis}dot-rad_sec2") for axis in "pqr"]
+        self._forces = [fdm.reader(f"forces/fb{axis}-total-lbs") for axis in "xyz"]
+        self._weight_lbf = fdm.reader("inertia/mass-slugs")() * G_0 / FT
+        self._settled_for = (math.nan, math.nan)
+
+    def accelerations(self, state: AirframeState) -> dict[str, float]:
+        """Put the aircraft into `state` and measure.
+
+        Returns
+        -------
+        dict of str to float
+            ``u_dot``, ``v_dot``, ``w_dot`` (m/s^2), ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2),
+            ``n_y`` and ``n_z`` (1): load factors along the right wing and the lift axis.
+        """
+        # JSBSim takes headings from 0 to 2 pi only.
+        attitude = state.phi, state.theta, state.psi % math.tau
+        controls = state.aileron, state.elevator, state.rudder, state.throttle
+        # The velocity comes first: JSBSim keeps what was set last when attitudes follow.
+        for writers, values in (
+            (self._velocity, [component / FT for component in state.velocity]),
+            (self._attitude, attitude),
+            (self._rates, (state.p, state.q, state.r)),
+            (self._controls, controls),
+        ):
+            for write, value in zip(writers, values, strict=True):
+                write(value)
+        self._fdm.evaluate()
+        if (state.V_a, state.throttle) != self._settled_for:
+            # The second evaluation is also for models with a flight control of their own, which
+            # sees the accelerations of the evaluation before.
+            self._settled_for = state.V_a, state.throttle
+            self._fdm.settle_engine()
+            self._fdm.evaluate()
+        F_x, F_y, F_z = (read() for read in self._forces)
+        u_dot, v_dot, w_dot = (read() * FT for read in self._linear)
+        p_dot, q_dot, r_dot = (read() for read in self._angular)
+        return {
+            "u_dot": u_dot,
+            "v_dot": v_dot,
+            "w_dot": w_dot,
+            "p_dot": p_dot,
+            "q_dot": q_dot,
+            "r_dot": r_dot,
+            "n_y": F_y / self._weight_lbf,
+            "n_z": (F_x * math.sin(state.alpha) - F_z * math.cos(state.alpha)) / self._weight_lbf,
+        }
+
+
+def slopes(
+    measure: Callable[[AirframeState], FloatArray],
+    at: AirframeState,
+    half_widths: Mapping[str, float],
+) -> dict[str, FloatArray]:
+    """Central differences of `measure` about `at` by each attribute of `half_widths`, in turn.
+
+    What the engine follows (airspeed and throttle) must come last: all others are then taken with
+    the engine settled at `at`.
+    """
+    found = {}
+    for name, half in half_widths.items():
+        above, below = (
+            measure(replace(at, **{name: getattr(at, name) + by})) for by in (half, -half)
+        )
+        found[name] = (above - below) / (2.0 * half)
+    return found

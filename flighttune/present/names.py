@@ -1,0 +1,81 @@
+"""Names, symbols and units of channels, signals and metrics as a reader sees them."""
+
+from dataclasses import dataclass, replace
+
+from flighttune.present.numbers import number
+from flighttune.units import DEG_PER_RAD
+
+CHANNEL_SYMBOLS = {"chi": "χ", "gamma": "γ"}
+SYMBOLS = {**CHANNEL_SYMBOLS, "phi": "φ", "n_z": "n_z"}
+CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
+
+
+@dataclass(frozen=True, slots=True)
+class MetricLabel:
+    """How a metric is written.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+        Unit shown: degrees for radians.
+    decimals : int
+        Of its value in that unit.
+    factor : float
+        From SI to that unit.
+    """
+
+    name: str
+    unit: str
+    decimals: int
+    factor: float = 1.0
+
+    @property
+    def heading(self) -> str:
+        """Name with unit, for a column or an axis."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def text(self, value: float) -> str:
+        """A value of the metric (SI) in the unit shown."""
+        return number(value * self.factor, f"z.{self.decimals}f")
+
+
+METRIC_LABELS = {
+    "ITAE": MetricLabel("ITAE", "rad\u00a0s²", 2),
+    "ITAE_mean": MetricLabel("ITAE over time", "rad\u00a0s", 3),
+    "MO_rad": MetricLabel("overshoot", "deg", 2, DEG_PER_RAD),
+    "PT_s": MetricLabel("peak time", "s", 2),
+    "rise_s": MetricLabel("rise time", "s", 2),
+    "settling_s": MetricLabel("settling time (5\u00a0%)", "s", 2),
+    "MS_rad": MetricLabel("mean error, last quarter", "deg", 3, DEG_PER_RAD),
+    "ST_rad": MetricLabel("deviation of the error, last quarter", "deg", 3, DEG_PER_RAD),
+    "effort_rms": MetricLabel("effort rms", "", 3),
+    "saturation_s": MetricLabel("time at limits", "s", 2),
+    "peak_rad": MetricLabel("peak error", "deg", 2, DEG_PER_RAD),
+    "V_a_dev_mps": MetricLabel("airspeed deviation", "m/s", 2),
+    "n_z_min": MetricLabel("minimum n_z", "1", 2),
+    "n_z_max": MetricLabel("maximum n_z", "1", 2),
+    "alpha_max_rad": MetricLabel("maximum |α|", "deg", 1, DEG_PER_RAD),
+}
+"""Label of each metric of a channel or of the flight, by its key."""
+
+
+def metric_label(key: str) -> MetricLabel:
+    """Label of a metric of one channel by its column, such as ``chi.MO_rad``: overshoot of χ."""
+    channel, metric = key.split(".")
+    label = METRIC_LABELS[metric]
+    if channel not in SYMBOLS:
+        return label
+    label = replace(label, name=f"{label.name} of {SYMBOLS[channel]}")
+    if metric != "effort_rms":
+        return label
+    # The effort is that of the command: roll for the course, load factor for the path angle.
+    unit, factor = ("deg", DEG_PER_RAD) if channel == "chi" else ("1", 1.0)
+    return replace(label, unit=unit, factor=factor)
+
+
+def shown_unit(unit: str) -> tuple[str, float]:
+    """Unit that a reader sees for an SI unit, and the factor to it: degrees for radians."""
+    if unit in ("rad", "rad/s"):
+        return unit.replace("rad", "deg"), DEG_PER_RAD
+    return unit, 1.0

@@ -1,0 +1,47 @@
+"""Long flights in few points: what a screen can show of them, with every peak."""
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+
+MOST = 12_000
+"""Samples up to which a line is drawn as it is: four minutes at 50 Hz."""
+
+
+def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
+    """Samples to draw of a long flight: the lowest and the highest of every stretch.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, k) or (n,)
+        Lines over the same time. Of each stretch with a gap (NaN) one sample of it is kept too.
+    most : int
+        Samples up to which all are drawn, and about as many as are drawn of each line of more.
+
+    Returns
+    -------
+    ndarray of int, shape (j,)
+        Increasing; with the first and the last sample.
+    """
+    n = len(values)
+    if n <= most:
+        return np.arange(n)
+    edges = np.linspace(0, n, most // 2 + 1).astype(int)
+    width = int(np.diff(edges).max())
+    inside = np.minimum(edges[:-1, None] + np.arange(width), (edges[1:] - 1)[:, None])
+    kept = [np.array([0, n - 1])]
+    for line in values.reshape(n, -1).T:
+        stretches = line[inside]
+        gap = np.isnan(stretches)
+        for extreme, missing in ((np.argmin, np.inf), (np.argmax, -np.inf)):
+            filled = np.where(gap, missing, stretches)
+            kept.append(inside[np.arange(len(inside)), extreme(filled, axis=1)])
+        # Without one missing sample the line would be drawn straight across a short gap.
+        broken = np.flatnonzero(gap.any(axis=1))
+        kept.append(inside[broken, gap[broken].argmax(axis=1)])
+    return np.unique(np.concatenate(kept))
+
+
+def evenly(n: int, *, most: int = MOST) -> np.ndarray:
+    """Samples to draw of `n` where peaks do not matter: every one, or evenly spaced ones."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(int))

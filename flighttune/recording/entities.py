@@ -1,0 +1,133 @@
+"""Timeline and entities of a recording, and the key, colour and name of each run in it."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+
+from flighttune.present.palette import HUES, Look, looks, many_looks
+from flighttune.simulate.run import Run
+
+APPLICATION = "flighttune"
+TIMELINE = "flight_time"
+"""Time since the start of the flight."""
+
+PAGE = "page"
+WORLD = "world"
+PATHS = f"{WORLD}/paths"
+TRAILS = f"{WORLD}/trails"
+SHADOWS = f"{WORLD}/shadows"
+AIRCRAFT = f"{WORLD}/aircraft"
+"""Folder of frames that move with each aircraft and turn with its course."""
+
+BODY = "body"
+"""Below such a frame: the aircraft with its attitude."""
+
+GROUND = f"{WORLD}/ground"
+PLOTS = "plots"
+REFERENCE = "_reference"
+LIMITS = "_limits"
+MEASURED = "_measured"
+"""Lines that belong to no run, and measured signals. The viewer draws in the order of names: with
+the underscore these are below the lines of the runs."""
+
+RECORD = "runs_flown"
+"""The runs themselves, for reading back."""
+
+PHASES = "phases"
+CLAIMS = "claims"
+EVENTS = "events"
+PLANE = "plane"
+"""The complex plane."""
+
+GUARANTEE = f"{PLOTS}/guarantee"
+ABSCISSA = f"{PLOTS}/abscissa"
+DAMPING = f"{PLOTS}/damping"
+
+RUNS = "runs"
+"""Lanes that name the runs in their colours."""
+
+
+def application(title: str) -> str:
+    """Application of a recording: the viewer keeps one layout for each, so scenarios differ."""
+    return f"{APPLICATION}-{plain_name(title).lower()}"[:80].rstrip("-_")
+
+
+def plain_name(text: str) -> str:
+    """`text` in letters, digits, dots and underscores, as names in Rerun want them."""
+    return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "unnamed"
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """Names in order; one that repeats an earlier one ends in ``_2``, ``_3`` and so on."""
+    taken: dict[str, None] = {}
+    for stem in names:
+        name, again = stem, 2
+        while name in taken:
+            name, again = f"{stem}_{again}", again + 1
+        taken[name] = None
+    return list(taken)
+
+
+def times(seconds: npt.ArrayLike, *, timeline: str = TIMELINE) -> rr.TimeColumn:
+    """Time column of a run."""
+    # Whole nanoseconds: Rerun truncates float seconds, which puts a third of them 1 ns early.
+    nanoseconds = np.rint(np.asarray(seconds, dtype=float) * 1e9)
+    return rr.TimeColumn(timeline, duration=nanoseconds.astype("timedelta64[ns]"))
+
+
+def log_lines(
+    stream: rr.RecordingStream,
+    path: str,
+    style: rr.SeriesLines,
+    t: npt.ArrayLike,
+    values: npt.ArrayLike,
+) -> None:
+    """Log lines over time (s), all of one entity, with their style; `values` has a column each."""
+    stream.log(path, style, static=True)
+    stream.send_columns(path, [times(t)], rr.Scalars.columns(scalars=values))
+
+
+def on_screen(width: float) -> Any:
+    """Thickness of a line or dot in points of the screen, at any distance."""
+    return rr.components.Radius.ui_points(width)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnRun:
+    """One run as a recording draws it.
+
+    Attributes
+    ----------
+    run : Run
+        A run with at least two samples.
+    key : str
+        Its name in the tree of the recording, unique.
+    look : Look
+        How it is drawn.
+    """
+
+    run: Run
+    key: str
+    look: Look
+
+
+def look_of(runs: Sequence[Run]) -> list[Look]:
+    """Look of every run in order, also of those that never flew."""
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
+    found = looks(pairs) if len(set(pairs)) <= 2 * len(HUES) else many_looks(pairs)
+    return [found[pair] for pair in pairs]
+
+
+def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
+    """The runs with at least two samples, in order."""
+    keys = distinct(plain_name(run.label) for run in runs)
+    return [
+        DrawnRun(run, key, look)
+        for run, key, look in zip(runs, keys, look_of(runs), strict=True)
+        if len(run.signals) > 1
+    ]

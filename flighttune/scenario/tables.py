@@ -1,0 +1,513 @@
+"""The tables of a scenario file: units at the end of each key, values in SI by a method."""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.control.inner_loop import InnerLag
+from flighttune.metrics import METRICS
+from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
+from flighttune.plants.label import plant_label
+from flighttune.plants.sensors import Sensors
+from flighttune.plants.weather import Gust, Turbulence, TurbulenceModel, WindProfile
+from flighttune.plants.wind import NED
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.simulate.reference import Doublet, Ramp, Reference, Segment, Step
+from flighttune.simulate.run import RunStatus
+from flighttune.tuning.problem import Method
+from flighttune.units import DEG
+
+Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Inclination: TypeAlias = Annotated[float, Field(gt=-90.0, lt=90.0, allow_inf_nan=False)]
+Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
+Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
+Matrix: TypeAlias = list[list[Finite]]
+Name: TypeAlias = Annotated[str, Field(min_length=1, pattern=r"^[\w.*+-]+$")]
+
+
+def _pair(value: object) -> object:
+    if not (isinstance(value, list) and len(value) == 2):
+        raise ValueError("must be a range [low, high]")
+    return value
+
+
+def _rising(value: list[float]) -> list[float]:
+    if not value[0] < value[1]:
+        raise ValueError("must be a range [low, high] with low below high")
+    return value
+
+
+RisingPair = BeforeValidator(_pair), AfterValidator(_rising)
+Range: TypeAlias = Annotated[list[Finite], *RisingPair]
+Speeds: TypeAlias = Annotated[list[Positive], *RisingPair]
+Inclinations: TypeAlias = Annotated[list[Inclination], *RisingPair]
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys are refused, and it does not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class StepTable(Table):
+    """A jump of a reference."""
+
+    shape: Literal["step"]
+    start_s: NotNegative = 0.0
+    change_deg: Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and rad."""
+        return Step(start=self.start_s, change=self.change_deg * DEG)
+
+
+class RampTable(Table):
+    """A steady change of a reference, kept afterwards."""
+
+    shape: Literal["ramp"]
+    start_s: NotNegative = 0.0
+    duration_s: Positive
+    rate_dps: Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and rad."""
+        return Ramp(start=self.start_s, duration=self.duration_s, rate=self.rate_dps * DEG)
+
+
+class DoubletTable(Table):
+    """A pulse up and its opposite, each `width_s` long."""
+
+    shape: Literal["doublet"]
+    start_s: NotNegative = 0.0
+    width_s: Positive
+    amplitude_deg: Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and rad."""
+        return Doublet(start=self.start_s, width=self.width_s, amplitude=self.amplitude_deg * DEG)
+
+
+SegmentTable: TypeAlias = Annotated[
+    StepTable | RampTable | DoubletTable, Field(discriminator="shape")
+]
+
+
+class ReferenceTable(Table):
+    """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``."""
+
+    chi_deg: Finite | list[SegmentTable]
+    gamma_deg: Inclination | list[SegmentTable]
+
+    def starts(self) -> Iterator[tuple[str, float]]:
+        """Table and start (s) of each segment."""
+        for key, segments in (("chi_deg", self.chi_deg), ("gamma_deg", self.gamma_deg)):
+            for segment in segments if isinstance(segments, list) else ():
+                yield f"reference.{key}", segment.start_s
+
+    def reference(self, *, chi_deg: float, gamma_deg: float) -> Reference:
+        """The reference in s and rad, for a flight that starts at `chi_deg` and `gamma_deg`."""
+        chi, chi_segments = _channel(self.chi_deg, chi_deg)
+        gamma, gamma_segments = _channel(self.gamma_deg, gamma_deg)
+        return Reference(
+            chi=chi, gamma=gamma, chi_segments=chi_segments, gamma_segments=gamma_segments
+        )
+
+
+def _channel(
+    value: float | list[StepTable | RampTable | DoubletTable], start_deg: float
+) -> tuple[float, tuple[Segment, ...]]:
+    if isinstance(value, list):
+        return start_deg * DEG, tuple(table.segment() for table in value)
+    return value * DEG, ()
+
+
+class AirframeTable(Table):
+    """``[plant.airframe]``: factors on an aircraft of jsbsim, and the shift of its CG."""
+
+    mass_factor: Positive = 1.0
+    cg_aft_m: Finite = 0.0
+    cg_right_m: Finite = 0.0
+    cg_down_m: Finite = 0.0
+    ixx_factor: Positive = 1.0
+    iyy_factor: Positive = 1.0
+    izz_factor: Positive = 1.0
+    ixz_factor: Positive = 1.0
+    lift_factor: Positive = 1.0
+    drag_factor: Positive = 1.0
+    side_force_factor: Positive = 1.0
+    roll_moment_factor: Positive = 1.0
+    pitch_moment_factor: Positive = 1.0
+    yaw_moment_factor: Positive = 1.0
+    coefficient_factors: dict[Annotated[str, Field(min_length=1)], Positive] = Field(
+        default_factory=dict
+    )
+    thrust_factor: Positive = 1.0
+    actuator_lag_factor: Positive = 1.0
+
+    def off_nominal(self) -> OffNominal | None:
+        """The same as a value; None where nothing is off the nominal."""
+        value = OffNominal(
+            **{name: getattr(self, f"{name}_factor") for name in OffNominal.SCALED},
+            cg_shift=(self.cg_aft_m, self.cg_right_m, self.cg_down_m),
+            coefficients=tuple(self.coefficient_factors.items()),
+        )
+        return None if value.is_nominal else value
+
+
+class PlantTable(Table):
+    """``[[plant]]``: what flies.
+
+    ``kinematic`` is the paper's law, ``point_mass`` the exact point mass, ``point_mass_lag`` the
+    same behind the lag of an inner loop, ``jsbsim`` an aircraft of six degrees of freedom. A
+    channel's lag is of first order, or of second order where a damping ratio is given. A name tells
+    a plant from another one of the same kind and aircraft.
+    """
+
+    kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim"]
+    aircraft: Annotated[str, Field(min_length=1)] | None = None
+    name: Name | None = None
+    throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    airframe: AirframeTable | None = None
+    roll_lag_rad_s: Positive | None = None
+    roll_damping: Positive | None = None
+    roll_delay_s: NotNegative | None = None
+    n_z_lag_rad_s: Positive | None = None
+    n_z_damping: Positive | None = None
+    n_z_delay_s: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _aircraft_of_jsbsim(self) -> "PlantTable":
+        if (self.kind == "jsbsim") != (self.aircraft is not None):
+            raise ValueError("`aircraft` must be given with kind jsbsim, and only there")
+        for key in ("throttle_max", "airframe"):
+            if getattr(self, key) is not None and self.aircraft is None:
+                raise ValueError(f"`{key}` must be given with kind jsbsim only")
+        return self
+
+    @model_validator(mode="after")
+    def _lag_of_point_mass(self) -> "PlantTable":
+        lagged = self.kind == "point_mass_lag"
+        given = self.model_fields_set - {"kind", "aircraft", "name", "throttle_max", "airframe"}
+        if given and not lagged:
+            raise ValueError(f"`{min(given)}` must be given with kind point_mass_lag only")
+        for key in ("roll_lag_rad_s", "n_z_lag_rad_s"):
+            if lagged and getattr(self, key) is None:
+                raise ValueError(f"`{key}` must be given with kind point_mass_lag")
+        return self
+
+    @property
+    def label(self) -> str:
+        """Name of the plant in tables, plots and files."""
+        return plant_label(self.kind, self.aircraft, self.name)
+
+    def lags(self) -> tuple[InnerLag, InnerLag] | None:
+        """Lag of roll and of load factor; None where there is none."""
+        if self.kind != "point_mass_lag":
+            return None
+        return self._lag("roll"), self._lag("n_z")
+
+    def _lag(self, key: str) -> InnerLag:
+        damping = getattr(self, f"{key}_damping")
+        return InnerLag(
+            natural_frequency=getattr(self, f"{key}_lag_rad_s"),
+            delay=getattr(self, f"{key}_delay_s") or 0.0,
+            order=1 if damping is None else 2,
+            damping=1.0 if damping is None else damping,
+        )
+
+
+class SensorsTable(Table):
+    """``[sensors]``: bias and noise of course, flight-path angle and airspeed."""
+
+    chi_bias_deg: Finite = 0.0
+    chi_noise_sd_deg: NotNegative = 0.0
+    gamma_bias_deg: Finite = 0.0
+    gamma_noise_sd_deg: NotNegative = 0.0
+    V_a_bias_mps: Finite = 0.0
+    V_a_noise_sd_mps: NotNegative = 0.0
+    noise_time_constant_s: Positive | None = None
+
+    def sensors(self, seed: int) -> Sensors:
+        """The errors in rad and m/s, their noise drawn from the scenario's `seed`."""
+        return Sensors(
+            bias=(self.chi_bias_deg * DEG, self.gamma_bias_deg * DEG, self.V_a_bias_mps),
+            noise_sd=(
+                self.chi_noise_sd_deg * DEG,
+                self.gamma_noise_sd_deg * DEG,
+                self.V_a_noise_sd_mps,
+            ),
+            time_constant=self.noise_time_constant_s or 0.0,
+            seed=seed,
+        )
+
+
+INTENSITIES = {"light": (3, 7.7), "moderate": (4, 15.4), "severe": (6, 23.1)}
+"""Curve of Fig. 7 of MIL-F-8785C, and wind 20 ft above ground in m/s (15, 30, 45 kn)."""
+
+
+class WindLevelTable(Table):
+    """``[[wind.level]]``: the wind at one height above sea level."""
+
+    h_m: Finite
+    speed_mps: NotNegative
+    from_deg: Finite
+    down_mps: Finite = 0.0
+
+
+class WindTable(Table):
+    """``[wind]``: steady wind, the same at all heights or given at levels."""
+
+    speed_mps: NotNegative | None = None
+    from_deg: Finite | None = None
+    down_mps: Finite = 0.0
+    level: Annotated[list[WindLevelTable], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one_or_levels(self) -> "WindTable":
+        fields = {name: field.default for name, field in type(self).model_fields.items()}
+        given = {name for name, default in fields.items() if getattr(self, name) != default}
+        given -= {"level"}
+        if self.level is not None:
+            if given:
+                raise ValueError(f"`{min(given)}` of [wind] must be absent where there are levels")
+            heights = [level.h_m for level in self.level]
+            if any(a >= b for a, b in pairwise(heights)):
+                raise ValueError(f"`level` must rise in h_m, got {heights}")
+        elif self.speed_mps is None or self.from_deg is None:
+            raise ValueError("`speed_mps` and `from_deg` of [wind] must be given, or levels")
+        return self
+
+    def profile(self) -> WindProfile:
+        """The wind over height in m/s, north, east and down."""
+        if self.level is not None:
+            return WindProfile(
+                tuple((x.h_m, _blowing(x.speed_mps, x.from_deg, x.down_mps)) for x in self.level)
+            )
+        wind = _blowing(self.speed_mps or 0.0, self.from_deg or 0.0, self.down_mps)
+        return WindProfile(((0.0, wind),))
+
+
+class GustTable(Table):
+    """``[gust]``: one 1-cosine gust, its length flown through at the airspeed of the start."""
+
+    axis: Literal["ahead", "right", "down"]
+    peak_mps: Finite
+    start_s: NotNegative
+    length_m: Positive
+    hold_s: NotNegative = 0.0
+
+    def gust(self, V_a: float) -> Gust:
+        """The gust in seconds at the airspeed `V_a` (m/s)."""
+        return Gust(
+            axis=self.axis,
+            peak=self.peak_mps,
+            start=self.start_s,
+            rise=self.length_m / V_a,
+            hold=self.hold_s,
+        )
+
+
+class TurbulenceTable(Table):
+    """``[turbulence]``: Dryden turbulence by a word, or by the two numbers behind it."""
+
+    intensity: Literal["light", "moderate", "severe"] | None = None
+    severity: Annotated[int, Field(ge=1, le=7)] | None = None
+    wind_20ft_mps: NotNegative | None = None
+    model: TurbulenceModel = "tustin"
+
+    @model_validator(mode="after")
+    def _word_or_numbers(self) -> "TurbulenceTable":
+        numbers = (self.severity is not None, self.wind_20ft_mps is not None)
+        if numbers not in ((True, True), (False, False)) or all(numbers) == bool(self.intensity):
+            raise ValueError(
+                "`intensity` must be given, or both `severity` and `wind_20ft_mps` in its place"
+            )
+        return self
+
+    def turbulence(self) -> Turbulence:
+        """The turbulence by its numbers."""
+        if self.severity is not None and self.wind_20ft_mps is not None:
+            severity, wind = self.severity, self.wind_20ft_mps
+        else:
+            severity, wind = INTENSITIES[self.intensity or "light"]
+        return Turbulence(severity=severity, wind_20ft=wind, model=self.model)
+
+
+class DisturbanceTable(Table):
+    """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s."""
+
+    chi_amplitude: Finite = 0.0
+    chi_omega_rad_s: NotNegative = 0.0
+    gamma_amplitude: Finite = 0.0
+    gamma_omega_rad_s: NotNegative = 0.0
+    as_wind: bool = False
+    path: Literal["ground", "air"] = "ground"
+
+    @model_validator(mode="after")
+    def _wind_swings(self) -> "DisturbanceTable":
+        for channel in ("chi", "gamma"):
+            still = not getattr(self, f"{channel}_omega_rad_s")
+            if self.as_wind and still and getattr(self, f"{channel}_amplitude"):
+                raise ValueError(
+                    f"`{channel}_omega_rad_s` must be positive with as_wind: a constant rate takes "
+                    "a wind that grows without end"
+                )
+        if self.path == "air" and not self.as_wind:
+            raise ValueError('`path` must be "ground" without as_wind, got "air"')
+        return self
+
+    def sinusoid(self) -> Sinusoid:
+        """The disturbance as a function of time."""
+        return Sinusoid(
+            chi_amplitude=self.chi_amplitude,
+            chi_omega=self.chi_omega_rad_s,
+            gamma_amplitude=self.gamma_amplitude,
+            gamma_omega=self.gamma_omega_rad_s,
+        )
+
+
+def check_air(
+    disturbance: DisturbanceTable | None,
+    wind: WindTable | None,
+    unsteady: GustTable | TurbulenceTable | None,
+    *,
+    aircraft: bool,
+) -> None:
+    """Refuse air that the plants of a scenario cannot fly in.
+
+    Parameters
+    ----------
+    disturbance, wind, unsteady
+        Tables of the scenario; `unsteady` is its gust or turbulence.
+    aircraft : bool
+        Whether one of its plants is a jsbsim one.
+
+    Raises
+    ------
+    ValueError
+        If a sinusoid of the kinematic law is to disturb an aircraft, nobody meets the wind that
+        the others replay, or an aircraft is to be steered through the air in other wind as well.
+    """
+    if disturbance and aircraft and not disturbance.as_wind:
+        raise ValueError(
+            "`disturbance` must be absent where a plant is jsbsim, or have `as_wind`: the "
+            "sinusoid is a term of the kinematic law"
+        )
+    if disturbance and disturbance.path == "air" and (wind or unsteady):
+        raise ValueError(
+            '`path` of [disturbance] must be "ground" where there is other wind, which plants that '
+            "are no aircraft meet over ground"
+        )
+    if unsteady and not aircraft:
+        name = "gust" if isinstance(unsteady, GustTable) else "turbulence"
+        raise ValueError(
+            f"`{name}` must be absent without a jsbsim plant: the others replay its wind"
+        )
+    if wind and wind.level and not aircraft:
+        raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
+
+
+def _blowing(speed: float, from_deg: float, down: float) -> NED:
+    """Velocity of air that comes from `from_deg`, clockwise from north."""
+    return -speed * math.cos(from_deg * DEG), -speed * math.sin(from_deg * DEG), down
+
+
+TUNED = "tuned"
+"""Gains tuned on the model that ``[tuning]`` names."""
+
+TUNED_IDENTIFIED = "tuned_identified"
+"""Gains tuned on the identified model, whichever ``[tuning]`` names."""
+
+INPUTS = 2
+
+TuningModel: TypeAlias = Literal["kinematic", "identified"]
+
+
+class TuningTable(Table):
+    """``[tuning]``: what the gains named ``tuned`` maximise R_K under, and on which model.
+
+    On the kinematic law ``lag_rad_s`` puts a first-order lag of (phi, n_z) between command and
+    aircraft, and ``sample_delay`` the half sample by which a sampled command is late on average.
+    R_K and I_K are those of the state divided by ``state_scaling`` (s = (x', e); ones by default).
+
+    On the identified model lag, delay, sampling and scaling come from ``identified`` (the name of
+    an aircraft or a model file; by default the aircraft of the first jsbsim plant) and from the
+    controller, R_K is not bounded by I_K, and each channel is tuned by itself. ``robust`` maximises
+    the smallest R_K over all conditions of the file instead of taking the nearest one.
+    """
+
+    I_star: Annotated[float, Field(gt=0.0)] = 5.0
+    model: TuningModel = "kinematic"
+    identified: Annotated[str, Field(min_length=1)] | None = None
+    robust: bool = False
+    lag_rad_s: Annotated[list[Positive], Field(min_length=INPUTS, max_length=INPUTS)] | None = None
+    sample_delay: bool = False
+    input_limits: bool = False
+    structure: Literal["full", "decoupled"] = "full"
+    gain_max: Positive | None = None
+    state_scaling: list[Positive] | None = None
+    method: Method = "gradient"
+    starts: Annotated[int, Field(ge=1, le=1000)] = 12
+
+    @model_validator(mode="after")
+    def _of_the_kinematic_law(self) -> "TuningTable":
+        foreign = {"I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure", "method"}
+        changed = [
+            name
+            for name in sorted(foreign & self.model_fields_set)
+            if getattr(self, name) != type(self).model_fields[name].default
+        ]
+        if self.model == "identified" and changed:
+            raise ValueError(f"`{changed[0]}` must be absent with model identified")
+        return self
+
+
+Subject: TypeAlias = Literal["chi", "gamma", "flight"]
+Bounds: TypeAlias = dict[Subject, dict[str, Finite]]
+
+CHANNEL_MEASURES = (*METRICS, "peak_rad")
+FLIGHT_MEASURES = ("V_a_dev_mps", "n_z_min", "n_z_max", "alpha_max_rad")
+
+
+class ExpectTable(Table):
+    """What runs must come to: of one plant, of one gain set, of both, or of all.
+
+    Bounds are grouped by ``chi``, ``gamma`` (measures of the channel, and ``peak_rad``, the largest
+    error) and ``flight``; a measure in rad may be given in deg under that ending.
+    """
+
+    plant: Annotated[str, Field(min_length=1)] | None = None
+    gains: Annotated[str, Field(min_length=1)] | None = None
+    status: RunStatus | None = None
+    at_most: Bounds = Field(default_factory=dict)
+    at_least: Bounds = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _measures_exist(self) -> "ExpectTable":
+        if not (self.status or self.at_most or self.at_least):
+            raise ValueError("`status`, `at_most` or `at_least` must be given in [[expect]]")
+        for bounds in (self.at_most, self.at_least):
+            for subject, limits in bounds.items():
+                known = FLIGHT_MEASURES if subject == "flight" else CHANNEL_MEASURES
+                for name in limits:
+                    if in_rad(name) not in known:
+                        raise ValueError(
+                            f"`{subject}.{name}` must be one of {', '.join(known)} "
+                            "(or _deg in place of _rad)"
+                        )
+        return self
+
+    def meant(self, plant: str, gains: str) -> bool:
+        """Whether a run of this plant and these gains is meant."""
+        return self.plant in (None, plant) and self.gains in (None, gains)
+
+
+def in_rad(measure: str) -> str:
+    """Name of a measure with ``_deg`` replaced by ``_rad``."""
+    return f"{measure.removesuffix('_deg')}_rad" if measure.endswith("_deg") else measure

@@ -1,0 +1,193 @@
+"""Compiled: the sampled loop of one controller and the paper's law, flight by flight.
+
+Numba is imported here and nowhere else, and takes about a second: import this on first use. The
+arguments are the arrays and settings of `flighttune.simulate.batch`.
+"""
+
+import math
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numba.extending import register_jitable
+
+from flighttune import units
+from flighttune.control import mimo_pi
+from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
+from flighttune.plants import point_mass
+from flighttune.plants.point_mass import LOST
+from flighttune.simulate import measures
+from flighttune.simulate.measures import error_measures
+from flighttune.units import wrap_angle
+
+SOURCES = (
+    Path(__file__),
+    Path(__file__).with_name("batch.py"),
+    *(Path(str(module.__file__)) for module in (measures, mimo_pi, point_mass, units)),
+)
+DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
+
+COMPLETED, ROLLED, DIVERGED = 0, 1, 2
+"""How a flight ended."""
+
+register_jitable(wrap_angle)
+register_jitable(measures._first_below)
+register_jitable(measures._step_measures)
+register_jitable(error_measures)
+pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
+
+
+def kernel(function: Callable[..., None]) -> Any:
+    """Compile `function` for use from several threads and keep the result on disk.
+
+    Numba looks only at the file of the function to see whether a kept result is still good. The
+    digest of every source that goes into it is therefore made a part of its name.
+    """
+    function.__qualname__ = f"{function.__qualname__}_{DIGEST}"
+    try:
+        return njit(nogil=True, cache=True)(function)
+    except RuntimeError:  # nowhere to write
+        return njit(nogil=True)(function)
+
+
+@kernel
+def fly_block(first, end, sensor_errors, flights, settings, result):
+    """Fly the flights from `first` up to `end` into their places of `result`.
+
+    `sensor_errors` is measured minus true course, flight-path angle and airspeed, one row a flight
+    of the block and one a sample; of no flight where the controller sees the true values.
+    """
+    t, keep = result.t, len(result.trajectories) > 0
+    scratch = np.empty((0 if keep else len(t), result.last.shape[1]))
+    for i in range(first, end):
+        rows = result.trajectories[i] if keep else scratch
+        seen = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 3))
+        samples, result.ends[i] = _fly(i, seen, flights, settings, t, rows)
+        result.samples[i] = samples
+        result.last[i] = rows[samples - 1]
+        _measure(t[:samples], rows[:samples], _reference(flights, i), result.measures[i])
+
+
+@njit
+def _measure(t, rows, ref, found):
+    found[:] = math.nan
+    if len(t) < 2:
+        return
+    for j in range(2):
+        effort = rows[:, 6 + j].copy()
+        if j == 1:
+            effort -= np.cos(ref[: len(t), 1])  # of one row where the reference is constant
+        of_channel = error_measures(t, rows[:, 2 + j].copy(), effort, rows[:, 12 + j].copy())
+        for m in range(len(of_channel)):
+            found[j, m] = of_channel[m]
+
+
+@njit
+def _reference(flights, i):
+    return flights.ref[i if len(flights.ref) > 1 else 0]
+
+
+@njit
+def _fly(i, sensor_errors, flights, settings, t, rows):
+    """Fly one flight into `rows`; return its number of samples and how it ended."""
+    chi, gamma, phi, n_z, V_a = flights.start[i]
+    ref, wave, g_over_v = _reference(flights, i), flights.waves[i], settings.g[i] / V_a
+    law, state = _law(i, flights, settings), _state(phi, n_z)
+    u, true_error = state.u, np.zeros(2)
+    # The clock is summed as that of the plant is, so that both see the same disturbance.
+    clock, disturbance = 0.0, _disturbance(wave, 0.0)
+    for k in range(len(t)):
+        now = ref[k if len(ref) > 1 else 0]
+        chi_ref, gamma_ref = now[0], now[1]
+        y, speed = (chi, gamma), V_a
+        if len(sensor_errors):
+            y = chi + sensor_errors[k, 0], gamma + sensor_errors[k, 1]
+            speed = V_a + sensor_errors[k, 2]
+        lift_ff = math.cos(gamma_ref) / math.cos(u[0]) if settings.feed_forward else 0.0
+        pi_step(law, state, (chi_ref, gamma_ref), y, (0.0, lift_ff), speed)
+        true_error[0] = wrap_angle(chi_ref - chi) if settings.wrapped else chi_ref - chi
+        true_error[1] = gamma_ref - gamma
+        turn, lift = g_over_v * math.tan(u[0]), u[1] * math.cos(u[0])
+        rates = turn + disturbance[0], g_over_v * (lift - math.cos(gamma)) + disturbance[1]
+        _fill(rows[k], (chi, gamma), true_error, rates, state)
+        if k == len(t) - 1:
+            break
+        if not (abs(u[0]) < math.pi / 2 and math.isfinite(u[1])):
+            return k + 1, ROLLED
+        for s in range(settings.steps):
+            middle = _disturbance(wave, clock + (s + 0.5) * settings.step)
+            last = _disturbance(wave, clock + (s + 1) * settings.step)
+            chi, gamma = _runge_kutta_step(
+                (chi, gamma), (turn, lift, g_over_v), (disturbance, middle, last), settings.step
+            )
+            disturbance = last
+        clock += settings.dt
+        if not (abs(chi) < LOST and abs(gamma) < LOST):
+            return k + 1, DIVERGED
+    return len(t), COMPLETED
+
+
+@njit
+def _fill(row, x, error, rates, state):
+    for j in range(2):
+        row[j], row[2 + j], row[4 + j] = x[j], error[j], -rates[j]
+        row[6 + j], row[8 + j] = state.u[j], state.u_unsat[j]
+        row[10 + j], row[12 + j] = state.integral[j], state.limited[j]
+
+
+@njit
+def _law(i, flights, settings):
+    K, bounds, dt = flights.K[i], flights.bounds[i], settings.dt
+    return PILaw(
+        (_channel(0, K, bounds, dt), _channel(1, K, bounds, dt)),
+        (settings.wrapped, False),
+        settings.conditional,
+        settings.tracking_gain[i],
+        settings.per_speed[i],
+    )
+
+
+@njit
+def _channel(j, K, bounds, dt):
+    half = 0.5 * dt
+    return ChannelLaw(
+        (K[j, 0], K[j, 1]),
+        (K[j, 2] * half, K[j, 3] * half),
+        bounds[0, j],
+        bounds[1, j],
+        bounds[2, j] * dt,
+        bounds[3, j] * dt,
+    )
+
+
+@njit
+def _state(phi, n_z):
+    u, started = np.array([phi, n_z]), np.zeros(1, dtype=np.bool_)
+    zero = np.zeros(2)
+    return PIState(zero, zero.copy(), u, u.copy(), zero.copy(), zero.copy(), started)
+
+
+@njit
+def _disturbance(wave, t):
+    return wave[0] * math.sin(wave[1] * t), wave[2] * math.cos(wave[3] * t)
+
+
+@njit
+def _runge_kutta_step(x, forcing, disturbances, step):
+    """Course and flight-path angle after one step of `PointMassPlant` with the paper's law.
+
+    `forcing` is what the command makes of them: ``g tan(phi)/V``, ``n_z cos(phi)`` and ``g/V``;
+    `disturbances` are those at start, middle and end of the step.
+    """
+    (chi, gamma), (turn, lift, g_over_v) = x, forcing
+    first, middle, last = disturbances
+    half, sixth = 0.5 * step, step / 6.0
+    k_1 = g_over_v * (lift - math.cos(gamma)) + first[1]
+    k_2 = g_over_v * (lift - math.cos(gamma + half * k_1)) + middle[1]
+    k_3 = g_over_v * (lift - math.cos(gamma + half * k_2)) + middle[1]
+    k_4 = g_over_v * (lift - math.cos(gamma + step * k_3)) + last[1]
+    chi += step * turn + sixth * (first[0] + 4.0 * middle[0] + last[0])
+    return chi, gamma + sixth * (k_1 + 2.0 * (k_2 + k_3) + k_4)

@@ -1,0 +1,103 @@
+"""Measures of a tracking error over time: plain NumPy that Numba compiles too.
+
+`flighttune.metrics` states the definitions and takes them of a run; the batch takes them of every
+flight by this very function, compiled.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+
+NO_STEP = 1e-6
+"""Errors up to this are none, rad."""
+
+SMALLEST_STEP = math.radians(0.1)
+"""First error from which on there is a step to time, rad."""
+
+SETTLING_BAND = 0.05
+STEADY_FROM = 0.75
+"""Part of the time from which on a response is taken as steady."""
+
+
+class ErrorMeasures(NamedTuple):
+    """What `error_measures` returns; NaN where a measure has no value."""
+
+    ITAE: float
+    ITAE_mean: float
+    PT_s: float
+    MO_rad: float
+    MS_rad: float
+    ST_rad: float
+    rise_s: float
+    settling_s: float
+    effort_rms: float
+    saturation_s: float
+
+
+def error_measures(
+    t: FloatArray, error: FloatArray, effort: FloatArray, limited: FloatArray
+) -> ErrorMeasures:
+    """Tracking measures of one channel.
+
+    Parameters
+    ----------
+    t : ndarray, shape (k,), s
+        Times of the samples, two or more, from 0.
+    error : ndarray, shape (k,), rad
+        Reference minus actual.
+    effort : ndarray, shape (k,)
+        Command minus that of steady flight on the reference.
+    limited : ndarray, shape (k,)
+        Not zero where a limit holds the command.
+    """
+    weighted, spacing = t * np.abs(error), t[1:] - t[:-1]
+    itae = float(np.sum(spacing * (weighted[1:] + weighted[:-1]))) / 2.0
+    steady = error[t >= STEADY_FROM * t[-1]]
+    peak_time, overshoot, rise, settling = _step_measures(t, error)
+    return ErrorMeasures(
+        itae,
+        itae / t[-1],
+        peak_time,
+        overshoot,
+        float(np.mean(steady)),
+        float(np.std(steady)),
+        rise,
+        settling,
+        math.sqrt(np.mean(effort**2)),
+        float(np.sum(spacing[limited[:-1] != 0.0])),
+    )
+
+
+def _step_measures(t: FloatArray, error: FloatArray) -> tuple[float, float, float, float]:
+    """Peak time, overshoot, rise time and settling time."""
+    away = np.flatnonzero(np.abs(error) > NO_STEP)
+    if len(away) == 0:
+        return math.nan, 0.0, math.nan, math.nan
+    t, error = t[away[0] :], error[away[0] :]
+    step = abs(error[0])
+    beyond = -math.copysign(1.0, error[0]) * error
+    peak = int(np.argmax(beyond))
+    peak_time, overshoot = float(t[peak]), max(0.0, float(beyond[peak]))
+    if step < SMALLEST_STEP:
+        return peak_time, overshoot, math.nan, math.nan
+    to_go = -beyond / step
+    rise = _first_below(t, to_go, 0.1) - _first_below(t, to_go, 0.9)
+    # The first sample is outside the band by definition, so there always is a last one.
+    settled = int(np.flatnonzero(np.abs(to_go) > SETTLING_BAND)[-1]) + 1
+    settling = float(t[settled] - t[0]) if settled < len(t) else math.nan
+    return peak_time, overshoot, rise, settling
+
+
+def _first_below(t: FloatArray, to_go: FloatArray, level: float) -> float:
+    """Time at which `to_go`, the part of the step still to go, first passes `level`."""
+    below = np.flatnonzero(to_go <= level)
+    if len(below) == 0:
+        return math.nan
+    k = int(below[0])
+    if k == 0:
+        return float(t[0])
+    before, after = to_go[k - 1], to_go[k]
+    return float(t[k] + (t[k - 1] - t[k]) / (before - after) * (level - after))

@@ -1,0 +1,68 @@
+"""The figure of certified rates: what it shows, and that nothing lies on top of it."""
+
+import numpy as np
+import pytest
+from figures.envelope import RateCurve, envelope_figure, rate_curve
+
+from flighttune.control.envelope import Envelope
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.linear_model import closed_loop, kinematic_model
+from flighttune.errors import InputError
+from flighttune.theory.indicators import indicators
+
+G = 9.81
+SOLVER = 1e-5
+TRIM = Envelope.at(V_a=25.0, gamma=np.pi / 12)
+ENVELOPE = Envelope(V_a=(20.0, 30.0), gamma=(-0.35, 0.785), phi=(-0.52, 0.52), n_z=(0.7, 1.5))
+TUNED = PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=G)
+
+
+@pytest.fixture(scope="module")
+def curves():
+    return [
+        rate_curve(name, gains, ENVELOPE, TRIM, g=G, up_to=1.2)
+        for name, gains in (("paper", PAPER_GAINS), ("tuned", TUNED))
+    ]
+
+
+def test_a_curve_starts_at_the_trims_own_rate_and_falls(model, curves):
+    for curve, gains in zip(curves, (PAPER_GAINS, TUNED), strict=True):
+        own = indicators(closed_loop(model, gains)).R_K
+        assert curve.rates[0] == pytest.approx(own, rel=SOLVER)
+        assert (np.diff(curve.rates) < 0.0).all()
+
+
+def test_the_papers_curve_ends_before_the_envelope_and_the_tuned_one_goes_on(curves):
+    paper, tuned = curves
+
+    assert paper.ends
+    assert 0.8 < paper.factors[-1] < 0.85
+    assert paper.rates[-1] == 0.0
+    assert not tuned.ends
+    assert tuned.factors[-1] == 1.2
+    assert tuned.rates[-1] > 0.0
+
+
+def test_the_figure_has_units_and_a_legend_outside_its_axes(curves):
+    figure = envelope_figure(curves, ENVELOPE)
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    (legend,) = figure.legends
+
+    assert axes.get_xlabel().startswith("size of the envelope about the trim in %")
+    assert "V 20 to 30 m/s, gamma -20 to 45 deg, phi -30 to 30 deg" in axes.get_xlabel()
+    assert axes.get_ylabel().endswith("in 1/s")
+    assert [text.get_text() for text in legend.get_texts()] == ["paper", "tuned"]
+    assert not legend.get_window_extent().overlaps(axes.get_window_extent())
+
+
+def test_a_curve_must_have_a_rate_for_every_factor():
+    with pytest.raises(InputError, match="`factors` and `rates` must have one length"):
+        RateCurve(name="short", factors=np.arange(3.0), rates=np.arange(2.0), ends=False)
+    with pytest.raises(InputError, match="`up_to` must be positive"):
+        rate_curve("none", TUNED, ENVELOPE, TRIM, g=G, up_to=0.0)

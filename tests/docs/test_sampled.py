@@ -1,0 +1,94 @@
+"""The sampled loop against the continuous one, and against the controller flown by samples."""
+
+import numpy as np
+import pytest
+from figures.sampling import sampled_eigenvalues, sampled_loop, sampled_response
+
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.inner_loop import InnerLag, with_inner_loop, with_input_delay
+from flighttune.control.linear_model import closed_loop, kinematic_model
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import InputError, ShapeError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.simulate.loop import simulate
+from flighttune.simulate.reference import Reference
+
+LAW = kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+LAGS = (
+    InnerLag(order=1, natural_frequency=4.0),
+    InnerLag(order=2, natural_frequency=8.0, damping=0.7),
+)
+MODEL = with_inner_loop(LAW, LAGS)
+GAINS = PIGains(K_P=np.diag([3.0, 3.0]), K_I=np.diag([1.0, 1.0]))
+
+SMALL = 1e-4
+"""Step of the references, rad: small enough for the plant to be linear."""
+OF_THE_STEP = 1e-3
+"""Largest difference from the plant, over the step."""
+
+
+@pytest.mark.parametrize("gains", [PAPER_GAINS, GAINS], ids=["paper", "own"])
+def test_fast_sampling_is_the_continuous_loop(gains):
+    continuous = np.sort_complex(np.linalg.eigvals(closed_loop(MODEL, gains)))
+
+    sampled = np.sort_complex(sampled_eigenvalues(MODEL, gains, 1e-5))
+
+    assert sampled == pytest.approx(continuous, abs=1e-3)
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+def test_the_response_is_that_of_the_controller_on_the_plant(rate):
+    signals, _ = simulate(
+        PointMassPlant(LAGS),
+        MimoPI(GAINS, dt=1.0 / rate),
+        Reference(chi=SMALL, gamma=SMALL),
+        condition=FlightCondition(V_a=25.0),
+        duration=6.0,
+        feed_forward=True,
+    )
+    flown = signals[["chi_err", "gamma_err"]].to_numpy() / SMALL
+
+    response = sampled_response(MODEL, GAINS, 1.0 / rate, e_0=[1.0, 1.0], samples=len(flown))
+
+    assert response == pytest.approx(flown, abs=OF_THE_STEP)
+
+
+def test_half_a_sample_of_delay_tells_the_loss_of_damping():
+    dt = 0.02
+    late = np.linalg.eigvals(closed_loop(with_input_delay(MODEL, 0.5 * dt), PAPER_GAINS))
+    sampled = sampled_eigenvalues(MODEL, PAPER_GAINS, dt)
+    continuous = np.linalg.eigvals(closed_loop(MODEL, PAPER_GAINS))
+
+    lost = max(sampled.real) - max(continuous.real)
+
+    assert lost > 0.0
+    assert max(late.real) - max(continuous.real) == pytest.approx(lost, rel=0.1)
+
+
+def test_slow_sampling_destabilises_the_papers_gains_behind_a_lag():
+    assert max(sampled_eigenvalues(MODEL, PAPER_GAINS, 0.01).real) < 0.0
+    assert max(sampled_eigenvalues(MODEL, PAPER_GAINS, 0.5).real) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: sampled_loop(MODEL, GAINS, 0.0), InputError, "`dt` must be positive"),
+        (
+            lambda: sampled_loop(
+                MODEL, PIGains(K_P=np.eye(2), K_I=np.eye(2), inputs=("a", "b")), 1
+            ),
+            InputError,
+            "`gains` must act from",
+        ),
+        (
+            lambda: sampled_response(MODEL, GAINS, 0.1, e_0=[1.0], samples=3),
+            ShapeError,
+            r"`e_0` must have shape \(2,\)",
+        ),
+    ],
+)
+def test_misuse_is_refused(call, error, message):
+    with pytest.raises(error, match=message):
+        call()

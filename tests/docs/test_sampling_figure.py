@@ -1,0 +1,68 @@
+"""What the controller's rate does: predicted, flown, and drawn."""
+
+import numpy as np
+import pytest
+from figures.sampling import overshoot, sampled_step, sampled_steps, sampling_figure
+from matplotlib.image import imread
+
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.errors import InputError
+from flighttune.report.identification import save_figure
+
+GENTLE = PIGains(K_P=np.diag([3.2, 3.1]), K_I=np.diag([1.5, 1.2]))
+OF_THE_STEP = 0.07
+"""Largest difference between the flown step and the predicted one, over the step."""
+OVERSHOOT = 0.05
+"""Largest difference between flown and predicted overshoot, over the step."""
+
+
+@pytest.fixture(scope="module")
+def steps():
+    return sampled_steps(
+        "aerosonde", {"paper": PAPER_GAINS, "gentle": GENTLE}, V_a=25.0, rates=(10.0, 40.0, 100.0)
+    )
+
+
+@pytest.mark.parametrize("name", ["paper", "gentle"])
+def test_every_rate_is_flown_as_the_sampled_loop_predicts(steps, name):
+    for step in steps[name]:
+        assert step.exact == pytest.approx(step.flown, abs=OF_THE_STEP)
+        assert overshoot(step.exact) == pytest.approx(overshoot(step.flown), abs=OVERSHOOT)
+
+
+@pytest.mark.parametrize("name", ["paper", "gentle"])
+def test_half_a_sample_of_delay_predicts_it_too(steps, name):
+    for step in steps[name]:
+        assert overshoot(step.delayed) == pytest.approx(overshoot(step.flown), abs=OVERSHOOT)
+
+
+def test_slower_sampling_overshoots_more_and_is_damped_less(steps):
+    slow, _, fast = steps["paper"]
+
+    assert (overshoot(slow.flown) > overshoot(fast.flown) + 0.03).all()
+    assert (overshoot(slow.exact) > overshoot(fast.exact) + 0.03).all()
+    assert slow.damping < fast.damping
+
+
+def test_overshoot_is_what_goes_beyond_the_reference():
+    errors = np.array([[1.0, 1.0], [-0.2, 0.1], [0.1, 0.0]])
+
+    assert overshoot(errors) == pytest.approx([0.2, 0.0])
+
+
+def test_the_rate_must_be_positive():
+    with pytest.raises(InputError, match="`rate` must be positive, got 0"):
+        sampled_step("aerosonde", GENTLE, 0.0, V_a=25.0)
+
+
+def test_the_figure_has_units_on_its_axes_and_no_legend_over_a_curve(steps, tmp_path):
+    figure = sampling_figure(steps)
+    path = tmp_path / "sampling.png"
+    save_figure(figure, path)
+
+    for axes in figure.axes:
+        assert axes.get_xlabel()
+        assert axes.get_ylabel()
+        legend = axes.get_legend().get_window_extent()
+        assert legend.y0 >= axes.get_window_extent().y1 - 1.0
+    assert imread(path).std() > 0.05

@@ -1,0 +1,106 @@
+"""What a scenario expects is held against what was flown, and said in one line each."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import ScenarioError
+from flighttune.flight.expectations import missed_expectations
+from flighttune.scenario import scenario_from
+from flighttune.simulate.run import Provenance, Run
+
+T = np.linspace(0.0, 10.0, 101)
+
+
+def scenario(*expect):
+    return scenario_from(
+        {
+            "title": "expectations",
+            "gains": ["paper", "K5"],
+            "flight": {"V_a_mps": 25.0},
+            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+            "plant": [{"kind": "kinematic"}],
+            "expect": list(expect),
+        }
+    )
+
+
+def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason=""):
+    """A run with constant course error and load factor."""
+    columns = dict.fromkeys(
+        ("gamma_err", "gamma_ref", "phi_cmd", "n_z_cmd", "phi_limited", "n_z_limited"), 0.0
+    )
+    signals = pd.DataFrame(
+        {**columns, "chi_err": chi_err, "n_z": n_z, "V_a": 25.0}, index=pd.Index(T, name="t")
+    )
+    made_by = Provenance(
+        scenario={}, plant="kinematic", gains_name=gains, gains=PAPER_GAINS, seed=0, versions={},
+        wall_s=0.0,
+    )  # fmt: skip
+    return Run(signals=signals, status=status, reason=reason, provenance=made_by)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "missed"),
+    [
+        ({"at_most": {"chi": {"peak_deg": 2.1}}}, None),
+        ({"at_most": {"chi": {"peak_deg": 1.5}}},
+         "chi.peak_deg must be at most 1.5, got 2 (missed by 0.5)"),
+        ({"at_least": {"flight": {"n_z_min": 1.3}}},
+         "flight.n_z_min must be at least 1.3, got 1.2 (missed by 0.1)"),
+        ({"at_most": {"flight": {"n_z_max": 1.2}}}, None),
+        ({"at_most": {"chi": {"ITAE": 1.0}}},
+         "chi.ITAE must be at most 1, got 1.745 (missed by 0.745)"),
+        ({"at_most": {"chi": {"settling_s": 5.0}}},
+         "chi.settling_s must be at most 5, got nan (there is no value)"),
+    ],
+)  # fmt: skip
+def test_a_bound_is_met_or_missed_by_so_much(bounds, missed):
+    # 2 deg of error for 10 s: the integral of t |e| is 50 s^2 times 0.0349 rad.
+    found = missed_expectations(scenario(bounds), [flown(np.deg2rad(2.0), n_z=1.2)])
+
+    assert found == (() if missed is None else (f"kinematic / paper: {missed}",))
+
+
+def test_without_a_word_a_run_must_be_completed():
+    run = flown(status="left_envelope", reason="t = 3 s: too slow.")
+
+    assert missed_expectations(scenario(), [flown(), run]) == (
+        "kinematic / paper: left_envelope: t = 3 s: too slow.",
+    )
+
+
+def test_an_end_that_was_expected_is_none_to_complain_of_and_its_absence_is():
+    wanted = scenario({"gains": "paper", "status": "left_envelope"})
+
+    ended = flown(status="left_envelope", reason="t = 3 s: too slow.")
+    assert missed_expectations(wanted, [ended]) == ()
+    assert missed_expectations(wanted, [flown()]) == (
+        "kinematic / paper: completed, must be left_envelope: flown to its end",
+    )
+
+
+def test_expectations_hold_for_the_runs_they_name():
+    wanted = scenario({"gains": "K5", "at_most": {"chi": {"peak_deg": 1.0}}})
+    off = np.deg2rad(2.0)
+
+    assert missed_expectations(wanted, [flown(off)]) == ()
+    assert len(missed_expectations(wanted, [flown(off, gains="K5")])) == 1
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"gains": "paper"}, "`status`, `at_most` or `at_least` must be given"),
+        ({"at_most": {"chi": {"MO": 1.0}}}, "`chi.MO` must be one of ITAE, .*MO_rad"),
+        ({"at_most": {"flight": {"ITAE": 1.0}}}, "`flight.ITAE` must be one of V_a_dev_mps"),
+        ({"at_most": {"psi": {"ITAE": 1.0}}}, "must be 'chi', 'gamma' or 'flight'"),
+        ({"gains": "K6", "status": "completed"}, "must be one of paper, K5, got 'K6'"),
+        ({"plant": "jsbsim:f16", "status": "completed"}, "must be one of kinematic, got"),
+        ({"status": "crashed"}, "`status` must be 'completed', "),
+    ],
+)
+def test_expectations_of_what_is_not_there_are_refused(table, message):
+    with pytest.raises(ScenarioError, match=message):
+        scenario(table)

@@ -1,0 +1,66 @@
+"""A whole scenario flown: what the controller knows of the aircraft, and what stands in a run."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from flighttune.flight.fly import fly
+from flighttune.scenario import scenario_from
+from flighttune.shipped import scenario_file
+
+ROUNDING = 1e-12
+
+
+def scenario(**tables):
+    given = tomllib.loads(scenario_file("paper").read_text())
+    return scenario_from({**given, "gains": ["paper"], **tables})
+
+
+def test_the_controller_keeps_inside_the_limits_of_the_aircraft_it_flies():
+    wide = {"phi_deg": [-80.0, 80.0], "n_z": [-3.0, 3.0]}
+    runs = {run.provenance.plant: run for run in fly(scenario(limits=wide)).runs}
+
+    kinematic, aircraft = (runs[name].signals for name in ("kinematic", "jsbsim:aerosonde"))
+    assert np.rad2deg(kinematic["phi_cmd"].abs().max()) > 60.0
+    assert np.rad2deg(aircraft["phi_cmd"].abs().max()) <= 45.0 + ROUNDING
+    assert (aircraft["phi_cmd"].diff().abs().max() / 0.02) <= np.deg2rad(30.0) * (1.0 + 1e-9)
+
+
+def test_where_there_is_no_steady_flight_the_run_says_why_and_the_others_fly():
+    dive = {"V_a_mps": 25.0, "gamma_deg": -30.0, "duration_s": 5.0}
+    kinematic, aircraft = fly(scenario(flight=dive)).runs
+
+    assert kinematic.status == "completed"
+    assert aircraft.status == "no_trim"
+    assert "throttle closed" in aircraft.reason
+    assert len(aircraft.signals) == 0
+
+
+def test_a_run_knows_what_made_it():
+    (run, _) = fly(scenario(seed=7)).runs
+
+    assert run.provenance.seed == 7
+    assert run.provenance.scenario["flight"]["V_a_mps"] == 25.0
+    assert {"flighttune", "numpy", "jsbsim", "python"} <= run.provenance.versions.keys()
+    assert scenario_from(dict(run.provenance.scenario)) == scenario(seed=7)
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 30.0, 60.0, 100.0, 250.0])
+def test_any_controller_rate_flies_on_the_full_aircraft(rate_hz):
+    settings = {"rate_hz": rate_hz, "feed_forward": True}
+    short = {"V_a_mps": 25.0, "duration_s": 2.0}
+    (_, run) = fly(scenario(controller=settings, flight=short)).runs
+
+    assert run.status == "completed"
+    assert len(run.signals) == round(2.0 * rate_hz) + 1
+
+
+def test_progress_is_told_for_every_run_up_to_its_end():
+    told = {}
+    fly(scenario(), progress=lambda label, part: told.setdefault(label, []).append(part))
+
+    assert list(told) == ["kinematic / paper", "jsbsim:aerosonde / paper"]
+    for parts in told.values():
+        assert parts == sorted(parts)
+        assert parts[-1] == 1.0

@@ -1,0 +1,249 @@
+"""The ladder: one law on four plants, and parts that add up to the whole."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.errors import InputError
+from flighttune.flight.fly import fly
+from flighttune.flight.gap import explain_gap
+from flighttune.flight.gap_figure import gap_figure, save_gap_figure
+from flighttune.flight.ladder import rung_metrics
+from flighttune.metrics import METRICS, channel_metrics
+from flighttune.recording.plots import TABS, shown_plots, value_range
+from flighttune.recording.record import record
+from flighttune.scenario import load_scenario, scenario_from
+
+ROUNDING = 1e-12
+LIMITS_IN_RADIANS = 1e-9
+"""What the rounding of a limit from deg and from rad/s may do to a course, rad."""
+IN_TIME = 1e-9
+"""What the rounding of a time does to a wind, m/s."""
+RUNGS = ["kinematic", "point_mass", "point_mass_lag", "jsbsim:aerosonde"]
+WIND = ["wind_north", "wind_east", "wind_down"]
+
+
+def changed(name, **tables):
+    return scenario_from(load_scenario(name).as_dict() | tables)
+
+
+def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
+    assert (paper_gap.status, paper_gap.reason) == ("explained", "")
+    assert [run.provenance.plant for run in paper_gap.runs] == RUNGS
+    assert {run.duration for run in paper_gap.runs} == {20.0}
+
+
+def test_first_and_last_rung_are_the_flights_of_fly(paper_gap):
+    flown = {run.label: run.signals for run in fly(paper_gap.scenario).runs}
+
+    first, last = paper_gap.runs[0], paper_gap.runs[-1]
+    signals = flown[last.label]
+    assert np.array_equal(last.signals[signals.columns].to_numpy(), signals.to_numpy())
+    assert first.signals["chi"].to_numpy() == pytest.approx(
+        flown[first.label]["chi"].to_numpy(), abs=LIMITS_IN_RADIANS
+    )
+
+
+@pytest.mark.parametrize("gap_name", ["paper_gap", "windy_gap"])
+def test_the_steps_add_up_to_the_whole(gap_name, request):
+    gap = request.getfixturevalue(gap_name)
+    first, last = gap.runs[0], gap.runs[-1]
+
+    for channel in ("chi", "gamma"):
+        added = sum(getattr(step, channel) for step in gap.ladder.steps)
+        apart = (last.signals[channel] - first.signals[channel]).to_numpy()
+        assert added == pytest.approx(apart, abs=ROUNDING)
+    for metric in METRICS:
+        added = sum(step.metrics[metric].to_numpy() for step in gap.ladder.steps)
+        apart = (channel_metrics(last) - channel_metrics(first))[metric].to_numpy()
+        assert added == pytest.approx(apart, abs=ROUNDING, nan_ok=True)
+    assert gap.ladder.residual < ROUNDING
+
+
+def test_every_step_tells_more_of_the_aircraft_than_the_last(paper_gap):
+    top = paper_gap.runs[-1].signals["chi"]
+    apart = [float(np.std(run.signals["chi"] - top)) for run in paper_gap.runs[:-1]]
+
+    assert apart[0] > 3.0 * apart[1] > 6.0 * apart[2]
+
+
+def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
+    law, point = paper_gap.runs[:2]
+    pushing_over = law.signals.index < 1.5
+    sideways = point.signals["n_z"] * np.sin(point.signals["phi"])
+
+    assert sideways[pushing_over].abs().max() < 0.2
+    assert law.signals["chi"][pushing_over].iloc[-1] < math.radians(50.0)
+    assert point.signals["chi"][pushing_over].iloc[-1] > math.radians(57.0)
+
+
+def test_the_lag_comes_from_the_model_file_or_from_the_flight(paper_gap):
+    fitted = explain_gap(paper_gap.scenario, PAPER_GAINS, name="paper", lag="fitted")
+
+    assert paper_gap.ladder.inner_loop.source == "identified"
+    assert fitted.ladder.inner_loop.source == "fitted"
+    for channel in ("phi", "n_z"):
+        identified = getattr(paper_gap.ladder.inner_loop, channel).fit_percent
+        assert 99.0 < identified <= getattr(fitted.ladder.inner_loop, channel).fit_percent
+
+
+def test_all_rungs_fly_in_the_air_that_the_aircraft_met(windy_gap):
+    met = windy_gap.runs[-1].signals[WIND].to_numpy()
+
+    assert np.ptp(met, axis=0).min() > 0.5
+    for rung in windy_gap.runs[:-1]:
+        assert rung.signals[WIND].to_numpy() == pytest.approx(met, abs=IN_TIME)
+        assert rung.signals["chi"].iloc[0] == pytest.approx(
+            windy_gap.runs[-1].signals["chi"].iloc[0], abs=1e-9
+        )
+
+
+def test_the_bound_over_the_whole_of_a_turbulent_flight_is_wider_than_a_circle(windy_gap):
+    assert windy_gap.verdict.claim.tube[0] > math.pi
+    assert windy_gap.verdict.claim.vacuous
+    assert windy_gap.verdict.sentence.startswith("held, but at ±")
+
+
+def test_a_bound_wider_than_half_the_command_is_vacuous_and_the_outcome_stays(paper_gap):
+    verdict = paper_gap.verdict
+
+    assert verdict.claim.commanded == pytest.approx(math.radians(60.0))
+    assert math.radians(30.0) < max(verdict.claim.tube) < math.pi / 2.0
+    assert verdict.held
+    assert verdict.claim.vacuous
+    assert verdict.sentence == "held, but at ±49 deg the bound is too loose to be useful"
+
+
+def test_the_aircrafts_own_limits_hold_on_every_rung():
+    gap = explain_gap(changed("paper", limits={}), PAPER_GAINS)
+
+    for rung in gap.runs:
+        phi_cmd = rung.signals["phi_cmd"].to_numpy()
+        assert np.abs(phi_cmd).max() <= math.radians(45.0) + ROUNDING
+        assert np.abs(np.diff(phi_cmd)).max() <= math.radians(30.0) * 0.02 + ROUNDING
+
+
+def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
+    wild = PIGains(K_P=-PAPER_GAINS.K_P, K_I=-PAPER_GAINS.K_I)
+
+    gap = explain_gap(load_scenario("paper"), wild, name="wild")
+
+    assert gap.status == "cut_short"
+    assert gap.reason
+    assert len({len(run.signals) for run in gap.runs}) == 1
+    assert gap.ladder.residual < ROUNDING
+    assert gap.indicators.status == "unstable"
+    assert gap.verdict is None
+    assert gap_figure(gap).axes
+
+
+def test_a_rung_that_failed_has_no_metrics_and_gives_none_to_its_steps(paper_gap):
+    wild = PIGains(K_P=-PAPER_GAINS.K_P, K_I=-PAPER_GAINS.K_I)
+
+    ladder = explain_gap(load_scenario("paper"), wild, name="wild").ladder
+
+    assert paper_gap.ladder.failed == {}
+    assert ladder.failed["kinematic"] == "ended early (left envelope)"
+    for run in ladder.runs:
+        known = rung_metrics(run)["ITAE"].notna().all()
+        assert known == (run.provenance.plant not in ladder.failed)
+    for step in (*ladder.steps, ladder.whole):
+        failed = {step.lower, step.upper} & ladder.failed.keys()
+        assert step.metrics.isna().all(axis=None) == bool(failed)
+        assert np.isfinite(step.chi).all()
+
+
+def test_a_course_error_that_goes_around_is_no_overshoot(paper_gap):
+    run = paper_gap.ladder.runs[0]
+    around = np.linspace(0.0, 2.0 * math.pi, len(run.signals))
+    wrapped = (around + math.pi) % (2.0 * math.pi) - math.pi
+    spun = replace(run, signals=run.signals.assign(chi_err=wrapped))
+    hand = replace(run, status="interrupted", reason="stopped")
+
+    ladder = replace(paper_gap.ladder, runs=(spun, hand, *paper_gap.ladder.runs[2:]))
+
+    assert ladder.failed == {"kinematic": "diverged (course error past 180 deg)"}
+
+
+def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
+    flight = load_scenario("paper").as_dict()["flight"] | {"gamma_deg": 85.0}
+
+    gap = explain_gap(changed("paper", flight=flight), PAPER_GAINS)
+
+    assert gap.status == "not_flown"
+    assert gap.reason.startswith("jsbsim:aerosonde / gains: ")
+    assert gap.ladder is None
+    with pytest.raises(InputError, match="`gap` must have a ladder"):
+        gap_figure(gap)
+
+
+def test_a_pull_up_without_roll_is_explained_too():
+    straight = changed(
+        "paper",
+        flight={"V_a_mps": 25.0, "duration_s": 6.0},
+        reference={"chi_deg": 0.0, "gamma_deg": 10.0},
+    )
+
+    for lag in ("identified", "fitted"):
+        gap = explain_gap(straight, PAPER_GAINS, lag=lag)
+        assert gap.status == "explained"
+        assert gap.ladder.residual < ROUNDING
+
+
+def test_a_scenario_without_aircraft_has_no_gap():
+    with pytest.raises(InputError, match="`plant` must have one of kind jsbsim"):
+        explain_gap(changed("paper", plant=[{"kind": "kinematic"}]), PAPER_GAINS)
+
+
+def test_the_figure_has_units_on_every_axis_and_no_legend_in_a_plot(paper_gap, tmp_path):
+    figure = gap_figure(paper_gap)
+    save_gap_figure(paper_gap, tmp_path / "gap.png", dpi=40)
+
+    assert len(figure.axes) == 10
+    for axes in figure.axes:
+        assert axes.get_ylabel().endswith("]")
+        assert axes.get_title(loc="left")
+        assert axes.get_legend() is None
+    assert (tmp_path / "gap.png").read_bytes().startswith(b"\x89PNG")
+    assert [path.name for path in tmp_path.iterdir()] == ["gap.png"]
+
+
+def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
+    plots = {plot.signal: plot for tab in TABS.values() for plot in tab}
+    tube = paper_gap.runs[-1].signals[["chi_tube_low", "chi_tube_high"]]
+
+    files = record(paper_gap.flown(), tmp_path)
+
+    assert files.recording.stat().st_size > 0
+    assert len(files.signals) == len(RUNGS)
+    assert "Mismatch" in shown_plots(paper_gap.runs)
+    low, high = value_range(plots["chi"], paper_gap.runs)
+    assert low < math.degrees(np.nanmin(tube.to_numpy()))
+    assert high > math.degrees(np.nanmax(tube.to_numpy()))
+
+
+def test_the_ultimate_set_of_the_papers_manoeuvre_holds_and_so_does_the_way_into_it(paper_gap):
+    settled, check = paper_gap.check.settled, paper_gap.check
+
+    assert paper_gap.verdict.held
+    assert settled.held
+    assert not settled.claim.vacuous
+    assert settled.claim.L_d < 0.2 * paper_gap.verdict.claim.L_d
+    limited = paper_gap.runs[-1].signals["n_z_limited"].to_numpy()
+    assert limited[:10].all()
+    assert np.isnan(check.bound[:10]).all()
+    assert check.t_broken is None
+
+
+def test_the_papers_manoeuvre_is_certified_closely_once_no_limit_holds_it(paper_gap):
+    free, signals = paper_gap.free, paper_gap.runs[-1].signals
+    limited = signals[["phi_limited", "n_z_limited"]].to_numpy().any(axis=1)
+
+    assert free.t_from == pytest.approx(signals.index[np.flatnonzero(limited)[-1]], abs=0.05)
+    assert free.sentence == "held"
+    assert max(free.widest) < 0.1 * max(paper_gap.verdict.claim.tube)
+    assert max(free.widest) < 0.6 * max(paper_gap.check.settled.claim.tube)
+    assert max(free.at_end) < math.radians(2.0)

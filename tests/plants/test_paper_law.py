@@ -1,0 +1,121 @@
+"""The paper's law against flight conditions whose answer is known on paper."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flighttune.errors import InputError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.point_mass import PointMassPlant, turn_rates
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.units import G_PAPER
+
+MICRODEGREE_PER_S = np.deg2rad(1e-6)
+INTEGRATION = 1e-9
+LEVEL = FlightCondition(V_a=25.0)
+
+
+@pytest.mark.parametrize("phi", np.deg2rad([-60.0, -15.0, 0.0, 30.0, 75.0]))
+def test_level_turn_keeps_height_and_turns_at_g_tan_phi_over_v(phi):
+    chi_dot, gamma_dot = turn_rates(45.0, gamma=0.0, phi=phi, n_z=1.0 / np.cos(phi))
+
+    assert gamma_dot == pytest.approx(0.0, abs=MICRODEGREE_PER_S)
+    assert chi_dot == pytest.approx(9.81 * np.tan(phi) / 45.0, abs=MICRODEGREE_PER_S)
+
+
+def test_a_loop_pulled_at_constant_load_factor_starts_with_the_radius_of_the_textbook():
+    V_a, n_z = 50.0, 3.0
+
+    _, gamma_dot = turn_rates(V_a, gamma=0.0, phi=0.0, n_z=n_z)
+
+    assert V_a / gamma_dot == pytest.approx(V_a**2 / (9.81 * (n_z - 1.0)), rel=1e-12)
+
+
+@pytest.mark.parametrize("V_a", [0.0, -1.0, np.nan])
+def test_airspeed_must_be_positive(V_a):
+    with pytest.raises(InputError, match=r"`V_a` must be positive, got .* m/s"):
+        turn_rates(V_a, gamma=0.0, phi=0.0, n_z=1.0)
+
+
+def test_a_level_turn_flies_a_circle():
+    plant, phi = PointMassPlant(law="paper"), math.radians(30.0)
+    plant.start(LEVEL)
+    turn_time = math.tau * 25.0 / (G_PAPER * math.tan(phi))
+
+    for _ in range(400):
+        assert plant.advance(phi, 1.0 / math.cos(phi), turn_time / 400) is None
+
+    seen = dict(zip(plant.signals, plant.observe(), strict=True))
+    assert seen["chi"] == pytest.approx(math.tau, abs=INTEGRATION)
+    assert (seen["north"], seen["east"], seen["down"]) == pytest.approx((0, 0, 0), abs=1e-4)
+
+
+def test_a_steady_climb_goes_up_along_its_course():
+    plant, gamma = PointMassPlant(law="paper"), math.radians(20.0)
+    plant.start(FlightCondition(V_a=20.0, chi=math.pi / 2, gamma=gamma))
+
+    plant.advance(0.0, math.cos(gamma), 10.0)
+
+    seen = dict(zip(plant.signals, plant.observe(), strict=True))
+    assert seen["gamma"] == pytest.approx(gamma, abs=INTEGRATION)
+    path = (0.0, 200.0 * math.cos(gamma), -200.0 * math.sin(gamma))
+    assert (seen["north"], seen["east"], seen["down"]) == pytest.approx(path, abs=1e-6)
+
+
+def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
+    sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.2, gamma_omega=1.7)
+    plant = PointMassPlant(law="paper", disturbance=sinusoid)
+    plant.start(FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
+    phi, n_z = 0.4, 1.2
+
+    for _ in range(100):
+        plant.advance(phi, n_z, 0.1)
+
+    def law(t, x):
+        chi_dot = 9.81 * np.tan(phi) / 25.0 + 0.1 * np.sin(0.9 * t)
+        gamma_dot = 9.81 * (n_z * np.cos(phi) - np.cos(x[1])) / 25.0 + 0.2 * np.cos(1.7 * t)
+        return [chi_dot, gamma_dot]
+
+    exact = solve_ivp(law, (0.0, 10.0), [1.0, 0.5], rtol=1e-12, atol=1e-12).y[:, -1]
+    assert plant.observe()[:2] == pytest.approx(exact, abs=INTEGRATION)
+
+
+@pytest.mark.parametrize("phi", [math.pi / 2, -1.7, math.nan])
+def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
+    plant = PointMassPlant(law="paper")
+    plant.start(LEVEL)
+
+    stop = plant.advance(phi, 1.0, 0.02)
+
+    assert stop is not None
+    assert stop.status == "diverged"
+    assert "t = 0.00 s" in stop.reason
+
+
+def test_gravity_must_be_positive():
+    with pytest.raises(InputError, match=r"`g` must be positive, got 0\.0"):
+        PointMassPlant(law="paper", g=0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"V_a": -25.0}, r"`V_a` must be positive, got -25\.0 m/s"),
+        ({"gamma": 1.6}, r"`gamma` must lie inside \+-pi/2, got 1\.6 rad"),
+        ({"chi": math.inf}, r"`chi` must be finite"),
+        ({"n_z": math.nan}, r"`n_z` must be finite"),
+    ],
+)
+def test_flight_conditions_that_cannot_be_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        FlightCondition(**{"V_a": 25.0, **change})
+
+
+def test_the_steady_load_factor_of_a_climbing_turn_carries_the_weight():
+    condition = FlightCondition(V_a=25.0, gamma=0.3, phi=0.7)
+
+    _, gamma_dot = turn_rates(25.0, condition.gamma, condition.phi, condition.n_z_start)
+
+    assert gamma_dot == pytest.approx(0.0, abs=MICRODEGREE_PER_S)

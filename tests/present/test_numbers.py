@@ -1,0 +1,65 @@
+"""Numbers, shares, angles and metrics as text."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.comparison.pairs import FLIGHT_UNITS
+from flighttune.metrics import METRICS
+from flighttune.present.names import METRIC_LABELS, metric_label
+from flighttune.present.numbers import (
+    degrees,
+    figures,
+    interval,
+    matrix,
+    number,
+    percent,
+    percent_interval,
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.123456, "0.1235"), (math.nan, "–"), (math.inf, "∞"), (-math.inf, "−∞")],
+)
+def test_numbers_without_a_value_are_a_dash(value, text):
+    assert number(value) == text
+
+
+def test_a_number_follows_its_format():
+    assert number(-0.0001, "z.2f") == "0.00"
+    assert number(math.nan, ".2f", missing="never") == "never"
+    assert [figures(value) for value in (0.012345, 12.345, 12345.6)] == ["0.0123", "12.3", "12346"]
+
+
+def test_an_interval_without_a_bound_is_infinite():
+    assert interval(4.6312, 4.25, math.inf) == "4.63 [4.25, ∞]"
+    assert interval(math.nan, 0.0, 1.0) == "–"
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.0, "0"), (1.0, "100"), (0.973, "97.3"), (0.9995, "99.95"), (0.00004, "0.004")],
+)
+def test_a_share_has_more_decimals_near_its_ends(share, text):
+    assert percent(share) == text
+
+
+def test_shares_and_angles():
+    assert percent_interval(0.5, 0.25, 1.0) == "50.0 [25.0, 100]"
+    assert degrees(math.radians(123.4)) == "123°"
+    assert degrees(math.radians(0.5)) == "0.5°"
+    assert degrees(0.0) == "0.001°", "no angle is claimed to be smaller than is written"
+
+
+def test_a_matrix_is_one_line_without_negative_zeros():
+    assert matrix(np.array([[1.0, -0.00001], [2.5, 3.0]])) == "[1.0000, 0.0000; 2.5000, 3.0000]"
+
+
+def test_every_metric_has_a_label_and_angles_are_in_degrees():
+    assert {*METRICS, *FLIGHT_UNITS, "peak_rad"} == METRIC_LABELS.keys()
+    assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"
+    assert metric_label("chi.MO_rad").text(math.pi / 18.0) == "10.00"
+    assert metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"
+    assert metric_label("flight.n_z_max").heading == "maximum n_z [1]"

@@ -1,0 +1,126 @@
+"""Colours must differ for every kind of sight, as the model of Machado et al. (2009) shows them."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from flighttune.present.palette import HUES, LIMIT, MORE, NEUTRAL, looks, many_looks, rgb
+
+SMALLEST_DIFFERENCE = 17.0
+"""CIE 1976 colour difference; 2.3 is just noticeable."""
+
+LOWEST_CONTRAST = 3.0
+"""WCAG 2.1 for graphical objects, on the ground of the viewer."""
+
+VIEWER_GROUND = "#0D0D0D"
+
+SIGHT = {
+    "normal": np.eye(3),
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "tritanopia": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.303900],
+    ],
+}
+"""G. M. Machado, M. M. Oliveira, L. A. F. Fernandes, A Physiologically-based Model for Simulation
+of Color Vision Deficiency, IEEE TVCG 15(6), 2009, severity 1.0, on linear RGB."""
+
+XYZ_OF_RGB = np.array(
+    [
+        [0.4124564, 0.3575761, 0.1804375],
+        [0.2126729, 0.7151522, 0.0721750],
+        [0.0193339, 0.1191920, 0.9503041],
+    ]
+)
+COLOURS = [colour for hue in HUES for colour, _ in hue]
+EIGHTEEN = [*COLOURS, *(colour for colour, _ in MORE)]
+
+
+def linear(colour):
+    share = np.array(rgb(colour)) / 255.0
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+
+
+def lab(light):
+    x = XYZ_OF_RGB @ np.clip(light, 0.0, 1.0) / XYZ_OF_RGB.sum(axis=1)
+    f = np.where(x > 216.0 / 24389.0, np.cbrt(x), (24389.0 / 27.0 * x + 16.0) / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_any_two_of_the_twelve_colours_can_be_told_apart(sight):
+    seen = [lab(np.array(SIGHT[sight]) @ linear(colour)) for colour in COLOURS]
+
+    differences = [np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)]
+
+    assert len(COLOURS) == 12
+    assert min(differences) >= SMALLEST_DIFFERENCE
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_six_more_colours_can_be_told_apart_too_and_from_references_and_limits(sight):
+    seen = [lab(np.array(SIGHT[sight]) @ linear(colour)) for colour in EIGHTEEN]
+    marks = [lab(np.array(SIGHT[sight]) @ linear(colour)) for colour in (NEUTRAL, LIMIT)]
+
+    differences = [np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)]
+    from_marks = [np.linalg.norm(a - b) for a in seen[12:] for b in marks]
+
+    assert min(differences) >= SMALLEST_DIFFERENCE
+    assert min(from_marks) >= SMALLEST_DIFFERENCE
+
+
+@pytest.mark.parametrize("colour", EIGHTEEN)
+def test_every_colour_stands_out_from_the_ground_of_the_viewer(colour):
+    weights = XYZ_OF_RGB[1]
+    light, dark = weights @ linear(colour) + 0.05, weights @ linear(VIEWER_GROUND) + 0.05
+
+    assert light / dark >= LOWEST_CONTRAST
+
+
+def test_hue_tells_the_gains_and_shade_the_plant():
+    pairs = [(plant, name) for plant in ("kinematic", "jsbsim:x") for name in ("paper", "tuned")]
+
+    found = looks(pairs)
+
+    assert [found[pair].name for pair in pairs] == ["light blue", "apricot", "blue", "rust"]
+    assert found["jsbsim:x", "paper"].width > found["kinematic", "paper"].width
+
+
+def test_a_single_plant_has_the_strong_shade():
+    assert looks([("jsbsim:x", "paper")])["jsbsim:x", "paper"].name == "blue"
+
+
+@pytest.mark.parametrize(("plants", "sets"), [(2, 6), (1, 12), (3, 4), (4, 3), (12, 1)])
+def test_up_to_twelve_runs_have_a_colour_each(plants, sets):
+    pairs = [(f"plant{i}", f"gains{k}") for i in range(plants) for k in range(sets)]
+
+    assert len({look.colour for look in looks(pairs).values()}) == 12
+
+
+def test_more_than_twelve_runs_begin_again():
+    pairs = [("plant", f"gains{k}") for k in range(13)]
+
+    found = looks(pairs)
+
+    assert found[pairs[12]] == found[pairs[0]]
+
+
+def test_eighteen_runs_have_a_colour_each_and_the_first_twelve_keep_theirs():
+    pairs = [("plant", f"gains{k}") for k in range(19)]
+
+    found = many_looks(pairs)
+
+    assert len({found[pair].colour for pair in pairs[:18]}) == 18
+    assert found[pairs[18]] == found[pairs[0]]
+    assert {pair: found[pair] for pair in pairs[:12]} == looks(pairs[:12])

@@ -1,0 +1,41 @@
+"""Long lines in few points keep their peaks."""
+
+import numpy as np
+
+from flighttune.present.thinning import evenly, peaks
+
+
+def test_a_short_line_is_drawn_as_it_is():
+    assert peaks(np.zeros((100, 2)), most=100).tolist() == list(range(100))
+    assert evenly(100, most=100).tolist() == list(range(100))
+
+
+def test_a_long_line_keeps_ends_and_every_single_spike():
+    t = np.arange(50_000)
+    lines = np.column_stack([np.sin(t / 3000.0), np.zeros(len(t))])
+    spikes = [7, 12_345, 33_333, 49_998]
+    lines[spikes, 1] = [5.0, -5.0, 3.0, -2.0]
+
+    kept = peaks(lines, most=1000)
+
+    assert {0, 49_999, *spikes} <= set(kept.tolist())
+    assert np.all(np.diff(kept) > 0)
+    assert len(kept) <= 2 * 1000 + 2
+    assert np.abs(np.interp(t, kept, lines[kept, 0]) - lines[:, 0]).max() < 0.02
+
+
+def test_gaps_stay_gaps():
+    values = np.linspace(0.0, 1.0, 30_000)
+    values[10_000:20_000] = np.nan
+
+    kept = peaks(values, most=300)
+
+    assert np.isnan(values[kept]).sum() >= 40
+    assert np.nanmin(values[kept]) == 0.0
+    assert np.nanmax(values[kept]) == 1.0
+
+
+def test_evenly_spaced_samples_hold_both_ends():
+    kept = evenly(90_001, most=12_000)
+
+    assert (kept[0], kept[-1], len(kept)) == (0, 90_000, 12_000)
