@@ -14,9 +14,9 @@ import time
 from functools import partial
 from pathlib import Path
 
+from flighttune.identify.experiment import DT
+from flighttune.identify.identify import identify
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.identification.excitation import DT
-from flighttune.plants.identification.identify import identify
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
@@ -44,7 +44,7 @@ def identification_s() -> tuple[float, float]:
     began = time.perf_counter()
     found = identify(partial(JSBSimPlant, "aerosonde"), condition, plant.limits)
     took = time.perf_counter() - began
-    flown = (len(found.check.flown) * DT + 40.0) * FDM_RATE_HZ
+    flown = (len(found.check.measured) * DT + 40.0) * FDM_RATE_HZ
     fdm = Fdm(plant.config, FDM_RATE_HZ)
     trim(fdm, condition)
     began = time.perf_counter()

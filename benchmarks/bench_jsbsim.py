@@ -11,10 +11,10 @@ import math
 import sys
 import time
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
@@ -76,14 +76,14 @@ def closed_loop(weather: Weather | None) -> tuple[float, int]:
         anti_windup=scenario.controller.anti_windup,
     )
     plant = TimedPlant(fdm_rate_hz=FDM_RATE_HZ, weather=weather, seed=1)
-    flown = simulate(
+    signals, stop = simulate(
         plant, controller, scenario.followed(), condition=scenario.condition,
         duration=SECONDS, feed_forward=scenario.controller.feed_forward,
     )  # fmt: skip
     took = time.process_time() - plant.began
-    if flown.stop is not None:
-        raise SystemExit(f"the flight ended early: {flown.stop.reason}")
-    return took / (SECONDS * FDM_RATE_HZ), flown.signals.shape[1]
+    if stop is not None:
+        raise SystemExit(f"the flight ended early: {stop.reason}")
+    return took / (SECONDS * FDM_RATE_HZ), signals.shape[1]
 
 
 def main() -> int:

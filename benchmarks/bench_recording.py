@@ -16,8 +16,8 @@ import pandas as pd
 import rerun as rr
 
 from flighttune.control.gains import PAPER_GAINS
+from flighttune.recording.entities import TIMELINE
 from flighttune.recording.load import load_recording
-from flighttune.recording.names import TIMELINE
 from flighttune.recording.parquet import write_run
 from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run

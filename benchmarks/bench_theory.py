@@ -20,10 +20,8 @@ import cvxpy as cp
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
-from flighttune.control.closed_loop import closed_loops
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import kinematic_model
-from flighttune.theory.evp import paper_evp
+from flighttune.control.linear_model import closed_loops, kinematic_model
 from flighttune.theory.indicators import indicators_batch
 
 MILLION = 1_000_000
@@ -79,11 +77,6 @@ def by_cvxpy(A: np.ndarray) -> np.ndarray:
     return Q.value
 
 
-def by_paper_evp(A: np.ndarray) -> np.ndarray:
-    """The package's EVP: compiled once, every answer checked and bounded."""
-    return paper_evp(A).Q
-
-
 def seconds_each(*runs: tuple[Callable[[np.ndarray], object], np.ndarray]) -> list[float]:
     """Processor time a loop of each run: the shortest of some taken in turn."""
     took = np.full((REPEATS, len(runs)), np.inf)
@@ -102,7 +95,6 @@ def against_peers() -> dict[str, dict[str, float]]:
         "SciPy loop": (by_scipy, 2000),
         "python-control lyap loop": (by_python_control, 2000),
         "cvxpy + Clarabel, a problem a loop": (by_cvxpy, 30),
-        "paper_evp (compiled once, checked)": (by_paper_evp, 100),
     }
     table = {}
     for name, (solve, count) in peers.items():

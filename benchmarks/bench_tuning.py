@@ -12,15 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.lag import with_input_lag
+from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import kinematic_model
 from flighttune.control.margins import loop_margins
 from flighttune.tuning.diagnosis import diagnosis
 from flighttune.tuning.frontier import frontier
-from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.problem import Method, TuningProblem
 from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import Method, tune
+from flighttune.tuning.tune import tune
 
 SEEDS = range(10)
 METHODS: tuple[Method, ...] = ("gradient", "genetic", "convex")
