@@ -195,7 +195,7 @@ def test_a_single_late_digit_of_Q_is_enough(at_trim):
     assert verify(later).valid
 
 
-@settings(max_examples=200, deadline=None, derandomize=True, database=None,
+@settings(max_examples=200,
           suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
 @given(
     key=st.sampled_from(["Q", "W"]),

@@ -16,7 +16,8 @@ from flighttune.recording.viewer import ViewerProcess, free_port, stream_url
 from flighttune.scenario import load_scenario, scenario_from
 
 FLAT = 3.0
-SLOW_MACHINE = 1.5
+SLOW_MACHINE = 1.0
+TRIES = 6
 """Seconds that pacing may be late."""
 
 
@@ -48,15 +49,25 @@ def test_a_watched_flight_is_the_same_to_the_bit():
         assert (a.status, a.label) == (b.status, b.label)
 
 
-@pytest.mark.parametrize("pace", [1.0, 4.0])
-def test_the_pace_is_kept(pace):
+def seconds_watched(pace):
+    """How long 1.5 s of flight take a watcher at a pace."""
     scenario = short(1.5)
     with server() as (_, url), LiveSession(scenario, url, pace=pace) as session:
         began = time.monotonic()
         fly(scenario, observer=session)
-        took = time.monotonic() - began
+        return time.monotonic() - began
 
-    assert 0.9 * 1.5 / pace - 0.15 < took < 1.5 / pace + SLOW_MACHINE
+
+@pytest.mark.parametrize("pace", [1.0, 4.0])
+def test_the_pace_is_kept(pace):
+    least = 0.9 * 1.5 / pace - 0.15
+    # A busy machine may be late once; a pace that is not kept is late every time.
+    for _ in range(TRIES):
+        took = seconds_watched(pace)
+        assert took > least
+        if took < 1.5 / pace + SLOW_MACHINE:
+            return
+    pytest.fail(f"late in {TRIES} of {TRIES} flights, the last by {took - 1.5 / pace:.1f} s")
 
 
 @pytest.mark.parametrize("pace", [0.0, -1.0, float("nan")])

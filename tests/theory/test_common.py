@@ -66,7 +66,7 @@ def test_the_rate_is_lowered_by_every_vertex_and_held_by_every_matrix_between():
     assert largest_violation(between, found.Q) < EIGENVALUE_ROUNDING
 
 
-@settings(max_examples=30, deadline=None, derandomize=True, database=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32))
 def test_rate_and_bound_enclose_each_other_on_random_polytopes(seed):
     rng = np.random.default_rng(seed)

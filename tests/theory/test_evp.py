@@ -42,7 +42,7 @@ def stable_loops(draw):
 
 
 @settings(
-    max_examples=200, deadline=None, derandomize=True, database=None,
+    max_examples=200,
     suppress_health_check=list(HealthCheck),
 )  # fmt: skip
 @given(stable_loops())

@@ -71,7 +71,7 @@ def test_state_scaling_is_a_change_of_variables():
     assert found.scaling.tolist() == scale.tolist()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 6))
 def test_the_rate_never_promises_more_than_the_slowest_eigenvalue(seed, n):
     rng = np.random.default_rng(seed)
@@ -86,7 +86,7 @@ def test_the_rate_never_promises_more_than_the_slowest_eigenvalue(seed, n):
     assert np.linalg.eigvalsh(found.Q)[-1] == pytest.approx(1.0 / found.R_K, rel=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), spread=st.floats(0.0, 3.0))
 def test_a_stack_has_the_indicators_of_its_members(seed, spread):
     rng = np.random.default_rng(seed)

@@ -62,7 +62,7 @@ def test_a_barely_damped_oscillator_has_the_solution_known_on_paper(distance):
     assert lyapunov_solution(A) == pytest.approx(np.eye(2) / (2.0 * distance), rel=STIFF)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 12), decades=st.floats(0.0, 4.0))
 def test_any_number_of_states_agrees_with_bartels_and_stewart(seed, n, decades):
     A = stable_loop(seed, n, decades, normal=True)

@@ -130,7 +130,7 @@ def test_the_worst_disturbance_of_a_channel_reaches_its_peak_gain(reachable, cha
     assert flight.y[channel, -1] < bound * (1.0 + QUADRATURE)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, database=None)
+@settings(max_examples=60)
 @given(
     name=st.sampled_from(sorted(FLIGHTS)),
     seed=st.integers(0, 2**32),

@@ -36,7 +36,7 @@ def is_separated(values):
     return len(values) < 2 or (ordered[1:] / ordered[:-1])[[0, -1]].min() > GAP
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 6), is_scaled=st.booleans())
 def test_the_gradients_are_those_of_central_differences(seed, n, is_scaled):
     A_K = random_stable_loop(seed, n)
