@@ -103,7 +103,10 @@ LOOPBACK = {"0100007F", "0" * 24 + "01000000", "0" * 16 + "FFFF00000100007F"}
 
 def sockets_of(pid):
     """Local and remote address of every TCP and UDP socket of a process, as the kernel writes."""
-    links = [os.readlink(file) for file in Path(f"/proc/{pid}/fd").iterdir() if file.is_symlink()]
+    links = []
+    for file in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # closed while it was asked
+            links.append(os.readlink(file))
     own = {link[len("socket:[") : -1] for link in links if link.startswith("socket:[")}
     found = []
     for kind in ("tcp", "tcp6", "udp", "udp6"):
