@@ -15,7 +15,7 @@ from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_gap
 from flighttune.flight.refly import refly
 from flighttune.plants.label import aircraft_of, label_of, plant_label
-from flighttune.present.palette import HUES, looks
+from flighttune.present.palette import HUES, line_styles
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.geometry import span_of
 from flighttune.recording.load import load_recording
@@ -136,7 +136,7 @@ def test_names_that_letters_do_not_tell_apart_have_files_of_their_own(tables, tm
 
 
 def test_hue_tells_gains_and_shade_the_aircraft(flown):
-    found = looks((run.provenance.plant, run.provenance.gains_name) for run in flown.runs)
+    found = line_styles((run.provenance.plant, run.provenance.gains_name) for run in flown.runs)
 
     assert found[NOMINAL, "paper"].colour == HUES[0][1][0]
     assert found[HEAVY, "paper"].colour == HUES[0][0][0]

@@ -17,17 +17,29 @@ from flighttune.present.numbers import MISSING, percent, percent_interval
 from flighttune.present.tables import Table
 
 if TYPE_CHECKING:
-    from flighttune.campaign.choice.robust import Judged, RobustChoice
+    from flighttune.campaign.choice.robust import CandidateResult, RobustChoice
     from flighttune.campaign.dataset import Dataset
-    from flighttune.campaign.engine.estimate import Estimate
+    from flighttune.campaign.engine.cost import CampaignCost
     from flighttune.campaign.engine.progress import CampaignOutcome
     from flighttune.campaign.flying.refly import RowDifference
     from flighttune.campaign.planning.plan import Plan
     from flighttune.campaign.statistics.findings import Findings
+    from flighttune.campaign.statistics.intervals import Estimate
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
 CRASHED = ("crashed", "timed_out")
 """Such a run has no measures to compare, and it may crash or hang here as it did there."""
+
+OF_BEST = (
+    *("name", "K_P", "K_I", "R_K", "I_K"),
+    *("value", "interval", "success", "success_interval"),
+)
+"""Keys of the chosen candidate that stand at the top of the JSON object of `tune`."""
+
+CANDIDATE_COLUMNS = (
+    *("gains", "I_K [s²]", "R_K [1/s]", "draws"),
+    *("succeed [%]", "percentile", "behind", "best"),
+)
 
 CampaignArgument = Annotated[
     str, Argument(metavar="CAMPAIGN", help="A campaign file, or the name of a shipped one.")
@@ -71,12 +83,12 @@ def report(
     from flighttune.campaign.statistics.findings import findings
     from flighttune.campaign.statistics.flights import load_flights
     from flighttune.report.campaign.as_json import findings_json
-    from flighttune.report.campaign.page import write_page
+    from flighttune.report.campaign.page import write_campaign_report
 
     found = findings(load_flights(folder), method=interval, confidence=confidence)
     if out is None and Path(folder).is_dir():
         out = Path(folder) / "report.html"
-    page = None if out is None else write_page(found, out).path
+    page = None if out is None else write_campaign_report(found, out).path
     answer = {**findings_json(found), "sha256": dataset_hash(folder), "page": page}
     emit(answer, _findings_text(found, page), as_json=as_json)
 
@@ -173,9 +185,9 @@ def run(
     plan = _planned(file, runs, folder, resume=resume)
     if dry_run:
         from flighttune.campaign.engine.cluster import cores
-        from flighttune.campaign.engine.estimate import estimate
+        from flighttune.campaign.engine.cost import campaign_cost
 
-        cost, count = estimate(plan), workers or cores()
+        cost, count = campaign_cost(plan), workers or cores()
         emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count), as_json=as_json)
         return
     from flighttune.campaign.engine.engine import run_campaign
@@ -266,7 +278,7 @@ def tune(
 def _findings_text(found: "Findings", page: Path | None) -> Iterator[Table | str]:
     from flighttune.report.campaign.headline import headline
     from flighttune.report.campaign.page import notes
-    from flighttune.report.campaign.words import label_of, with_interval
+    from flighttune.report.campaign.words import with_interval
 
     label = None if found.measure is None else metric_label(found.measure)
     rows = []
@@ -274,7 +286,7 @@ def _findings_text(found: "Findings", page: Path | None) -> Iterator[Table | str
         spread, certified = one.measures.get(found.measure or ""), one.certified
         rows.append(
             (
-                label_of(one.group),
+                one.group.label,
                 str(one.n),
                 percent_interval(one.success.value, one.success.lo, one.success.hi),
                 *(
@@ -351,7 +363,7 @@ def _outcome_text(done: "CampaignOutcome") -> Iterator[str]:
     yield f"dataset: {done.dataset}   (look at it with: flighttune campaign report {done.dataset})"
 
 
-def _plan_json(plan: "Plan", cost: "Estimate", workers: int) -> dict[str, Any]:
+def _plan_json(plan: "Plan", cost: "CampaignCost", workers: int) -> dict[str, Any]:
     campaign = plan.campaign
     return {
         "title": campaign.title,
@@ -372,7 +384,7 @@ def _plan_json(plan: "Plan", cost: "Estimate", workers: int) -> dict[str, Any]:
     }
 
 
-def _plan_text(plan: "Plan", cost: "Estimate", workers: int) -> Iterator[Table | str]:
+def _plan_text(plan: "Plan", cost: "CampaignCost", workers: int) -> Iterator[Table | str]:
     campaign, keep = plan.campaign, plan.campaign.keep
     yield table(
         f"{campaign.title}: {plan.runs} runs = {plan.draws} draws ({campaign.design}, seed "
@@ -404,41 +416,32 @@ def _size(count: int) -> str:
 
 
 def _choice_json(found: "RobustChoice", file: str) -> dict[str, Any]:
-    best = {} if found.best is None else _judged_json(found.best)
-    of_best = [
-        "name",
-        "K_P",
-        "K_I",
-        "R_K",
-        "I_K",
-        "value",
-        "interval",
-        "success",
-        "success_interval",
-    ]
+    best = {} if found.best is None else _result_json(found.best)
     return {
         **pick(found, "status reason"),
         "campaign": file,
-        **{key: best.get(key) for key in (*of_best, "success", "success_interval")},
+        **{key: best.get(key) for key in OF_BEST},
         **pick(found, "metrics percentile p_best loss draws flights"),
-        "candidates": [_judged_json(one) for one in found.candidates],
-        "beside": [_judged_json(one) for one in found.own],
+        "candidates": [_result_json(one) for one in found.candidates],
+        "beside": [_result_json(one) for one in found.baselines],
     }
 
 
-def _judged_json(one: "Judged") -> dict[str, Any]:
+def _result_json(one: "CandidateResult") -> dict[str, Any]:
     return {
         "name": one.candidate.name,
         **gains_json(one.candidate.gains),
         **pick(one.candidate, "R_K I_K"),
         "draws": one.draws,
-        "value": one.percentile,
-        "interval": [one.lo, one.hi],
-        "success": one.success,
-        "success_interval": [one.success_lo, one.success_hi],
-        **pick(one, "p_best dropped behind"),
-        "behind_interval": [one.behind_lo, one.behind_hi],
+        **_estimate_json("value", one.percentile, "interval"),
+        **_estimate_json("success", one.success),
+        **pick(one, "p_best dropped"),
+        **_estimate_json("behind", one.behind),
     }
+
+
+def _estimate_json(key: str, one: "Estimate", interval: str = "") -> dict[str, Any]:
+    return {key: one.value, interval or f"{key}_interval": [one.lo, one.hi]}
 
 
 def _choice_text(found: "RobustChoice", title: str, out: Path | None) -> Iterator[Table | str]:
@@ -446,51 +449,43 @@ def _choice_text(found: "RobustChoice", title: str, out: Path | None) -> Iterato
     if best is None:
         return
     of = f"{found.percentile:g}th percentile of {' + '.join(found.metrics)}"
-    head = [
-        "gains",
-        "I_K [s²]",
-        "R_K [1/s]",
-        "draws",
-        "succeed [%]",
-        "percentile",
-        "behind",
-        "best",
-    ]
-    yield table(f"{title}: {of}", head, [_row_of(one) for one in (*found.candidates, *found.own)])
+    rows = [_row_of(one) for one in (*found.candidates, *found.baselines)]
+    yield table(f"{title}: {of}", CANDIDATE_COLUMNS, rows)
     yield gains_table(f"{found.status}: {best.candidate.name}", best.candidate.gains)
     yield (
-        f"{of}: {best.percentile:.4g} (95 % interval {_range(best.lo, best.hi)}); "
-        f"{100.0 * best.success:.1f} % of {best.draws} draws succeed "
-        f"({100.0 * best.success_lo:.1f} to {100.0 * best.success_hi:.1f} %)"
+        f"{of}: {best.percentile.value:.4g} (95 % interval {_range(best.percentile)}); "
+        f"{100.0 * best.success.value:.1f} % of {best.draws} draws succeed "
+        f"({_range(best.success.scaled(100.0), '.1f')} %)"
     )
     yield (
         f"the best of {len(found.candidates)} candidates with probability {found.p_best:.2f}; "
         f"expected loss to the true best {found.loss:.2g}; {found.flights} flights"
     )
-    for one in found.own:
-        more = "more" if one.behind >= 0.0 else "less"
-        chance = "" if one.behind_lo > 0.0 or one.behind_hi < 0.0 else ", which may be chance"
+    for one in found.baselines:
+        behind = one.behind
+        more = "more" if behind.value >= 0.0 else "less"
+        chance = "" if behind.lo > 0.0 or behind.hi < 0.0 else ", which may be chance"
         yield (
-            f"the campaign's own {one.candidate.name} has {abs(one.behind):.3g} {more} "
-            f"({_range(one.behind_lo, one.behind_hi, '.3g')}){chance}"
+            f"the campaign's own {one.candidate.name} has {abs(behind.value):.3g} {more} "
+            f"({_range(behind, '.3g')}){chance}"
         )
     if out is not None:
         yield f"gains: {out}"
 
 
-def _row_of(one: "Judged") -> tuple[str, ...]:
-    behind = f"{one.behind:.3g} ({_range(one.behind_lo, one.behind_hi, '.3g')})"
+def _row_of(one: "CandidateResult") -> tuple[str, ...]:
+    behind = f"{one.behind.value:.3g} ({_range(one.behind, '.3g')})"
     return (
         one.candidate.name,
         f"{one.candidate.I_K:.5g}",
         f"{one.candidate.R_K:.4f}",
         str(one.draws),
-        f"{100.0 * one.success:.1f}",
-        f"{one.percentile:.4g} ({_range(one.lo, one.hi)})",
+        f"{100.0 * one.success.value:.1f}",
+        f"{one.percentile.value:.4g} ({_range(one.percentile)})",
         "dropped" if one.dropped else behind,
         "-" if math.isnan(one.p_best) else f"{one.p_best:.3f}",
     )
 
 
-def _range(lo: float, hi: float, form: str = ".4g") -> str:
-    return f"{lo:{form}} to {hi:{form}}"
+def _range(one: "Estimate", form: str = ".4g") -> str:
+    return f"{one.lo:{form}} to {one.hi:{form}}"

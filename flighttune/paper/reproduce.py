@@ -177,7 +177,7 @@ def page_text(
 
     return page_template("flighttune.paper", "page.html.jinja").render(
         title=TITLE,
-        lead="",
+        claim="",
         items=items,
         findings=findings,
         verdicts=VERDICTS,

@@ -1,4 +1,4 @@
-"""One look for every figure: sizes, colours, lines and limits, on white ground and in print."""
+"""One style for every figure: sizes, colours, lines and limits, on white ground and in print."""
 
 import base64
 import io
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.present.palette import LIMIT, NEUTRAL, Look, rgb
+from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
 from flighttune.present.thinning import peaks
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def line(
     axes: "Axes",
     x: FloatArray,
     y: FloatArray,
-    look: Look,
+    style: LineStyle,
     *,
     most: int = MOST_POINTS,
     **more: Any,
@@ -124,15 +124,15 @@ def line(
     ----------
     axes : Axes
     x, y : ndarray, shape (n,)
-    look : Look
+    style : LineStyle
     most : int
         Points to draw; see `thinned`.
     more
-        Style that goes before that of the look.
+        Keyword arguments that override the style.
     """
-    style: dict[str, Any] = {"color": on_white(look.colour), "lw": 0.9 * look.width}
-    style |= {"ls": DASHES if look.dashed else "-", **more}
-    axes.plot(*thinned(x, y, most), **style)
+    drawn: dict[str, Any] = {"color": on_white(style.colour), "lw": 0.9 * style.width}
+    drawn |= {"ls": DASHES if style.dashed else "-", **more}
+    axes.plot(*thinned(x, y, most), **drawn)
 
 
 def levels(axes: "Axes", *values: float) -> None:

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from flighttune.present.figures import on_white, svg_uri
 from flighttune.present.tables import Table
+from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -114,6 +115,38 @@ def pictured(axes: "Axes", alt: str) -> Picture:
     figure = axes.get_figure(root=True)
     assert figure is not None
     return Picture(uri=svg_uri(figure), alt=alt)
+
+
+def write_page(
+    path: Path,
+    template: "Template",
+    *,
+    answers: tuple[Answer, ...],
+    sections: Sequence[Section],
+    **more: Any,
+) -> Report:
+    """Write a report: headline, sections and what its template asks for besides.
+
+    Parameters
+    ----------
+    path : Path
+        HTML file to write or replace; parent folders are made.
+    template : Template
+        As `page_template` returns it.
+    answers : tuple of Answer
+    sections : sequence of Section
+    more
+        Further values of the template.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    with whole_file(path) as part:
+        text = template.render(answers=answers, sections=sections, **more)
+        part.write_text(text, encoding="utf-8")
+    return Report(path=path, answers=answers, sections=tuple(one.title for one in sections))
 
 
 @cache

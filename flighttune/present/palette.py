@@ -1,4 +1,4 @@
-"""One look a run, the same in 3D, plots, figures and text, and safe for colour-blind readers."""
+"""Line style of each run: one in 3D, plots, figures and text, safe for colour-blind readers."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ LIMIT = "#E0475B"
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class LineStyle:
     """How one run is drawn.
 
     Attributes
@@ -63,8 +63,8 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
-def looks(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Look]:
-    """Give each pair of plant and gain set a look of its own.
+def line_styles(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], LineStyle]:
+    """Line style of each pair of plant and gain set.
 
     Parameters
     ----------
@@ -74,48 +74,29 @@ def looks(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Look]:
     Returns
     -------
     dict
-        Look of each pair. With at most two plants and six gain sets the hue tells the gain set and
-        the shade the plant: the last plant has the strong one. Otherwise up to twelve pairs have
-        twelve colours in order, and more begin again.
+        By pair. With at most two plants and six gain sets the hue stands for the gain set and the
+        shade for the plant: the last plant has the strong one. Otherwise up to eighteen pairs have
+        a colour each in order, and more begin again.
     """
     pairs = list(dict.fromkeys(pairs))
     plants = list(dict.fromkeys(plant for plant, _ in pairs))
     gains = list(dict.fromkeys(name for _, name in pairs))
     by_hue = hue_tells_gains(pairs)
+    strong, light = zip(*HUES, strict=True)
+    colours = (*strong, *light, *MORE)
     found = {}
     for order, (plant, name) in enumerate(pairs):
+        place = order % len(colours)
         if by_hue:
-            hue, shade = gains.index(name), len(plants) - 1 - plants.index(plant)
-        else:
-            hue, shade = order % len(HUES), order // len(HUES) % 2
-        colour, word = HUES[hue][shade]
-        found[plant, name] = Look(colour, word, 1.5 if shade else 2.2, bool(shade))
-    return found
-
-
-def many_looks(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Look]:
-    """Looks of up to eighteen pairs: those of `looks` for the first twelve, then `MORE`.
-
-    Parameters
-    ----------
-    pairs : iterable of (str, str)
-        As for `looks`; more than eighteen begin again.
-    """
-    pairs = list(dict.fromkeys(pairs))
-    twelve = 2 * len(HUES)
-    found = looks(pairs[:twelve])
-    for order, pair in enumerate(pairs[twelve:], start=twelve):
-        place = order % (twelve + len(MORE))
-        if place < twelve:
-            found[pair] = found[pairs[place]]
-        else:
-            colour, word = MORE[place - twelve]
-            found[pair] = Look(colour, word, 1.5, False)
+            place = gains.index(name) + len(strong) * (len(plants) - 1 - plants.index(plant))
+        colour, word = colours[place]
+        width = 2.2 if place < len(strong) else 1.5
+        found[plant, name] = LineStyle(colour, word, width, colours[place] in light)
     return found
 
 
 def hue_tells_gains(pairs: Iterable[tuple[str, str]]) -> bool:
-    """Whether `looks` gives every gain set of `pairs` (plant, gain set) a hue of its own."""
+    """Whether `line_styles` gives every gain set of `pairs` (plant, gain set) a hue of its own."""
     pairs = set(pairs)
     plants, gains = {plant for plant, _ in pairs}, {name for _, name in pairs}
     return len(plants) <= 2 and len(gains) <= len(HUES)

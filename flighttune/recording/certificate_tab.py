@@ -52,7 +52,7 @@ def log_certificates(
             styles[nothing] = (f"{drawn_run.run.label}: no certificate", rgb(NEUTRAL))
             lanes.append((np.array([0.0, drawn_run.run.duration]), [nothing, ""]))
             continue
-        colours = {HOLDS: drawn_run.look.rgb, NO_CLAIM: rgb(NEUTRAL), BROKEN: rgb(LIMIT)}
+        colours = {HOLDS: drawn_run.style.rgb, NO_CLAIM: rgb(NEUTRAL), BROKEN: rgb(LIMIT)}
         for state, word in WORDS.items():
             styles[f"{drawn_run.key} {word}"] = (f"{drawn_run.run.label}: {word}", colours[state])
         claim = claims[drawn_run.key]
@@ -74,13 +74,13 @@ def _folders(drawn: Sequence[DrawnRun]) -> dict[str, str]:
 def _log_run(
     stream: rr.RecordingStream, drawn_run: DrawnRun, claim: FlightCheck, folder: str
 ) -> None:
-    look, label = drawn_run.look, drawn_run.run.label
+    line, label = drawn_run.style, drawn_run.run.label
     t, lines = claim.t, _logarithms(claim)
     kept = peaks(lines)
     path = f"{folder}/{drawn_run.key}"
     style = rr.SeriesLines(
-        colors=[(*look.rgb, 255), (*look.rgb, FAINT)],
-        widths=[look.width, 1.2],
+        colors=[(*line.rgb, 255), (*line.rgb, FAINT)],
+        widths=[line.width, 1.2],
         names=[label, f"{label}, guaranteed"],
     )
     log_lines(stream, path, style, t[kept], lines[kept])
@@ -88,7 +88,7 @@ def _log_run(
         return
     path = f"{folder}/_{drawn_run.key}_ultimate"
     style = rr.SeriesLines(
-        colors=[(*look.rgb, FAINT)], widths=[3.0], names=[f"{label}, ultimate bound"]
+        colors=[(*line.rgb, FAINT)], widths=[3.0], names=[f"{label}, ultimate bound"]
     )
     ends = [drawn_run.run.duration / 2.0, drawn_run.run.duration]
     level = np.full(2, np.log10(max(claim.settled.claim.radius, SMALLEST)))

@@ -134,14 +134,14 @@ def log_eigenvalues(
                 for sign in (1.0, -1.0)
             ]
             width = on_screen(1.2)
-            cross = rr.LineStrips2D(strips, colors=[drawn_run.look.rgb], radii=width)
+            cross = rr.LineStrips2D(strips, colors=[drawn_run.style.rgb], radii=width)
             stream.log(f"{entities.PLANE}/trim/{drawn_run.key}", cross, static=True)
         _log_run(stream, drawn_run, loop)
 
 
 def _log_run(stream: rr.RecordingStream, drawn_run: DrawnRun, loop: FrozenLoop) -> None:
     path, time = f"{entities.PLANE}/flown/{drawn_run.key}", times(loop.t)
-    dot = rr.Points2D.from_fields(colors=[drawn_run.look.rgb], radii=on_screen(4.0))
+    dot = rr.Points2D.from_fields(colors=[drawn_run.style.rgb], radii=on_screen(4.0))
     stream.log(path, dot, static=True)
     places = _plane(loop.eigenvalues.ravel())
     count = loop.eigenvalues.shape[1]
@@ -149,7 +149,9 @@ def _log_run(stream: rr.RecordingStream, drawn_run: DrawnRun, loop: FrozenLoop) 
     stream.send_columns(path, [time], columns)
     for folder, values in ((entities.ABSCISSA, loop.abscissa), (entities.DAMPING, loop.damping)):
         style = rr.SeriesLines(
-            colors=[drawn_run.look.rgb], widths=[drawn_run.look.width], names=[drawn_run.run.label]
+            colors=[drawn_run.style.rgb],
+            widths=[drawn_run.style.width],
+            names=[drawn_run.run.label],
         )
         log_lines(stream, f"{folder}/{drawn_run.key}", style, loop.t, values)
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from flighttune.present.palette import HUES, Look, looks, many_looks
+from flighttune.present.palette import LineStyle, line_styles
 from flighttune.simulate.run import Run
 
 APPLICATION = "flighttune"
@@ -107,19 +107,19 @@ class DrawnRun:
         A run with at least two samples.
     key : str
         Its name in the tree of the recording, unique.
-    look : Look
+    style : LineStyle
         How it is drawn.
     """
 
     run: Run
     key: str
-    look: Look
+    style: LineStyle
 
 
-def look_of(runs: Sequence[Run]) -> list[Look]:
-    """Look of every run in order, also of those that never flew."""
+def styles_of(runs: Sequence[Run]) -> list[LineStyle]:
+    """Line style of every run in order, also of those that never flew."""
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
-    found = looks(pairs) if len(set(pairs)) <= 2 * len(HUES) else many_looks(pairs)
+    found = line_styles(pairs)
     return [found[pair] for pair in pairs]
 
 
@@ -127,7 +127,7 @@ def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
     """The runs with at least two samples, in order."""
     keys = distinct(plain_name(run.label) for run in runs)
     return [
-        DrawnRun(run, key, look)
-        for run, key, look in zip(runs, keys, look_of(runs), strict=True)
+        DrawnRun(run, key, style)
+        for run, key, style in zip(runs, keys, styles_of(runs), strict=True)
         if len(run.signals) > 1
     ]

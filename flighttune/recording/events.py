@@ -86,7 +86,7 @@ def log_events(
     columns = rr.TextLog.columns(
         text=[f"{drawn_run.run.label}: {event.text}" for event, drawn_run in lines],
         level=[SORTS[event.sort] for event, _ in lines],
-        color=[_readable(drawn_run.look.rgb) for _, drawn_run in lines],
+        color=[_readable(drawn_run.style.rgb) for _, drawn_run in lines],
     )
     when = times([event.t for event, _ in lines])
     stream.send_columns(EVENTS, [when], columns)

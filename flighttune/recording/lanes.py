@@ -30,8 +30,9 @@ def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 
 def _log_runs(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     names = [_outcome(drawn_run) for drawn_run in drawn]
-    looks = [drawn_run.look for drawn_run in drawn]
-    styles: dict[str, Style] = {n: (n, look.rgb) for n, look in zip(names, looks, strict=True)}
+    styles: dict[str, Style] = {
+        name: (name, drawn_run.style.rgb) for name, drawn_run in zip(names, drawn, strict=True)
+    }
     ends = [np.array([0.0, drawn_run.run.duration]) for drawn_run in drawn]
     log_timeline(stream, RUNS, [(t, [n, ""]) for t, n in zip(ends, names, strict=True)], styles)
 
@@ -46,8 +47,8 @@ def _log_phases(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], command: 
     style: dict[str, Style] = {}
     lanes = []
     for drawn_run in drawn:
-        dimmed = tuple(round(DIMMED * part) for part in drawn_run.look.rgb)
-        for word, colour in zip(HELD.values(), (drawn_run.look.rgb, dimmed), strict=True):
+        dimmed = tuple(round(DIMMED * part) for part in drawn_run.style.rgb)
+        for word, colour in zip(HELD.values(), (drawn_run.style.rgb, dimmed), strict=True):
             style[f"{drawn_run.key} {word}"] = (word, colour)
         t, states = changes(drawn_run, f"{command}_limited")
         words = [

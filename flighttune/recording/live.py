@@ -13,7 +13,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition, Plant, Stop
-from flighttune.present.palette import Look, looks
+from flighttune.present.palette import LineStyle, line_styles
 from flighttune.present.thinning import evenly
 from flighttune.recording import entities
 from flighttune.recording.entities import application, distinct, on_screen, plain_name, times
@@ -89,12 +89,11 @@ class LiveSession:
         self.start_of_run = 0.0
         self._stop = threading.Event()
         pairs = [(plant.label, name) for plant in scenario.plant for name in scenario.gain_names]
-        look_of = looks(pairs)
+        styles = line_styles(pairs)
         labels = [f"{plant} / {name}" for plant, name in pairs]
         keys = distinct(map(plain_name, labels))
         self._drawn = {
-            label: (key, look_of[pair])
-            for label, key, pair in zip(labels, keys, pairs, strict=True)
+            label: (key, styles[pair]) for label, key, pair in zip(labels, keys, pairs, strict=True)
         }
         self.stream = rr.RecordingStream(application(scenario.title), recording_id=uuid.uuid4())
         self.stream.connect_grpc(url, default_blueprint=live_blueprint())
@@ -106,8 +105,8 @@ class LiveSession:
 
     def _log_styles(self) -> None:
         for plot in LIVE_PLOTS:
-            for key, look in self._drawn.values():
-                style = run_style(look, key, len(plot.signals))
+            for key, line in self._drawn.values():
+                style = run_style(line, key, len(plot.signals))
                 self.stream.log(f"{entities.PLOTS}/{plot.signal}/{key}", style, static=True)
         for name in ("chi", "gamma"):
             self.stream.log(
@@ -155,15 +154,15 @@ class LivePlant:
         A plant that has not flown yet.
     key : str
         Name of the run in the tree of the recording.
-    look : Look
+    style : LineStyle
         Of the run.
     session : LiveSession
         Where the signals go.
     """
 
-    def __init__(self, plant: Plant, key: str, look: Look, session: LiveSession) -> None:
+    def __init__(self, plant: Plant, key: str, style: LineStyle, session: LiveSession) -> None:
         self.kind, self.signals = plant.kind, plant.signals
-        self._plant, self._key, self._look, self._session = plant, key, look, session
+        self._plant, self._key, self._style, self._session = plant, key, style, session
         self._rows: list[tuple[float, ...]] = []
         self._path: list[FloatArray] = []
         self._t = self._sent = self._drawn = 0.0
@@ -179,7 +178,7 @@ class LivePlant:
         self._plant.start(condition)
         self._began = time.monotonic()
         self._set_time(0.0)
-        model = aircraft_model(self._look.rgb, DRAWN_SPAN)
+        model = aircraft_model(self._style.rgb, DRAWN_SPAN)
         self._session.stream.log(f"{LIVE}/{entities.BODY}", *model)
 
     def observe(self) -> tuple[float, ...]:
@@ -243,7 +242,7 @@ class LivePlant:
         self._drawn = self._t
         self._set_time(self._t)
         stream, spacing = self._session.stream, self._session.spacing
-        line = rr.LineStrips3D([path], radii=on_screen(self._look.width), colors=[self._look.rgb])
+        line = rr.LineStrips3D([path], radii=on_screen(self._style.width), colors=[self._style.rgb])
         stream.log(f"{entities.PATHS}/{self._key}", line)
         # The grid follows the aircraft by whole spacings, so that its lines seem to stand still.
         below = np.round(path[-1] / spacing) * spacing

@@ -12,7 +12,7 @@ from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import Table
 from flighttune.recording import geometry
-from flighttune.recording.entities import look_of, runs_to_draw
+from flighttune.recording.entities import runs_to_draw, styles_of
 from flighttune.recording.plots import SEEN_AS
 from flighttune.recording.scene import WIND_TIMES, metres_per_mps
 from flighttune.simulate.run import Run
@@ -83,9 +83,9 @@ def _about(scenario: Mapping[str, Any]) -> list[str]:
 
 def _runs(runs: Sequence[Run]) -> str:
     rows = []
-    for run, look in zip(runs, look_of(runs), strict=True):
+    for run, style in zip(runs, styles_of(runs), strict=True):
         status = run.status.replace("_", " ") + (f": {run.reason}" if run.reason else "")
-        colour = look.name if len(run.signals) > 1 else "not drawn"
+        colour = style.name if len(run.signals) > 1 else "not drawn"
         rows.append([run.label, colour, f"{run.duration:.2f}", status])
     return _table(["run", "colour", "flown [s]", "outcome"], rows)
 

@@ -10,7 +10,7 @@ import rerun as rr
 from rerun.error_utils import strict_mode
 
 from flighttune.guarantee.flight_check import flight_check
-from flighttune.present.palette import LIMIT, NEUTRAL, Look, rgb
+from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
@@ -110,11 +110,11 @@ def strict() -> Iterator[None]:
         rr.set_strict_mode(before)
 
 
-def run_style(look: Look, label: str, count: int = 2) -> rr.SeriesLines:
+def run_style(style: LineStyle, label: str, count: int = 2) -> rr.SeriesLines:
     """Lines of a run: the signal strong and, with a `count` of two, its command thin."""
     return rr.SeriesLines(
-        colors=[(*look.rgb, 255), (*look.rgb, FAINT)][:count],
-        widths=[look.width, 1.0][:count],
+        colors=[(*style.rgb, 255), (*style.rgb, FAINT)][:count],
+        widths=[style.width, 1.0][:count],
         names=[label, f"{label}, command"][:count],
     )
 
@@ -128,9 +128,9 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
     folder = f"{entities.PLOTS}/{plot.signal}"
     having = [drawn_run for drawn_run in drawn if plot.signal in drawn_run.run.signals]
     for drawn_run in having:
-        run, signals, colour = drawn_run.run, drawn_run.run.signals, drawn_run.look.rgb
+        run, signals, colour = drawn_run.run, drawn_run.run.signals, drawn_run.style.rgb
         names = [name for name in plot.signals if name in signals]
-        style = run_style(drawn_run.look, run.label, len(names))
+        style = run_style(drawn_run.style, run.label, len(names))
         _log_signals(stream, f"{folder}/{drawn_run.key}", style, run, names)
         if plot.measured and plot.measured in signals:
             style = rr.SeriesLines(

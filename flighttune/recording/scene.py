@@ -117,11 +117,11 @@ def _log_path(
     path = geometry.positions(signals)
     path = path[evenly(len(path), most=PATH_POINTS)]
     line = rr.LineStrips3D(
-        [path], radii=on_screen(drawn_run.look.width), colors=[drawn_run.look.rgb]
+        [path], radii=on_screen(drawn_run.style.width), colors=[drawn_run.style.rgb]
     )
     stream.log(f"{entities.PATHS}/{drawn_run.key}", line, static=True)
     flat = np.column_stack([path[:, :2], np.full(len(path), floor)])
-    line = rr.LineStrips3D([flat], radii=on_screen(0.8), colors=[(*drawn_run.look.rgb, SHADOW)])
+    line = rr.LineStrips3D([flat], radii=on_screen(0.8), colors=[(*drawn_run.style.rgb, SHADOW)])
     stream.log(f"{entities.SHADOWS}/{drawn_run.key}", line, static=True)
 
 
@@ -136,7 +136,7 @@ def _log_aircraft(
     stream.send_columns(frame, [time], carried)
     turned = rr.Transform3D.columns(quaternion=geometry.attitudes(signals))
     stream.send_columns(f"{frame}/{entities.BODY}", [time], turned)
-    stream.log(f"{frame}/{entities.BODY}", *aircraft_model(drawn_run.look.rgb, width), static=True)
+    stream.log(f"{frame}/{entities.BODY}", *aircraft_model(drawn_run.style.rgb, width), static=True)
 
 
 def _log_trail(stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame) -> None:
@@ -146,7 +146,7 @@ def _log_trail(stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.Data
     strips = path[np.maximum(heads[:, None] - back, 0)]
     entity = f"{entities.TRAILS}/{drawn_run.key}"
     style = rr.LineStrips3D.from_fields(
-        colors=[drawn_run.look.rgb], radii=on_screen(2.0 * drawn_run.look.width)
+        colors=[drawn_run.style.rgb], radii=on_screen(2.0 * drawn_run.style.width)
     )
     stream.log(entity, style, static=True)
     columns = rr.LineStrips3D.columns(strips=list(strips))
@@ -169,7 +169,7 @@ def _log_arrows(
     # Where course and path angle are those through the air, so is the speed along them.
     over_ground = "V_g" in signals and OVER_GROUND[0] not in signals
     speed = signals["V_g" if over_ground else "V_a"].to_numpy(dtype=float)
-    arrows = {"velocity": (_direction(0.0, gamma) * (scale * speed)[:, None], drawn_run.look.rgb)}
+    arrows = {"velocity": (_direction(0.0, gamma) * (scale * speed)[:, None], drawn_run.style.rgb)}
     if set(WIND) <= set(signals) and np.abs(signals[list(WIND)].to_numpy()).max() > STILL_AIR:
         north, east, down = (signals[name].to_numpy(dtype=float) for name in WIND)
         level = (north + 1j * east) * np.exp(-1j * chi)  # turned back by the course

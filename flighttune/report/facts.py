@@ -14,7 +14,7 @@ from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.outer_loop import certify_scenario, tuning_problem
 from flighttune.guarantee.flight_check import FlightCheck, flight_check
 from flighttune.present.figures import MOST_POINTS
-from flighttune.present.palette import Look, looks, many_looks
+from flighttune.present.palette import LineStyle, line_styles
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
@@ -35,7 +35,7 @@ FRONTIER_POINTS = 12
 LONGEST_LADDER = 6_000
 """Longest aircraft run for which the ladder is flown: beyond it a report would take minutes."""
 
-TWELVE, FEW_RUNS = 12, 4
+FEW_RUNS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +88,7 @@ class Facts:
         Those that flew.
     grounded : tuple of Run
         Those that did not.
-    looks : mapping of str to Look
+    styles : mapping of str to LineStyle
         By label of the run.
     final_errors : mapping of str to FinalErrors
         By label.
@@ -111,7 +111,7 @@ class Facts:
     scenario: Scenario
     runs: tuple[Run, ...]
     grounded: tuple[Run, ...]
-    looks: dict[str, Look]
+    styles: dict[str, LineStyle]
     final_errors: dict[str, FinalErrors]
     gains: tuple[GainFacts, ...]
     checks: dict[str, FlightCheck]
@@ -147,7 +147,7 @@ def facts_of(source: Source) -> Facts:
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
     scenario = _scenario(source, runs)
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in source.runs]
-    known = looks(pairs) if len(set(pairs)) <= TWELVE else many_looks(pairs)
+    known = line_styles(pairs)
     gains = _gains(scenario, runs)
     gaps, without = _gaps(scenario, runs)
     return Facts(
@@ -155,7 +155,7 @@ def facts_of(source: Source) -> Facts:
         scenario=scenario,
         runs=runs,
         grounded=tuple(run for run in source.runs if len(run.signals) <= 1),
-        looks={run.label: known[pair] for run, pair in zip(source.runs, pairs, strict=True)},
+        styles={run.label: known[pair] for run, pair in zip(source.runs, pairs, strict=True)},
         final_errors={run.label: final_errors(run) for run in runs},
         gains=gains,
         checks={run.label: one for run in runs if (one := flight_check(run)) is not None},

@@ -50,12 +50,12 @@ def certificate_panels(facts: Facts) -> list[Picture]:
         title = f"{one.name}: ‖s‖, and dashed what is guaranteed"
         with panel(title, "‖(e′, e)‖ [rad/s, rad]", height=3.1) as axes:
             for run, one in drawn:
-                look = facts.looks[run.label]
-                line(axes, one.t, np.maximum(one.size, TINY), look, ls="-", most=facts.points)
-                line(axes, one.t, one.bound, look, ls=(0, (5, 3)), lw=1.2, most=facts.points)
+                style = facts.styles[run.label]
+                line(axes, one.t, np.maximum(one.size, TINY), style, ls="-", most=facts.points)
+                line(axes, one.t, one.bound, style, ls=(0, (5, 3)), lw=1.2, most=facts.points)
                 if one.settled is not None:
                     axes.axhline(
-                        one.settled.claim.radius, color=on_white(look.colour), lw=1.1, ls=":"
+                        one.settled.claim.radius, color=on_white(style.colour), lw=1.1, ls=":"
                     )
                 if one.t_broken is not None:
                     at = float(np.interp(one.t_broken, one.t, one.size))
@@ -97,10 +97,10 @@ def _steps(facts: Facts, gap: Gap, channel: str) -> Picture:
     title = f"{gap.name}: what each step adds to the {CHANNEL_NAMES[channel]}"
     with panel(title, f"Δ{CHANNEL_SYMBOLS[channel]} [deg]", height=3.1) as axes:
         _fit_title(axes, title)
-        for step, (style, width) in zip(gap.steps, STEP_STYLES, strict=True):
-            look = facts.looks[gap.aircraft.label]
+        for step, (dashes, width) in zip(gap.steps, STEP_STYLES, strict=True):
+            style = facts.styles[gap.aircraft.label]
             values = getattr(step, channel) * DEG_PER_RAD
-            line(axes, t, values, look, ls=style, lw=width, label=step.adds)
+            line(axes, t, values, style, ls=dashes, lw=width, label=step.adds)
         total = np.sum([getattr(step, channel) for step in gap.steps], axis=0) * DEG_PER_RAD
         axes.plot(*thinned(t, total), color=INK, lw=0.9, label="total")
         axes.set_xlim(0.0, t[-1])
@@ -111,7 +111,7 @@ def _steps(facts: Facts, gap: Gap, channel: str) -> Picture:
 
 
 def _tube(facts: Facts, gap: Gap, channel: str) -> Picture:
-    look, signals = facts.looks[gap.aircraft.label], gap.aircraft.signals
+    style, signals = facts.styles[gap.aircraft.label], gap.aircraft.signals
     title = f"{gap.name}: error on the aircraft"
     if gap.verdict is not None:
         title += f"; dashed: ultimate set, {gap.verdict.outcome}"
@@ -119,7 +119,7 @@ def _tube(facts: Facts, gap: Gap, channel: str) -> Picture:
     with panel(title, rf"$e_\{channel}$ [deg]") as axes:
         _fit_title(axes, title)
         t = signals.index.to_numpy(dtype=float)
-        line(axes, t, signals[f"{channel}_err"].to_numpy() * DEG_PER_RAD, look)
+        line(axes, t, signals[f"{channel}_err"].to_numpy() * DEG_PER_RAD, style)
         if gap.check is not None and gap.verdict is not None:
             column = list(CHANNEL_SYMBOLS).index(channel)
             times, half = thinned(gap.check.t, gap.check.error_bounds[:, column] * DEG_PER_RAD)

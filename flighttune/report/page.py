@@ -1,10 +1,9 @@
 """The report as one HTML file that needs nothing else."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from flighttune.comparison import Source, load_source
-from flighttune.present.frame import Answer, Report, Section, page_template
+from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.report.facts import Facts, facts_of
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel, gap_panels
 from flighttune.report.headline import headline
@@ -17,9 +16,7 @@ from flighttune.report.tables import (
     tracking_table,
 )
 from flighttune.report.toml_text import toml_text
-from flighttune.whole_file import whole_file
 
-PACKAGE, TEMPLATE = "flighttune.report", "page.html.jinja"
 MOST_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
@@ -53,13 +50,23 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
     ScenarioError
         If the recorded scenario is not valid any more.
     """
-    loaded = source if isinstance(source, Source) else load_source(source)
-    facts = facts_of(loaded)
-    answers, sections = headline(facts), _sections(facts)
-    with whole_file(Path(path)) as part:
-        part.write_text(_page(facts, answers, sections), encoding="utf-8")
-    return Report(
-        path=Path(path), answers=answers, sections=tuple(section.title for section in sections)
+    facts = facts_of(source if isinstance(source, Source) else load_source(source))
+    made = facts.runs[0].provenance
+    return write_page(
+        Path(path),
+        page_template("flighttune.report", "page.html.jinja"),
+        answers=headline(facts),
+        sections=_sections(facts),
+        title=facts.scenario.title,
+        claim=facts.scenario.verifies,
+        legend=[(run.label, facts.styles[run.label]) for run in facts.runs],
+        styles=facts.styles,
+        without_gap=facts.without_gap,
+        missing=facts.missing,
+        provenance=provenance_table(facts),
+        scenario_text=toml_text(made.scenario),
+        first_gains=facts.gains[0].name if facts.gains else None,
+        version=made.versions.get("flighttune", ""),
     )
 
 
@@ -119,23 +126,4 @@ def _gap_section(facts: Facts) -> Section:
         pictures=[picture for gap in drawn for picture in gap_panels(facts, gap)],
         tables=[gap_table(facts)],
         legend=False,
-    )
-
-
-def _page(facts: Facts, answers: Sequence[Answer], sections: Sequence[Section]) -> str:
-    made = facts.runs[0].provenance
-    scenario = toml_text(made.scenario)
-    return page_template(PACKAGE, TEMPLATE).render(
-        title=facts.scenario.title,
-        lead=f"Claim: {facts.scenario.verifies}" if facts.scenario.verifies else "",
-        answers=answers,
-        sections=sections,
-        legend=[(run.label, facts.looks[run.label]) for run in facts.runs],
-        looks=facts.looks,
-        without_gap=facts.without_gap,
-        missing=facts.missing,
-        provenance=provenance_table(facts),
-        scenario_text=scenario,
-        first_gains=facts.gains[0].name if facts.gains else None,
-        version=made.versions.get("flighttune", ""),
     )

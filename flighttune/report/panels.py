@@ -19,7 +19,7 @@ from flighttune.present.figures import (
     thinned,
 )
 from flighttune.present.frame import Picture, pictured
-from flighttune.present.palette import Look
+from flighttune.present.palette import LineStyle
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.report.facts import Facts
 from flighttune.simulate.run import Run
@@ -58,8 +58,8 @@ def tracking(facts: Facts) -> list[Picture]:
                 axes.plot(*thinned(t, reference), color=REFERENCE, lw=1.6)
             else:
                 axes.axhline(0.0, color=REFERENCE, lw=1.0)
-            for run, look in _styled(facts):
-                line(axes, _time(run), displayed(run.signals, signal), look, most=facts.points)
+            for run, style in _styled(facts):
+                line(axes, _time(run), displayed(run.signals, signal), style, most=facts.points)
             axes.set_xlim(0.0, max(run.duration for run in facts.runs))
             pictures.append(pictured(axes, title))
     return pictures
@@ -70,16 +70,20 @@ def commands(facts: Facts) -> list[Picture]:
     pictures = []
     for name, title, unit in COMMANDS:
         with panel(title, unit, height=3.0) as axes:
-            for place, (run, look) in enumerate(_styled(facts)):
+            for place, (run, style) in enumerate(_styled(facts)):
                 line(
-                    axes, _time(run), displayed(run.signals, f"{name}_cmd"), look, most=facts.points
+                    axes,
+                    _time(run),
+                    displayed(run.signals, f"{name}_cmd"),
+                    style,
+                    most=facts.points,
                 )
                 held = run.signals[f"{name}_limited"].to_numpy() != 0.0
                 axes.broken_barh(
                     _spans(_time(run), held),
                     (LANE * (1.3 * place + 0.4), LANE),
                     transform=axes.get_xaxis_transform(),
-                    color=on_white(look.colour),
+                    color=on_white(style.colour),
                 )
             levels(axes, *(limits_of(facts.runs[0].provenance.scenario, name) or ()))
             axes.set_xlim(0.0, max(run.duration for run in facts.runs))
@@ -93,8 +97,8 @@ def paths(facts: Facts) -> list[Picture]:
     """The paths in space, from above, and their heights."""
     pictures = [_space(facts), _from_above(facts)]
     with panel("Height over the start", "height [m]") as axes:
-        for run, look in _styled(facts):
-            line(axes, _time(run), -run.signals["down"].to_numpy(), look, most=facts.points)
+        for run, style in _styled(facts):
+            line(axes, _time(run), -run.signals["down"].to_numpy(), style, most=facts.points)
         axes.set_xlim(0.0, max(run.duration for run in facts.runs))
         pictures.append(pictured(axes, "Heights over time"))
     return pictures
@@ -106,9 +110,9 @@ def _from_above(facts: Facts) -> Picture:
     north, east = np.ptp(points, axis=0)
     x, y = ("north", "east") if north > east else ("east", "north")
     with panel("From above, start at the cross", f"{y} [m]", f"{x} [m]", height=3.0) as axes:
-        for run, look in _styled(facts):
+        for run, style in _styled(facts):
             line(
-                axes, run.signals[x].to_numpy(), run.signals[y].to_numpy(), look, most=facts.points
+                axes, run.signals[x].to_numpy(), run.signals[y].to_numpy(), style, most=facts.points
             )
         axes.plot(0.0, 0.0, "k+", ms=9)
         axes.set_aspect("equal", adjustable="datalim")
@@ -130,10 +134,10 @@ def _space(facts: Facts) -> Picture:
             ]
             for run in facts.runs
         ]
-        for own, (_, look) in zip(points, _styled(facts), strict=True):
+        for own, (_, style) in zip(points, _styled(facts), strict=True):
             north, east, down = own.T
-            dashes = {"ls": DASHES} if look.dashed else {}
-            axes.plot(east, north, -down, color=on_white(look.colour), lw=look.width, **dashes)
+            dashes = {"ls": DASHES} if style.dashed else {}
+            axes.plot(east, north, -down, color=on_white(style.colour), lw=style.width, **dashes)
         size = np.ptp(np.vstack(points), axis=0)[[1, 0, 2]]
         edges = np.maximum(size / size.max(), FLATTEST)
         axes.set_box_aspect(tuple(edges), zoom=0.98)
@@ -146,10 +150,10 @@ def _space(facts: Facts) -> Picture:
         return Picture(uri=svg_uri(figure), alt="Paths of all runs in space")
 
 
-def _styled(facts: Facts) -> Iterator[tuple[Run, Look]]:
+def _styled(facts: Facts) -> Iterator[tuple[Run, LineStyle]]:
     """Every run that flew with its line style."""
     for run in facts.runs:
-        yield run, facts.looks[run.label]
+        yield run, facts.styles[run.label]
 
 
 def _time(run: Run) -> FloatArray:

@@ -1,14 +1,15 @@
 """Intervals against scipy, against published values, and by how often they cover."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from flighttune.campaign.statistics.intervals import (
-    clopper_pearson,
     effective_size,
     quantile_interval,
-    wilson,
+    rate_interval,
 )
 from flighttune.errors import InputError
 
@@ -16,7 +17,11 @@ ROUNDING = 1e-9
 """Absolute; both sides compute the same closed form."""
 
 COUNTS = [(0, 1), (1, 1), (0, 20), (1, 20), (10, 20), (20, 20), (81, 263), (999, 1000)]
-METHODS = {"wilson": wilson, "exact": clopper_pearson}
+METHODS = {
+    "wilson": rate_interval,
+    "exact": partial(rate_interval, method="clopper-pearson"),
+}
+"""By the name that scipy gives each."""
 
 
 @pytest.mark.parametrize("confidence", [0.5, 0.9, 0.95, 0.999])
@@ -65,7 +70,7 @@ def test_counts_that_cannot_be_are_refused(interval, k, n):
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, float("nan")])
 def test_a_confidence_is_a_probability(confidence):
     with pytest.raises(InputError, match="`confidence` must be between 0 and 1"):
-        wilson(1, 2, confidence)
+        rate_interval(1, 2, confidence)
 
 
 def test_wilson_covers_as_often_as_it_says_and_clopper_pearson_at_least():

@@ -30,10 +30,10 @@ from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
 from flighttune.errors import InputError, RecordingError
 from flighttune.present.numbers import figures, percent
-from flighttune.present.palette import looks
+from flighttune.present.palette import line_styles
 from flighttune.report.campaign.headline import headline
-from flighttune.report.campaign.page import notes, write_page
-from flighttune.report.campaign.words import label_of, looks_of
+from flighttune.report.campaign.page import notes, write_campaign_report
+from flighttune.report.campaign.words import styles_of
 
 ADDRESS = re.compile(r"""(?:src|href|xlink:href|action|data)\s*=\s*["']([^"']*)|url\(([^)]*)\)""")
 RUNS = 40
@@ -64,7 +64,7 @@ def made_up(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(made_up, tmp_path_factory):
     """Their page."""
-    return write_page(made_up, tmp_path_factory.mktemp("page") / "report.html")
+    return write_campaign_report(made_up, tmp_path_factory.mktemp("page") / "report.html")
 
 
 def test_the_json_object_has_what_the_rows_say(told, flown_folder):
@@ -173,7 +173,7 @@ def test_the_headline_says_which_gains_hold_and_how_surely(made_up, page):
             f"{figures(math.degrees(width))}° of {name}"
             for name, width in zip("χγ", claim.tube, strict=True)
         )
-        said = next(line for line in certified.sentences if line.startswith(label_of(group)))
+        said = next(line for line in certified.sentences if line.startswith(group.label))
         assert f"errors up to {widths}" in said
     assert {group.plant for group in made_up.claims} == {"jsbsim:aerosonde"}
     assert matters.short == "flight.V_a_mps"
@@ -242,9 +242,11 @@ def test_a_group_has_the_colour_its_flights_have_everywhere(made_up):
     own = made_up.flights.plan
     pairs = [(p.label, name) for p in own.scenario.plant for name in own.gain_sets]
 
-    found = looks_of(own)
+    found = styles_of(made_up)
 
-    assert found == {f"{plant} / {gains}": look for (plant, gains), look in looks(pairs).items()}
+    assert found == {
+        f"{plant} / {gains}": style for (plant, gains), style in line_styles(pairs).items()
+    }
 
 
 def test_text_of_a_file_is_text_on_the_page(tmp_path):
@@ -252,7 +254,7 @@ def test_text_of_a_file_is_text_on_the_page(tmp_path):
     rows = made_up_rows(made)
     rows.loc[0, ["status", "reason", "success"]] = ["diverged", "<b>7</b> & more", False]
 
-    written = write_page(findings(flights_of(rows, made)), tmp_path / "page.html")
+    written = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
 
     text = written.path.read_text(encoding="utf-8")
     assert "&lt;b&gt;7&lt;/b&gt; &amp; more" in text
@@ -265,7 +267,7 @@ def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
     rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
     rows["success"], rows["certified"] = False, None
 
-    written = write_page(findings(flights_of(rows, made)), tmp_path / "page.html")
+    written = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
 
     assert written.answers[0].verdict == "no"
     assert "`x` must be finite" in written.path.read_text(encoding="utf-8")

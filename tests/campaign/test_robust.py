@@ -105,10 +105,10 @@ def test_the_choice_has_the_lowest_percentile_of_all_that_flew_everything(campai
     assert chosen.best.candidate.name == expected.idxmin()
     for one in chosen.candidates:
         if not one.dropped:
-            assert one.percentile == expected[one.candidate.name]
+            assert one.percentile.value == expected[one.candidate.name]
         first = np.quantile(table[one.candidate.name][: one.draws], 0.9, method="inverted_cdf")
-        assert one.percentile == first
-        assert one.lo <= one.percentile <= one.hi
+        assert one.percentile.value == first
+        assert one.percentile.lo <= first <= one.percentile.hi
 
 
 def test_the_choice_says_how_sure_it_is(chosen):
@@ -118,19 +118,19 @@ def test_the_choice_says_how_sure_it_is(chosen):
     assert 0.0 <= chosen.p_best <= 1.0
     assert sum(one.p_best for one in left) == pytest.approx(1.0)
     assert chosen.loss >= 0.0
-    assert chosen.best.behind_lo == chosen.best.behind == chosen.best.behind_hi == 0.0
-    (own,) = chosen.own
+    assert chosen.best.behind.lo == chosen.best.behind.value == chosen.best.behind.hi == 0.0
+    (own,) = chosen.baselines
     assert own.candidate.name == "paper"
     assert np.isnan(own.p_best)
-    assert chosen.flights == sum(one.draws for one in (*chosen.candidates, *chosen.own))
+    assert chosen.flights == sum(one.draws for one in (*chosen.candidates, *chosen.baselines))
 
 
 def test_the_choice_does_not_depend_on_who_flies(campaign, chosen):
     local = tune_robust(campaign, SETTINGS, workers=2)
 
     for one, other in zip(
-        (local.best, *local.candidates, *local.own),
-        (chosen.best, *chosen.candidates, *chosen.own),
+        (local.best, *local.candidates, *local.baselines),
+        (chosen.best, *chosen.candidates, *chosen.baselines),
         strict=True,
     ):
         assert one.candidate == other.candidate

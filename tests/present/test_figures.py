@@ -15,7 +15,7 @@ from flighttune.present.figures import (
     svg_uri,
     thinned,
 )
-from flighttune.present.palette import HUES, MORE, looks, rgb
+from flighttune.present.palette import HUES, MORE, line_styles, rgb
 
 TWO_DIGITS = 5e-3
 ONE_STEP = 1.0
@@ -74,9 +74,9 @@ def test_a_short_line_is_drawn_as_it_is():
 
 
 def test_a_panel_is_an_image_that_is_part_of_the_page():
-    (look,) = looks([("kinematic", "paper")]).values()
+    (style,) = line_styles([("kinematic", "paper")]).values()
     with panel("Course", "χ [deg]") as axes:
-        line(axes, np.arange(3.0), np.arange(3.0), look)
+        line(axes, np.arange(3.0), np.arange(3.0), style)
         uri = svg_uri(axes.get_figure())
 
     kind, data = uri.split(",")

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from flighttune.present.palette import HUES, LIMIT, MORE, NEUTRAL, looks, many_looks, rgb
+from flighttune.present.palette import HUES, LIMIT, MORE, NEUTRAL, line_styles, rgb
 
 SMALLEST_DIFFERENCE = 17.0
 """CIE 1976 colour difference; 2.3 is just noticeable."""
@@ -91,36 +91,28 @@ def test_every_colour_stands_out_from_the_ground_of_the_viewer(colour):
 def test_hue_tells_the_gains_and_shade_the_plant():
     pairs = [(plant, name) for plant in ("kinematic", "jsbsim:x") for name in ("paper", "tuned")]
 
-    found = looks(pairs)
+    found = line_styles(pairs)
 
     assert [found[pair].name for pair in pairs] == ["light blue", "apricot", "blue", "rust"]
     assert found["jsbsim:x", "paper"].width > found["kinematic", "paper"].width
 
 
 def test_a_single_plant_has_the_strong_shade():
-    assert looks([("jsbsim:x", "paper")])["jsbsim:x", "paper"].name == "blue"
+    assert line_styles([("jsbsim:x", "paper")])["jsbsim:x", "paper"].name == "blue"
 
 
 @pytest.mark.parametrize(("plants", "sets"), [(2, 6), (1, 12), (3, 4), (4, 3), (12, 1)])
 def test_up_to_twelve_runs_have_a_colour_each(plants, sets):
     pairs = [(f"plant{i}", f"gains{k}") for i in range(plants) for k in range(sets)]
 
-    assert len({look.colour for look in looks(pairs).values()}) == 12
-
-
-def test_more_than_twelve_runs_begin_again():
-    pairs = [("plant", f"gains{k}") for k in range(13)]
-
-    found = looks(pairs)
-
-    assert found[pairs[12]] == found[pairs[0]]
+    assert len({style.colour for style in line_styles(pairs).values()}) == 12
 
 
 def test_eighteen_runs_have_a_colour_each_and_the_first_twelve_keep_theirs():
     pairs = [("plant", f"gains{k}") for k in range(19)]
 
-    found = many_looks(pairs)
+    found = line_styles(pairs)
 
     assert len({found[pair].colour for pair in pairs[:18]}) == 18
     assert found[pairs[18]] == found[pairs[0]]
-    assert {pair: found[pair] for pair in pairs[:12]} == looks(pairs[:12])
+    assert {pair: found[pair] for pair in pairs[:12]} == line_styles(pairs[:12])

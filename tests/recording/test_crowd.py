@@ -11,7 +11,7 @@ from pictures import FLAT, opened_recording, pixels
 from PIL import Image
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.present.palette import looks
+from flighttune.present.palette import line_styles
 from flighttune.recording.page import scenario_page
 from flighttune.recording.rrd import write_recording
 
@@ -66,7 +66,7 @@ def viewer(twelve, tmp_path_factory):
 def test_twelve_runs_have_twelve_colours(twelve):
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in twelve]
 
-    assert len({look.colour for look in looks(pairs).values()}) == 12
+    assert len({style.colour for style in line_styles(pairs).values()}) == 12
 
 
 @pytest.mark.parametrize("tab", TABS)

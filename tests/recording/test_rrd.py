@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
 from flighttune.errors import RecordingError
-from flighttune.present.palette import looks
+from flighttune.present.palette import line_styles
 from flighttune.recording.entities import TIMELINE
 from flighttune.recording.load import load_recording
 from flighttune.recording.plots import TABS, shown_plots
@@ -152,14 +152,14 @@ def test_world_axes_are_north_east_down(contents):
     assert list(forward_right_down) == [5, 3, 2]
 
 
-def packed(look):
-    red, green, blue = look.rgb
+def packed(style):
+    red, green, blue = style.rgb
     return red << 24 | green << 16 | blue << 8 | 255
 
 
 def test_a_run_has_one_colour_in_paths_and_plots(contents, four_runs):
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in four_runs]
-    found = looks([*pairs, ("jsbsim:aerosonde", "bold"), ("jsbsim:aerosonde", "strict")])
+    found = line_styles([*pairs, ("jsbsim:aerosonde", "bold"), ("jsbsim:aerosonde", "strict")])
     for key, pair in zip(KEYS, pairs, strict=True):
         colour = packed(found[pair])
 

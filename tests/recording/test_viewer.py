@@ -10,7 +10,7 @@ from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
 from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_gap
-from flighttune.present.palette import LIMIT, NEUTRAL, looks, rgb
+from flighttune.present.palette import LIMIT, NEUTRAL, line_styles, rgb
 from flighttune.recording.plots import TABS
 from flighttune.recording.record import record
 from flighttune.recording.rrd import write_recording
@@ -110,8 +110,8 @@ def test_no_view_is_empty_and_nothing_is_complained_of(viewer, tab, at, flown, t
     for name, picture in views.items():
         assert picture.std() > FLAT, f"{name} is empty"
         if name in NEVER_HIDDEN or name == SCENE:
-            for pair, look in looks(pairs).items():
-                assert count(picture, look.colour) >= FEWEST_PIXELS, f"{pair} is not in {name}"
+            for pair, style in line_styles(pairs).items():
+                assert count(picture, style.colour) >= FEWEST_PIXELS, f"{pair} is not in {name}"
         if "reference grey" in name:
             assert count(picture, NEUTRAL) >= FEWEST_PIXELS
         if "limits red" in name:
@@ -149,8 +149,8 @@ def test_in_a_small_window_every_run_has_its_lane_whole(recording, flown, tmp_pa
             opened.show(tab, at=0.0)
             (tmp_path / f"{tab}.png").write_bytes(opened.picture())
             picture = pixels(opened.picture(opened.views(tab)[view]))
-            for pair, look in looks(pairs).items():
-                shade = LANE_SHADE * np.array(look.rgb)
+            for pair, style in line_styles(pairs).items():
+                shade = LANE_SHADE * np.array(style.rgb)
                 drawn = np.abs(picture - shade).max(axis=2) <= SAME_COLOUR
                 height = int(drawn.sum(axis=0).max())
                 assert height >= LANE_HEIGHT, f"{pair} is cut off on {tab}: {height} pixels"
@@ -177,8 +177,8 @@ def test_the_whole_flight_is_in_the_picture(viewer, flown):
     picture = pixels(viewer.picture(viewer.views("Overview")[SCENE]))
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in flown.runs]
     drawn = np.zeros(picture.shape[:2], dtype=bool)
-    for look in looks(pairs).values():
-        drawn |= np.abs(picture - np.array(look.rgb)).max(axis=2) <= SAME_COLOUR
+    for style in line_styles(pairs).values():
+        drawn |= np.abs(picture - np.array(style.rgb)).max(axis=2) <= SAME_COLOUR
     rows, columns = np.nonzero(drawn)
     height, width = drawn.shape
 

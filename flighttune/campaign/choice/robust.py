@@ -16,7 +16,12 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import Observer
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
-from flighttune.campaign.statistics.intervals import effective_size, quantile_interval, share
+from flighttune.campaign.statistics.intervals import (
+    Estimate,
+    effective_size,
+    quantile_interval,
+    share,
+)
 from flighttune.campaign.statistics.paired import ordered_quantile, scores
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
@@ -56,41 +61,37 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class CandidateResult:
     """Score and success of a gain set, with intervals.
 
     Attributes
     ----------
     candidate : Candidate
-    draws : int
-        Draws it was flown on.
-    percentile, lo, hi : float
-        Of the score over those draws, with the 95 % interval; infinite where flights were lost.
-    success, success_lo, success_hi : float, 1
+    percentile : Estimate
+        Of the score over its draws, with the 95 % interval; infinite where flights were lost.
+    success : Estimate, 1
         Part of the draws on which it succeeds on every plant, with the 95 % interval.
     p_best : float, 1
         Part of the resamples in which it is the best candidate; of one that was dropped the part in
         which it did as well as the leader then, of one that is not to be chosen NaN.
     dropped : bool
         Whether it was dropped before the last draws.
-    behind, behind_lo, behind_hi : float
+    behind : Estimate
         Median and 95 % interval over the resamples of how far its percentile lies above that of the
         chosen one; NaN where it was dropped.
     """
 
     candidate: Candidate
-    draws: int
-    percentile: float
-    lo: float
-    hi: float
-    success: float
-    success_lo: float
-    success_hi: float
+    percentile: Estimate
+    success: Estimate
     p_best: float
     dropped: bool
-    behind: float
-    behind_lo: float
-    behind_hi: float
+    behind: Estimate
+
+    @property
+    def draws(self) -> int:
+        """Draws it was flown on."""
+        return self.success.n
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,15 +106,15 @@ class RobustChoice:
         no candidate succeeds as often as it must; ``interrupted``.
     reason : str
         A sentence where `status` is not ``chosen``.
-    best : Judged or None
+    best : CandidateResult or None
         The best candidate, also where it is not good enough.
     p_best : float, 1
         Probability that it is the best candidate on draws like these; NaN where there is none.
     loss : float
         What its percentile lies above that of the best, mean over the resamples.
-    candidates : tuple of Judged
+    candidates : tuple of CandidateResult
         All of the frontier, I_K rising.
-    own : tuple of Judged
+    baselines : tuple of CandidateResult
         The campaign's own gain sets, for comparison.
     metrics : tuple of str
         What is added up to the score.
@@ -124,11 +125,11 @@ class RobustChoice:
 
     status: Status
     reason: str
-    best: Judged | None = None
+    best: CandidateResult | None = None
     p_best: float = float("nan")
     loss: float = float("nan")
-    candidates: tuple[Judged, ...] = ()
-    own: tuple[Judged, ...] = ()
+    candidates: tuple[CandidateResult, ...] = ()
+    baselines: tuple[CandidateResult, ...] = ()
     metrics: tuple[str, ...] = METRICS
     percentile: float = PERCENTILE
     draws: int = 0
@@ -225,8 +226,8 @@ def tune_robust(
             "`flighttune tune` says what they would have to be",
         )
     planned = plan_campaign(campaign)
-    own = own_candidates(campaign.nominal, planned.gain_sets)
-    gain_sets = {one.name: one.gains for one in (*candidates, *own)}
+    baselines = own_candidates(campaign.nominal, planned.gain_sets)
+    gain_sets = {one.name: one.gains for one in (*candidates, *baselines)}
     draws = planned.draws if settings.draws is None else settings.draws
     early_ends: Counter[str] = Counter()
     with cluster(workers, scheduler) as start:
@@ -251,13 +252,15 @@ def tune_robust(
             draws=draws,
             q=settings.percentile / 100.0,
             least_success=settings.least_success,
-            baselines=[one.name for one in own],
+            baselines=[one.name for one in baselines],
             cycle=planned.cycle,
             seed=campaign.seed,
         )
     if run is None:
         return RobustChoice(status="interrupted", reason="it was stopped before the first draws")
-    results = {one.name: _judged(one, run, settings, planned.cycle) for one in (*candidates, *own)}
+    results = {
+        one.name: _result(one, run, settings, planned.cycle) for one in (*candidates, *baselines)
+    }
     best = results[run.best]
     status, reason = _status(run, best, settings, early_ends)
     return RobustChoice(
@@ -267,7 +270,7 @@ def tune_robust(
         p_best=run.p_best,
         loss=run.loss,
         candidates=tuple(results[one.name] for one in candidates),
-        own=tuple(results[one.name] for one in own),
+        baselines=tuple(results[one.name] for one in baselines),
         metrics=settings.metrics,
         percentile=settings.percentile,
         draws=best.draws,
@@ -407,12 +410,12 @@ def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> 
 
 
 def _status(
-    run: Race, best: Judged, settings: RobustSettings, early_ends: Counter[str]
+    run: Race, best: CandidateResult, settings: RobustSettings, early_ends: Counter[str]
 ) -> tuple[Status, str]:
     """How the choice ended, and why where nothing is chosen."""
     if not run.finished:
         return "interrupted", "it was stopped before all draws had been flown"
-    if not np.isfinite(best.percentile):
+    if not np.isfinite(best.percentile.value):
         ends = "all were completed, but have no value of the metric"
         for end, _ in early_ends.most_common(1):
             ends = f"{early_ends.total()} flights were not completed, as {end}"
@@ -420,37 +423,29 @@ def _status(
             f"flights must be completed on {settings.percentile:g} % of the draws for that "
             f"percentile, got fewer with every candidate; {ends}"
         )
-    if best.success < settings.least_success:
+    if best.success.value < settings.least_success:
         count = len(run.wins) + len(run.dropped)
         return "too_few_succeed", (
             f"the gains must succeed on {settings.least_success:.1%} of the draws, the best of "
-            f"{count} candidates does on {best.success:.1%}"
+            f"{count} candidates does on {best.success.value:.1%}"
         )
     return "chosen", ""
 
 
-def _judged(one: Candidate, run: Race, settings: RobustSettings, cycle: int) -> Judged:
+def _result(one: Candidate, run: Race, settings: RobustSettings, cycle: int) -> CandidateResult:
     """The results of a candidate or baseline, with intervals."""
     values, q = run.scores[one.name], settings.percentile / 100.0
-    clusters = np.arange(len(values)) // cycle
+    n, clusters = len(values), np.arange(len(values)) // cycle
     value = float(ordered_quantile(values, q))
     lo, hi = quantile_interval(values, q, effective=effective_size(values <= value, clusters))
-    success = share(run.success[one.name], clusters)
     dropped = one.name in run.dropped
     above = run.differences.get(one.name, np.array([np.nan]))
-    behind, behind_lo, behind_hi = (float(ordered_quantile(above, p)) for p in (0.5, 0.025, 0.975))
-    return Judged(
+    median, low, high = (float(ordered_quantile(above, p)) for p in (0.5, 0.025, 0.975))
+    return CandidateResult(
         candidate=one,
-        draws=len(values),
-        percentile=value,
-        lo=lo,
-        hi=hi,
-        success=success.value,
-        success_lo=success.lo,
-        success_hi=success.hi,
+        percentile=Estimate(value=value, lo=lo, hi=hi, n=n),
+        success=share(run.success[one.name], clusters),
         p_best=run.dropped[one.name] if dropped else run.wins.get(one.name, np.nan),
         dropped=dropped,
-        behind=behind,
-        behind_lo=behind_lo,
-        behind_hi=behind_hi,
+        behind=Estimate(value=median, lo=low, hi=high, n=n),
     )

@@ -20,7 +20,7 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignOutcome, NoObserver, Observer, Tally
 from flighttune.campaign.lock import locked
 from flighttune.campaign.planning.plan import Plan
-from flighttune.campaign.statistics.intervals import wilson
+from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import library_versions
 
@@ -152,7 +152,7 @@ def _widest(dataset: Dataset, runs: int) -> float:
         group = run[run < runs] % groups
         n += np.bincount(group, minlength=groups)
         successes += np.bincount(group, weights=success, minlength=groups)
-    low, high = wilson(successes, n)
+    low, high = rate_interval(successes, n)
     return float(np.max(high - low) / 2.0)
 
 

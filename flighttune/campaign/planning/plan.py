@@ -35,7 +35,7 @@ BLOCK = 1024
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Who flies: one plant with one gain set.
+    """Flights of one plant with one gain set.
 
     Attributes
     ----------
@@ -45,6 +45,11 @@ class Group:
 
     plant: str
     gains: str
+
+    @property
+    def label(self) -> str:
+        """``plant / gains``, as `Run.label`."""
+        return f"{self.plant} / {self.gains}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,10 +20,14 @@ Method: TypeAlias = Literal["wilson", "clopper-pearson"]
 CONFIDENCE = 0.95
 
 
-def wilson(
-    successes: npt.ArrayLike, n: npt.ArrayLike, confidence: float = CONFIDENCE
+def rate_interval(
+    successes: npt.ArrayLike,
+    n: npt.ArrayLike,
+    confidence: float = CONFIDENCE,
+    *,
+    method: Method = "wilson",
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Wilson's score interval of the probability behind a count of successes.
+    r"""Interval of the probability behind a count of successes.
 
     Parameters
     ----------
@@ -31,11 +35,14 @@ def wilson(
         Successes, and trials they are of; not whole where they are effective numbers.
     confidence : float, 1
         Between 0 and 1.
+    method : "wilson" or "clopper-pearson"
+        Wilson's score interval, or Clopper and Pearson's, which never covers less often than it
+        claims.
 
     Returns
     -------
     lo, hi : ndarray, shape (...), 1
-        0 and 1 where there are no trials.
+        0 and 1 without trials.
 
     Raises
     ------
@@ -44,60 +51,31 @@ def wilson(
 
     Notes
     -----
-    With ``z`` the normal quantile of ``(1 + confidence) / 2`` and ``p = successes / n``:
-    ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n)``, from [1]_.
+    Wilson [1]_, with ``z`` the normal quantile of ``(1 + confidence) / 2`` and
+    ``p = successes / n``: ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n)``. Clopper
+    and Pearson [2]_: quantiles of beta distributions.
 
     References
     ----------
     .. [1] E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
        J. Am. Stat. Assoc. 22 (1927) 209-212.
-    """
-    k, trials = _counts(successes, n)
-    z2 = float(ndtri(0.5 + 0.5 * _confidence(confidence))) ** 2
-    m = np.maximum(trials, 1.0)
-    middle = (k + 0.5 * z2) / (m + z2)
-    half = np.sqrt(z2) / (m + z2) * np.sqrt(k * (m - k) / m + 0.25 * z2)
-    lo = np.where(k == 0.0, 0.0, middle - half)
-    hi = np.where(k == trials, 1.0, middle + half)
-    return _known(trials, lo, hi)
-
-
-def clopper_pearson(
-    successes: npt.ArrayLike, n: npt.ArrayLike, confidence: float = CONFIDENCE
-) -> tuple[FloatArray, FloatArray]:
-    """Clopper and Pearson's interval, which never covers less often than it says.
-
-    Parameters
-    ----------
-    successes, n : array_like, shape (...), 1
-        Successes, and trials they are of; not whole where they are effective numbers.
-    confidence : float, 1
-        Between 0 and 1.
-
-    Returns
-    -------
-    lo, hi : ndarray, shape (...), 1
-        0 and 1 where there are no trials.
-
-    Raises
-    ------
-    InputError
-        If a count is negative or above its trials, or `confidence` is not between 0 and 1.
-
-    Notes
-    -----
-    Quantiles of beta distributions, as in [1]_.
-
-    References
-    ----------
-    .. [1] C. J. Clopper, E. S. Pearson, "The use of confidence or fiducial limits illustrated in
+    .. [2] C. J. Clopper, E. S. Pearson, "The use of confidence or fiducial limits illustrated in
        the case of the binomial", Biometrika 26 (1934) 404-413.
     """
-    k, trials = _counts(successes, n)
+    k, trials = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(n, dtype=float))
+    if not np.all((k >= 0.0) & (k <= trials)):
+        raise InputError(f"`successes` must be 0 to `n`, got {successes} of {n}.")
     tail = 0.5 - 0.5 * _confidence(confidence)
-    lo = np.where(k == 0.0, 0.0, betaincinv(np.maximum(k, 0.5), trials - k + 1.0, tail))
-    hi = np.where(k == trials, 1.0, betaincinv(k + 1.0, np.maximum(trials - k, 0.5), 1.0 - tail))
-    return _known(trials, lo, hi)
+    if method == "wilson":
+        z2 = float(ndtri(0.5 + 0.5 * confidence)) ** 2
+        m = np.maximum(trials, 1.0)
+        middle = (k + 0.5 * z2) / (m + z2)
+        half = np.sqrt(z2) / (m + z2) * np.sqrt(k * (m - k) / m + 0.25 * z2)
+        lo, hi = middle - half, middle + half
+    else:
+        lo = betaincinv(np.maximum(k, 0.5), trials - k + 1.0, tail)
+        hi = betaincinv(k + 1.0, np.maximum(trials - k, 0.5), 1.0 - tail)
+    return np.where(k == 0.0, 0.0, lo), np.where(k == trials, 1.0, hi)
 
 
 def quantile_interval(
@@ -208,6 +186,12 @@ class Estimate:
     hi: float
     n: int
 
+    def scaled(self, factor: float) -> "Estimate":
+        """Number and interval times a positive factor."""
+        return Estimate(
+            value=factor * self.value, lo=factor * self.lo, hi=factor * self.hi, n=self.n
+        )
+
 
 def share(
     flags: npt.NDArray[np.bool_],
@@ -231,7 +215,7 @@ def share(
         return Estimate(value=np.nan, lo=0.0, hi=1.0, n=0)
     rate, size = float(np.mean(flags)), effective_size(flags, clusters)
     count = float(np.sum(flags)) if size == n else rate * size
-    lo, hi = (wilson if method == "wilson" else clopper_pearson)(count, size, confidence)
+    lo, hi = rate_interval(count, size, confidence, method=method)
     return Estimate(value=rate, lo=float(lo), hi=float(hi), n=n)
 
 
@@ -258,19 +242,7 @@ def percentile(
     return Estimate(value=value, lo=lo, hi=hi, n=len(values))
 
 
-def _counts(successes: npt.ArrayLike, n: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    k, trials = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(n, dtype=float))
-    if not np.all((k >= 0.0) & (k <= trials)):
-        raise InputError(f"`successes` must be 0 to `n`, got {successes} of {n}.")
-    return k, trials
-
-
 def _confidence(confidence: float) -> float:
     if not 0.0 < confidence < 1.0:
         raise InputError(f"`confidence` must be between 0 and 1, got {confidence}.")
     return confidence
-
-
-def _known(trials: FloatArray, lo: FloatArray, hi: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The bounds, and all of 0 to 1 where there are no trials."""
-    return np.where(trials > 0.0, lo, 0.0), np.where(trials > 0.0, hi, 1.0)

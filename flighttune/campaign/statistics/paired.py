@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.special import bdtr
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.statistics.intervals import CONFIDENCE, quantile_interval, wilson
+from flighttune.campaign.statistics.intervals import CONFIDENCE, quantile_interval, rate_interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +121,7 @@ def _compared(
 ) -> Paired:
     x, y = values
     wins_a, wins_b = int(np.sum(x < y)), int(np.sum(y < x))
-    lo, hi = wilson(wins_a, wins_a + wins_b, confidence)
+    lo, hi = rate_interval(wins_a, wins_a + wins_b, confidence)
     apart = difference(x, y)
     median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
     only_a, only_b = (int(np.sum(s & ~o)) for s, o in (success, success[::-1]))

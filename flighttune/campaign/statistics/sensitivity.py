@@ -86,19 +86,16 @@ class SobolIndices:
     ----------
     n : int
         Blocks of flights they come from.
-    first, first_lo, first_hi : ndarray, shape (d,), 1
-        Share of the variance that a parameter makes by itself.
-    total, total_lo, total_hi : ndarray, shape (d,), 1
-        Share that would go if the parameter were known, its interactions included.
+    first : ndarray, shape (3, d), 1
+        Share of the variance that each parameter explains by itself, and both ends of its interval.
+    total : ndarray, shape (3, d), 1
+        Share of the variance that would vanish if the parameter were known, interactions included,
+        and both ends of its interval.
     """
 
     n: int
     first: FloatArray
-    first_lo: FloatArray
-    first_hi: FloatArray
     total: FloatArray
-    total_lo: FloatArray
-    total_hi: FloatArray
 
 
 def influences(
@@ -159,11 +156,18 @@ def influences(
         lo, hi = _interval(rho, n, confidence)
         found.append(
             Influence(
-                parameter=name, n=n, rho=rho, lo=lo, hi=hi, partial=partial[name],
-                share=shares[i][0], p_rho=p_rho, p_share=p_share,
+                parameter=name,
+                n=n,
+                rho=rho,
+                lo=lo,
+                hi=hi,
+                partial=partial[name],
+                share=shares[i][0],
+                p_rho=p_rho,
+                p_share=p_share,
                 apart=min(p_rho, p_share) < 1.0 - confidence,
             )
-        )  # fmt: skip
+        )
     return tuple(sorted(found, key=lambda one: -one.strength))
 
 
@@ -228,16 +232,9 @@ def sobol_indices(
     found = _indices(terms.mean(axis=1)[None], d)[0]
     tail = 0.5 - 0.5 * confidence
     resampled = np.vstack(list(_resampled(terms, resamples, seed)))
-    lo, hi = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
-    return SobolIndices(
-        n=n,
-        first=found[:d],
-        first_lo=lo[:d],
-        first_hi=hi[:d],
-        total=found[d:],
-        total_lo=lo[d:],
-        total_hi=hi[d:],
-    )
+    ends = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
+    both = np.vstack([found, ends])
+    return SobolIndices(n=n, first=both[:, :d], total=both[:, d:])
 
 
 def holm(p: Sequence[float]) -> list[float]:

@@ -78,28 +78,24 @@ def _flights(found: Findings, one: GroupSummary) -> dict[str, Any]:
 
 
 def _matters(found: Findings, one: GroupSummary) -> dict[str, Any]:
-    told = {}
+    by_measure = {}
     for name in (SUCCESS, found.measure):
         if name is None:
             continue
         indices = found.sobol.get((one.group, name))
-        told[name] = {
+        by_measure[name] = {
             "ranks": [asdict(influence) for influence in found.influences[one.group, name]],
             "sobol": None
             if indices is None
             else {
                 factor: {
-                    "first": [float(v[i]) for v in (indices.first, *_bounds(indices, "first"))],
-                    "total": [float(v[i]) for v in (indices.total, *_bounds(indices, "total"))],
+                    "first": indices.first[:, i].tolist(),
+                    "total": indices.total[:, i].tolist(),
                 }
                 for i, factor in enumerate(found.flights.plan.factors)
             },
         }
-    return {"sensitivity": told}
-
-
-def _bounds(indices: Any, kind: str) -> tuple[Any, Any]:
-    return getattr(indices, f"{kind}_lo"), getattr(indices, f"{kind}_hi")
+    return {"sensitivity": by_measure}
 
 
 def _reason(one: Reason) -> dict[str, Any]:
@@ -113,14 +109,16 @@ def _spread(one: Spread) -> dict[str, Any]:
 
 
 def _certified(one: CertifiedCount, claim: UltimateSet | None) -> dict[str, Any]:
-    claimed = {} if claim is None else {
-        "L_d_rad_s2": claim.L_d,
-        "from_s": claim.t_from,
-        "tube_deg": [width / DEG for width in claim.tube],
-        "says_nothing": claim.vacuous,
-    }  # fmt: skip
+    answer: dict[str, Any] = {}
+    if claim is not None:
+        answer = {
+            "L_d_rad_s2": claim.L_d,
+            "from_s": claim.t_from,
+            "tube_deg": [width / DEG for width in claim.tube],
+            "says_nothing": claim.vacuous,
+        }
     return {
-        **claimed,
+        **answer,
         "held": one.held,
         "broken": one.broken,
         "not_entered": one.not_entered,

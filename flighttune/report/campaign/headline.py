@@ -3,6 +3,8 @@
 from collections import Counter
 from collections.abc import Iterator
 
+import numpy as np
+
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
@@ -14,7 +16,6 @@ from flighttune.present.names import metric_label
 from flighttune.present.numbers import figures, percent
 from flighttune.report.campaign.words import (
     demands,
-    label_of,
     metric_name,
     percent_with_interval,
     probability,
@@ -58,7 +59,7 @@ def plants_of(found: Findings) -> list[str]:
 def _holds(found: Findings) -> Answer:
     good, all_of = sum(one.successes for one in found.groups), sum(one.n for one in found.groups)
     sentences = [
-        f"{label_of(one.group)}: {one.successes} of {one.n} flights succeed, "
+        f"{one.group.label}: {one.successes} of {one.n} flights succeed, "
         f"{percent_with_interval(one.success)}."
         for one in found.groups
     ]
@@ -130,7 +131,7 @@ def _failures(one: GroupSummary) -> Iterator[str]:
     for missed in one.missed[:MOST_REASONS]:
         lines.append(f"{missed.count} flown to the end miss: {missed.text} (as run {missed.run})")
     if lines:
-        yield f"{label_of(one.group)}: {'; '.join(lines)}."
+        yield f"{one.group.label}: {'; '.join(lines)}."
 
 
 def _certified(found: Findings) -> Answer:
@@ -147,7 +148,7 @@ def _certified(found: Findings) -> Answer:
             else "; no flight entered it"
         )
         sentences.append(
-            f"{label_of(one.group)}: the certified ultimate set{_size(found, one.group)} was "
+            f"{one.group.label}: the certified ultimate set{_size(found, one.group)} was "
             f"entered and held in {count.held} of {count.of_all.n} flights, "
             f"{percent_with_interval(count.of_all)}{of_entered}."
         )
@@ -176,7 +177,7 @@ def _all_vacuous(found: Findings) -> bool:
 
 def _matters(found: Findings) -> Answer:
     told = [
-        (f"{label_of(one.group)}, {metric_name(name)}", one, name)
+        (f"{one.group.label}, {metric_name(name)}", one, name)
         for one in found.groups
         for name in (SUCCESS, found.measure)
         if name is not None
@@ -207,17 +208,17 @@ def _variance(found: Findings, group: Group, name: str) -> tuple[str, str] | Non
     indices = found.sobol.get((group, name))
     if indices is None:
         return None
-    factors = found.flights.plan.factors
-    order = sorted(range(len(factors)), key=lambda i: -indices.total[i])[:MOST_PARAMETERS]
+    names = [CHANCE if factor == SEED else factor for factor in found.flights.plan.factors]
+    total, lo, hi = 100.0 * indices.total
+    alone = 100.0 * np.maximum(0.0, indices.first[0])
+    order = np.argsort(-total, kind="stable")[:MOST_PARAMETERS].tolist()
     parts = [
-        f"{CHANCE if factors[i] == SEED else factors[i]} contributes to "
-        f"{100.0 * indices.total[i]:.0f} % of the variance ({100.0 * indices.total_lo[i]:.0f} to "
-        f"{100.0 * indices.total_hi[i]:.0f} %), alone {100.0 * max(0.0, indices.first[i]):.0f} %"
+        f"{names[i]} contributes to {total[i]:.0f} % of the variance ({lo[i]:.0f} to {hi[i]:.0f} "
+        f"%), alone {alone[i]:.0f} %"
         for i in order
-        if indices.total_lo[i] > SMALLEST_INDEX
+        if lo[i] > 100.0 * SMALLEST_INDEX
     ]
-    strongest = factors[order[0]]
-    return CHANCE if strongest == SEED else strongest, "; ".join(parts)
+    return names[order[0]], "; ".join(parts)
 
 
 def _ranks(found: Findings, group: Group, name: str) -> tuple[str, str]:

@@ -9,14 +9,14 @@ from flighttune.campaign.flying.columns import unit_of_key
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import SUCCESS, Findings, values_of
 from flighttune.campaign.statistics.intervals import Estimate
-from flighttune.campaign.statistics.sensitivity import Influence, SobolIndices
+from flighttune.campaign.statistics.sensitivity import Influence
 from flighttune.present.figures import NEUTRAL, on_white, panel
 from flighttune.present.frame import Picture, pictured
 from flighttune.present.names import metric_label
 from flighttune.present.palette import LIMIT
 from flighttune.report.campaign.panels import DOTS, dot, places, rows_panel
 from flighttune.report.campaign.tables import groups_of, influential_parameters
-from flighttune.report.campaign.words import label_of, looks_of, metric_name
+from flighttune.report.campaign.words import metric_name, styles_of
 
 PARAMETERS = 8
 """Rows of a panel of parameters."""
@@ -42,7 +42,7 @@ def influence_panels(found: Findings) -> list[Picture]:
 
 def sobol_panels(found: Findings) -> list[Picture]:
     """First indices, filled, and total ones, open, of the measure and of success."""
-    factors, looks = found.flights.plan.factors, looks_of(found.flights.plan)
+    factors, styles = found.flights.plan.factors, styles_of(found)
     pictures = []
     for name in (found.measure, SUCCESS):
         own = {group: one for (group, of), one in found.sobol.items() if of == name}
@@ -50,16 +50,17 @@ def sobol_panels(found: Findings) -> list[Picture]:
             continue
         what = metric_name(name or "")
         title = f"{what}: Sobol indices, first (filled) and total (open)"
-        order = np.argsort(-np.max([one.total for one in own.values()], axis=0), kind="stable")
+        order = np.argsort(-np.max([one.total[0] for one in own.values()], axis=0), kind="stable")
         names = [factors[i] for i in order]
         with rows_panel(title, "share of the variance", names, 2 * len(own)) as axes:
             below = places(2 * len(own))
             for place, (group, one) in enumerate(own.items()):
-                look = looks[label_of(group)]
+                style = styles[group.label]
                 for row, i in enumerate(order.tolist()):
-                    for kind in range(2):
-                        at = row + below[2 * place + kind]
-                        dot(axes, at, _index(one, i, total=kind == 1), look, filled=kind == 0)
+                    for kind, indices in enumerate((one.first, one.total)):
+                        value, lo, hi = indices[:, i].tolist()
+                        at = Estimate(value=value, lo=lo, hi=hi, n=one.n)
+                        dot(axes, row + below[2 * place + kind], at, style, filled=kind == 0)
             axes.axvline(0.0, color=NEUTRAL, lw=1.0)
             pictures.append(pictured(axes, title))
     return pictures
@@ -67,13 +68,13 @@ def sobol_panels(found: Findings) -> list[Picture]:
 
 def split_panels(found: Findings) -> list[Picture]:
     """Success rate over the values of the most influential parameter."""
-    looks, pictures = looks_of(found.flights.plan), []
+    styles, pictures = styles_of(found), []
     for parameter in dict.fromkeys(one.parameter for one in found.splits):
         own = [one for one in found.splits if one.parameter == parameter]
         title = f"Success over {parameter}"
         with panel(title, "flights that succeed [%]", _axis(parameter), height=3.0) as axes:
             for one in own:
-                colour = on_white(looks[label_of(one.group)].colour)
+                colour = on_white(styles[one.group.label].colour)
                 rate, lo, hi = (
                     100.0 * np.array([getattr(s, part) for s in one.success])
                     for part in ("value", "lo", "hi")
@@ -93,7 +94,7 @@ def scatter_panels(found: Findings) -> list[Picture]:
     """The metric over the most influential parameters, a dot a flight."""
     if found.measure is None:
         return []
-    how, looks, pictures = metric_label(found.measure), looks_of(found.flights.plan), []
+    how, styles, pictures = metric_label(found.measure), styles_of(found), []
     for key in influential_parameters(found)[:SCATTERED]:
         if not found.flights.is_number(key):
             continue
@@ -103,7 +104,7 @@ def scatter_panels(found: Findings) -> list[Picture]:
                 some = rows.iloc[:: len(rows) // DOTS + 1]
                 x = some[key].to_numpy(dtype=float)
                 y = how.factor * values_of(some, found.measure)
-                colour = on_white(looks[label_of(group)].colour)
+                colour = on_white(styles[group.label].colour)
                 axes.plot(x, y, "o", ms=3.2, alpha=0.55, mew=0.0, color=colour)
                 lost = x[np.isnan(y)]
                 axes.plot(
@@ -125,7 +126,7 @@ def _panel(
             strength[one.parameter] = max(one.strength, strength.get(one.parameter, 0.0))
     names = sorted(strength, key=lambda name: -strength[name])[:PARAMETERS]
     told = {group: own for group, own in told.items() if own}
-    looks = looks_of(found.flights.plan)
+    styles = styles_of(found)
     x = "rank correlation, with interval" if kind == "rho" else "share of the variance of ranks [%]"
     with rows_panel(title, x, names, len(told)) as axes:
         for (group, own), below in zip(told.items(), places(len(told)), strict=True):
@@ -134,7 +135,7 @@ def _panel(
                 lo, hi = (one.lo, one.hi) if kind == "rho" else (0.0, size)
                 apart = (one.p_rho if kind == "rho" else one.p_share) < 1.0 - found.confidence
                 at = Estimate(value=size, lo=lo, hi=hi, n=one.n)
-                dot(axes, place + below, at, looks[label_of(group)], filled=apart)
+                dot(axes, place + below, at, styles[group.label], filled=apart)
         axes.axvline(0.0, color=NEUTRAL, lw=1.0)
         axes.set_xlim(*((-1.04, 1.04) if kind == "rho" else (-2.0, 102.0)))
         return pictured(axes, f"{title}; open: not significant")
@@ -144,15 +145,6 @@ def _placed(own: Sequence[Influence], names: Sequence[str]) -> Iterator[tuple[in
     for one in own:
         if one.parameter in names and not math.isnan(one.share):
             yield names.index(one.parameter), one
-
-
-def _index(one: SobolIndices, i: int, *, total: bool) -> Estimate:
-    value, lo, hi = (
-        (one.total, one.total_lo, one.total_hi)
-        if total
-        else (one.first, one.first_lo, one.first_hi)
-    )
-    return Estimate(value=float(value[i]), lo=float(lo[i]), hi=float(hi[i]), n=one.n)
 
 
 def _axis(key: str) -> str:

@@ -1,13 +1,12 @@
 """The report of a campaign as one HTML file that needs nothing else."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
-from flighttune.present.frame import Answer, Report, Section, page_template
+from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.tables import Table
 from flighttune.report.campaign import tables
 from flighttune.report.campaign.headline import headline
@@ -18,15 +17,12 @@ from flighttune.report.campaign.matter_panels import (
     split_panels,
 )
 from flighttune.report.campaign.panels import against, convergence, distributions, rates
-from flighttune.report.campaign.words import looks_of
+from flighttune.report.campaign.words import styles_of
 from flighttune.report.toml_text import toml_text
 from flighttune.shipped import scenario_names
-from flighttune.whole_file import whole_file
-
-PACKAGE, TEMPLATE = "flighttune.report.campaign", "page.html.jinja"
 
 
-def write_page(found: Findings, path: str | Path) -> Report:
+def write_campaign_report(found: Findings, path: str | Path) -> Report:
     """Write one self-contained page about a campaign.
 
     Parameters
@@ -44,33 +40,49 @@ def write_page(found: Findings, path: str | Path) -> Report:
     OutputError
         If the file cannot be written.
     """
-    answers, sections = headline(found), _sections(found)
-    with whole_file(Path(path)) as part:
-        part.write_text(_page(found, answers, sections), encoding="utf-8")
-    return Report(
-        path=Path(path), answers=answers, sections=tuple(section.title for section in sections)
+    flown, campaign = found.flights, found.flights.plan.campaign
+    styles = styles_of(found)
+    shipped = campaign.scenario.removesuffix(".toml") in scenario_names()
+    return write_page(
+        Path(path),
+        page_template("flighttune.report.campaign", "page.html.jinja"),
+        answers=headline(found),
+        sections=[one for one in _sections(found) if one.pictures or one.tables],
+        title=campaign.title,
+        claim=campaign.verifies,
+        legend=list(styles.items()),
+        styles=styles,
+        notes=notes(found),
+        provenance=_provenance(found),
+        url=flown.url,
+        example_run=int(flown.rows["run"].to_numpy()[0]),
+        runs=flown.plan.runs,
+        own_scenario="" if shipped else Path(campaign.scenario).name,
+        campaign_text=toml_text(campaign.as_dict()),
+        scenario_text=toml_text(flown.plan.scenario.as_dict()),
+        version=flown.versions.get("flighttune", ""),
     )
 
 
 def notes(found: Findings) -> tuple[str, ...]:
     """How many flights there are, and what the design does to the intervals."""
     flown, plan = found.flights, found.flights.plan
-    said = []
+    found_notes = []
     if len(flown.rows) < plan.runs:
-        said.append(
+        found_notes.append(
             f"Not finished: the numbers are those of {len(flown.rows)} of {plan.runs} flights."
         )
     if plan.cycle > 1:
-        said.append(
+        found_notes.append(
             f"Draws of this design come in blocks of {plan.cycle}: intervals are for the effective "
             "number of independent flights."
         )
     elif plan.campaign.design in ("latin_hypercube", "sobol"):
-        said.append(
+        found_notes.append(
             "Draws are spread evenly (" + plan.campaign.design.replace("_", " ") + "); intervals "
             "are those of independent draws, which is conservative."
         )
-    return tuple(said)
+    return tuple(found_notes)
 
 
 def _sections(found: Findings) -> list[Section]:
@@ -80,10 +92,7 @@ def _sections(found: Findings) -> list[Section]:
             title="How often",
             note="Of all flights of a group; bars are the intervals of the headline.",
             pictures=rates(found),
-            tables=[
-                tables.success_table(found),
-                *_filled([tables.reasons_table(found)]),
-            ],
+            tables=_filled(tables.success_table(found), tables.reasons_table(found)),
             legend=False,
         ),
         Section(
@@ -91,12 +100,7 @@ def _sections(found: Findings) -> list[Section]:
             title="Worst flights",
             note="With the most influential parameters. To fly one of them again: "
             f"flighttune campaign fly {found.flights.url} --run RUN.",
-            tables=_filled(
-                [
-                    *([tables.worst_table(found)] if found.measure else []),
-                    tables.failures_table(found),
-                ]
-            ),
+            tables=_filled(tables.worst_table(found), tables.failures_table(found)),
             legend=False,
         ),
         Section(
@@ -106,7 +110,7 @@ def _sections(found: Findings) -> list[Section]:
             "The table is of completed flights that have a value, with intervals from order "
             "statistics in brackets.",
             pictures=distributions(found),
-            tables=_filled([tables.metrics_table(found)]),
+            tables=_filled(tables.metrics_table(found)),
         ),
         _matters(found),
     ]
@@ -136,12 +140,11 @@ def _sections(found: Findings) -> list[Section]:
 
 
 def _matters(found: Findings) -> Section:
-    measured = [tables.influence_table(found, found.measure)] if found.measure else []
     sobol = tables.sobol_table(found)
     note = (
         "Filled: significant. A rank correlation has a direction; the share explained alone is "
         "that of the variance of ranks over ten classes of the values, whatever the shape. Red "
-        " crosses ended early."
+        "crosses ended early."
     )
     if sobol.rows:
         note += (
@@ -152,14 +155,19 @@ def _matters(found: Findings) -> Section:
         title="What matters",
         note=note,
         pictures=[
-            *influence_panels(found), *sobol_panels(found), *split_panels(found),
+            *influence_panels(found),
+            *sobol_panels(found),
+            *split_panels(found),
             *scatter_panels(found),
         ],
-        tables=_filled([*measured, tables.influence_table(found, SUCCESS), sobol]),
-    )  # fmt: skip
+        tables=_filled(
+            *(tables.influence_table(found, name) for name in (found.measure, SUCCESS) if name),
+            sobol,
+        ),
+    )
 
 
-def _filled(some: Sequence[Table]) -> list[Table]:
+def _filled(*some: Table) -> list[Table]:
     return [one for one in some if one.rows]
 
 
@@ -178,26 +186,3 @@ def _provenance(found: Findings) -> Table:
         ("source of the campaign", plan.campaign.source or "–"),
     )
     return Table(title="Provenance", head=("what", "value"), rows=rows)
-
-
-def _page(found: Findings, answers: Sequence[Answer], sections: Sequence[Section]) -> str:
-    flown, campaign = found.flights, found.flights.plan.campaign
-    looks = looks_of(flown.plan)
-    shipped = campaign.scenario.removesuffix(".toml") in scenario_names()
-    return page_template(PACKAGE, TEMPLATE).render(
-        title=campaign.title,
-        lead=f"Claim: {campaign.verifies}" if campaign.verifies else "",
-        answers=answers,
-        sections=[one for one in sections if one.pictures or one.tables],
-        legend=list(looks.items()),
-        looks=looks,
-        notes=notes(found),
-        provenance=_provenance(found),
-        url=flown.url,
-        example_run=int(flown.rows["run"].to_numpy()[0]),
-        runs=flown.plan.runs,
-        own_scenario="" if shipped else Path(campaign.scenario).name,
-        campaign_text=toml_text(campaign.as_dict()),
-        scenario_text=toml_text(flown.plan.scenario.as_dict()),
-        version=flown.versions.get("flighttune", ""),
-    )

@@ -14,8 +14,8 @@ from flighttune.campaign.statistics.summary import ConvergenceCurve
 from flighttune.present.figures import FAINT, INK, NEUTRAL, line, on_white, panel
 from flighttune.present.frame import Picture, pictured
 from flighttune.present.names import metric_label
-from flighttune.present.palette import Look
-from flighttune.report.campaign.words import label_of, looks_of
+from flighttune.present.palette import LineStyle
+from flighttune.report.campaign.words import styles_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,22 +71,22 @@ def places(dots: int) -> list[float]:
     return [(NAME + STEP * (place + 0.2)) / row for place in range(dots)]
 
 
-def dot(axes: "Axes", y: float, one: Estimate, look: Look, *, filled: bool = True) -> None:
+def dot(axes: "Axes", y: float, one: Estimate, style: LineStyle, *, filled: bool = True) -> None:
     """A number with its interval in a row."""
-    colour = on_white(look.colour)
+    colour = on_white(style.colour)
     axes.plot([one.lo, one.hi], [y, y], color=colour, lw=1.6, solid_capstyle="butt")
     axes.plot(one.value, y, "o", ms=5.5, color=colour, mfc=colour if filled else "white")
 
 
 def rates(found: Findings) -> list[Picture]:
     """Success rate of every group, and how often the certified set held."""
-    looks = looks_of(found.flights.plan)
+    styles = styles_of(found)
     pictures = [
-        _shares("Flights that succeed", {label_of(g.group): g.success for g in found.groups}, looks)
+        _shares("Flights that succeed", {g.group.label: g.success for g in found.groups}, styles)
     ]
-    held = {label_of(g.group): g.certified.of_all for g in found.groups if g.certified is not None}
+    held = {g.group.label: g.certified.of_all for g in found.groups if g.certified is not None}
     if held:
-        pictures.append(_shares("Flights in which the certified set held", held, looks))
+        pictures.append(_shares("Flights in which the certified set held", held, styles))
     return pictures
 
 
@@ -99,7 +99,7 @@ def distributions(found: Findings) -> list[Picture]:
 
 def against(found: Findings) -> list[Picture]:
     """One gain set over another, a dot a draw."""
-    looks, pictures = looks_of(found.flights.plan), []
+    styles, pictures = styles_of(found), []
     for one in found.paired[:MOST_PAIRS]:
         how = metric_label(one.measure)
         rows = found.flights.rows
@@ -113,8 +113,8 @@ def against(found: Findings) -> list[Picture]:
         title = f"{one.plant}: {how.name}, a dot a draw"
         with panel(title, f"{one.b} [{how.unit}]", f"{one.a} [{how.unit}]", height=3.6) as axes:
             some = both[:: len(both) // DOTS + 1]
-            look = looks[f"{one.plant} / {one.b}"]
-            axes.plot(*some.T, "o", ms=3.5, color=on_white(look.colour), alpha=0.6, mew=0.0)
+            style = styles[f"{one.plant} / {one.b}"]
+            axes.plot(*some.T, "o", ms=3.5, color=on_white(style.colour), alpha=0.6, mew=0.0)
             ends = [both.min(), both.max()]
             axes.plot(ends, ends, color=NEUTRAL, lw=1.0)
             _scale(axes, both.ravel(), both=True)
@@ -134,17 +134,13 @@ def convergence(found: Findings) -> list[Picture]:
     ]
 
 
-def _shares(title: str, of: dict[str, Estimate], looks: dict[str, Look]) -> Picture:
+def _shares(title: str, of: dict[str, Estimate], styles: dict[str, LineStyle]) -> Picture:
     with rows_panel(title, "share [%], with interval", list(of)) as axes:
         (below,) = places(1)
         for place, (label, one) in enumerate(of.items()):
-            scaled = Estimate(
-                value=100.0 * one.value, lo=100.0 * one.lo, hi=100.0 * one.hi, n=one.n
-            )
-            dot(axes, place + below, scaled, looks[label])
-        low, high = (100.0 * extreme for extreme in (
-            min(one.lo for one in of.values()), max(one.hi for one in of.values())
-        ))  # fmt: skip
+            dot(axes, place + below, one.scaled(100.0), styles[label])
+        low = 100.0 * min(one.lo for one in of.values())
+        high = 100.0 * max(one.hi for one in of.values())
         room = 0.06 * max(high - low, 1.0)
         axes.set_xlim(max(-1.0, low - room), min(104.0, high + 2.5 * room))
         return pictured(axes, title)
@@ -152,7 +148,7 @@ def _shares(title: str, of: dict[str, Estimate], looks: dict[str, Look]) -> Pict
 
 def _distribution(found: Findings, measure: str) -> Picture:
     """Curves end below 100 % where flights were not completed or have no value."""
-    how, looks = metric_label(measure), looks_of(found.flights.plan)
+    how, styles = metric_label(measure), styles_of(found)
     with panel(f"Flights by {how.name}", "flights at or below [%]", how.heading) as axes:
         finite = []
         for group, rows in found.flights.groups():
@@ -162,7 +158,7 @@ def _distribution(found: Findings, measure: str) -> Picture:
             if kept.any():
                 finite.append(values[kept])
                 x, y = np.append(values[kept], values[kept][-1]), np.append(share[kept], np.nan)
-                line(axes, x, y, looks[label_of(group)], drawstyle="steps-post")
+                line(axes, x, y, styles[group.label], drawstyle="steps-post")
         if finite:
             _scale(axes, np.concatenate(finite))
         axes.set_ylim(0.0, 102.0)
@@ -170,20 +166,20 @@ def _distribution(found: Findings, measure: str) -> Picture:
 
 
 def _convergence(found: Findings, title: str, y: str, name: str, factor: float) -> Picture:
-    looks = looks_of(found.flights.plan)
+    styles = styles_of(found)
     with panel(title, y, "flights of a group", height=3.0) as axes:
         tallest = []
         for one in found.convergence:
-            look, estimates = looks[label_of(one.group)], _estimates(one, name)
+            style, estimates = styles[one.group.label], _estimates(one, name)
             n = np.array(one.n, dtype=float)
             value, lo, hi = (
                 factor * np.array([getattr(e, part) for e in estimates])
                 for part in ("value", "lo", "hi")
             )
-            line(axes, n, value, look)
+            line(axes, n, value, style)
             bounded = np.isfinite(lo) & np.isfinite(hi)
             axes.fill_between(
-                n[bounded], lo[bounded], hi[bounded], color=on_white(look.colour), alpha=FAINT,
+                n[bounded], lo[bounded], hi[bounded], color=on_white(style.colour), alpha=FAINT,
                 lw=0.0,
             )  # fmt: skip
             tallest += [value, hi[bounded], lo[bounded]]

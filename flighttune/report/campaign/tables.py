@@ -13,7 +13,6 @@ from flighttune.present.names import metric_label
 from flighttune.present.numbers import MISSING, figures, interval, number, percent_interval
 from flighttune.present.tables import Table
 from flighttune.report.campaign.words import (
-    label_of,
     metric_name,
     probability,
     status_words,
@@ -47,7 +46,7 @@ def success_table(found: Findings) -> Table:
         held = MISSING if one.certified is None else _percent(one.certified.of_all)
         numbers = (str(n) for n in (one.n, one.successes))
         ended = (str(count.get(status, 0)) for status in statuses)
-        rows.append((label_of(one.group), *numbers, _percent(one.success), *ended, held))
+        rows.append((one.group.label, *numbers, _percent(one.success), *ended, held))
     ended = map(status_words, statuses)
     head = ("group", "flights", "succeed", "rate [%]", *ended, "certified set held [%]")
     return _by_group("How often", head, rows)
@@ -61,20 +60,21 @@ def reasons_table(found: Findings) -> Table:
         reasons += [("completed", reason) for reason in one.missed]
         for status, reason in reasons:
             counts = str(reason.count), str(reason.run)
-            rows.append((label_of(one.group), *counts, status_words(status), reason.text))
+            rows.append((one.group.label, *counts, status_words(status), reason.text))
     return _by_group("Why flights fail", ("group", "flights", "first run", "ended", "reason"), rows)
 
 
 def worst_table(found: Findings) -> Table:
     """The worst completed flights of each group, with the most influential parameters."""
-    metric = found.measure or ""
-    label, keys = metric_label(metric), influential_parameters(found)
+    if found.measure is None:
+        return _by_group("Worst completed flights", (), [])
+    metric, label, keys = found.measure, metric_label(found.measure), influential_parameters(found)
     rows, each = [], max(WORST_OF_GROUP, WORST // len(found.groups))
     for group, own in found.flights.groups():
         for flight in worst_first(own, metric, each).to_dict("records"):
             value = figures(label.factor * float(flight[metric]))
             success = "yes" if flight[SUCCESS] else "no"
-            rows.append((*_flight(label_of(group), flight), value, success, *_values(flight, keys)))
+            rows.append((*_flight(group.label, flight), value, success, *_values(flight, keys)))
     head = ("group", "run", "draw", label.heading, "succeeds", *keys)
     return _by_group("Worst completed flights", head, rows)
 
@@ -101,7 +101,7 @@ def metrics_table(found: Findings) -> Table:
             label, percentiles = metric_label(metric), spread.percentiles
             cells = (with_interval(percentiles[p], label.factor) for p in ("p05", "p50", "p95"))
             mean = figures(label.factor * spread.mean)
-            rows.append((label_of(one.group), label.heading, str(spread.n), mean, *cells))
+            rows.append((one.group.label, label.heading, str(spread.n), mean, *cells))
     head = ("group", "metric", "flights", "mean", "5 %", "50 %", "95 %")
     return _by_group("Metrics", head, rows)
 
@@ -117,7 +117,7 @@ def influence_table(found: Findings, name: str) -> Table:
             share = number(100.0 * one.share, ".1f")
             cells = ("0.0" if one.share < 0.0 else share, rho, number(one.partial, "+.2f"))
             p, apart = probability(min(one.p_rho, one.p_share)), "yes" if one.apart else "no"
-            rows.append((label_of(group), one.parameter, str(one.n), *cells, p, apart))
+            rows.append((group.label, one.parameter, str(one.n), *cells, p, apart))
     head = (
         *("group", "parameter", "flights", "explains [% of ranks]", "rank correlation", "partial"),
         *("p-value", "significant"),
@@ -130,9 +130,8 @@ def sobol_table(found: Findings) -> Table:
     rows = []
     for (group, name), one in found.sobol.items():
         for i, factor in enumerate(found.flights.plan.factors):
-            first = f"{one.first[i]:.2f} [{one.first_lo[i]:.2f}, {one.first_hi[i]:.2f}]"
-            total = f"{one.total[i]:.2f} [{one.total_lo[i]:.2f}, {one.total_hi[i]:.2f}]"
-            rows.append((label_of(group), metric_name(name), factor, str(one.n), first, total))
+            indices = ("{:.2f} [{:.2f}, {:.2f}]".format(*of[:, i]) for of in (one.first, one.total))
+            rows.append((group.label, metric_name(name), factor, str(one.n), *indices))
     head = ("group", "of", "parameter", "blocks", "first index", "total index")
     return _by_group("Sobol indices", head, rows)
 
@@ -197,5 +196,5 @@ def _values(flight: dict[Any, Any], keys: Iterable[str]) -> list[str]:
 def _by_group(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
     """A table whose first column names the group."""
     labels = [row[0] for row in rows]
-    is_text = head[-1] in ("reason", "ended")
+    is_text = head[-1:] in (("reason",), ("ended",))
     return Table(title=title, head=head, rows=rows, labels=labels, last_is_text=is_text)

@@ -1,26 +1,20 @@
 """How groups, estimates and demands are written for a reader."""
 
-from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.campaign.statistics.findings import SUCCESS
+from flighttune.campaign.planning.plan import Group
+from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.present.names import metric_label
 from flighttune.present.numbers import interval, percent
-from flighttune.present.palette import Look, many_looks
+from flighttune.present.palette import LineStyle, line_styles
 from flighttune.scenario.tables import ExpectTable
 
 
-def label_of(group: Group) -> str:
-    """``plant / gains``, as runs are called everywhere."""
-    return f"{group.plant} / {group.gains}"
-
-
-def looks_of(plan: Plan) -> dict[str, Look]:
-    """Look of every group by its label, the same as of the flights of its scenario."""
+def styles_of(found: Findings) -> dict[str, LineStyle]:
+    """Line style of every group by its label, as in the report of its scenario."""
+    plan = found.flights.plan
     pairs = [(plant.label, name) for plant in plan.scenario.plant for name in plan.gain_sets]
-    found = many_looks(pairs)
-    return {
-        label_of(Group(plant=plant, gains=gains)): found[plant, gains] for plant, gains in pairs
-    }
+    styles = line_styles(pairs)
+    return {Group(*pair).label: style for pair, style in styles.items()}
 
 
 def percent_with_interval(one: Estimate) -> str:
@@ -30,7 +24,8 @@ def percent_with_interval(one: Estimate) -> str:
 
 def with_interval(one: Estimate, factor: float = 1.0) -> str:
     """``4.63 [4.25, 4.89]``, multiplied by a factor; an unbounded side is infinite."""
-    return interval(factor * one.value, factor * one.lo, factor * one.hi)
+    one = one.scaled(factor)
+    return interval(one.value, one.lo, one.hi)
 
 
 def metric_name(metric: str) -> str:
@@ -52,7 +47,7 @@ def demands(tables: list[ExpectTable]) -> str:
     """What a flight must do to succeed, in a sentence."""
     if not tables:
         return "A flight succeeds if it is completed."
-    said = []
+    clauses = []
     for table in tables:
         of = ", ".join(str(one) for one in (table.plant, table.gains) if one)
         wanted = [f"ends as {table.status}"] if table.status else []
@@ -62,5 +57,6 @@ def demands(tables: list[ExpectTable]) -> str:
                 for subject, limits in bounds.items()
                 for name, value in limits.items()
             ]
-        said.append((f"{of}: " if of else "") + ", ".join(wanted))
-    return f"A flight succeeds if it is completed (unless said otherwise) with {'; '.join(said)}."
+        clauses.append((f"{of}: " if of else "") + ", ".join(wanted))
+    demanded = "; ".join(clauses)
+    return f"A flight succeeds if it is completed (unless stated otherwise) with {demanded}."

@@ -19,7 +19,7 @@ MORE = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class CampaignCost:
     """Time and space that a campaign will take.
 
     Attributes
@@ -47,7 +47,7 @@ class Estimate:
         return self.core_s / workers
 
 
-def estimate(plan: Plan) -> Estimate:
+def campaign_cost(plan: Plan) -> CampaignCost:
     """Fly a few runs of a plan, and say what all of them will take.
 
     Parameters
@@ -57,7 +57,7 @@ def estimate(plan: Plan) -> Estimate:
 
     Returns
     -------
-    Estimate
+    CampaignCost
         By the largest chunk that was flown: many kinematic flights together take less time each.
 
     Raises
@@ -87,7 +87,7 @@ def estimate(plan: Plan) -> Estimate:
     keep = plan.campaign.keep
     kept = min(plan.runs, keep.failures + keep.worst + keep.sample)
     by_group = rows.group_by(["plant", "gains"]).aggregate([("wall_s", "mean")]).to_pylist()
-    return Estimate(
+    return CampaignCost(
         timed=size,
         group_s={Group(one["plant"], one["gains"]): one["wall_s_mean"] for one in by_group},
         core_s=found.seconds / size * plan.runs,
