@@ -23,7 +23,6 @@ from flighttune.plants.jsbsim.trim import trim
 
 LONGEST_S = 10.0
 REPEATS = 3
-FDM_RATE_HZ = 200.0
 
 
 def command_s() -> float:
@@ -44,8 +43,8 @@ def identification_s() -> tuple[float, float]:
     began = time.perf_counter()
     found = identify(partial(JSBSimPlant, "aerosonde"), condition, plant.limits)
     took = time.perf_counter() - began
-    flown = (len(found.check.measured) * DT + 40.0) * FDM_RATE_HZ
-    fdm = Fdm(plant.config, FDM_RATE_HZ)
+    flown = (len(found.check.measured) * DT + 40.0) * plant.config.inner_loop_rate
+    fdm = Fdm(plant.config)
     trim(fdm, condition)
     began = time.perf_counter()
     for _ in range(round(flown)):

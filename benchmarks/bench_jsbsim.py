@@ -23,7 +23,6 @@ from flighttune.scenario import load_scenario
 from flighttune.shipped import scenario_file
 from flighttune.simulate.loop import simulate
 
-FDM_RATE_HZ = 200.0
 SECONDS = 60.0
 REPEATS = 7
 HIGHEST_RATIO = {"still air": 1.5, "gust and turbulence": 1.5, "all weather": 1.6}
@@ -57,9 +56,9 @@ class TimedPlant(JSBSimPlant):
 
 def bare(condition: FlightCondition) -> float:
     """Return the time of one integration step in still air without anything around it, s."""
-    fdm = Fdm(load_aircraft("aerosonde"), FDM_RATE_HZ)
+    fdm = Fdm(load_aircraft("aerosonde"))
     trim(fdm, condition)
-    run, steps = fdm.run, round(SECONDS * FDM_RATE_HZ)
+    run, steps = fdm.run, round(SECONDS * fdm.rate)
     began = time.process_time()
     for _ in range(steps):
         run()
@@ -75,7 +74,7 @@ def closed_loop(weather: Weather | None) -> tuple[float, int]:
         dt=1.0 / scenario.controller.rate_hz,
         anti_windup=scenario.controller.anti_windup,
     )
-    plant = TimedPlant(fdm_rate_hz=FDM_RATE_HZ, weather=weather, seed=1)
+    plant = TimedPlant(weather=weather, seed=1)
     signals, stop = simulate(
         plant, controller, scenario.followed(), condition=scenario.condition,
         duration=SECONDS, feed_forward=scenario.controller.feed_forward,
@@ -83,7 +82,7 @@ def closed_loop(weather: Weather | None) -> tuple[float, int]:
     took = time.process_time() - plant.began
     if stop is not None:
         raise SystemExit(f"the flight ended early: {stop.reason}")
-    return took / (SECONDS * FDM_RATE_HZ), signals.shape[1]
+    return took / (SECONDS * plant.config.inner_loop_rate), signals.shape[1]
 
 
 def main() -> int:

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.linalg import expm
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel
@@ -20,7 +21,7 @@ from flighttune.flight.outer_loop import tune_scenario
 from flighttune.identify.file import load_identified
 from flighttune.identify.model import design_model
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.report.identification import save_figure
 from flighttune.scenario import load_scenario
@@ -38,7 +39,6 @@ STEP = 0.1 * DEG
 """Step of both references, rad: so small that no limit is met."""
 
 SECONDS = 12.0
-LOWEST_FDM_RATE_HZ = 200.0
 
 NEARLY_CONTINUOUS = 1e-3
 """Sample time, s, at which the loop with half a sample of delay is solved."""
@@ -100,7 +100,7 @@ def sampled_step(
         raise InputError(f"`rate` must be positive, got {rate}.")
     dt = 1.0 / rate
     signals, stop = simulate(
-        JSBSimPlant(aircraft, fdm_rate_hz=rate * math.ceil(LOWEST_FDM_RATE_HZ / rate)),
+        JSBSimPlant(aircraft, steps=steps_for(load_aircraft(aircraft), rate)),
         MimoPI(gains, dt=dt),
         Reference(chi=STEP, gamma=STEP),
         condition=FlightCondition(V_a=V_a, h=h),

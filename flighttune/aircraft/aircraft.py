@@ -217,6 +217,9 @@ class AircraftConfig(AircraftTable):
         Name of JSBSim's main file, without ``.xml``.
     wrapping : Wrapping or None
         For a model that comes with JSBSim.
+    inner_loop_rate : float, 1/s
+        Samples of the computer that runs the inner loop. JSBSim's steps are this or a whole
+        fraction.
     settings : mapping of str to float
         Values of JSBSim properties for the whole flight, in JSBSim's units.
     envelope, limits, actuators, channels, limit_properties, design
@@ -229,6 +232,9 @@ class AircraftConfig(AircraftTable):
     source: str
     model: Annotated[str, Field(pattern=r"^[\w.-]+$")]
     wrapping: Wrapping | None = None
+    inner_loop_rate: Annotated[Finite, Field(ge=20.0, le=2000.0)] = Field(
+        alias="inner_loop_rate_hz", default=200.0
+    )
     settings: dict[PropertyName, Finite] = Field(default_factory=dict)
     envelope: FlightEnvelope
     limits: CommandLimits

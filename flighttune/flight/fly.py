@@ -1,6 +1,5 @@
 """A scenario to runs: every gain set on every plant, with indicators and metrics."""
 
-import math
 import platform
 import time
 from collections.abc import Callable, Mapping
@@ -32,7 +31,6 @@ from flighttune.simulate.run import Provenance, Run, RunStatus
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.tuning.result import TuningResult
 
-LOWEST_FDM_RATE_HZ = 200.0
 """The flight dynamics run at the lowest multiple of the controller's rate from here on."""
 
 VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
@@ -187,12 +185,13 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
             law="paper" if table.kind == "kinematic" else "exact",
             g=scenario.flight.g_mps2,
         )
-    from flighttune.plants.jsbsim.plant import JSBSimPlant
+    from flighttune.aircraft.aircraft import load_aircraft
+    from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 
-    rate = scenario.controller.rate_hz
+    config = load_aircraft(table.aircraft)
     aircraft = JSBSimPlant(
-        table.aircraft,
-        fdm_rate_hz=rate * math.ceil(LOWEST_FDM_RATE_HZ / rate),
+        config,
+        steps=steps_for(config, scenario.controller.rate_hz),
         seed=scenario.seed,
         weather=scenario.weather(),
         ground=scenario.flight.ground_m,

@@ -20,7 +20,6 @@ from flighttune.plants.jsbsim.trim import trim
 from flighttune.units import G_0
 from flighttune.whole_file import whole_file
 
-FDM_RATE_HZ = 200.0
 NO_GAIN = 1e-9
 """A gain up to this size is the rounding of a difference and written as 0."""
 
@@ -149,7 +148,7 @@ def design_aircraft(config: AircraftConfig) -> DesignedAircraft:
     design = config.design
     if design is None:
         raise InputError(f"{config.file}: `design` must be given: what to make the gains for.")
-    found = airframe(Fdm(config, FDM_RATE_HZ), FlightCondition(V_a=design.V_a, h=design.h))
+    found = airframe(Fdm(config), FlightCondition(V_a=design.V_a, h=design.h))
     gains = {
         name: float(f"{value:.{DIGITS}g}") if abs(value) > NO_GAIN else 0.0
         for name, value in inner_loop_gains(found, design).items()

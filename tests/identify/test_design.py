@@ -28,7 +28,7 @@ DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
 
 @pytest.fixture(scope="module")
 def slopes():
-    fdm = Fdm(load_aircraft("aerosonde"), 200.0)
+    fdm = Fdm(load_aircraft("aerosonde"))
     return airframe(fdm, FlightCondition(V_a=V_A, h=1000.0))
 
 

@@ -41,10 +41,6 @@ _MOTIONS = [
 _EARTH = Path(__file__).with_name("earth.xml")
 
 
-_ANY_RATE_HZ = 200.0
-"""Rate of an aircraft that is weighed and not flown."""
-
-
 @lru_cache(maxsize=1024)
 def _well_formed(name: str) -> bool:
     return re.fullmatch(PROPERTY_NAME, name) is not None
@@ -57,8 +53,8 @@ class Fdm:
     ----------
     config : AircraftConfig
         The aircraft.
-    rate_hz : float, 1/s
-        Integration rate.
+    steps : int
+        Integration steps in one sample of the inner loop's computer.
     ground : float, m
         Height of the ground above sea level. JSBSim's sea level is laid there, with the air of
         that height: its turbulence, which takes heights above sea level for heights above ground,
@@ -68,21 +64,27 @@ class Fdm:
     ------
     PlantError
         If JSBSim cannot load the aircraft; the message holds what JSBSim says.
+
+    Attributes
+    ----------
+    rate : float, 1/s
+        Integration steps a second.
     """
 
-    def __init__(self, config: AircraftConfig, rate_hz: float, *, ground: float = 0.0) -> None:
+    def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
         self.config = config
         self.ground = ground
-        self._rate = rate_hz
+        self._steps = steps
+        self.rate = config.inner_loop_rate * steps
         with quiet():
             self._exec = jsbsim.FGFDMExec(str(config.folder))
         with (
             self._translated("cannot be loaded"),
-            model_folders(config, weigh) as folders,
+            model_folders(config, weigh, steps) as folders,
             quiet() as log,
         ):
             self._exec.set_debug_level(0)
-            self._exec.set_dt(1.0 / rate_hz)
+            self._exec.set_dt(1.0 / self.rate)
             loaded = self._exec.load_model_with_paths(
                 config.model,
                 str(folders.model),
@@ -174,9 +176,11 @@ class Fdm:
         for write, _ in kept:
             write(0.0)
         self._exec.set_dt(_SETTLING_STEP)
-        for _ in range(math.ceil(self.engine_settles / _SETTLING_STEP)):
+        # Whole samples of the inner loop, so that its next one falls on the start of the flight.
+        samples = math.ceil(self.engine_settles / (_SETTLING_STEP * self._steps))
+        for _ in range(samples * self._steps):
             self._exec.run()
-        self._exec.set_dt(1.0 / self._rate)
+        self._exec.set_dt(1.0 / self.rate)
         self._exec.set_sim_time(0.0)
         for write, value in kept:
             write(value)
@@ -239,7 +243,7 @@ class Fdm:
 
 def weigh(config: AircraftConfig) -> MassBalance:
     """Load an aircraft and weigh it, then once more without load and fuel."""
-    fdm = Fdm(config, _ANY_RATE_HZ)
+    fdm = Fdm(config)
     whole = fdm._body()
     pounds_per_slug = whole.weight / fdm.reader("inertia/mass-slugs")()
     fdm._unload()

@@ -16,7 +16,6 @@ from flighttune.plants.jsbsim.trim import trim
 STATES = ("V_a", "alpha", "theta", "q", "beta", "phi", "p", "r")
 """Of the longitudinal motion, then of the lateral one."""
 
-RATE_HZ = 200.0
 OSCILLATES = 1e-9
 """Share of its size from which an eigenvalue's imaginary part counts: below it is rounding."""
 
@@ -98,7 +97,7 @@ def linearize(config: AircraftConfig, condition: FlightCondition) -> RigidBodyMo
     TrimError
         If there is no steady flight at `condition`.
     """
-    fdm = Fdm(config, RATE_HZ)
+    fdm = Fdm(config)
     at = trim(fdm, condition)
     bench = Bench(fdm, condition.h)
     # Not JSBSim's FGLinearization: it never returns where an engine takes its time to settle, and

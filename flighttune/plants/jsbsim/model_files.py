@@ -57,6 +57,8 @@ class _Source:
     ----------
     config : AircraftConfig
     weigh : callable
+    steps : int
+        Integration steps in a sample of the inner loop.
     key : tuple
         Main file, systems, whether mass or inertia differ, names of the factors.
     stamps : tuple of (path, int, int)
@@ -65,11 +67,12 @@ class _Source:
 
     config: AircraftConfig = field(compare=False)
     weigh: Weigh = field(compare=False)
+    steps: int
     key: tuple[object, ...]
     stamps: tuple[tuple[Path, int, int], ...]
 
     @classmethod
-    def of(cls, config: AircraftConfig, off: OffNominal, weigh: Weigh) -> "_Source":
+    def of(cls, config: AircraftConfig, off: OffNominal, weigh: Weigh, steps: int) -> "_Source":
         """What the template of an aircraft that is `off` the nominal is made of."""
         systems = config.wrapping.systems if config.wrapping else ()
         file = _folders(config).model / f"{config.model}.xml"
@@ -79,19 +82,21 @@ class _Source:
         return cls(
             config,
             weigh,
+            steps,
             (file, systems, off.loaded, tuple(off.scaled), tuple(off.scaled_coefficients)),
             tuple((path, state.st_mtime_ns, state.st_size) for path, state in states),
         )
 
 
 @contextmanager
-def model_folders(config: AircraftConfig, weigh: Weigh) -> Iterator[ModelFolders]:
+def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Iterator[ModelFolders]:
     """Give the folders of an aircraft, for as long as JSBSim loads it.
 
     A wrapped aircraft's main file is read from the installed jsbsim and written to a private folder
     without its connections to files and sockets, with the systems of its ``aircraft.toml`` in front
     of its flight control. So is the main file of an aircraft off the nominal, with the factors in
-    it. The files read stay as they are.
+    it, and of one with several integration `steps` in a sample of its inner loop. The files read
+    stay as they are.
 
     Raises
     ------
@@ -102,7 +107,7 @@ def model_folders(config: AircraftConfig, weigh: Weigh) -> Iterator[ModelFolders
         If the aircraft cannot be off the nominal that way.
     """
     folders = _folders(config)
-    text = main_file_text(config, weigh)
+    text = main_file_text(config, weigh, steps)
     if text is None:
         yield folders
         return
@@ -129,7 +134,7 @@ def _private_folder(name: str, text: str) -> Iterator[Path]:
         yield Path(folder.name)
 
 
-def main_file_text(config: AircraftConfig, weigh: Weigh) -> str | None:
+def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str | None:
     """Return the main file that JSBSim shall load, None where that is the one in the folder.
 
     Raises
@@ -138,10 +143,10 @@ def main_file_text(config: AircraftConfig, weigh: Weigh) -> str | None:
         As `model_folders`.
     """
     off = config.off_nominal or _NOMINAL
-    if config.wrapping is None and off.is_nominal:
+    if config.wrapping is None and off.is_nominal and steps == 1:
         _refuse_connections(config.folder / f"{config.model}.xml")
         return None
-    template, balance = _template(_Source.of(config, off, weigh))
+    template, balance = _template(_Source.of(config, off, weigh, steps))
     factors = {f"{COEFFICIENT}{name}": factor for name, factor in off.scaled_coefficients.items()}
     values = factors | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
     return filled(template, values | balance.values(off) if balance else values)
@@ -177,6 +182,8 @@ def _template(source: _Source) -> tuple[str, MassBalance | None]:
         _refuse_connections(file)
     else:
         _wrap(root, config, file)
+    if source.steps > 1:
+        _slow_computer(root, source.steps, folders.systems)
     balance = None
     if off.loaded:
         balance = source.weigh(config.with_off_nominal(None))
@@ -207,6 +214,20 @@ def _wrap(root: Element, config: AircraftConfig, file: Path) -> None:
         if not path.is_file():
             raise PlantError(f"{config.file}: `wrapping.systems` must be files, got {system!r}.")
         root.insert(first, Element("system", file=str(path)))
+
+
+def _slow_computer(root: Element, steps: int, systems: Path) -> None:
+    """Let the channels with an ``execrate`` wait for so many integration steps between samples."""
+    for i, system in enumerate(root):
+        if system.tag != "system":
+            continue
+        file = systems / Path(system.get("file", "")).with_suffix(".xml")
+        inline = read_xml(file, str(file)) if "file" in system.attrib else system
+        channels = [one for one in inline.iter("channel") if one.get("execrate", "").isdigit()]
+        for channel in channels:
+            channel.set("execrate", str(steps * int(channel.attrib["execrate"])))
+        if channels:
+            root[i] = inline
 
 
 def _refuse_connections(file: Path) -> None:

@@ -30,6 +30,9 @@ _STEP_SHARE = 1e-6
 _GUARD_INTERVAL = 0.02
 """Longest time between two checks of the state, s."""
 
+MOST_STEPS = 20
+"""Of JSBSim in one sample of the inner loop."""
+
 LARGEST_SEED = 2**31 - 1
 """Largest seed that JSBSim takes."""
 
@@ -46,8 +49,8 @@ class JSBSimPlant:
     ----------
     aircraft : str, Path or AircraftConfig
         Name of a shipped aircraft, a folder with an ``aircraft.toml``, or one that is read already.
-    fdm_rate_hz : float, 1/s
-        Integration rate of JSBSim.
+    steps : int
+        Integration steps of JSBSim in one sample of the inner loop's computer.
     seed : int
         Seed of JSBSim's own random numbers (turbulence).
     weather : Weather, optional
@@ -89,15 +92,15 @@ class JSBSimPlant:
         self,
         aircraft: str | Path | AircraftConfig = "aerosonde",
         *,
-        fdm_rate_hz: float = 200.0,
+        steps: int = 1,
         seed: int = 0,
         weather: Weather | None = None,
         ground: float = 0.0,
         throttle_max: float | None = None,
         off_nominal: OffNominal | None = None,
     ) -> None:
-        if not (math.isfinite(fdm_rate_hz) and fdm_rate_hz > 0.0):
-            raise InputError(f"`fdm_rate_hz` must be positive, got {fdm_rate_hz}.")
+        if not 1 <= steps <= MOST_STEPS:
+            raise InputError(f"`steps` must lie in 1 to {MOST_STEPS}, got {steps}.")
         if not 0 <= seed <= LARGEST_SEED:
             raise InputError(f"`seed` must lie in 0 to {LARGEST_SEED}, got {seed}.")
         if not -DEEPEST_GROUND <= ground <= HIGHEST_GROUND:
@@ -112,7 +115,7 @@ class JSBSimPlant:
             check_off_nominal(config)
         self.config: AircraftConfig = config
         self.limits: Limits = self.config.limits.limits()
-        self._rate = fdm_rate_hz
+        self._steps, self._rate = steps, config.inner_loop_rate * steps
         self._seed = seed
         self._weather, self._ground = weather, ground
         self._chunks: dict[float, tuple[range, ...]] = {}
@@ -143,7 +146,7 @@ class JSBSimPlant:
         from flighttune.plants.jsbsim.trim import trim
 
         self._observe = self._write_phi_cmd = _not_started
-        fdm = Fdm(self.config, self._rate, ground=self._ground)
+        fdm = Fdm(self.config, steps=self._steps, ground=self._ground)
         self._write_settings(fdm)
         point = trim(fdm, condition)
         if self._weather is not None:
@@ -259,6 +262,31 @@ class JSBSimPlant:
     def _end(self, stop: Stop) -> Stop:
         self._write_phi_cmd = _ended
         return stop
+
+
+def steps_for(config: AircraftConfig, rate: float) -> int:
+    """Fewest integration steps in a sample of the inner loop that make a sample of the outer whole.
+
+    Parameters
+    ----------
+    config : AircraftConfig
+    rate : float, 1/s
+        Samples of the outer loop.
+
+    Raises
+    ------
+    InputError
+        If no number up to `MOST_STEPS` does.
+    """
+    inner = config.inner_loop_rate
+    for steps in range(1, MOST_STEPS + 1):
+        ratio = steps * inner / rate
+        if round(ratio) >= 1 and abs(ratio - round(ratio)) < _STEP_SHARE * ratio:
+            return steps
+    raise InputError(
+        f"`controller.rate_hz` must divide the {inner:g} Hz of the inner loop, or a multiple of "
+        f"them up to {MOST_STEPS}, got {rate:g}."
+    )
 
 
 def check_off_nominal(config: AircraftConfig) -> None:

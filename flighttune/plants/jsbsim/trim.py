@@ -126,7 +126,6 @@ SPEEDS = 6
 """Airspeeds of a table over the envelope, where none are given."""
 
 CLIMBS = (-10.0 * DEG, -5.0 * DEG, 0.0, 5.0 * DEG, 10.0 * DEG, 20.0 * DEG, 45.0 * DEG)
-FDM_RATE_HZ = 200.0
 
 _SIDESLIP_SEARCHED = 10.0 * DEG
 _RESIDUAL_ALLOWED = 1e-6
@@ -425,7 +424,7 @@ def _search(
 ) -> tuple[AirframeState | None, str]:
     """The trim, or what stands against it."""
     try:
-        return trim(Fdm(config, FDM_RATE_HZ), condition, thrust_short=thrust_short), ""
+        return trim(Fdm(config), condition, thrust_short=thrust_short), ""
     except TrimError as error:
         return None, str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
 

@@ -32,7 +32,7 @@ ONE_PER_MILLE = 1e-3
 def test_accelerations_agree_with_the_published_coefficients(alpha_deg, beta_deg, rates, surfaces):
     state = 27.0, alpha_deg * DEG, beta_deg * DEG, rates, surfaces, 0.5
 
-    fdm = evaluated(Fdm(load_aircraft("aerosonde"), 200.0), *state)
+    fdm = evaluated(Fdm(load_aircraft("aerosonde")), *state)
     expected, expected_angular = accelerations(*state)
 
     force = [fdm.reader(f"forces/fb{axis}-total-lbs")() * LBF for axis in "xyz"]
@@ -44,7 +44,7 @@ def test_accelerations_agree_with_the_published_coefficients(alpha_deg, beta_deg
 @pytest.mark.parametrize("gamma_deg", [0.0, 20.0, 45.0])
 def test_trim_balances_weight_in_the_published_coefficients(gamma_deg):
     gamma = gamma_deg * DEG
-    fdm = Fdm(load_aircraft("aerosonde"), 200.0)
+    fdm = Fdm(load_aircraft("aerosonde"))
 
     found = trim(fdm, FlightCondition(V_a=25.0, gamma=gamma))
 

@@ -254,7 +254,7 @@ def standard_density(h):
 @pytest.mark.parametrize("ground", [-300.0, 0.0, 1500.0, 4000.0])
 @pytest.mark.parametrize("above", [10.0, 1500.0])
 def test_air_over_high_ground_is_that_of_the_standard_atmosphere(ground, above):
-    fdm = Fdm(load_aircraft("aerosonde"), 200.0, ground=ground)
+    fdm = Fdm(load_aircraft("aerosonde"), ground=ground)
     fdm.writer("ic/h-sl-ft")(above / FPS)
     fdm.evaluate()
 

@@ -102,7 +102,7 @@ def test_read_only_property_is_not_written(changed_aircraft):
 
 @pytest.mark.parametrize("name", ["", "a b", "9lives", "fcs//x", "/fcs", "ä", "fcs/x[a]", "fcs\n"])
 def test_malformed_property_name_is_an_error_and_not_the_end_of_the_process(name):
-    fdm = Fdm(load_aircraft("aerosonde"), 200.0)
+    fdm = Fdm(load_aircraft("aerosonde"))
 
     with pytest.raises(PlantError, match="must have the property"):
         fdm.reader(name)
@@ -195,13 +195,13 @@ def test_jsbsim_giving_up_in_flight_is_a_stop(changed_aircraft):
     # A way point beyond the pole is an error that JSBSim raises while it runs.
     folder = changed_aircraft(
         "Systems/inner_loop.xml",
-        r'(?s)<channel name="speed">',
+        r'(?s)<channel name="speed" execrate="1">',
         '<channel name="way point"> <waypoint_heading name="guidance/lost">'
         '<target_latitude unit="RAD"> simulation/sim-time-sec </target_latitude>'
         '<target_longitude unit="RAD"> simulation/sim-time-sec </target_longitude>'
         '<source_latitude unit="RAD"> position/lat-geod-rad </source_latitude>'
         '<source_longitude unit="RAD"> position/long-gc-rad </source_longitude>'
-        '</waypoint_heading> </channel> <channel name="speed">',
+        '</waypoint_heading> </channel> <channel name="speed" execrate="1">',
     )
     plant = started(folder)
 
@@ -215,10 +215,10 @@ def test_jsbsim_giving_up_in_flight_is_a_stop(changed_aircraft):
 def test_jsbsim_ending_the_run_is_an_error(changed_aircraft):
     folder = changed_aircraft(
         "Systems/inner_loop.xml",
-        '<channel name="speed">',
+        '<channel name="speed" execrate="1">',
         '<channel name="end"> <fcs_function name="simulation/terminate"> <function>'
         "<gt> <property> simulation/sim-time-sec </property> <value> 0.5 </value> </gt>"
-        '</function> </fcs_function> </channel> <channel name="speed">',
+        '</function> </fcs_function> </channel> <channel name="speed" execrate="1">',
     )
     plant = started(folder)
 

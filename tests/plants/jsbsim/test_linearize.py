@@ -91,7 +91,7 @@ def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
     config, condition = load_aircraft("aerosonde"), FlightCondition(V_a=25.0, gamma=gamma)
     found = linearize(config, condition)
 
-    fdm = Fdm(config, 200.0)
+    fdm = Fdm(config)
     trim(fdm, condition)
     theirs = jsbsim.FGLinearization(fdm._exec)
     rows = [theirs.x_names.index(name) for name in JSBSIM_STATES]

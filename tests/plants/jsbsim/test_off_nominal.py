@@ -63,7 +63,7 @@ ALL = {
 
 
 def aircraft(name, **off):
-    return Fdm(load_aircraft(name).with_off_nominal(OffNominal(**off)), 200.0)
+    return Fdm(load_aircraft(name).with_off_nominal(OffNominal(**off)))
 
 
 @pytest.mark.parametrize("off", [*ALONE, ALL], ids=str)
@@ -235,7 +235,7 @@ def test_a_file_that_was_changed_is_read_anew(changed_aircraft):
     for pattern, text in (("-2.70 ", "-2.70 "), ("-2.70 ", "-1.90 ")):
         folder = changed_aircraft("aerosonde.xml", pattern, text)
         config = load_aircraft(folder).with_off_nominal(OffNominal(mass=1.1))
-        points.append(trim(Fdm(config, 200.0), FlightCondition(V_a=25.0)))
+        points.append(trim(Fdm(config), FlightCondition(V_a=25.0)))
 
     assert points[0].elevator < points[1].elevator - 0.01
 

@@ -63,7 +63,7 @@ def test_an_engine_with_a_propeller_starts_its_flight_in_steady_state(fly):
 
 
 def test_the_clock_starts_at_zero_after_the_engine_has_settled():
-    fdm = Fdm(load_aircraft("c172p"), 200.0)
+    fdm = Fdm(load_aircraft("c172p"))
     fdm.settle_engine()
 
     assert fdm.reader("simulation/sim-time-sec")() == 0.0

@@ -1,0 +1,92 @@
+"""The inner loop's computer has a rate of its own, and JSBSim's step may be shorter."""
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.errors import InputError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim import plant as jsbsim_plant
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.plant import MOST_STEPS, JSBSimPlant, steps_for
+from flighttune.plants.jsbsim.trim import trim
+
+LAST_DIGIT = 0.01
+"""Of an ITAE as it is printed, rad s^2."""
+
+SHARE = 0.004
+"""By which the metrics of the other aircraft may move."""
+
+
+def errors_over_time(scenario, times, monkeypatch):
+    """ITAE of both channels of every flight on the aircraft, with so many times JSBSim's steps."""
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            jsbsim_plant, "steps_for", lambda config, rate: times * steps_for(config, rate)
+        )
+        flown = ft.fly(ft.load_scenario(scenario))
+    on_aircraft = flown.metrics.index.get_level_values(0).str.startswith("jsbsim")
+    return flown.metrics.loc[on_aircraft, "ITAE"].to_numpy()
+
+
+@pytest.mark.slow
+def test_half_the_step_moves_no_printed_digit_of_the_aerosonde(monkeypatch):
+    whole, half = (errors_over_time("paper_identified", n, monkeypatch) for n in (1, 2))
+
+    assert len(whole) == 6
+    assert half == pytest.approx(whole, abs=LAST_DIGIT)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["c172_cruise_turn", "jet_pull_up"])
+def test_half_the_step_moves_the_other_aircraft_by_little(monkeypatch, scenario):
+    whole, half = (errors_over_time(scenario, n, monkeypatch) for n in (1, 2))
+
+    assert half == pytest.approx(whole, rel=SHARE)
+
+
+@pytest.mark.parametrize("aircraft", ["aerosonde", "c172p"])
+def test_the_computer_runs_once_in_so_many_steps(aircraft):
+    steps = 4
+    config = load_aircraft(aircraft)
+    plant = JSBSimPlant(config, steps=steps)
+    plant.start(FlightCondition(V_a=config.design.V_a))
+    plant.advance(0.3, 1.2, 0.1)
+    fdm = plant._run.__self__  # the JSBSim executive itself: no public way to look between samples
+    seen = []
+    for _ in range(5 * steps):
+        fdm.run()
+        seen.append((fdm["fcs/aileron-cmd-rad"], fdm["fcs/aileron-actuator"]))
+
+    command, surface = np.array(seen).T
+    new = np.flatnonzero(np.diff(command)) + 1
+    assert new.tolist() == list(range(steps - 1, 5 * steps, steps))  # the step that ends a sample
+    assert np.all(np.diff(surface) != 0.0)
+
+
+@pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
+def test_the_trim_does_not_hang_on_the_step(aircraft):
+    config = load_aircraft(aircraft)
+    condition = FlightCondition(V_a=config.design.V_a, h=config.design.h)
+    points = [trim(Fdm(config, steps=n), condition) for n in (1, 3)]
+
+    assert points[0].alpha == pytest.approx(points[1].alpha, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rate", "steps"), [(50.0, 1), (200.0, 1), (80.0, 2), (240.0, 6), (7.0, 7), (1000.0, 5)]
+)
+def test_a_sample_of_the_outer_loop_is_whole_steps(rate, steps):
+    assert steps_for(load_aircraft("aerosonde"), rate) == steps
+
+
+def test_a_rate_without_whole_steps_is_one_line():
+    with pytest.raises(InputError, match=r"`controller\.rate_hz` must divide .*200 Hz.*got 7\.3"):
+        steps_for(load_aircraft("aerosonde"), 7.3)
+
+
+@pytest.mark.parametrize("steps", [0, -1, MOST_STEPS + 1])
+def test_steps_must_be_few(steps):
+    with pytest.raises(InputError, match=r"`steps` must lie in 1 to 20, got"):
+        JSBSimPlant(steps=steps)
