@@ -7,8 +7,6 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import block_diag
-from scipy.optimize import root_scalar
 
 from flighttune.arrays import FloatArray, read_only_vector
 from flighttune.control.linear_model import LinearModel
@@ -177,6 +175,8 @@ class InnerLag:
         for edge in (low, high):
             if abs(excess(edge)) < ROUNDING:
                 return edge
+        from scipy.optimize import root_scalar
+
         return float(root_scalar(excess, bracket=(low, high)).root)
 
     @property
@@ -231,6 +231,8 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
     n, m, p = model.shape
     if len(lags) != m:
         raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
+    from scipy.linalg import block_diag
+
     parts = [lag.state_space for lag in lags]
     sizes = [len(A) for A, _ in parts]
     inside = np.asarray(block_diag(*(A for A, _ in parts)), dtype=float)

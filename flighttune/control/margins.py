@@ -8,8 +8,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import block_diag, eigvals
-from scipy.optimize import root_scalar
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
@@ -150,18 +148,23 @@ def lag_margin(model: LinearModel, gains: PIGains) -> float:
     if not _is_stable(closed_loop(model, gains)):
         return 0.0
 
-    def abscissa(log_lag: float) -> float:
-        lagged = with_input_lag(model, math.exp(-log_lag))
-        return float(np.linalg.eigvals(closed_loop(lagged, gains)).real.max())
+    # The loop is affine in the bandwidth of the lags.
+    at_one, at_two = (closed_loop(with_input_lag(model, rate), gains) for rate in (1.0, 2.0))
+
+    def abscissa(log_lag: float | FloatArray) -> FloatArray:
+        bandwidth = np.exp(-np.asarray(log_lag))[..., None, None]
+        lagged = (2.0 * at_one - at_two) + bandwidth * (at_two - at_one)
+        return np.asarray(np.linalg.eigvals(lagged).real.max(axis=-1), dtype=float)
 
     decades = math.log10(LONGEST_LAG / SHORTEST_LAG)
     log_lags = np.linspace(
         math.log(SHORTEST_LAG), math.log(LONGEST_LAG), int(decades * GRID_PER_DECADE)
     )
-    for shorter, longer in pairwise(log_lags):
-        if abscissa(longer) >= 0.0:
-            return math.exp(_root(abscissa, shorter, longer))
-    return math.inf
+    unstable = np.flatnonzero(abscissa(log_lags[1:]) >= 0.0)
+    if not len(unstable):
+        return math.inf
+    shorter, longer = log_lags[unstable[0] :][:2]
+    return math.exp(_root(lambda log_lag: float(abscissa(log_lag)), shorter, longer))
 
 
 def delay_margin(model: LinearModel, gains: PIGains) -> float:
@@ -205,7 +208,17 @@ def delay_margin(model: LinearModel, gains: PIGains) -> float:
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return float(root_scalar(function, bracket=(low, high), xtol=1e-12).root)
+    """The root between two signs, by bisection down to rounding.
+
+    SciPy's would take longer to import than all margins take to compute.
+    """
+    rises = function(low) < 0.0 or function(high) > 0.0
+    while low < (middle := 0.5 * (low + high)) < high:
+        if (function(middle) < 0.0) == rises:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def _is_stable(A_K: FloatArray) -> bool:
@@ -232,6 +245,8 @@ def _phase_lag(value: Any) -> Any:
 
 
 def _channel_margins(loop: Loop, i: int, name: str) -> ChannelMargins:
+    from scipy.linalg import block_diag
+
     A, B, C = loop
     others = [j for j in range(B.shape[1]) if j != i]
     A, B, C = A - B[:, others] @ C[others], B[:, [i]], C[[i]]
@@ -316,6 +331,8 @@ def _level_crossings(level: float, loop: Loop, direct: float) -> FloatArray:
     There ``[[level I, G(s)], [G(-s)', level I]]`` is singular. Unlike the Hamiltonian matrix its
     pencil needs no inverse of ``level^2 - direct^2``, which vanishes where the peak is at infinity.
     """
+    from scipy.linalg import block_diag
+
     A, B, C = loop
     none = np.zeros_like(B)
     return _zeros_on_axis(
@@ -328,6 +345,8 @@ def _level_crossings(level: float, loop: Loop, direct: float) -> FloatArray:
 
 def _zeros_on_axis(A: Any, B: FloatArray, C: Any, D: FloatArray) -> FloatArray:
     """Positive frequencies of the zeros of ``D + C (s - A)^-1 B`` on the imaginary axis, rising."""
+    from scipy.linalg import eigvals
+
     unit = float(np.linalg.norm(A, 2))  # of time: the pencil is then of order one
     pencil = np.block([[A / unit, B], [C / unit, D]])
     order = np.diag(np.repeat([1.0, 0.0], [len(A), len(D)]))

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import expm
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
@@ -351,6 +350,8 @@ def _responses(
     A_K: FloatArray, E: FloatArray, start: FloatArray, count: int, dt: float
 ) -> tuple[FloatArray, FloatArray]:
     """Errors from `start` alone, and the most a unit of strength in one interval adds to them."""
+    from scipy.linalg import expm
+
     step, half = expm(A_K * dt), expm(A_K * 0.5 * dt)
     to_errors = np.eye(len(A_K))[2:]
     centre, pushes = np.empty((count, 2)), np.empty((count, 2))

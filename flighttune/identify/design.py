@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import expm
-from scipy.optimize import least_squares
 
 from flighttune.aircraft.aircraft import AircraftConfig, Design
 from flighttune.arrays import FloatArray
@@ -241,6 +239,8 @@ def _roll(airframe: Airframe, design: Design) -> dict[str, float]:
 
 
 def _pitch(airframe: Airframe, bandwidth: float) -> dict[str, float]:
+    from scipy.optimize import least_squares
+
     effect, lift = -airframe.of("q_dot", "elevator"), airframe.of("n_z", "alpha")
     model = min(MODEL_LEAD * bandwidth, 20.0)
     t = np.arange(0.0, _SPAN, _STEP)
@@ -267,6 +267,8 @@ def _n_z_step(
     airframe: Airframe, model: float, k_q: float, k_p: float, k_i: float, count: int
 ) -> FloatArray:
     """Load factor of the linear short period after a step of its command, shape (count,)."""
+    from scipy.linalg import expm
+
     of, g_over_V = airframe.of, G_0 / airframe.V_a
     n_alpha, n_e = of("n_z", "alpha"), of("n_z", "elevator")
     m_alpha, m_q, m_e = of("q_dot", "alpha"), of("q_dot", "q"), of("q_dot", "elevator")

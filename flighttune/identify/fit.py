@@ -12,7 +12,6 @@ from typing import TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import NO_DELAY, InnerLag, Order
@@ -243,7 +242,8 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
     ndarray, shape (n,)
         At the samples; exact.
     """
-    from scipy.signal import lfilter, ss2tf
+    # scipy.signal has this filter, but imports scipy.stats: longer than a flight takes.
+    from scipy.linalg.blas import dtbsv
 
     # The delay is `whole` samples and a fraction: over each sample the command before it acts for
     # `late` seconds still, then the one of the sample. Both enter the state at its end, so that the
@@ -254,11 +254,14 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
     at_rest = rest(lag)
     new = at_rest - after @ at_rest
     old = after @ (at_rest - transition(lag, late) @ at_rest)
-    first_state, no_feedthrough = np.eye(1, lag.order), np.zeros((1, 1))
-    taps = [ss2tf(step, b[:, None], first_state, no_feedthrough)[0][0] for b in (new, old)]
+    # The first state's transfer function has the numerator det(z - step + b c) - det(z - step).
+    first_state, denominator = np.eye(1, lag.order), np.poly(step)
+    taps = [np.poly(step - b[:, None] @ first_state) - denominator for b in (new, old)]
     numerator = np.append(taps[0], 0.0) + np.append(0.0, taps[1])
     change = np.concatenate([np.zeros(whole), commanded - start])[: len(commanded)]
-    return start + np.asarray(lfilter(numerator, np.poly(step), change), dtype=float)
+    driven = np.convolve(numerator, change)[: len(change)]
+    band = np.tile(denominator[:, None], len(change))  # the recursion, as a triangular system
+    return start + np.asarray(dtbsv(lag.order, band, driven, lower=1, diag=1), dtype=float)
 
 
 def _fitted(response: FrequencyResponse, order: Order) -> LagCandidate:
@@ -289,6 +292,8 @@ def _best_lag(
     bounds: tuple[Parameters, Parameters],
 ) -> tuple[InnerLag, float]:
     """Lag of the least squares of `error` from the best of `starts`, and the sum of squares."""
+    from scipy.optimize import least_squares
+
     lower, upper = (np.array(edge[: order + 1]) for edge in bounds)
     runs = [
         least_squares(

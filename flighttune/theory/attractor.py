@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, square_matrices
 from flighttune.errors import InputError, ShapeError
@@ -174,6 +173,8 @@ def invariant_ellipsoid(
         W = W_of(widest / (1.0 + math.exp(-logit)))
         squared = np.linalg.eigvalsh(W)[-1] if c is None else c @ W @ c
         return 0.5 * math.log(squared)
+
+    from scipy.optimize import minimize_scalar
 
     found: Any = minimize_scalar(
         size, bounds=(-20.0, 20.0), method="bounded", options={"xatol": 1e-6}

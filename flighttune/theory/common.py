@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, square_matrices
 from flighttune.errors import ShapeError
@@ -168,6 +167,8 @@ def common_ellipsoid(vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -
             return 2.0 / max(fraction, 1e-3) * np.linalg.norm(E, 2) / fastest
         tried[fraction] = W
         return float(np.sqrt(np.linalg.eigvalsh(W)[-1]))
+
+    from scipy.optimize import minimize_scalar
 
     for coarse in (0.05, 0.15, 0.3, 0.5):
         radius(coarse)

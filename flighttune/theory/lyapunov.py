@@ -5,7 +5,6 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve_continuous_lyapunov
 
 from flighttune.arrays import FloatArray, square_matrices
 from flighttune.errors import InputError, ShapeError
@@ -115,5 +114,7 @@ def _upper_triangle(n: int) -> tuple[Indices, Indices, Indices]:
 
 
 def _bartels_stewart(A: FloatArray, S: FloatArray) -> FloatArray:
+    from scipy.linalg import solve_continuous_lyapunov
+
     Q = np.array([solve_continuous_lyapunov(a.T, -s) for a, s in zip(A, S, strict=True)])
     return (Q + Q.mT) / 2.0

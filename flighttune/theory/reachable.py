@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import expm
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
@@ -116,6 +115,8 @@ class ReachableSet:
 
 def _mesh(A: FloatArray, E: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Gauss nodes, weights and responses in panels as wide as the modes still alive allow."""
+    from scipy.linalg import expm
+
     nodes, node_weights = np.polynomial.legendre.leggauss(6)
     nodes, node_weights = (nodes + 1.0) / 2.0, node_weights / 2.0
     eigenvalues = np.linalg.eigvals(A)

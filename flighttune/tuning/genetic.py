@@ -3,7 +3,6 @@
 import time
 
 import numpy as np
-from scipy.optimize import NonlinearConstraint, differential_evolution
 
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import closed_loops
@@ -48,6 +47,8 @@ def tune_by_evolution(
     arXiv 2411.13140, section 4, uses a genetic algorithm on the same optimisation model. Whole
     generations are evaluated at once by the batched indicators.
     """
+    from scipy.optimize import NonlinearConstraint, differential_evolution
+
     began = time.perf_counter()
     space = search_space(problem)
 

@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
 
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import closed_loops
@@ -184,6 +183,8 @@ class Program:
 
     def descend(self, k: FloatArray) -> tuple[FloatArray, float]:
         """Free gains and factor at which SLSQP stops, from stable free gains k, shape (f,)."""
+        from scipy.optimize import minimize
+
         largest, smallest, sigma = self._logs(k)[0].reshape(3, -1)
         z = np.concatenate([k, [largest.max(), smallest.min(), sigma.min(), 1.0]])
         varies = self._objective == "factor"

@@ -11,8 +11,6 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
-from scipy.sparse.csgraph import connected_components
 
 from flighttune.arrays import FloatArray
 from flighttune.control.limits import Limits
@@ -173,6 +171,8 @@ def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray
 
 def _search(problems: list[TuningProblem], space: SearchSpace, k: FloatArray) -> FloatArray:
     """Free gains at which SLSQP stops, from free gains k."""
+    from scipy.optimize import minimize
+
     limit = space.bound - INSIDE * np.abs(space.bound) - space.offset
 
     @lru_cache(maxsize=1)  # SLSQP asks for values and slopes in turn
@@ -240,6 +240,8 @@ def channels(problem: TuningProblem) -> tuple[Channel, ...]:
     R_K of the whole loop is the smallest of the channels', so that the whole problem leaves the
     better channels undetermined. Each channel's own problem does not.
     """
+    from scipy.sparse.csgraph import connected_components
+
     model = problem.model
     n, m, p = model.shape
     acts = np.zeros((n + m + p, n + m + p))
