@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flighttune"
 ONLY_IN = {
-    "cvxpy": "theory/lmi.py",
+    "clarabel": "theory/lmi.py",
     "dask": "campaign/engine/cluster",
     "distributed": "campaign/engine/cluster",
     "jsbsim": "plants/jsbsim",

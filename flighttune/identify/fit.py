@@ -243,7 +243,7 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
         At the samples; exact.
     """
     # scipy.signal has this filter, but imports scipy.stats: longer than a flight takes.
-    from scipy.linalg.blas import dtbsv
+    from scipy.linalg import get_blas_funcs
 
     # The delay is `whole` samples and a fraction: over each sample the command before it acts for
     # `late` seconds still, then the one of the sample. Both enter the state at its end, so that the
@@ -261,7 +261,8 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
     change = np.concatenate([np.zeros(whole), commanded - start])[: len(commanded)]
     driven = np.convolve(numerator, change)[: len(change)]
     band = np.tile(denominator[:, None], len(change))  # the recursion, as a triangular system
-    return start + np.asarray(dtbsv(lag.order, band, driven, lower=1, diag=1), dtype=float)
+    (solve,) = get_blas_funcs(("tbsv",), (band,))
+    return start + np.asarray(solve(lag.order, band, driven, lower=1, diag=1), dtype=float)
 
 
 def _fitted(response: FrequencyResponse, order: Order) -> LagCandidate:

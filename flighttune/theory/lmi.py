@@ -1,4 +1,4 @@
-"""Small semidefinite programs: the one door to cvxpy and Clarabel.
+"""Small semidefinite programs: the one door to Clarabel.
 
 A linear matrix inequality comes in as plain arrays and a status of ours goes out. Nothing here says
 that an answer is right: the modules that pose the problems check every answer by eigenvalues
@@ -6,10 +6,9 @@ before they use it.
 """
 
 import importlib.metadata
-import warnings
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -29,14 +28,16 @@ SOLVER_OPTIONS = {
 }
 
 REASONS = {
-    "optimal": "",
-    "optimal_inaccurate": "the solver stopped short of its tolerance",
-    "infeasible": "the solver found the inequalities infeasible",
-    "infeasible_inaccurate": "the solver thinks the inequalities infeasible, but is not sure",
-    "unbounded": "the solver found the objective unbounded",
-    "unbounded_inaccurate": "the solver thinks the objective unbounded, but is not sure",
-    "user_limit": "the solver ran out of iterations or time",
-    "solver_error": "the solver failed numerically",
+    "Solved": "",
+    "AlmostSolved": "the solver stopped short of its tolerance",
+    "PrimalInfeasible": "the solver found the inequalities infeasible",
+    "AlmostPrimalInfeasible": "the solver thinks the inequalities infeasible, but is not sure",
+    "DualInfeasible": "the solver found the objective unbounded",
+    "AlmostDualInfeasible": "the solver thinks the objective unbounded, but is not sure",
+    "MaxIterations": "the solver ran out of iterations",
+    "MaxTime": "the solver ran out of time",
+    "NumericalError": "the solver failed numerically",
+    "InsufficientProgress": "the solver failed numerically",
 }
 
 LmiStatus = Literal["optimal", "inaccurate", "infeasible", "failed"]
@@ -127,21 +128,38 @@ def minimise(
     ShapeError
         If a cone or the rows do not have d coefficients.
     """
+    import clarabel
+    from scipy.sparse import csc_array
+
+    solver: Any = clarabel  # its stubs are empty
     size = len(objective)
     rows = rows or Rows(constant=np.empty(0), coefficients=np.empty((0, size)))
     lengths = [*(len(cone.coefficients) for cone in cones), rows.coefficients.shape[1]]
     if any(length != size for length in lengths):
         raise ShapeError(f"`cones` and `rows` must have {size} coefficients, got {lengths}.")
-    shapes = tuple(len(cone.constant) for cone in cones)
-    compiled = _compiled(size, shapes, len(rows.constant))
-    compiled.objective.value = objective
-    if compiled.rows is not None:
-        compiled.rows[0].value, compiled.rows[1].value = rows.constant, rows.coefficients
-    for parameters, cone in zip(compiled.cones, cones, strict=True):
-        constant, coefficients = parameters
-        constant.value = cone.constant.ravel()
-        coefficients.value = cone.coefficients.reshape(size, -1).T
-    return _solution(compiled)
+    # Clarabel's form: the slack b - A x lies in a product of cones, numbers before matrices.
+    sides = [_triangle(cone.constant) for cone in cones]
+    slopes = [_triangle(cone.coefficients).T for cone in cones]
+    A = np.vstack([rows.coefficients, *slopes])
+    # Zeros are kept as entries: the order of elimination, and with it the last digits of an answer,
+    # then depends on the sizes alone.
+    starts = len(A) * np.arange(size + 1)
+    product: list[Any] = [solver.PSDTriangleConeT(len(cone.constant)) for cone in cones]
+    if len(rows.constant):
+        product.insert(0, solver.NonnegativeConeT(len(rows.constant)))
+    settings = solver.DefaultSettings()
+    settings.verbose = False
+    for name, value in SOLVER_OPTIONS.items():
+        setattr(settings, name, value)
+    found = solver.DefaultSolver(
+        csc_array((size, size)),
+        objective,
+        csc_array((-A.T.ravel(), np.tile(np.arange(len(A)), size), starts), shape=A.shape),
+        np.concatenate([rows.constant, *sides]),
+        product,
+        settings,
+    ).solve()
+    return _solution(found, cones)
 
 
 def symmetric_basis(n: int) -> FloatArray:
@@ -154,62 +172,43 @@ def symmetric_basis(n: int) -> FloatArray:
 
 
 def solver_versions() -> dict[str, str]:
-    """Versions of the solver and of what drives it, for the record."""
-    return {name: importlib.metadata.version(name) for name in ("cvxpy", "clarabel")}
+    """Version of the solver, for the record."""
+    return {"clarabel": importlib.metadata.version("clarabel")}
 
 
-@dataclass(frozen=True, slots=True)
-class _Compiled:
-    problem: Any
-    x: Any
-    objective: Any
-    cones: tuple[tuple[Any, Any], ...]
-    rows: tuple[Any, Any] | None
+def _triangle(matrices: FloatArray) -> FloatArray:
+    """Upper triangles, column by column, of symmetric matrices, shape (..., k (k + 1)/2).
+
+    What lies off the diagonal comes times sqrt(2): the products of vectors are then those of the
+    matrices.
+    """
+    columns, rows = np.tril_indices(matrices.shape[-1])
+    return matrices[..., rows, columns] * np.where(rows == columns, 1.0, math.sqrt(2.0))
 
 
-@cache
-def _compiled(unknowns: int, sizes: tuple[int, ...], rows: int) -> _Compiled:
-    """The problem of these sizes, compiled once; every number in it is a parameter."""
-    import cvxpy as cp
-
-    x = cp.Variable(unknowns)
-    objective = cp.Parameter(unknowns)
-    parameters, constraints = [], []
-    for size in sizes:
-        constant = cp.Parameter(size * size)
-        coefficients = cp.Parameter((size * size, unknowns))
-        matrix = cp.reshape(constant + coefficients @ x, (size, size), order="C")
-        constraints.append((matrix + matrix.T) / 2 >> 0)
-        parameters.append((constant, coefficients))
-    plain = None
-    if rows:
-        plain = cp.Parameter(rows), cp.Parameter((rows, unknowns))
-        constraints.append(plain[0] + plain[1] @ x >= 0)
-    problem = cp.Problem(cp.Minimize(objective @ x), constraints)
-    return _Compiled(problem, x, objective, tuple(parameters), plain)
+def _matrix(triangle: FloatArray, k: int) -> FloatArray:
+    """The symmetric matrix, shape (k, k), of its upper triangle."""
+    columns, rows = np.tril_indices(k)
+    matrix = np.zeros((k, k))
+    matrix[rows, columns] = triangle / np.where(rows == columns, 1.0, math.sqrt(2.0))
+    matrix[columns, rows] = matrix[rows, columns]
+    return matrix
 
 
-def _solution(compiled: _Compiled) -> LmiSolution:
-    from cvxpy.error import SolverError
-
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Solution may be inaccurate")
-            compiled.problem.solve(solver="CLARABEL", **SOLVER_OPTIONS)
-    except SolverError:
-        return LmiSolution(status="failed", reason=REASONS["solver_error"], x=None, duals=())
-    said = compiled.problem.status
+def _solution(found: Any, cones: Sequence[Cone]) -> LmiSolution:
+    """What Clarabel's answer says; its multipliers end with those of the matrices."""
+    said, x = str(found.status), np.array(found.x)
     reason = REASONS.get(said, f"the solver said {said!r}")
-    if said == "infeasible":
-        return LmiSolution(status="infeasible", reason=reason, x=None, duals=())
-    x = compiled.x.value
-    matrices = compiled.problem.constraints[: len(compiled.cones)]
-    duals = [constraint.dual_value for constraint in matrices]
-    if said not in ("optimal", "optimal_inaccurate") or x is None or not np.isfinite(x).all():
-        return LmiSolution(status="failed", reason=reason, x=None, duals=())
+    if said not in ("Solved", "AlmostSolved") or not np.isfinite(x).all():
+        infeasible = said == "PrimalInfeasible"
+        status = "infeasible" if infeasible else "failed"
+        return LmiSolution(status=status, reason=reason, x=None, duals=())
+    sizes = [len(cone.constant) for cone in cones]
+    ends = np.cumsum([k * (k + 1) // 2 for k in sizes])
+    duals = np.split(np.array(found.z)[len(found.z) - ends[-1] :], ends[:-1])
     return LmiSolution(
-        status="optimal" if said == "optimal" else "inaccurate",
+        status="optimal" if said == "Solved" else "inaccurate",
         reason=reason,
-        x=np.array(x),
-        duals=tuple(np.atleast_2d((dual + dual.T) / 2.0) for dual in duals),
+        x=x,
+        duals=tuple(_matrix(dual, k) for dual, k in zip(duals, sizes, strict=True)),
     )

@@ -207,7 +207,7 @@ def test_the_frontier_is_written_as_table_and_figure(tmp_path):
 
 @pytest.mark.parametrize("command", ["tune", "certify"])
 def test_gains_are_tuned_and_certified_without_libraries_of_flight_and_figures(command):
-    heavy = ["control", "cvxpy", "jsbsim", "matplotlib", "numba", "pandas", "pyarrow", "rerun"]
+    heavy = ["clarabel", "control", "jsbsim", "matplotlib", "numba", "pandas", "pyarrow", "rerun"]
     code = (
         f"import sys; sys.argv = ['flighttune', {command!r}, 'paper', '--json']\n"
         "from flighttune.cli import main\n"
