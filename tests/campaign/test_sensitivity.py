@@ -77,6 +77,23 @@ def test_partial_correlations_are_those_of_the_residuals(flown):
         assert of(found, name).partial == pytest.approx(expected, abs=1e-7)
 
 
+def test_parameters_drawn_together_stay_in_their_order():
+    """Six starts, course and roll drawn at once: the same classes of flights, so the same share."""
+    rng = np.random.default_rng(8)
+    starts, tied = np.tile(np.arange(6), 36), 0
+    for _ in range(20):
+        chi, phi = rng.normal(size=(2, 6))
+        table = pd.DataFrame({"chi": chi[starts], "phi": phi[starts]})
+        bent = (rng.permutation(6) % 3)[starts] + rng.normal(0.0, 0.5, len(starts))
+
+        found = influences(table, bent)
+
+        if all(one.share > one.rho**2 for one in found):
+            tied += 1
+            assert [one.parameter for one in found] == ["chi", "phi"]
+    assert tied > 10
+
+
 def test_what_bends_is_found_by_its_share_and_not_by_its_correlation(flown):
     found = influences(*flown)
 

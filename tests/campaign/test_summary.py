@@ -195,6 +195,18 @@ def test_shares_and_percentiles_of_clusters_cover():
     assert plain / 400 < 0.8
 
 
+def test_the_last_bits_of_equal_values_do_not_move_an_interval():
+    """Six starts in each of 36 cells: where the first error is the largest, flights tie."""
+    rng, clusters = np.random.default_rng(4), np.repeat(np.arange(36), 6)
+    exact = np.tile([0.9, 1.0, 1.1, 1.2, 1.3, 1.4], 36)
+    rounded = exact * (1.0 + rng.integers(-4, 5, len(exact)) * np.finfo(float).eps)
+
+    for q in (0.05, 0.5, 0.95):
+        of_exact, of_rounded = percentile(exact, q, clusters), percentile(rounded, q, clusters)
+        assert of_rounded.lo == pytest.approx(of_exact.lo, rel=ROUNDING)
+        assert of_rounded.hi == pytest.approx(of_exact.hi, rel=ROUNDING)
+
+
 def test_the_findings_name_what_rows_were_made_of(flown):
     found = findings(flown)
 

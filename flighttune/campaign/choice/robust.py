@@ -19,6 +19,7 @@ from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateT
 from flighttune.campaign.statistics.intervals import (
     Estimate,
     effective_size,
+    not_above,
     quantile_interval,
     share,
 )
@@ -437,7 +438,9 @@ def _result(one: Candidate, run: Race, settings: RobustSettings, cycle: int) -> 
     values, q = run.scores[one.name], settings.percentile / 100.0
     n, clusters = len(values), np.arange(len(values)) // cycle
     value = float(ordered_quantile(values, q))
-    lo, hi = quantile_interval(values, q, effective=effective_size(values <= value, clusters))
+    lo, hi = quantile_interval(
+        values, q, effective=effective_size(not_above(values, value), clusters)
+    )
     dropped = one.name in run.dropped
     above = run.differences.get(one.name, np.array([np.nan]))
     median, low, high = (float(ordered_quantile(above, p)) for p in (0.5, 0.025, 0.975))

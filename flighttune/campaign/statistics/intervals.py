@@ -19,6 +19,9 @@ Method: TypeAlias = Literal["wilson", "clopper-pearson"]
 
 CONFIDENCE = 0.95
 
+TIED = 1e-9
+"""Relative difference up to which two values of a measure are the same."""
+
 
 def rate_interval(
     successes: npt.ArrayLike,
@@ -130,6 +133,15 @@ def quantile_interval(
     return lo, hi
 
 
+def not_above(values: FloatArray, value: float) -> npt.NDArray[np.bool_]:
+    """Whether each value is at most `value`, up to rounding.
+
+    Flights from one start have the same largest error, but for the last bits: which of them lie
+    below it by a bit or two must not decide how wide an interval is.
+    """
+    return values <= value + TIED * abs(value)
+
+
 def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
     """Number of independent values whose mean is as sure as that of values in clusters.
 
@@ -237,7 +249,7 @@ def percentile(
     if not len(values):
         return Estimate(value=np.nan, lo=np.nan, hi=np.nan, n=0)
     value = float(np.quantile(values, q))
-    size = effective_size(values <= value, clusters)
+    size = effective_size(not_above(values, value), clusters)
     lo, hi = quantile_interval(values, q, confidence, effective=size)
     return Estimate(value=value, lo=lo, hi=hi, n=len(values))
 

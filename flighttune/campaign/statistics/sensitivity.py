@@ -73,9 +73,13 @@ class Influence:
 
     @property
     def strength(self) -> float:
-        """What influences are ordered by, 0 to 1: `share` or the square of `rho`, the larger."""
+        """What influences are ordered by, 0 to 1: `share` or the square of `rho`, the larger.
+
+        To nine digits: two parameters that are drawn together have the same share but for rounding,
+        and then stay in the order of the campaign.
+        """
         known = [one for one in (self.share, self.rho**2) if math.isfinite(one)]
-        return max(known, default=0.0)
+        return round(max(known, default=0.0), 9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
