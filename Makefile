@@ -26,10 +26,11 @@ test: $(STAMP) picture-packages lint
 soak: $(STAMP) picture-packages
 	$(PYTEST) -m soak
 
+# The hooks of .pre-commit-config.yaml, which look at what git tracks; an unpacked archive has no git.
 lint: $(STAMP)
-	$(VENV)/bin/ruff check .
-	$(VENV)/bin/ruff format --check .
-	$(VENV)/bin/pyright
+	if git rev-parse --git-dir >/dev/null 2>&1; \
+	then PRE_COMMIT_HOME=$(VENV)/pre-commit $(VENV)/bin/pre-commit run --all-files --show-diff-on-failure; \
+	else $(VENV)/bin/ruff check . && $(VENV)/bin/ruff format --check . && $(VENV)/bin/pyright; fi
 
 bench: $(STAMP)
 	$(PYTHON) benchmarks/all.py

@@ -40,10 +40,8 @@ MODULES = {
     for path in sorted(PACKAGE.rglob("[!_]*.py"))
     if "_shipped" not in path.parts
 }
-IMPORTS = {
-    name: {module for module in imported_modules(path) if module in MODULES} - {name}
-    for name, path in MODULES.items()
-}
+IMPORTED = {name: set(imported_modules(path)) for name, path in MODULES.items()}
+IMPORTS = {name: (modules & MODULES.keys()) - {name} for name, modules in IMPORTED.items()}
 
 
 def folder_of(module, depth):
@@ -93,6 +91,6 @@ def test_the_map_in_the_readme_names_every_room_and_imports_point_up_the_list():
 
 @pytest.mark.parametrize("library", ONLY_IN)
 def test_a_heavy_library_is_imported_in_one_place(library):
-    for path in MODULES.values():
-        roots = {module.split(".")[0] for module in imported_modules(path)}
+    for name, path in MODULES.items():
+        roots = {module.split(".")[0] for module in IMPORTED[name]}
         assert library not in roots or where(path).startswith(ONLY_IN[library]), where(path)

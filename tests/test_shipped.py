@@ -68,6 +68,7 @@ print(scenario_file("paper").is_file(), campaign_file("first_campaign").is_file(
 """
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_the_aircraft_and_flies_it(tmp_path):
     """Built from a copy of the sources, unpacked away from the checkout."""
     hatchling = pytest.importorskip("hatchling.build", reason="needs the build backend")

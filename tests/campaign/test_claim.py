@@ -74,6 +74,7 @@ def test_an_undispersed_flight_that_is_not_completed_measures_no_bound():
     assert None not in claims(given).values()
 
 
+@pytest.mark.slow
 def test_a_tighter_bound_is_held_by_fewer_flights():
     counts = []
     for L_d in (1e-3, 0.1, 10.0):

@@ -275,6 +275,7 @@ def test_a_block_of_a_saltelli_design_takes_one_factor_from_b():
     assert plan.parameters(3, 17).equals(plan.parameters().iloc[3:17])
 
 
+@pytest.mark.slow
 def test_gains_are_those_of_the_scenario_and_none_where_tuning_finds_none():
     printed = load_scenario("paper_printed_limits")
     nominal = printed.model_copy(update={"gains": ["paper", "tuned"]})

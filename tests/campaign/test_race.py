@@ -43,6 +43,7 @@ def test_the_best_is_chosen_and_bad_ones_fly_the_first_draws_alone():
     assert len(found.scores["b"]) == 640
 
 
+@pytest.mark.slow
 def test_the_probability_to_be_best_is_as_often_right_as_it_says():
     """Three candidates a little apart: the sum of what is promised is the number of right ones."""
     shifts = {"a": 0.0, "b": 0.03, "c": 0.06}

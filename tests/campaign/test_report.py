@@ -35,6 +35,8 @@ from flighttune.report.campaign.headline import headline
 from flighttune.report.campaign.page import notes, write_campaign_report
 from flighttune.report.campaign.words import styles_of
 
+pytestmark = pytest.mark.slow
+
 ADDRESS = re.compile(r"""(?:src|href|xlink:href|action|data)\s*=\s*["']([^"']*)|url\(([^)]*)\)""")
 RUNS = 40
 
@@ -284,7 +286,6 @@ def told_by_page(chromium, page, tmp_path_factory):
     return told_at_widths(chromium, text, tmp_path_factory.mktemp("frames"))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("width", [DESK, PHONE, NARROW])
 def test_the_page_fits_its_width_and_cuts_no_text_off(told_by_page, width):
     assert told_by_page[width]["needs"] <= width
@@ -293,12 +294,10 @@ def test_the_page_fits_its_width_and_cuts_no_text_off(told_by_page, width):
     assert min(told_by_page[width]["images"]) > 300
 
 
-@pytest.mark.slow
 def test_no_request_leaves_the_machine(chromium, page, tmp_path):
     assert asked_by_the_page(chromium, page.path, tmp_path / "log.json") == set()
 
 
-@pytest.mark.slow
 def test_no_screen_of_the_page_is_empty(chromium, page, tmp_path):
     grey = screenshot(chromium, page.path, tmp_path / "desk.png", width=DESK, height=4 * SCREEN)
 
@@ -306,7 +305,6 @@ def test_no_screen_of_the_page_is_empty(chromium, page, tmp_path):
         assert grey[top : top + SCREEN // 2].std() > FLAT
 
 
-@pytest.mark.slow
 def test_the_page_prints_on_a_few_sheets(chromium, page, tmp_path):
     sheets = tmp_path / "report.pdf"
     chromium("--no-pdf-header-footer", f"--print-to-pdf={sheets}", page.path)

@@ -345,6 +345,7 @@ def test_the_table_of_columns_in_the_documentation_is_the_schema():
     }
 
 
+@pytest.mark.slow
 def test_a_run_without_gains_or_out_of_the_plan_has_no_scenario():
     plan = plan_of(tables_of(gains=["tuned"], tuning={"I_star": 1e-6}), *START, runs=4)
 

@@ -8,6 +8,8 @@ from flighttune.campaign import load_campaign, plan_campaign
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.shipped import campaign_names
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 FLOWN = 12
 """Flights of each campaign here; what all of one come to is told by its report."""

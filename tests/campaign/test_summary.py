@@ -222,6 +222,7 @@ def test_the_findings_name_what_rows_were_made_of(flown):
     assert found.splits[-1].centres == tuple(sorted(found.splits[-1].centres))
 
 
+@pytest.mark.slow
 def test_a_saltelli_design_gives_indices_and_wider_intervals(tmp_path):
     """Variance of ITAE comes from airspeed alone."""
     plan = made_up_plan(tmp_path, design="saltelli", runs=4 * 5 * 256)

@@ -195,6 +195,7 @@ def test_a_single_late_digit_of_Q_is_enough(at_trim):
     assert verify(later).valid
 
 
+@pytest.mark.slow
 @settings(max_examples=200,
           suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
 @given(

@@ -73,6 +73,7 @@ def test_tune_finds_the_optimum_of_the_unlimited_problem():
     assert {"reason", "K_I", "spectral_abscissa", "starts", "wall_s"} <= found.keys()
 
 
+@pytest.mark.slow
 def test_tune_says_no_to_the_printed_limits_and_which_bind():
     found = answer("tune", "paper_printed_limits", status=1)
 
@@ -141,6 +142,7 @@ def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp
     assert "kinematic / paper: diverged" in err
 
 
+@pytest.mark.slow
 def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
     text = scenario_file("paper_printed_limits").read_text()
     path = tmp_path / "infeasible.toml"

@@ -18,6 +18,7 @@ def compare(*arguments, status=0):
     return flighttune("compare", *arguments, status=status)
 
 
+@pytest.mark.slow
 def test_the_answer_has_every_metric_of_every_pair(tmp_path):
     out = tmp_path / "overlay.rrd"
     shown, err = compare("paper@paper", "paper@tuned", "--out", out, "--json")
@@ -75,6 +76,7 @@ def test_angles_are_shown_in_degrees_and_given_in_radians():
     assert "_rad" not in shown
 
 
+@pytest.mark.slow
 def test_all_gain_sets_of_a_scenario_are_held_against_the_same_ones_only():
     shown, _ = compare("paper", "paper", "--json")
     assert len(json.loads(shown)["pairs"]) == 4

@@ -9,6 +9,8 @@ from commands import flighttune
 
 from flighttune.shipped import aircraft_folder
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def jet(tmp_path):

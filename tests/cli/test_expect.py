@@ -16,6 +16,7 @@ def fly(scenario, out, *, status):
     return json.loads(shown), err
 
 
+@pytest.mark.slow
 def test_an_expected_end_is_a_success(tmp_path):
     found, err = fly("weak_engine", tmp_path, status=0)
 
@@ -24,6 +25,7 @@ def test_an_expected_end_is_a_success(tmp_path):
     assert err == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
@@ -47,6 +49,7 @@ def test_what_is_missed_is_said_in_one_line(tmp_path, old, new, line):
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_start_that_the_aircraft_refuses_is_one_line(tmp_path):
     path = tmp_path / "banked.toml"
     text = scenario_file("weak_engine").read_text()

@@ -7,6 +7,8 @@ from commands import answer, flighttune
 
 from flighttune.recording.parquet import read_run
 
+pytestmark = pytest.mark.slow
+
 ROUNDING = 1e-9
 
 

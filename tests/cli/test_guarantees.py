@@ -74,6 +74,7 @@ def test_verify_cannot_run_on_what_is_no_certificate(tmp_path):
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_over_the_envelope_the_printed_gains_reach_less_far_than_the_tuned():
     printed = answer("certify", "paper", "--envelope")["envelope"]
     tuned = answer("certify", "paper", "--envelope", "--gains", "tuned")["envelope"]
@@ -82,6 +83,7 @@ def test_over_the_envelope_the_printed_gains_reach_less_far_than_the_tuned():
     assert printed["largest_factor"] < tuned["largest_factor"]
 
 
+@pytest.mark.slow
 def test_a_radius_over_the_envelope_is_larger_than_at_the_trim(certificate):
     over = answer("certify", "paper_as_printed", "--envelope")["certificate"]
 
@@ -137,6 +139,7 @@ def test_a_certificate_over_every_condition_identified(identified, tmp_path):
     assert answer("verify", out)["valid"]
 
 
+@pytest.mark.slow
 def test_tune_and_certify_say_their_units_of_state_and_agree_in_the_same_ones(identified):
     tuned, certified = answer("tune", identified), answer("certify", identified, "--gains", "tuned")
 
@@ -148,6 +151,7 @@ def test_tune_and_certify_say_their_units_of_state_and_agree_in_the_same_ones(id
     assert "units of state: scaled" in flighttune("tune", identified)[0]
 
 
+@pytest.mark.slow
 def test_the_table_of_a_loop_of_many_states_can_be_read(identified):
     out, _ = flighttune("certify", identified, "--gains", "tuned_identified")
 
@@ -163,6 +167,7 @@ def test_certify_shows_the_lag_at_which_the_printed_gains_lose_stability():
     assert margins["all"]["lag_margin_s"] == pytest.approx(0.360, abs=5e-4)
 
 
+@pytest.mark.slow
 def test_tune_over_the_envelope_is_no_worse_there_than_tuning_at_the_trim():
     found = answer("tune", "paper", "--envelope")
     at_trim = answer("certify", "paper", "--envelope", "--gains", "tuned")["envelope"]
@@ -181,6 +186,7 @@ def test_other_methods_find_the_same_optimum(method):
     assert found["R_K"] == pytest.approx(0.53976, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_an_infeasible_problem_is_diagnosed():
     why = answer("tune", "paper_printed_limits", status=1)["diagnosis"]
 
@@ -189,6 +195,7 @@ def test_an_infeasible_problem_is_diagnosed():
     assert why["limits"][0]["name"] == "phi_rate"
 
 
+@pytest.mark.slow
 def test_the_frontier_is_written_as_table_and_figure(tmp_path):
     found = answer("frontier", "paper", "--points", "6", "--out", tmp_path)
 

@@ -8,6 +8,8 @@ from matplotlib.image import imread
 
 from flighttune.identify.file import load_identified
 
+pytestmark = pytest.mark.slow
+
 GOOD_FIT = 90.0
 
 

@@ -16,6 +16,8 @@ from flighttune.recording.record import record
 from flighttune.recording.rrd import write_recording
 from flighttune.scenario import load_scenario, scenario_from
 
+pytestmark = pytest.mark.slow
+
 
 def command(*arguments):
     return subprocess.run(

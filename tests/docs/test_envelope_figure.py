@@ -10,6 +10,8 @@ from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 SOLVER = 1e-5
 TRIM = Envelope.at(V_a=25.0, gamma=np.pi / 12)

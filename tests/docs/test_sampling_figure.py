@@ -9,6 +9,8 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.report.identification import save_figure
 
+pytestmark = pytest.mark.slow
+
 GENTLE = PIGains(K_P=np.diag([3.2, 3.1]), K_I=np.diag([1.5, 1.2]))
 OF_THE_STEP = 0.07
 """Largest difference between the flown step and the predicted one, over the step."""

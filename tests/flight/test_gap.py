@@ -47,6 +47,7 @@ def test_first_and_last_rung_are_the_flights_of_fly(paper_gap):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap_name", ["paper_gap", "windy_gap"])
 def test_the_steps_add_up_to_the_whole(gap_name, request):
     gap = request.getfixturevalue(gap_name)
@@ -80,6 +81,7 @@ def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
     assert point.signals["chi"][pushing_over].iloc[-1] > math.radians(57.0)
 
 
+@pytest.mark.slow
 def test_the_lag_comes_from_the_model_file_or_from_the_flight(paper_gap):
     fitted = explain_gap(paper_gap.scenario, PAPER_GAINS, name="paper", lag="fitted")
 
@@ -117,6 +119,7 @@ def test_a_bound_wider_than_half_the_command_is_vacuous_and_the_outcome_stays(pa
     assert verdict.sentence == "held, but at ±49 deg the bound is too loose to be useful"
 
 
+@pytest.mark.slow
 def test_the_aircrafts_own_limits_hold_on_every_rung():
     gap = explain_gap(changed("paper", limits={}), PAPER_GAINS)
 
@@ -180,6 +183,7 @@ def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
         gap_figure(gap)
 
 
+@pytest.mark.slow
 def test_a_pull_up_without_roll_is_explained_too():
     straight = changed(
         "paper",
@@ -198,6 +202,7 @@ def test_a_scenario_without_aircraft_has_no_gap():
         explain_gap(changed("paper", plant=[{"kind": "kinematic"}]), PAPER_GAINS)
 
 
+@pytest.mark.slow
 def test_the_figure_has_units_on_every_axis_and_no_legend_in_a_plot(paper_gap, tmp_path):
     figure = gap_figure(paper_gap)
     save_gap_figure(paper_gap, tmp_path / "gap.png", dpi=40)

@@ -95,6 +95,7 @@ def third_order(w, z, lag, delay):
     return [w * w], np.polymul([lag, 1.0], [1.0, 2.0 * z * w, w * w]), delay
 
 
+@pytest.mark.slow
 def test_recovers_a_first_and_a_second_order_lag():
     plant = partial(SyntheticPlant, first_order(4.0, 0.05), second_order(8.0, 0.6, 0.12))
 
@@ -110,6 +111,7 @@ def test_recovers_a_first_and_a_second_order_lag():
     assert load.delay == pytest.approx(0.12, abs=DELAY_RECOVERED)
 
 
+@pytest.mark.slow
 def test_recovers_a_third_order_lag():
     plant = partial(
         SyntheticPlant, third_order(9.0, 0.5, 0.3, 0.02), third_order(6.0, 0.8, 0.1, 0.0)
@@ -124,6 +126,7 @@ def test_recovers_a_third_order_lag():
     assert lag.delay == pytest.approx(0.02, abs=DELAY_RECOVERED)
 
 
+@pytest.mark.slow
 def test_a_fit_explains_the_manoeuvre_that_was_not_used():
     plant = partial(SyntheticPlant, first_order(4.0, 0.05), second_order(8.0, 0.6, 0.12))
 
@@ -133,6 +136,7 @@ def test_a_fit_explains_the_manoeuvre_that_was_not_used():
     assert found.n_z.fit_percent > 99.9
 
 
+@pytest.mark.slow
 def test_cross_coupling_is_shown_and_kept_out_of_the_other_channel():
     channels = first_order(4.0, 0.05), first_order(8.0, 0.0)
     coupled = identify(partial(SyntheticPlant, *channels, cross=0.3), LEVEL, LIMITS).condition
@@ -227,6 +231,7 @@ def test_aerosonde_is_explained_on_the_held_out_manoeuvre(aerosonde):
     assert found.n_z.fit_percent > GOOD_FIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "level_turn"])
 def test_aerosonde_is_explained_on_a_whole_scenario(aerosonde, name):
     (run,) = (r for r in fly(load_scenario(name)).runs if r.label == "jsbsim:aerosonde / paper")
@@ -238,6 +243,7 @@ def test_aerosonde_is_explained_on_a_whole_scenario(aerosonde, name):
         assert fit_percent(flown, model) > GOOD_FIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
 def test_identifying_again_gives_the_shipped_model(aircraft):
     shipped = load_identified(aircraft).conditions[0]

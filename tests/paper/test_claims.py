@@ -10,6 +10,8 @@ from flighttune.paper.claims import CLAIMS, SECTIONS
 from flighttune.paper.claims.base import VERDICTS, Check, Claim
 from flighttune.paper.study import Study, rank_correlation
 
+pytestmark = pytest.mark.slow
+
 PEAK_TIME, PEAK_TIME_GAMMA = 5.24, 2.69
 R_K, I_K = 0.4599, 4.9162
 BEST_R_K = 0.51393

@@ -66,6 +66,7 @@ def test_errors_agree_with_an_implicit_method_on_the_softened_law(name, limits, 
     assert np.abs(flight.error[::HALF_A_SECOND] - expected).max() < TRAJECTORY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("anti_windup", ["none", "conditional"])
 def test_the_sampled_controller_comes_closer_in_proportion_to_its_sample_time(anti_windup):
     exact = fly(

@@ -15,6 +15,8 @@ from flighttune.recording.live import LIVE_PLOTS, LiveSession
 from flighttune.recording.viewer import ViewerProcess, free_port, stream_url
 from flighttune.scenario import load_scenario, scenario_from
 
+pytestmark = pytest.mark.slow
+
 FLAT = 3.0
 SLOW_MACHINE = 1.0
 TRIES = 6

@@ -81,6 +81,7 @@ def test_a_run_is_found_by_its_label(recording, four_runs):
         found["kinematic / other"]
 
 
+@pytest.mark.slow
 def test_a_folder_and_a_parquet_file_give_the_same(recording, four_runs, tmp_path):
     shutil.copy(recording, tmp_path / "flight.rrd")
     path = tmp_path / "kinematic-paper.parquet"
@@ -137,12 +138,14 @@ def test_a_folder_whose_recording_is_cut_off_falls_back_on_parquet(recording, fo
     assert "flight.rrd: must be" in found.missing[0]
 
 
+@pytest.mark.slow
 def test_a_flight_of_several_chunks_comes_back_in_order_of_time(long_flight, tmp_path):
     (run,) = load_recording(written([long_flight], tmp_path / "long.rrd")).runs
 
     assert_same(run, long_flight)
 
 
+@pytest.mark.slow
 def test_damage_anywhere_gives_one_line_or_what_was_written(recording, runs, tmp_path):
     whole = recording.read_bytes()
     path, said = tmp_path / "bad.rrd", []

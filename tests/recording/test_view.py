@@ -16,6 +16,8 @@ import pytest
 from flighttune.errors import RecordingError
 from flighttune.recording.viewer import DISPLAYS, ViewerProcess, free_port, has_screen, view
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def without_screen(monkeypatch):

@@ -96,6 +96,7 @@ def many(count):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threads", [1, 2])
 def test_flights_of_a_batch_are_the_single_ones(threads, monkeypatch):
     monkeypatch.setattr("flighttune.simulate.batch.SENSED_AT_ONCE", 3)

@@ -28,6 +28,7 @@ def test_the_papers_ball_has_three_readings_and_only_the_first_is_called_safe():
     assert [ball.safe for ball in balls] == [True, False, False]
 
 
+@pytest.mark.slow
 def test_the_paper_loop_can_leave_the_ball_of_the_open_loop_reading():
     ball = paper_balls(A_K, MODEL.A, I_K=indicators(A_K).I_K, L_d=L_D)[2]
 

@@ -41,6 +41,7 @@ def stable_loops(draw):
     return T @ D @ np.linalg.inv(T)
 
 
+@pytest.mark.slow
 @settings(
     max_examples=200,
     suppress_health_check=list(HealthCheck),

@@ -54,6 +54,7 @@ def test_a_matrix_that_is_not_symmetric_is_not_called_definite():
     assert not positive_definite(exact([[2.0, 1.0], [0.0, 2.0]]))
 
 
+@pytest.mark.slow
 @given(angles)
 def test_sine_and_cosine_lie_in_narrow_intervals_whose_squares_add_up_to_one(angle):
     low, high = sine(angle)

@@ -70,6 +70,7 @@ def test_the_exact_radius_of_the_papers_loop_is_0_0318_and_the_search_is_proven_
     assert np.linalg.norm(exact.direction) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_the_ellipsoid_is_within_5_percent_and_the_papers_ball_7_6_times_above(reachable):
     exact = largest_reach(reachable).radius
     ball = paper_balls(A_K, MODEL.A, I_K=indicators(A_K).I_K, L_d=L_D)[0]
@@ -97,6 +98,7 @@ def test_the_reach_of_decoupled_decays_is_known_on_paper():
     assert np.abs(exact.direction) == pytest.approx([1.0, 0.0], abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_the_worst_disturbance_reaches_the_exact_figure_within_1_percent(name):
     A = FLIGHTS[name]
@@ -130,6 +132,7 @@ def test_the_worst_disturbance_of_a_channel_reaches_its_peak_gain(reachable, cha
     assert flight.y[channel, -1] < bound * (1.0 + QUADRATURE)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     name=st.sampled_from(sorted(FLIGHTS)),
@@ -168,6 +171,7 @@ def test_a_stiff_loop_is_tabulated_on_few_panels():
     assert stiff.reach([1.0, 0.0]) == pytest.approx(1e2, rel=QUADRATURE)
 
 
+@pytest.mark.slow
 def test_a_loop_that_hardly_decays_in_many_oscillations_is_refused():
     with pytest.raises(InputError, match="`A` must be damped well enough"):
         ReachableSet.of([[-1e-6, 1.0], [-1.0, -1e-6]], np.eye(2), L_d=1.0)

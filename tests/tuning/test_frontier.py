@@ -9,6 +9,8 @@ from flighttune.errors import InputError
 from flighttune.tuning.frontier import frontier
 from flighttune.tuning.problem import TuningProblem
 
+pytestmark = pytest.mark.slow
+
 EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
 MARKED = {
     "K*": PAPER_GAINS,

@@ -54,6 +54,7 @@ def test_no_random_gains_near_the_optimum_are_better(model):
     assert others.R_K[others.I_K <= 5.0].max() <= found.R_K
 
 
+@pytest.mark.slow
 def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
     found = tune(TuningProblem(model=model, I_star=4.8))
 
@@ -78,6 +79,7 @@ def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printe
         assert name in found.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "status", "R_K"),
     [
@@ -112,6 +114,7 @@ def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model)
     assert worst_damping(closed_loop(lagged, PAPER_GAINS)) == pytest.approx(0.12, abs=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))
@@ -133,6 +136,7 @@ def test_structure_and_bounds_are_kept_and_named(model):
     assert "K_I[phi,chi]_max" in found.active
 
 
+@pytest.mark.slow
 def test_state_scaling_changes_what_is_optimal(model):
     scaling = np.array([0.5, 0.5, 1.0, 1.0])
 

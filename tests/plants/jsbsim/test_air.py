@@ -187,6 +187,7 @@ def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(
     assert turned[-1] == pytest.approx(0.075, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["tustin", "milspec"])
 def test_turbulence_high_up_is_as_strong_as_the_standards_curve(fly, model):
     # Fig. 7 of MIL-F-8785C, curve 3: 6.9 ft/s at 1750 ft and 7.4 ft/s at 3750 ft.
@@ -205,6 +206,7 @@ def test_turbulence_high_up_is_as_strong_as_the_standards_curve(fly, model):
         assert rms == pytest.approx(sigma, abs=three_deviations), axis
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ground", [0.0, 1500.0])
 def test_turbulence_near_the_ground_takes_the_height_above_it(fly, ground):
     # Section 3.7.3.2 of MIL-F-8785C: sigma_w is a tenth of the wind at 20 ft, L_w the height.
