@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flighttune"
 ONLY_IN = {
     "clarabel": "theory/lmi.py",
+    "cvxpy": "tuning/convex.py",
     "dask": "campaign/engine/cluster",
     "distributed": "campaign/engine/cluster",
     "jsbsim": "plants/jsbsim",

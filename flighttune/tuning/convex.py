@@ -8,13 +8,14 @@ start the gradient method, which restores what was left out.
 """
 
 import time
+import warnings
 from dataclasses import replace
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import LinearModel
-from flighttune.theory.lmi import Cone, minimise, symmetric_basis
+from flighttune.theory.lmi import SOLVER_OPTIONS
 from flighttune.tuning.gradient import tune_by_gradient
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
@@ -84,44 +85,28 @@ def state_feedback(
     ndarray, shape (m, n + p), or None
         None where the solver has no answer.
     """
+    import cvxpy as cp
+
     n, m, p = model.shape
     order = n + p
     scale = np.ones(order) if scaling is None else scaling
     A, B = np.zeros((order, order)), np.vstack([model.B, np.zeros((p, m))])
     A[:n, :n], A[n:, :n] = model.A, model.C
     A, B = A * (scale / scale[:, None]), B / scale[:, None]
-    W_basis = symmetric_basis(order)
-    Y_basis = np.eye(m * order).reshape(-1, m, order)
-    zero_W, zero_Y = np.zeros((len(W_basis), m, order)), np.zeros((len(Y_basis), order, order))
-    W = np.concatenate([np.zeros((1, order, order)), W_basis, zero_Y])
-    Y = np.concatenate([np.zeros((1, m, order)), zero_W, Y_basis])
-    rate = np.zeros_like(W)
-    rate[0] = np.eye(order)
+    W = cp.Variable((order, order), symmetric=True)
+    Y = cp.Variable((m, order))
+    rate = cp.Variable()
     flow = A @ W + B @ Y
-    decay = _blocks(-(flow + flow.mT), W, np.zeros_like(W))
-    bound = _blocks(np.zeros((len(W), m, m)), Y, W)
-    cones = [
-        Cone(constant=_corner(order, order), coefficients=decay),
-        Cone(constant=np.zeros((order, order)), coefficients=W - rate),
-        Cone(constant=size**2 * _corner(0, m, order), coefficients=bound),
-    ]
-    objective = np.zeros(len(W))
-    objective[0] = -1.0
-    found = minimise(objective, cones)
-    if found.x is None:
+    one = np.eye(order)
+    decay = cp.bmat([[-(flow + flow.T), W], [W, one]])
+    bound = cp.bmat([[size**2 * np.eye(m), Y], [Y.T, W]])
+    problem = cp.Problem(cp.Maximize(rate), [decay >> 0, W >> rate * one, bound >> 0])
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Solution may be inaccurate")
+            problem.solve(solver="CLARABEL", **SOLVER_OPTIONS)
+    except cp.SolverError:
         return None
-    K = np.linalg.solve(np.tensordot(found.x, W, 1), np.tensordot(found.x, Y, 1).T).T
-    return K / scale
-
-
-def _blocks(top: FloatArray, right: FloatArray, bottom: FloatArray) -> FloatArray:
-    """``[[top, right], [right', bottom]]`` of stacks."""
-    return np.concatenate(
-        [np.concatenate([top, right], axis=-1), np.concatenate([right.mT, bottom], axis=-1)],
-        axis=-2,
-    )
-
-
-def _corner(before: int, ones: int, after: int = 0) -> FloatArray:
-    """A diagonal of zeros, ones and zeros."""
-    return np.diag(np.concatenate([np.zeros(before), np.ones(ones), np.zeros(after)]))
+    if problem.status not in ("optimal", "optimal_inaccurate"):
+        return None
+    return np.linalg.solve(W.value, Y.value.T).T / scale
