@@ -35,7 +35,17 @@ def test_a_name_that_is_not_there_is_an_attribute_error():
 
 
 def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
-    heavy = ["numpy", "pandas", "scipy", "jsbsim", "clarabel", "cvxpy", "rerun", "matplotlib", "pydantic"]
+    heavy = [
+        "numpy",
+        "pandas",
+        "scipy",
+        "jsbsim",
+        "clarabel",
+        "cvxpy",
+        "rerun",
+        "matplotlib",
+        "pydantic",
+    ]
     code = f"import sys, flighttune.cli; print([m for m in {heavy} if m in sys.modules])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"
