@@ -4,6 +4,7 @@ import difflib
 import re
 from collections.abc import Iterable
 from itertools import takewhile
+from reprlib import Repr
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -13,6 +14,20 @@ UNION_TAGS = {"step", "ramp", "doublet", "str", "float", "constrained-float", "G
 
 MAX_LISTED = 5
 """Mistakes listed in one line; the rest is counted."""
+
+LONGEST_KEY = 80
+"""Characters of a key or a name that are repeated in a message."""
+
+_ABRIDGED = Repr()
+_ABRIDGED.maxstring = _ABRIDGED.maxother = LONGEST_KEY
+
+
+def shown(key: str) -> str:
+    """A key as a message repeats it: the middle of a long one is left out."""
+    if len(key) <= LONGEST_KEY:
+        return key
+    half = LONGEST_KEY // 2
+    return f"{key[:half]}...{key[-half:]}"
 
 
 def joined(faults: Iterable[str]) -> str:
@@ -44,11 +59,16 @@ def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
 def first_mistake(error: ValidationError) -> str:
     """The first mistake in a file of ours: dotted key, what its value must be and what it is."""
     problem = error.errors(include_url=False)[0]
-    return f"`{'.'.join(map(str, problem['loc']))}` {_requirement(problem)}."
+    key = ".".join(map(str, problem["loc"]))
+    return f"`{shown(key)}` {_requirement(problem)}."
 
 
 def _keys(problem: ErrorDetails) -> tuple[str, ...]:
-    return tuple(part for part in problem["loc"] if isinstance(part, str) and not _is_tag(part))
+    tables, key = problem["loc"], ()
+    if problem["type"] == "extra_forbidden":  # this one may have the name of a tag
+        tables, key = problem["loc"][:-1], problem["loc"][-1:]
+    parts = (part for part in tables if isinstance(part, str) and not _is_tag(part))
+    return (*parts, *map(str, key))
 
 
 def _informative(problem: ErrorDetails) -> tuple[int, bool, bool]:
@@ -71,18 +91,22 @@ def _place(problem: ErrorDetails) -> tuple[int | str, ...]:
 
 def _sentence(problem: ErrorDetails, model: type[BaseModel]) -> str:
     keys = _keys(problem)
-    key = keys[-1] if keys else ""
-    table = f"[{'.'.join(keys[:-1])}] " if len(keys) > 1 else ""
+    key = shown(keys[-1]) if keys else ""
+    table = f"[{shown('.'.join(keys[:-1]))}] " if len(keys) > 1 else ""
     got, kind, message = problem.get("input"), problem["type"], problem["msg"]
     if kind == "extra_forbidden":
         known = _known_keys(model, keys[:-1])
         close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
         hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(known)}."
         return f"{table}`{key}` is not a known key; {hint}"
-    if kind == "value_error" and message.startswith(("Value error, `", "Value error, [")):
-        return f"{table}{message.removeprefix('Value error, ')}."  # a validator named its key
+    if kind == "value_error" and message.startswith("Value error, ["):
+        return f"{message.removeprefix('Value error, ')}."  # a validator named table and key
+    if kind == "value_error" and message.startswith("Value error, `"):
+        inside = f"[{shown('.'.join(keys))}] " if keys else ""
+        return f"{inside}{message.removeprefix('Value error, ')}."  # ... the key in its own table
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return f"{table}`{key}` must have a `shape` of step, ramp or doublet, got {got!r}."
+        got = _ABRIDGED.repr(got)
+        return f"{table}`{key}` must have a `shape` of step, ramp or doublet, got {got}."
     return f"{table}`{key}` {_requirement(problem)}."
 
 
@@ -99,7 +123,7 @@ def _requirement(problem: ErrorDetails) -> str:
     message = message.split(" after validation")[0].replace("should", "must")
     if problem["type"] in ("model_type", "dict_type"):
         message = "must be a table"
-    return f"{message}, got {problem.get('input')!r}"
+    return f"{message}, got {_ABRIDGED.repr(problem.get('input'))}"
 
 
 def _is_tag(part: str) -> bool:

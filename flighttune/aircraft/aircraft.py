@@ -1,7 +1,6 @@
 """An aircraft's folder: its ``aircraft.toml``, read once and checked, in SI and radians."""
 
 import math
-import tomllib
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Self
@@ -22,6 +21,7 @@ from flighttune.control.limits import Limits
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import first_mistake
 from flighttune.shipped import aircraft_folder
+from flighttune.table_file import toml_tables
 
 _LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
 PROPERTY_NAME = rf"^{_LEVEL}(/{_LEVEL})*$"
@@ -316,13 +316,7 @@ def _read(file: Path, stamp: tuple[int, ...]) -> AircraftConfig:
     """The aircraft of a file, read anew when the file was written to."""
     del stamp
     try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{file}: must be a readable file, got {error.strerror}.") from error
-    except ValueError as error:
-        raise ScenarioError(f"{file}: must be TOML, got {error}.") from error
-    try:
-        config = AircraftConfig.model_validate(table)
+        config = AircraftConfig.model_validate(toml_tables(file))
     except ValidationError as error:
         raise ScenarioError(f"{file}: {first_mistake(error)}") from error
     config._folder = file.parent

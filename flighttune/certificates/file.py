@@ -1,6 +1,7 @@
 """Certificates as JSON: written whole or not at all, and read strictly."""
 
 import json
+import re
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -13,6 +14,8 @@ from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.mistakes import first_mistake
+from flighttune.quantities import Matrix
+from flighttune.table_file import json_tables
 from flighttune.whole_file import whole_file
 
 FORMAT = "flighttune certificate 1"
@@ -25,9 +28,25 @@ UNITS = {
     "entries": "a, b1, b2, b3 of the chi/gamma law's Jacobians, over the factor's unit",
 }
 
+KEYS = {
+    **dict.fromkeys(("V_a", "gamma", "phi", "n_z"), "claim.envelope"),
+    **{name: f"model.{name}" for name in ("A", "B", "C", "states", "inputs", "errors")},
+    **{name: f"gains.{name}" for name in ("K_P", "K_I")},
+    **{name: f"evidence.{name}" for name in ("Q", "W")},
+    **{name: f"evidence.polytope.{name}" for name in ("factor", "lower", "upper")},
+    "rate": "claim.rate_per_s",
+    "radius": "claim.radius",
+    "L_d": "claim.disturbance_rate_bound",
+    "envelope": "claim.envelope",
+    "g": "claim.envelope.g_mps2",
+    "conditions": "claim.conditions",
+    "multiplier": "evidence.multiplier_per_s",
+    "hull": "evidence.polytope",
+}
+"""Where a certificate file has what a `Certificate` refuses by its own name."""
+
 Tables = dict[str, Any]
 Ends: TypeAlias = Annotated[tuple[float, float], Field(strict=False)]  # a list in JSON
-Matrix: TypeAlias = list[list[float]]
 
 
 class _Table(BaseModel):
@@ -126,13 +145,7 @@ def load_certificate(path: str | Path) -> Certificate:
     InputError
         If the file cannot be read or is not a certificate; the message names file and key.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-        tables = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_unique)
-    except OSError as error:
-        raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
-    except ValueError as error:
-        raise InputError(f"{path}: the file must be a JSON certificate: {error}.") from error
+    tables = json_tables(Path(path))
     try:
         return certificate_from(tables)
     except InputError as error:
@@ -224,10 +237,12 @@ def certificate_from(tables: Any) -> Certificate:
             made_with=file.made_with,
             scenario_sha256=file.scenario_sha256,
         )
-    except InputError:  # is a ValueError too
-        raise
-    except ValueError as error:  # NumPy's, of rows that differ in length
-        raise InputError(f"the matrices must have rows of one length: {error}.") from error
+    except InputError as error:
+        raise InputError(re.sub(r"`(\w+)`", _key_in_file, str(error))) from error
+
+
+def _key_in_file(name: re.Match[str]) -> str:
+    return f"`{KEYS.get(name[1], name[1])}`"
 
 
 def _claim(table: _Claim) -> Claim:
@@ -268,17 +283,3 @@ def _hull(table: _Polytope) -> JacobianHull:
     return JacobianHull(
         factor=table.factor, lower=np.array(table.lower), upper=np.array(table.upper)
     )
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> Tables:
-    """An object of a JSON file; a key that is given twice would hide its first value."""
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f"`{twice}` is given twice")
-    return table
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a number")

@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from flighttune.cli.options import JsonOption, ScenarioArgument, out_folder
 from flighttune.cli.progress import progress_bar, raise_on_interrupt
-from flighttune.cli.show import NO, emit, fail, pick, say, table
+from flighttune.cli.show import NO, emit, fail, pick, say, table, tell
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD
@@ -41,6 +41,8 @@ def fly(
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
+    for note in loaded.notes:
+        tell(f"{scenario}: {note}")
     name = Path(scenario).stem
     folder = out or Path("runs") / (f"{name}-live" if live else name)
     viewer = live_viewer(loaded, pace=pace_of(pace), quiet=as_json) if live else nullcontext()

@@ -10,7 +10,7 @@ from typer import Option
 from flighttune.cli.gain_sets import chosen_gains
 from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument, out_folder
 from flighttune.cli.progress import progress_bar
-from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.cli.show import NO, emit, fail, pick, table, tell
 from flighttune.present.numbers import number
 from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD
@@ -54,6 +54,8 @@ def gap(
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
+    for note in loaded.notes:
+        tell(f"{scenario}: {note}")
     name, chosen = chosen_gains(loaded, gains)
     stem = f"{Path(scenario).stem}-gap"
     folder = out or Path("runs") / stem

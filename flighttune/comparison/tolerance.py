@@ -12,7 +12,8 @@ from flighttune.comparison.compare import Comparison, Pair
 from flighttune.comparison.pairs import BETTER_IF, FLIGHT, FLIGHT_UNITS, better
 from flighttune.errors import InputError
 from flighttune.metrics import CHANNELS, METRICS
-from flighttune.scenario.load import toml_tables, validated
+from flighttune.scenario.load import validated
+from flighttune.table_file import toml_tables
 
 DISTANCE, DURATION = "max_distance_m", "duration_s"
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)

@@ -1,6 +1,8 @@
 """Identified aircraft as JSON files: units in the keys, written whole or not at all."""
 
 import json
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,8 +16,19 @@ from flighttune.identify.model import (
     IdentifiedCondition,
     design_model,
 )
-from flighttune.mistakes import first_mistake
+from flighttune.mistakes import first_mistake, shown
+from flighttune.quantities import (
+    Airspeed,
+    Bandwidth,
+    Damping,
+    Delay,
+    Finite,
+    Height,
+    Inclination,
+    TimeConstant,
+)
 from flighttune.shipped import aircraft_folder
+from flighttune.table_file import json_tables
 from flighttune.units import DEG, G_0
 from flighttune.whole_file import whole_file
 
@@ -27,13 +40,13 @@ FILE_NAME = "identified.json"
 DIGITS = 6
 """Significant digits written: more than a flight gives, fewer than two machines differ in."""
 
+ROUNDING = 1e-4
+"""Share by which a number may differ from the one that the rounded lags give."""
+
 UNITS = {
     "cross": "largest answer of the other channel to this command: 1/rad (phi), rad (n_z)",
     "model": "states, inputs and errors in rad, n_z in 1, time in s; g 9.80665 m/s^2",
 }
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class _Table(BaseModel):
@@ -42,10 +55,10 @@ class _Table(BaseModel):
 
 class _Lag(_Table):
     order: Literal[1, 2, 3]
-    natural_frequency_rad_s: Positive
-    damping: Positive | None
-    lag_s: Positive | None
-    delay_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    natural_frequency_rad_s: Bandwidth
+    damping: Damping | None
+    lag_s: TimeConstant | None
+    delay_s: Delay
 
     def value(self) -> InnerLag:
         """The lag; what its order does not have keeps the default."""
@@ -81,9 +94,9 @@ class _Channels(_Table):
 
 
 class _Condition(_Table):
-    V_a_mps: Positive
-    gamma_deg: Annotated[float, Field(gt=-90.0, lt=90.0)]
-    h_m: Finite
+    V_a_mps: Airspeed
+    gamma_deg: Inclination
+    h_m: Height
     channels: _Channels
 
     def condition(self) -> IdentifiedCondition:
@@ -156,20 +169,43 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
         path = aircraft_folder(str(source))
     if path.is_dir():
         path = path / FILE_NAME
+    if not path.exists():
+        raise ScenarioError(f"{path}: must be there; `flighttune identify` writes one.")
+    tables = json_tables(path)
     try:
-        found = _File.model_validate_json(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ScenarioError(
-            f"{path}: the identified model must be readable: {error.strerror}; "
-            f"`flighttune identify` writes one."
-        ) from error
+        found = _File.model_validate(tables)
     except ValidationError as error:
         raise ScenarioError(f"{path}: {first_mistake(error)}") from error
-    return IdentifiedAircraft(
+    aircraft = IdentifiedAircraft(
         aircraft=found.aircraft,
         conditions=tuple(one.condition() for one in found.conditions),
         seed=found.seed,
     )
+    for fault in _contradictions(tables, identified_tables(aircraft)):
+        raise ScenarioError(f"{path}: {fault}.")
+    return aircraft
+
+
+def _contradictions(given: Any, derived: Any, key: str = "") -> Iterator[str]:
+    """What of a file is not as its lags make it: the matrices in it are for other programs."""
+    if isinstance(given, dict) and isinstance(derived, dict):
+        for name, value in given.items():
+            inside = f"{key}.{name}".removeprefix(".")
+            if name in derived:
+                yield from _contradictions(value, derived[name], inside)
+            else:
+                yield f"`{shown(inside)}` is not a known key; known are {', '.join(derived)}"
+    elif isinstance(given, list) and isinstance(derived, list) and len(given) == len(derived):
+        for i, (one, other) in enumerate(zip(given, derived, strict=True)):
+            yield from _contradictions(one, other, f"{key}[{i}]")
+    elif not _same(given, derived):
+        yield f"`{key}` must be {derived!r}, as the lags of the file make it, got {given!r:.80}"
+
+
+def _same(given: Any, derived: Any) -> bool:
+    if isinstance(given, float | int) and isinstance(derived, float):
+        return math.isclose(given, derived, rel_tol=ROUNDING, abs_tol=ROUNDING)
+    return given == derived
 
 
 def _condition_table(condition: IdentifiedCondition) -> dict[str, Any]:

@@ -39,15 +39,15 @@ def transition(lag: InnerLag, t: float) -> FloatArray:
         return np.asarray(expm(lag.undelayed[0] * t), dtype=float)
     decay = lag.damping * w
     squared = w * w - decay * decay
-    if squared > 0.0:
-        root = math.sqrt(squared)
-        c, s = math.cos(root * t), math.sin(root * t) / root
-    elif squared < 0.0:
+    if squared < 0.0:
         root = math.sqrt(-squared)
-        c, s = math.cosh(root * t), math.sinh(root * t) / root
+        # Not exp(-decay t) times cosh(root t), which overflows where their product is small.
+        slow, fast = math.exp(-w * w / (decay + root) * t), math.exp(-(decay + root) * t)
+        c, s = 0.5 * (slow + fast), 0.5 * (slow - fast) / root
     else:
-        c, s = 1.0, t
-    return math.exp(-decay * t) * np.array([[c + decay * s, w * s], [-w * s, c - decay * s]])
+        root, left = math.sqrt(squared), math.exp(-decay * t)
+        c, s = left * math.cos(root * t), left * (math.sin(root * t) / root if root else t)
+    return np.array([[c + decay * s, w * s], [-w * s, c - decay * s]])
 
 
 def rest(lag: InnerLag) -> FloatArray:

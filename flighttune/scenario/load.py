@@ -1,8 +1,5 @@
 """Files to values, and what is wrong with them in one line that names file and key."""
 
-import json
-import tomllib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,6 +10,7 @@ from flighttune.errors import ScenarioError
 from flighttune.mistakes import mistakes
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.schema import GainsTable, Scenario
+from flighttune.table_file import json_tables, toml_tables
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -74,7 +72,7 @@ def load_gains(path: str | Path) -> PIGains:
         If the file cannot be read or does not hold such gains.
     """
     path = Path(path)
-    tables = _json(path) if path.suffix.lower() == ".json" else toml_tables(path)
+    tables = json_tables(path) if path.suffix.lower() == ".json" else toml_tables(path)
     kept = {key: tables[key] for key in ("K_P", "K_I") if key in tables}
     return validated(GainsTable, {"name": "file", **kept}, str(path)).gains()
 
@@ -92,35 +90,6 @@ def _existing(path: str | Path) -> Path:
         f"{path}: the scenario must be a file or one of {', '.join(scenario_names())}; "
         "there is no such file."
     )
-
-
-def toml_tables(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file.
-
-    Raises
-    ------
-    ScenarioError
-        If the file cannot be read, or is not TOML.
-    """
-    return _parsed(path, tomllib.loads, "TOML")
-
-
-def _parsed(path: Path, parse: Callable[[str], Any], language: str) -> Any:
-    try:
-        return parse(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ScenarioError(f"{path}: the file must be readable: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: the file must be UTF-8 text: {error}.") from error
-    except ValueError as error:
-        raise ScenarioError(f"{path}: the file must be valid {language}: {error}.") from error
-
-
-def _json(path: Path) -> dict[str, Any]:
-    tables = _parsed(path, json.loads, "JSON")
-    if not isinstance(tables, dict):
-        raise ScenarioError(f"{path}: the file must hold one object, got {type(tables).__name__}.")
-    return tables
 
 
 def validated(model: type[Model], tables: Any, source: str) -> Model:

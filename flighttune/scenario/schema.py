@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,26 +19,37 @@ from flighttune.identify.file import load_identified
 from flighttune.identify.model import DesignModel, design_model
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile
+from flighttune.quantities import (
+    STEEPEST_DEG,
+    Airspeed,
+    Course,
+    Duration,
+    GainMatrix,
+    Gravity,
+    Height,
+    Inclination,
+    LoadFactor,
+    PositiveRate,
+    TimeConstant,
+)
 from flighttune.scenario.tables import (
     INPUTS,
     TUNED,
     TUNED_IDENTIFIED,
+    Airspeeds,
     DisturbanceTable,
     ExpectTable,
-    Finite,
     Ground,
     GustTable,
-    Inclination,
     Inclinations,
-    Matrix,
+    LoadFactors,
     Name,
     PlantTable,
-    Positive,
-    Range,
+    Rates,
     ReferenceTable,
+    Rolls,
     Seed,
     SensorsTable,
-    Speeds,
     Table,
     TuningTable,
     TurbulenceTable,
@@ -47,19 +59,25 @@ from flighttune.scenario.tables import (
 from flighttune.simulate.reference import Reference
 from flighttune.units import DEG, G_PAPER
 
+MOST_SAMPLES = 1_000_000
+"""Of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals."""
+
+ROUNDING = 1e-9
+"""deg, and share of a duration."""
+
 
 class FlightTable(Table):
     """``[flight]``: start and length of the manoeuvre, and gravity of the kinematic law."""
 
-    V_a_mps: Positive
-    h_m: Finite = 1000.0
-    chi_deg: Finite = 0.0
+    V_a_mps: Airspeed
+    h_m: Height = 1000.0
+    chi_deg: Course = 0.0
     gamma_deg: Inclination = 0.0
     phi_deg: Inclination = 0.0
-    n_z: Finite | None = None
-    duration_s: Positive = 20.0
+    n_z: LoadFactor | None = None
+    duration_s: Duration = 20.0
     ground_m: Ground = 0.0
-    g_mps2: Positive = G_PAPER
+    g_mps2: Gravity = G_PAPER
 
 
 class LimitsTable(Table):
@@ -68,10 +86,10 @@ class LimitsTable(Table):
     A rate is one number (both ways) or a range.
     """
 
-    phi_deg: Range | None = None
-    phi_rate_dps: Positive | Range | None = None
-    n_z: Range | None = None
-    n_z_rate_per_s: Positive | Range | None = None
+    phi_deg: Rolls | None = None
+    phi_rate_dps: PositiveRate | Rates | None = None
+    n_z: LoadFactors | None = None
+    n_z_rate_per_s: PositiveRate | Rates | None = None
 
     @field_validator("phi_rate_dps", "n_z_rate_per_s")
     @classmethod
@@ -92,7 +110,7 @@ class ControllerTable(Table):
 
     rate_hz: Annotated[float, Field(ge=1.0, le=1000.0)] = 50.0
     anti_windup: AntiWindup = "conditional"
-    tracking_time_s: Positive | None = None
+    tracking_time_s: TimeConstant | None = None
     feed_forward: bool = False
     schedule: bool = False
 
@@ -100,10 +118,10 @@ class ControllerTable(Table):
 class EnvelopeTable(Table):
     """``[envelope]``: ranges of flight over which ``certify --envelope`` looks for one proof."""
 
-    V_a_mps: Speeds
+    V_a_mps: Airspeeds
     gamma_deg: Inclinations
     phi_deg: Inclinations
-    n_z: Range
+    n_z: LoadFactors
 
     def envelope(self) -> Envelope:
         """The ranges in m/s, rad and 1."""
@@ -119,12 +137,12 @@ class GainsTable(Table):
     """Gains given as numbers: rows phi, n_z; columns chi, gamma."""
 
     name: Name
-    K_P: Matrix
-    K_I: Matrix
+    K_P: GainMatrix
+    K_I: GainMatrix
 
     @field_validator("K_P", "K_I")
     @classmethod
-    def _two_by_two(cls, value: Matrix) -> Matrix:
+    def _two_by_two(cls, value: list[list[float]]) -> list[list[float]]:
         if [len(row) for row in value] != [INPUTS] * INPUTS:
             raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
         return value
@@ -178,21 +196,56 @@ class Scenario(Table):
                     raise ValueError(
                         f"`{key}` of [[expect]] must be one of {', '.join(labels)}, got {name!r}"
                     )
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_flown(self) -> "Scenario":
         aircraft = any(p.kind == "jsbsim" for p in self.plant)
         check_air(self.disturbance, self.wind, self.gust or self.turbulence, aircraft=aircraft)
-        if self.flight.duration_s * self.controller.rate_hz < 2.0:
+        duration, rate = self.flight.duration_s, self.controller.rate_hz
+        if not 2.0 <= duration * rate <= MOST_SAMPLES:
             raise ValueError(
-                "`duration_s` of [flight] must be at least two samples of the controller, "
-                f"got {self.flight.duration_s} s at {self.controller.rate_hz} Hz"
+                "`duration_s` of [flight] must be at least two samples of the controller and at "
+                f"most {MOST_SAMPLES}, got {duration:g} s at {rate:g} Hz"
             )
         gust = [("gust", self.gust.start_s)] if self.gust else []
         for table, start_s in [*self.reference.starts(), *gust]:
-            if start_s >= self.flight.duration_s:
+            if start_s >= duration:
                 raise ValueError(
                     f"[{table}] `start_s` must lie before the end of the flight "
-                    f"(`duration_s` of [flight], {self.flight.duration_s:g} s), got {start_s:g} s"
+                    f"(`duration_s` of [flight], {duration:g} s), got {start_s:g} s"
+                )
+        t, gamma_deg = self.reference.steepest(self.flight.gamma_deg, duration)
+        if abs(gamma_deg) > STEEPEST_DEG + ROUNDING:
+            raise ValueError(
+                f"[reference] `gamma_deg` must stay within +-{STEEPEST_DEG:g} deg, "
+                f"got {gamma_deg:g} deg at t = {t:g} s"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _scaling_fits(self) -> "Scenario":
+        given = self.tuning.state_scaling
+        if given is not None:
+            n, _, p = self.linear_model().shape
+            if len(given) != n + p:
+                raise ValueError(
+                    f"`state_scaling` of [tuning] must be {n + p} numbers, one a state and one an "
+                    f"error, got {len(given)}"
                 )
         return self
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is flown otherwise than the file says, a sentence each."""
+        duration, dt = self.flight.duration_s, 1.0 / self.controller.rate_hz
+        flown = round(duration / dt) * dt
+        if math.isclose(flown, duration, rel_tol=ROUNDING):
+            return ()
+        return (
+            f"[flight] `duration_s` {duration:g} is no whole number of samples at "
+            f"{self.controller.rate_hz:g} Hz: {flown:.6g} s are flown",
+        )
 
     @property
     def gain_names(self) -> tuple[str, ...]:

@@ -3,8 +3,10 @@
 import math
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from flighttune.aircraft.off_nominal import OffNominal
@@ -15,20 +17,59 @@ from flighttune.plants.label import plant_label
 from flighttune.plants.sensors import Sensors
 from flighttune.plants.weather import Gust, Turbulence, TurbulenceModel, WindProfile
 from flighttune.plants.wind import NED
+from flighttune.quantities import (
+    Airspeed,
+    Angle,
+    AngularRate,
+    AngularSpread,
+    Bandwidth,
+    Course,
+    Damping,
+    Delay,
+    Duration,
+    Factor,
+    Finite,
+    Height,
+    Inclination,
+    Instant,
+    Length,
+    LoadFactor,
+    Oscillation,
+    OscillationRate,
+    PositiveGain,
+    Scale,
+    Shift,
+    TimeConstant,
+    Wind,
+    WindSpeed,
+)
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.reference import Doublet, Ramp, Reference, Segment, Step
 from flighttune.simulate.run import RunStatus
 from flighttune.tuning.problem import Method
 from flighttune.units import DEG
 
-Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
-Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Inclination: TypeAlias = Annotated[float, Field(gt=-90.0, lt=90.0, allow_inf_nan=False)]
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
-Matrix: TypeAlias = list[list[Finite]]
-Name: TypeAlias = Annotated[str, Field(min_length=1, pattern=r"^[\w.*+-]+$")]
+
+
+def _short(value: str) -> str:
+    size = len(Path(value).name.encode())
+    if size > MOST_BYTES:
+        raise ValueError(f"must be a name of at most {MOST_BYTES} bytes, it has {size}")
+    return value
+
+
+MOST_BYTES = 80
+"""Of the name of gains, a plant or an aircraft's folder: together they name a file."""
+
+Name: TypeAlias = Annotated[
+    str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(_short)
+]
+AircraftName: TypeAlias = Annotated[
+    str, Field(min_length=1, max_length=4096), AfterValidator(_short)
+]
+"""Of a shipped aircraft, or a path."""
 
 
 def _pair(value: object) -> object:
@@ -44,8 +85,10 @@ def _rising(value: list[float]) -> list[float]:
 
 
 RisingPair = BeforeValidator(_pair), AfterValidator(_rising)
-Range: TypeAlias = Annotated[list[Finite], *RisingPair]
-Speeds: TypeAlias = Annotated[list[Positive], *RisingPair]
+LoadFactors: TypeAlias = Annotated[list[LoadFactor], *RisingPair]
+Rolls: TypeAlias = Annotated[list[Angle], *RisingPair]
+Rates: TypeAlias = Annotated[list[AngularRate], *RisingPair]
+Airspeeds: TypeAlias = Annotated[list[Airspeed], *RisingPair]
 Inclinations: TypeAlias = Annotated[list[Inclination], *RisingPair]
 
 
@@ -59,8 +102,13 @@ class StepTable(Table):
     """A jump of a reference."""
 
     shape: Literal["step"]
-    start_s: NotNegative = 0.0
-    change_deg: Finite
+    start_s: Instant = 0.0
+    change_deg: Course
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) at which it begins and its shape changes."""
+        return (self.start_s,)
 
     def segment(self) -> Segment:
         """The segment in s and rad."""
@@ -71,9 +119,14 @@ class RampTable(Table):
     """A steady change of a reference, kept afterwards."""
 
     shape: Literal["ramp"]
-    start_s: NotNegative = 0.0
-    duration_s: Positive
-    rate_dps: Finite
+    start_s: Instant = 0.0
+    duration_s: Duration
+    rate_dps: AngularRate
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) at which it begins and its shape changes."""
+        return self.start_s, self.start_s + self.duration_s
 
     def segment(self) -> Segment:
         """The segment in s and rad."""
@@ -84,9 +137,14 @@ class DoubletTable(Table):
     """A pulse up and its opposite, each `width_s` long."""
 
     shape: Literal["doublet"]
-    start_s: NotNegative = 0.0
-    width_s: Positive
-    amplitude_deg: Finite
+    start_s: Instant = 0.0
+    width_s: Duration
+    amplitude_deg: Course
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) at which it begins and its shape changes."""
+        return self.start_s, self.start_s + self.width_s, self.start_s + 2.0 * self.width_s
 
     def segment(self) -> Segment:
         """The segment in s and rad."""
@@ -101,7 +159,7 @@ SegmentTable: TypeAlias = Annotated[
 class ReferenceTable(Table):
     """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``."""
 
-    chi_deg: Finite | list[SegmentTable]
+    chi_deg: Course | list[SegmentTable]
     gamma_deg: Inclination | list[SegmentTable]
 
     def starts(self) -> Iterator[tuple[str, float]]:
@@ -109,6 +167,25 @@ class ReferenceTable(Table):
         for key, segments in (("chi_deg", self.chi_deg), ("gamma_deg", self.gamma_deg)):
             for segment in segments if isinstance(segments, list) else ():
                 yield f"reference.{key}", segment.start_s
+
+    def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
+        """Time (s) and value (deg) of the largest path angle asked for, up or down.
+
+        Parameters
+        ----------
+        start_deg : float, deg
+            Path angle of ``[flight]``.
+        duration : float, s
+        """
+        segments = self.gamma_deg if isinstance(self.gamma_deg, list) else []
+        inside = {t for one in segments for t in one.breaks if t < duration}
+        ends = np.array(sorted({0.0, duration, *inside}))
+        # Between two breaks the sum is straight; it may jump at a break, or just beside it.
+        before, between = np.nextafter(ends[1:], 0.0), 0.5 * (ends[1:] + ends[:-1])
+        t = np.concatenate([ends, before, between])
+        _, gamma = self.reference(chi_deg=0.0, gamma_deg=start_deg).sampled(t)
+        most = int(np.argmax(np.abs(gamma)))
+        return float(t[most]), float(gamma[most]) / DEG
 
     def reference(self, *, chi_deg: float, gamma_deg: float) -> Reference:
         """The reference in s and rad, for a flight that starts at `chi_deg` and `gamma_deg`."""
@@ -130,25 +207,25 @@ def _channel(
 class AirframeTable(Table):
     """``[plant.airframe]``: factors on an aircraft of jsbsim, and the shift of its CG."""
 
-    mass_factor: Positive = 1.0
-    cg_aft_m: Finite = 0.0
-    cg_right_m: Finite = 0.0
-    cg_down_m: Finite = 0.0
-    ixx_factor: Positive = 1.0
-    iyy_factor: Positive = 1.0
-    izz_factor: Positive = 1.0
-    ixz_factor: Positive = 1.0
-    lift_factor: Positive = 1.0
-    drag_factor: Positive = 1.0
-    side_force_factor: Positive = 1.0
-    roll_moment_factor: Positive = 1.0
-    pitch_moment_factor: Positive = 1.0
-    yaw_moment_factor: Positive = 1.0
-    coefficient_factors: dict[Annotated[str, Field(min_length=1)], Positive] = Field(
+    mass_factor: Factor = 1.0
+    cg_aft_m: Shift = 0.0
+    cg_right_m: Shift = 0.0
+    cg_down_m: Shift = 0.0
+    ixx_factor: Factor = 1.0
+    iyy_factor: Factor = 1.0
+    izz_factor: Factor = 1.0
+    ixz_factor: Factor = 1.0
+    lift_factor: Factor = 1.0
+    drag_factor: Factor = 1.0
+    side_force_factor: Factor = 1.0
+    roll_moment_factor: Factor = 1.0
+    pitch_moment_factor: Factor = 1.0
+    yaw_moment_factor: Factor = 1.0
+    coefficient_factors: dict[Annotated[str, Field(min_length=1)], Factor] = Field(
         default_factory=dict
     )
-    thrust_factor: Positive = 1.0
-    actuator_lag_factor: Positive = 1.0
+    thrust_factor: Factor = 1.0
+    actuator_lag_factor: Factor = 1.0
 
     def off_nominal(self) -> OffNominal | None:
         """The same as a value; None where nothing is off the nominal."""
@@ -170,16 +247,16 @@ class PlantTable(Table):
     """
 
     kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim"]
-    aircraft: Annotated[str, Field(min_length=1)] | None = None
+    aircraft: AircraftName | None = None
     name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     airframe: AirframeTable | None = None
-    roll_lag_rad_s: Positive | None = None
-    roll_damping: Positive | None = None
-    roll_delay_s: NotNegative | None = None
-    n_z_lag_rad_s: Positive | None = None
-    n_z_damping: Positive | None = None
-    n_z_delay_s: NotNegative | None = None
+    roll_lag_rad_s: Bandwidth | None = None
+    roll_damping: Damping | None = None
+    roll_delay_s: Delay | None = None
+    n_z_lag_rad_s: Bandwidth | None = None
+    n_z_damping: Damping | None = None
+    n_z_delay_s: Delay | None = None
 
     @model_validator(mode="after")
     def _aircraft_of_jsbsim(self) -> "PlantTable":
@@ -225,13 +302,13 @@ class PlantTable(Table):
 class SensorsTable(Table):
     """``[sensors]``: bias and noise of course, flight-path angle and airspeed."""
 
-    chi_bias_deg: Finite = 0.0
-    chi_noise_sd_deg: NotNegative = 0.0
-    gamma_bias_deg: Finite = 0.0
-    gamma_noise_sd_deg: NotNegative = 0.0
-    V_a_bias_mps: Finite = 0.0
-    V_a_noise_sd_mps: NotNegative = 0.0
-    noise_time_constant_s: Positive | None = None
+    chi_bias_deg: Angle = 0.0
+    chi_noise_sd_deg: AngularSpread = 0.0
+    gamma_bias_deg: Angle = 0.0
+    gamma_noise_sd_deg: AngularSpread = 0.0
+    V_a_bias_mps: Wind = 0.0
+    V_a_noise_sd_mps: WindSpeed = 0.0
+    noise_time_constant_s: TimeConstant | None = None
 
     def sensors(self, seed: int) -> Sensors:
         """The errors in rad and m/s, their noise drawn from the scenario's `seed`."""
@@ -254,18 +331,18 @@ INTENSITIES = {"light": (3, 7.7), "moderate": (4, 15.4), "severe": (6, 23.1)}
 class WindLevelTable(Table):
     """``[[wind.level]]``: the wind at one height above sea level."""
 
-    h_m: Finite
-    speed_mps: NotNegative
-    from_deg: Finite
-    down_mps: Finite = 0.0
+    h_m: Height
+    speed_mps: WindSpeed
+    from_deg: Course
+    down_mps: Wind = 0.0
 
 
 class WindTable(Table):
     """``[wind]``: steady wind, the same at all heights or given at levels."""
 
-    speed_mps: NotNegative | None = None
-    from_deg: Finite | None = None
-    down_mps: Finite = 0.0
+    speed_mps: WindSpeed | None = None
+    from_deg: Course | None = None
+    down_mps: Wind = 0.0
     level: Annotated[list[WindLevelTable], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
@@ -275,12 +352,12 @@ class WindTable(Table):
         given -= {"level"}
         if self.level is not None:
             if given:
-                raise ValueError(f"`{min(given)}` of [wind] must be absent where there are levels")
+                raise ValueError(f"`{min(given)}` must be absent where there are levels")
             heights = [level.h_m for level in self.level]
             if any(a >= b for a, b in pairwise(heights)):
                 raise ValueError(f"`level` must rise in h_m, got {heights}")
         elif self.speed_mps is None or self.from_deg is None:
-            raise ValueError("`speed_mps` and `from_deg` of [wind] must be given, or levels")
+            raise ValueError("`speed_mps` and `from_deg` must be given, or levels")
         return self
 
     def profile(self) -> WindProfile:
@@ -297,10 +374,10 @@ class GustTable(Table):
     """``[gust]``: one 1-cosine gust, its length flown through at the airspeed of the start."""
 
     axis: Literal["ahead", "right", "down"]
-    peak_mps: Finite
-    start_s: NotNegative
-    length_m: Positive
-    hold_s: NotNegative = 0.0
+    peak_mps: Wind
+    start_s: Instant
+    length_m: Length
+    hold_s: Instant = 0.0
 
     def gust(self, V_a: float) -> Gust:
         """The gust in seconds at the airspeed `V_a` (m/s)."""
@@ -318,7 +395,7 @@ class TurbulenceTable(Table):
 
     intensity: Literal["light", "moderate", "severe"] | None = None
     severity: Annotated[int, Field(ge=1, le=7)] | None = None
-    wind_20ft_mps: NotNegative | None = None
+    wind_20ft_mps: WindSpeed | None = None
     model: TurbulenceModel = "tustin"
 
     @model_validator(mode="after")
@@ -342,10 +419,10 @@ class TurbulenceTable(Table):
 class DisturbanceTable(Table):
     """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s."""
 
-    chi_amplitude: Finite = 0.0
-    chi_omega_rad_s: NotNegative = 0.0
-    gamma_amplitude: Finite = 0.0
-    gamma_omega_rad_s: NotNegative = 0.0
+    chi_amplitude: OscillationRate = 0.0
+    chi_omega_rad_s: Oscillation = 0.0
+    gamma_amplitude: OscillationRate = 0.0
+    gamma_omega_rad_s: Oscillation = 0.0
     as_wind: bool = False
     path: Literal["ground", "air"] = "ground"
 
@@ -442,16 +519,16 @@ class TuningTable(Table):
     the smallest R_K over all conditions of the file instead of taking the nearest one.
     """
 
-    I_star: Annotated[float, Field(gt=0.0)] = 5.0
+    I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
     model: TuningModel = "kinematic"
-    identified: Annotated[str, Field(min_length=1)] | None = None
+    identified: AircraftName | None = None
     robust: bool = False
-    lag_rad_s: Annotated[list[Positive], Field(min_length=INPUTS, max_length=INPUTS)] | None = None
+    lag_rad_s: Annotated[list[Bandwidth], Field(min_length=INPUTS, max_length=INPUTS)] | None = None
     sample_delay: bool = False
     input_limits: bool = False
     structure: Literal["full", "decoupled"] = "full"
-    gain_max: Positive | None = None
-    state_scaling: list[Positive] | None = None
+    gain_max: PositiveGain | None = None
+    state_scaling: list[Scale] | None = None
     method: Method = "gradient"
     starts: Annotated[int, Field(ge=1, le=1000)] = 12
 
@@ -491,7 +568,7 @@ class ExpectTable(Table):
     @model_validator(mode="after")
     def _measures_exist(self) -> "ExpectTable":
         if not (self.status or self.at_most or self.at_least):
-            raise ValueError("`status`, `at_most` or `at_least` must be given in [[expect]]")
+            raise ValueError("`status`, `at_most` or `at_least` must be given")
         for bounds in (self.at_most, self.at_least):
             for subject, limits in bounds.items():
                 known = FLIGHT_MEASURES if subject == "flight" else CHANNEL_MEASURES

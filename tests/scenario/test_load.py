@@ -82,13 +82,17 @@ def test_a_scenario_cannot_be_changed():
 
 
 WRONG = [
-    ("flight", {"V_a_mps": -50.0}, r"\[flight\] `V_a_mps` must be greater than 0, got -50\.0"),
+    (
+        "flight",
+        {"V_a_mps": -50.0},
+        r"\[flight\] `V_a_mps` must be greater .* 1, got -50\.0",
+    ),
     ("flight", {"V_a": 50.0}, r"\[flight\] `V_a` is not a known key; did you mean `V_a_mps`\?"),
     ("flight", {"gamma_rad": 0.5}, r"`gamma_rad` is not a known key; did you mean `gamma_deg`\?"),
     ("flight", {"V_a_mps": "25"}, r"`V_a_mps` must be a valid number, got '25'"),
     ("flight", {"V_a_mps": True}, r"`V_a_mps` must be a valid number, got True"),
     ("flight", {"V_a_mps": math.nan}, r"`V_a_mps` must be a finite number, got nan"),
-    ("flight", {"gamma_deg": 95.0}, r"`gamma_deg` must be less than 90, got 95\.0"),
+    ("flight", {"gamma_deg": 95.0}, r"`gamma_deg` must be less than or equal to 89, got 95\.0"),
     ("flight", {"duration_s": 0.01}, r"`duration_s` of \[flight\] must be at least two samples"),
     ("limits", {"phi_deg": [45.0, -45.0]}, r"must be a range \[low, high\] with low below high"),
     ("limits", {"phi_deg": [45.0]}, r"`phi_deg` must be a range \[low, high\], got \[45\.0\]"),
@@ -174,7 +178,7 @@ def test_several_mistakes_are_told_in_one_line(tables):
         scenario_from(tables)
 
     assert str(caught.value) == (
-        "scenario: [flight] `V_a_mps` must be greater than 0, got -1.0; "
+        "scenario: [flight] `V_a_mps` must be greater than or equal to 1, got -1.0; "
         "[limits] `phi_deg` must be a range [low, high], got 45.0; "
         "`seed` must be greater than or equal to 0, got -1."
     )

@@ -83,12 +83,12 @@ def test_still_air_is_no_weather():
 @pytest.mark.parametrize(
     ("tables", "message"),
     [
-        ({"wind": {"speed_mps": 5.0}}, r"`speed_mps` and `from_deg` of \[wind\] must be given"),
+        ({"wind": {"speed_mps": 5.0}}, r"\[wind\] `speed_mps` and `from_deg` must be given"),
         ({"wind": {"speed_mps": -5.0, "from_deg": 0.0}}, r"`speed_mps` must be greater than .*"),
         (
             {"wind": {"speed_mps": 1.0, "from_deg": 0.0, "level": [
                 {"h_m": 0.0, "speed_mps": 0.0, "from_deg": 0.0}]}},
-            r"`from_deg` of \[wind\] must be absent where there are levels",
+            r"\[wind\] `from_deg` must be absent where there are levels",
         ),
         (
             {"wind": {"level": [{"h_m": 9.0, "speed_mps": 0.0, "from_deg": 0.0}] * 2}},

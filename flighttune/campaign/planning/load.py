@@ -27,10 +27,11 @@ from flighttune.campaign.planning.schema import (
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import mistakes
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
-from flighttune.scenario.load import load_scenario, toml_tables, validated
+from flighttune.scenario.load import load_scenario, validated
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.shipped import campaign_file, campaign_names, scenario_file, scenario_names
+from flighttune.table_file import toml_tables
 
 
 def load_campaign(path: str | Path) -> Campaign:

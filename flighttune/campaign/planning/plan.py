@@ -18,10 +18,11 @@ from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_set, tune_scenario
+from flighttune.quantities import Matrix
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.load import validated
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, Matrix, Table
+from flighttune.scenario.tables import TUNED, Table
 
 VERSION = 1
 """Of the form of a plan as plain values; another is refused."""

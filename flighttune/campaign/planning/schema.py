@@ -9,15 +9,13 @@ from pydantic import Field, field_validator, model_validator
 from scipy.special import ndtri
 
 from flighttune.arrays import FloatArray
+from flighttune.quantities import Finite, NotNegative, Positive
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import (
     CHANNEL_MEASURES,
     FLIGHT_MEASURES,
     ExpectTable,
-    Finite,
-    NotNegative,
     PlantTable,
-    Positive,
     Seed,
     Table,
 )

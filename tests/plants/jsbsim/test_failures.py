@@ -283,7 +283,7 @@ def test_a_flight_leaves_no_files(tmp_path, monkeypatch):
         (r"\[-3.0, 4.0\]", "[4.0, -3.0]", r"`envelope\.n_z` must be \[lower, upper\] with .*"),
         (r"\[15.0, 45.0\]", "[0.5, 45.0]", r"`envelope` `V_a_mps` must begin above 1 m/s.*"),
         ('"guidance/engaged"', '"guidance engaged"', r"`channels\.engaged` must match pattern.*"),
-        ('title  = "', 'title = "\n', "must be TOML, got .*"),
+        ('title  = "', 'title = "\n', "the file must be valid TOML: "),
     ],
 )
 def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, replacement, message):

@@ -1,0 +1,95 @@
+"""Ranges of the numbers in files, by what they measure; a key names one and is held to it.
+
+They are wide: what lies outside is a slip of the unit or of the keyboard, would overflow, or would
+take hours to fly.
+"""
+
+from typing import Annotated, TypeAlias
+
+from pydantic import AfterValidator, Field
+
+Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+Positive: TypeAlias = Annotated[Finite, Field(gt=0.0)]
+NotNegative: TypeAlias = Annotated[Finite, Field(ge=0.0)]
+
+Airspeed: TypeAlias = Annotated[Finite, Field(ge=1.0, le=1000.0)]
+"""m/s."""
+
+Wind: TypeAlias = Annotated[Finite, Field(ge=-200.0, le=200.0)]
+"""m/s, or a deviation of airspeed; the fastest wind measured was 113 m/s."""
+
+WindSpeed: TypeAlias = Annotated[Finite, Field(ge=0.0, le=200.0)]
+"""m/s, where the sign is that of another key."""
+
+Height: TypeAlias = Annotated[Finite, Field(ge=-500.0, le=30_000.0)]
+"""m above sea level."""
+
+Duration: TypeAlias = Annotated[Positive, Field(le=1e6)]
+"""s: twelve days."""
+
+Instant: TypeAlias = Annotated[NotNegative, Field(le=1e6)]
+"""s."""
+
+Course: TypeAlias = Annotated[Finite, Field(ge=-3600.0, le=3600.0)]
+"""deg, or a change of course or of path angle: ten turns either way."""
+
+STEEPEST_DEG = 89.0
+Inclination: TypeAlias = Annotated[Finite, Field(ge=-STEEPEST_DEG, le=STEEPEST_DEG)]
+"""deg of path angle or bank: there is no course straight up, and no lift to hold the bank of 90."""
+
+Angle: TypeAlias = Annotated[Finite, Field(ge=-180.0, le=180.0)]
+"""deg."""
+
+AngularSpread: TypeAlias = Annotated[NotNegative, Field(le=180.0)]
+"""deg: standard deviation."""
+
+AngularRate: TypeAlias = Annotated[Finite, Field(ge=-1e4, le=1e4)]
+"""deg/s, or 1/s of load factor."""
+
+PositiveRate: TypeAlias = Annotated[Positive, Field(le=1e4)]
+"""deg/s, or 1/s of load factor: a limit both ways."""
+
+LoadFactor: TypeAlias = Annotated[Finite, Field(ge=-50.0, le=50.0)]
+
+Gravity: TypeAlias = Annotated[Finite, Field(ge=0.1, le=100.0)]
+"""m/s^2."""
+
+Bandwidth: TypeAlias = Annotated[Finite, Field(ge=0.05, le=200.0)]
+"""rad/s of a lag; a faster one is none, and takes hundreds of steps a sample."""
+
+Damping: TypeAlias = Annotated[Finite, Field(ge=0.05, le=5.0)]
+TimeConstant: TypeAlias = Annotated[Finite, Field(ge=1e-3, le=1e4)]
+"""s."""
+
+Delay: TypeAlias = Annotated[NotNegative, Field(le=2.0)]
+"""s."""
+
+Oscillation: TypeAlias = Annotated[NotNegative, Field(le=1000.0)]
+"""rad/s."""
+
+OscillationRate: TypeAlias = Annotated[Finite, Field(ge=-10.0, le=10.0)]
+"""rad/s: amplitude of a disturbance of course or path-angle rate."""
+
+Factor: TypeAlias = Annotated[Finite, Field(ge=0.01, le=100.0)]
+"""On a property of an aircraft."""
+
+Shift: TypeAlias = Annotated[Finite, Field(ge=-10.0, le=10.0)]
+"""m of a centre of gravity."""
+
+Length: TypeAlias = Annotated[Finite, Field(ge=0.1, le=1e5)]
+"""m."""
+
+Gain: TypeAlias = Annotated[Finite, Field(ge=-1e6, le=1e6)]
+PositiveGain: TypeAlias = Annotated[Positive, Field(le=1e6)]
+Scale: TypeAlias = Annotated[Finite, Field(ge=1e-6, le=1e6)]
+"""Of a unit of state."""
+
+
+def _rectangular(rows: list[list[float]]) -> list[list[float]]:
+    if not rows or not rows[0] or len({len(row) for row in rows}) > 1:
+        raise ValueError("must have rows of one length, and at least one number")
+    return rows
+
+
+Matrix: TypeAlias = Annotated[list[list[Finite]], AfterValidator(_rectangular)]
+GainMatrix: TypeAlias = Annotated[list[list[Gain]], AfterValidator(_rectangular)]

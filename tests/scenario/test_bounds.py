@@ -1,0 +1,119 @@
+"""Numbers that no flight has: refused when the file is read, by a bound in the message."""
+
+import math
+
+import pytest
+
+from flighttune.errors import ScenarioError
+from flighttune.flight.fly import fly
+from flighttune.scenario import scenario_from
+
+LAG = {"kind": "point_mass_lag", "roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
+GUST = {"axis": "down", "peak_mps": 3.0, "start_s": 0.1, "length_m": 10.0}
+GAINS = {"name": "x", "K_P": [[1.0, 0.0], [0.0, 1.0]], "K_I": [[1.0, 0.0], [0.0, 1.0]]}
+WINDY = {"speed_mps": 5.0, "from_deg": 90.0}
+
+
+def tables(**changes):
+    given = {
+        "title": "Straight on",
+        "gains": ["paper"],
+        "flight": {"V_a_mps": 25.0, "duration_s": 0.4},
+        "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+        "plant": [{"kind": "kinematic"}],
+    }
+    for table, values in changes.items():
+        given[table] = {**given.get(table, {}), **values} if isinstance(values, dict) else values
+    return given
+
+
+BEYOND = [
+    ({"flight": {"V_a_mps": 1e30}}, r"\[flight\] `V_a_mps` must be less than or equal to 1000"),
+    ({"flight": {"V_a_mps": 1e-3}}, r"`V_a_mps` must be greater than or equal to 1,"),
+    ({"flight": {"h_m": -1e9}}, r"\[flight\] `h_m` must be greater than or equal to -500"),
+    ({"flight": {"chi_deg": 1e308}}, r"\[flight\] `chi_deg` must be less than"),
+    ({"flight": {"gamma_deg": 89.9999999}}, r"`gamma_deg` must be less than or equal to 89,"),
+    ({"flight": {"g_mps2": 5e-324}}, r"`g_mps2` must be greater than or equal to 0\.1"),
+    ({"flight": {"duration_s": 1e5}}, r"`duration_s` of \[flight\] must .* at most 1000000"),
+    ({"flight": {"duration_s": 1e300}}, r"\[flight\] `duration_s` must be less than"),
+    ({"limits": {"phi_rate_dps": 1e300}}, r"\[limits\] `phi_rate_dps` must be less than"),
+    ({"plant": [{**LAG, "roll_lag_rad_s": 1e5}]}, r"\[plant\] `roll_lag_rad_s` must be .* 200"),
+    ({"plant": [{**LAG, "roll_damping": 1e300}]}, r"`roll_damping` must be less than or equal"),
+    ({"plant": [{**LAG, "n_z_delay_s": 1e9}]}, r"`n_z_delay_s` must be less than or equal to 2,"),
+    ({"gust": {**GUST, "length_m": 5e-324}}, r"\[gust\] `length_m` must be greater .* 0\.1,"),
+    ({"wind": {**WINDY, "speed_mps": 1e308}}, r"\[wind\] `speed_mps` must be less .* 200,"),
+    ({"disturbance": {"chi_omega_rad_s": 1e308}}, r"`chi_omega_rad_s` must be less .* 1000,"),
+    ({"sensors": {"chi_bias_deg": 1e308}}, r"\[sensors\] `chi_bias_deg` must be less .* 180,"),
+    ({"gains": [{**GAINS, "K_I": [[1e308, 0.0], [0.0, 1.0]]}]}, r"`K_I` must be less than .* 1e"),
+    ({"gains": [{**GAINS, "name": "x" * 240}]}, "`name` must be a name of at most 80 bytes"),
+    ({"tuning": {"state_scaling": [1.0]}}, r"`state_scaling` of \[tuning\] must be 4 numbers"),
+    (
+        {"plant": [{"kind": "jsbsim", "aircraft": "a" * 5000}]},
+        r"\[plant\] `aircraft` must have at most 4096 characters",
+    ),
+    (
+        {"plant": [{"kind": "jsbsim", "aircraft": "a4", "airframe": {"drag_factor": 1e308}}]},
+        r"\[plant\.airframe\] `drag_factor` must be less than or equal to 100",
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "message"), BEYOND)
+def test_a_number_beyond_its_bound_is_refused_with_key_and_bound(changes, message):
+    with pytest.raises(ScenarioError, match=message) as caught:
+        scenario_from(tables(**changes))
+
+    assert len(str(caught.value)) < 300
+
+
+PATHS = [
+    (30.0, [{"shape": "step", "start_s": 0.2, "change_deg": 80.0}], "110 deg at t = 0.2 s"),
+    (45.0, [{"shape": "ramp", "duration_s": 9.0, "rate_dps": 600.0}], "285 deg at t = 0.4 s"),
+    (0.0, [{"shape": "step", "change_deg": -95.0}], "-95 deg at t = 0 s"),
+    (80.0, [{"shape": "doublet", "start_s": 0.1, "width_s": 0.1, "amplitude_deg": -20}], "100 deg"),
+    (
+        0.0,
+        [{"shape": "step", "change_deg": 50}, {"shape": "step", "start_s": 0.3, "change_deg": 50}],
+        "100 deg at t = 0.3 s",
+    ),
+]
+
+
+@pytest.mark.parametrize(("start", "segments", "where"), PATHS)
+def test_a_path_angle_beyond_the_vertical_is_refused_wherever_it_comes_from(start, segments, where):
+    message = rf"\[reference\] `gamma_deg` must stay within \+-89 deg, got {where}"
+    with pytest.raises(ScenarioError, match=message):
+        scenario_from(tables(flight={"gamma_deg": start}, reference={"gamma_deg": segments}))
+
+
+def test_a_path_angle_beyond_the_vertical_that_is_never_reached_is_flown():
+    steep = [{"shape": "ramp", "start_s": 0.3, "duration_s": 60.0, "rate_dps": 10.0}]
+
+    scenario_from(tables(flight={"gamma_deg": 87.0}, reference={"gamma_deg": steep}))
+
+
+@pytest.mark.parametrize("angle", [-89.0, 89.0])
+def test_the_steepest_path_is_flown(angle):
+    steps = [{"shape": "step", "change_deg": angle}]
+    scenario = scenario_from(tables(reference={"gamma_deg": steps}))
+
+    assert scenario.followed().initial[1] == pytest.approx(math.radians(angle))
+
+
+@pytest.mark.parametrize(
+    ("duration", "rate", "flown"), [(3.0, 1.5, 8 / 3), (0.05, 50.0, 0.04), (10.0, 7.3, 10.0)]
+)
+def test_a_duration_that_is_no_whole_number_of_samples_is_said(duration, rate, flown):
+    scenario = scenario_from(tables(flight={"duration_s": duration}, controller={"rate_hz": rate}))
+    (run,) = fly(scenario).runs
+
+    assert run.duration == pytest.approx(flown)
+    (note,) = scenario.notes if flown != duration else ("",)
+    assert note.endswith(f"{flown:.6g} s are flown" if note else "")
+
+
+def test_a_fast_overdamped_lag_is_flown_to_its_end():
+    plant = {**LAG, "roll_lag_rad_s": 200.0, "roll_damping": 5.0}
+    scenario = scenario_from(tables(plant=[plant], controller={"rate_hz": 5.0}))
+
+    assert [run.status for run in fly(scenario).runs] == ["completed"]

@@ -1,0 +1,93 @@
+"""Files that are text of no kind, too deep, too large, or say a thing twice."""
+
+import json
+import re
+
+import pytest
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.certificates import load_certificate
+from flighttune.comparison import load_tolerances
+from flighttune.errors import InputError
+from flighttune.identify.file import load_identified
+from flighttune.scenario import load_gains, load_scenario
+from flighttune.table_file import DEEPEST, MOST_BYTES
+
+TOML, JSON = ".toml", ".json"
+
+
+def of_aircraft(path):
+    """An aircraft's file has one name."""
+    return load_aircraft(path.rename(path.with_name("aircraft.toml")).parent)
+
+
+READERS = [
+    (load_scenario, TOML),
+    (load_tolerances, TOML),
+    (of_aircraft, TOML),
+    (load_gains, TOML),
+    (load_gains, JSON),
+    (load_certificate, JSON),
+    (load_identified, JSON),
+]
+EVERY_READER = pytest.mark.parametrize(
+    ("read", "suffix"), READERS, ids=[f"{read.__name__}{suffix}" for read, suffix in READERS]
+)
+
+
+def refusal(read, path):
+    with pytest.raises(InputError) as caught:
+        read(path)
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith(f"{path.parent}/")
+    return line
+
+
+def written(path, text):
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@EVERY_READER
+@pytest.mark.parametrize(
+    ("toml", "json_", "message"),
+    [
+        (b"\xff\xfe", b"\xff\xfe", "must be UTF-8 text"),
+        ("a = ", "{", "must be valid (TOML|JSON)"),
+        (f"a = {'[' * 900}{']' * 900}", "[" * 100_000, f"more than {DEEPEST} tables"),
+        (f"a = {'{b = ' * 900}1{'}' * 900}", '{"a":' * 9000 + "1" + "}" * 9000, "tables inside"),
+        (f"{'a.' * 100_000}a = 1", f'{{"a": {"[" * 40}{"]" * 40}}}', "tables inside each other"),
+        (f"a = 1{'0' * 400}", f'{{"a": 1{"0" * 400}}}', "`a` must be a number below 1e308"),
+        (
+            f"a = 1{'0' * 5000}",
+            f'{{"a": 1{"0" * 5000}}}',
+            "limit .* has 5001 digits\\.$",
+        ),
+        ("a = 1\na = 2", '{"a": 1, "a": 2}', "[Oo]verwrite|`a` is given twice"),
+        ('a = "\\ud800"', '{"a": "\\ud800"}', "Unicode"),
+        (b" " * (MOST_BYTES + 1), b" " * (MOST_BYTES + 1), "at most 16000000 bytes"),
+    ],
+    ids=[
+        *("coding", "text", "arrays", "tables", "dots", "huge", "digits", "twice", "surrogate"),
+        "large",
+    ],
+)
+def test_what_no_file_of_ours_holds_is_refused_in_one_line(
+    tmp_path, read, suffix, toml, json_, message
+):
+    path = written(tmp_path / f"wrong{suffix}", toml if suffix == TOML else json_)
+
+    assert re.search(message, refusal(read, path))
+
+
+@EVERY_READER
+def test_an_unknown_key_and_a_value_of_any_length_are_abridged(tmp_path, read, suffix):
+    key, value = "k" * 5000, "v" * 5000
+    text = f"{key} = '{value}'" if suffix == TOML else json.dumps({key: value})
+
+    assert len(refusal(read, written(tmp_path / f"long{suffix}", text))) < 1000
+
+
+def test_a_file_without_an_end_is_not_read_to_its_end():
+    with pytest.raises(InputError, match="at most 16000000 bytes"):
+        load_certificate("/dev/zero")
