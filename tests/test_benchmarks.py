@@ -4,6 +4,9 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
+import pytest
+
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
 
@@ -26,3 +29,14 @@ def test_every_weather_has_a_limit_of_its_own():
     jsbsim = benchmark("bench_jsbsim")
 
     assert jsbsim.HIGHEST_RATIO.keys() == jsbsim.WEATHER.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("slower", "missed"), [(0.5, False), (1.2, False), (1.4, True)])
+def test_a_batch_may_miss_its_time_by_the_slack_and_no_more(monkeypatch, slower, missed):
+    batch = benchmark("bench_batch")
+    flights = 7
+    cost = slower * batch.SECONDS * flights / batch.MANY
+    monkeypatch.setattr(batch, "timed", lambda work, _: (np.array([cost, cost]), work()))
+
+    assert batch.against_single_run(flights, repeats=1) == missed
