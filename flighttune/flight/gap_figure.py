@@ -24,6 +24,13 @@ if TYPE_CHECKING:
 COLOURS = tuple(strong for (strong, _), _ in HUES[:4])
 """Of the rungs, lowest first; a step has the colour of its upper rung."""
 
+MARGINS = {"left": 0.05, "right": 0.99, "bottom": 0.045, "top": 0.92}
+MARGINS |= {"hspace": 0.42, "wspace": 0.22}
+"""Parts of the figure, and of a panel between two of them: room for a title of three lines."""
+
+LONG_TITLE = 7.5
+"""Size of a title whose lines would run into the next panel at the usual one, points."""
+
 
 def gap_figure(gap: Gap) -> Figure:
     """Draw a gap.
@@ -49,8 +56,9 @@ def gap_figure(gap: Gap) -> Figure:
     if gap.ladder is None:
         raise InputError(f"`gap` must have a ladder to be drawn, got none: {gap.reason}")
     with mpl.rc_context(RC):
-        figure = Figure(figsize=(15.0, 10.5), layout="constrained")
-        grid: Any = figure.add_gridspec(4, 3, width_ratios=(1.0, 1.0, 0.8))
+        # Margins that fit: to find them, matplotlib would lay out all texts three times more.
+        figure = Figure(figsize=(15.0, 10.5))
+        grid: Any = figure.add_gridspec(4, 3, width_ratios=(1.0, 1.0, 0.8), **MARGINS)
         for column, channel in enumerate(CHANNEL_SYMBOLS):
             axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
             _draw_rungs(axes[0], gap, channel)
@@ -63,7 +71,7 @@ def gap_figure(gap: Gap) -> Figure:
             _draw_itae(figure.add_subplot(grid[2 * column : 2 * column + 2, 2]), gap, channel)
         handles, labels = figure.axes[0].get_legend_handles_labels()
         title = f"{gap.scenario.title}; gains {gap.runs[-1].provenance.gains_name}"
-        figure.legend(handles, labels, title=title, loc="outside upper center", ncols=5)
+        figure.legend(handles, labels, title=title, loc="upper center", ncols=5)
     return figure
 
 
@@ -140,7 +148,8 @@ def _draw_bound(axes: Axes, gap: Gap, channel: str) -> None:
         title += (
             f"\nGrey: reach from {gap.free.t_from:.1f} s on, without limits: {gap.free.sentence}"
         )
-    axes.set(title=title, ylabel=f"e_{CHANNEL_SYMBOLS[channel]} [deg]")
+    axes.set_title(title, fontsize=LONG_TITLE)
+    axes.set_ylabel(f"e_{CHANNEL_SYMBOLS[channel]} [deg]")
 
 
 def _draw_itae(axes: Axes, gap: Gap, channel: str) -> None:
