@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from flighttune import __version__
 from flighttune.cli.aircraft import design, identify, trim
 from flighttune.cli.campaign import campaign
 from flighttune.cli.certificates import certify, verify
@@ -22,7 +23,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    context_settings={"max_content_width": 100},
+    context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,  # Rich would take "[default: ...]" in a help text for markup and drop it
     help="Tune a fixed-wing outer loop with a certificate, fly it on the kinematic law and on "
     "JSBSim, and see in one recording where they part.",
@@ -37,8 +38,20 @@ app.command("list")(list_shipped)
 app.add_typer(campaign)
 
 
+def _show_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"flighttune {__version__}")
+        raise typer.Exit
+
+
 @app.callback()
 def _options(
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_show_version, help="Show the version and leave."
+        ),
+    ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
     """Options of every command."""

@@ -4,6 +4,8 @@ import json
 import math
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -182,6 +184,17 @@ def test_debug_shows_the_traceback():
         check=False,
     )
     assert "Traceback" in done.stderr
+
+
+def test_the_version_is_that_of_the_project():
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+
+    assert flighttune("--version")[0] == f"flighttune {project['version']}\n"
+
+
+@pytest.mark.parametrize("command", [[], ["fly"], ["campaign"], ["campaign", "run"]])
+def test_help_has_a_short_name(command):
+    assert flighttune(*command, "-h")[0] == flighttune(*command, "--help")[0]
 
 
 def test_help_says_the_default_of_an_option():
