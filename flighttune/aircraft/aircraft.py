@@ -1,5 +1,6 @@
 """An aircraft's folder: its ``aircraft.toml``, read once and checked, in SI and radians."""
 
+import hashlib
 import math
 from functools import lru_cache
 from pathlib import Path
@@ -321,3 +322,21 @@ def _read(file: Path, stamp: tuple[int, ...]) -> AircraftConfig:
         raise ScenarioError(f"{file}: {first_mistake(error)}") from error
     config._folder = file.parent
     return config
+
+
+def files_hash(aircraft: str) -> str:
+    """Hash of the names and contents of an aircraft's files.
+
+    Raises
+    ------
+    InputError
+        If there is no such aircraft.
+    """
+    folder = load_aircraft(aircraft).folder
+    found = hashlib.sha256()
+    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+        if file.suffix in (".xml", ".toml", ".json"):
+            content = file.read_bytes()
+            found.update(f"{file.relative_to(folder).as_posix()} {len(content)}\n".encode())
+            found.update(content)
+    return found.hexdigest()

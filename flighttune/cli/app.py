@@ -11,6 +11,7 @@ from flighttune.cli.aircraft import design, identify, trim
 from flighttune.cli.campaign import campaign
 from flighttune.cli.certificates import certify, verify
 from flighttune.cli.compare import compare
+from flighttune.cli.conform import conform
 from flighttune.cli.flights import fly, list_shipped, refly, view
 from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
@@ -30,7 +31,7 @@ app = typer.Typer(
     epilog="Exit status: 0 fine, 1 the answer is no, 2 could not run.",
 )
 ON_SCENARIOS = fly, tune, certify, verify, frontier, gap
-ON_AIRCRAFT = trim, design, identify
+ON_AIRCRAFT = trim, design, identify, conform
 ON_RUNS = compare, report, refly, view
 for command in (*ON_SCENARIOS, *ON_AIRCRAFT, *ON_RUNS, reproduce):
     app.command()(command)

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,6 +16,7 @@ MOST_TRANSITIONS = 4096
 """Transitions remembered by a channel."""
 
 
+@lru_cache(maxsize=256)  # flights of one aircraft ask for the same few again and again
 def transition(lag: InnerLag, t: float) -> FloatArray:
     """What `t` seconds under a held command leave of a lag's distance from rest.
 
@@ -28,8 +30,14 @@ def transition(lag: InnerLag, t: float) -> FloatArray:
     Returns
     -------
     ndarray, shape (order, order)
-        ``exp(A t)``, A of `InnerLag.undelayed`.
+        ``exp(A t)``, A of `InnerLag.undelayed`; read-only.
     """
+    found = _transition(lag, t)
+    found.flags.writeable = False
+    return found
+
+
+def _transition(lag: InnerLag, t: float) -> FloatArray:
     w = lag.natural_frequency
     if lag.order == 1:
         return np.array([[math.exp(-w * t)]])

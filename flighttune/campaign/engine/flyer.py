@@ -242,8 +242,9 @@ class _Server:
             If rows flown here would not be those of the campaign.
         """
         if self._plan is None or text != self._text:
+            from flighttune.aircraft.aircraft import files_hash
             from flighttune.campaign.flying.rows import warm_up
-            from flighttune.campaign.planning.plan import files_hash, plan_from
+            from flighttune.campaign.planning.plan import plan_from
 
             plan = plan_from(json.loads(text))
             for name, was in plan.aircraft.items():

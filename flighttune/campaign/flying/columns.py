@@ -50,6 +50,10 @@ AFTER = {
 """Columns after the measures: type and unit."""
 
 
+RESIDUALS = ("residual_low", "residual_high")
+"""Columns of a plan that asks for residual rates: chi and gamma, window by window."""
+
+
 def row_schema(plan: Plan) -> pa.Schema:
     """The schema of the rows of a plan.
 
@@ -63,6 +67,7 @@ def row_schema(plan: Plan) -> pa.Schema:
         A field a column; its metadata has the ``unit`` where there is one (``1`` for a number
         without).
     """
+    residuals = RESIDUALS if plan.residuals else ()
     return pa.schema(
         [
             *(pa.field(name, kind, nullable=False) for name, kind in BEFORE.items()),
@@ -70,6 +75,7 @@ def row_schema(plan: Plan) -> pa.Schema:
             *(pa.field(name, kind, nullable=False) for name, kind in OUTCOME.items()),
             *(_field(name, pa.float64(), unit_of_measure(name)) for name in MEASURES),
             *(_field(name, kind, unit) for name, (kind, unit) in AFTER.items()),
+            *(_field(name, pa.list_(pa.float64()), "rad/s") for name in residuals),
         ]
     )
 

@@ -12,7 +12,7 @@ import pyarrow as pa
 from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.alone import fly_group, leader_of, plant_table
 from flighttune.campaign.flying.claim import claims
-from flighttune.campaign.flying.columns import row_schema
+from flighttune.campaign.flying.columns import RESIDUALS, row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
@@ -173,7 +173,11 @@ def _fly_alone(
     result = FlightResult(
         run.status, run.reason, measures(run), None if claim is None else claim.outcome(run)
     )
-    return _outcome(scenario, group, result, time.perf_counter() - began)
+    columns = _outcome(scenario, group, result, time.perf_counter() - began)
+    if plan.residuals is None or run.status != "completed":
+        return columns
+    extremes = plan.residuals.of_flight(run, scenario.condition)
+    return {**columns, **dict(zip(RESIDUALS, (one.ravel() for one in extremes), strict=True))}
 
 
 def _fly_together(

@@ -58,10 +58,27 @@ def load_campaign(path: str | Path) -> Campaign:
     _check_disperse(tables.get("disperse"), str(file))
     table = validated(CampaignTable, tables, str(file))
     base = load_scenario(_scenario_of(table.scenario, file))
-    nominal = _nominal(table, base, str(file))
-    _check_correlations(table, str(file))
-    central = _central(table, nominal, str(file))
-    return Campaign.of(table, nominal=nominal, central=central)
+    return campaign_on(table, _nominal(table, base, str(file)), str(file))
+
+
+def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaign:
+    """The campaign of tables about a scenario that has the gains, plants and overrides already.
+
+    Parameters
+    ----------
+    table : CampaignTable
+    nominal : Scenario
+        Undispersed.
+    source : str
+        File of the tables, or what else to call them.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario refuses a median, or keys or correlations cannot be what they say.
+    """
+    _check_correlations(table, source)
+    return Campaign.of(table, nominal=nominal, central=_central(table, nominal, source))
 
 
 def _existing(path: str | Path) -> Path:

@@ -228,12 +228,12 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
             place.append(name)
             at = at.get(name) if isinstance(at, Mapping) else None
         else:
-            raise InputError(f"must be a key of a table, but `{_spelled(place)}` is {at!r}")
+            raise InputError(f"must be a key of a table, but `{spelled(place)}` is {at!r}")
     return tuple(place)
 
 
 def _position(step: str, name: str, array: list[Any], place: list[str | int]) -> int:
-    where = _spelled(place)
+    where = spelled(place)
     if not step.startswith("["):
         known = " to ".join(dict.fromkeys((f"`{where}[0]`", f"`{where}[{len(array) - 1}]`")))
         raise InputError(f"must say which of `{where}` is meant: {known}")
@@ -267,6 +267,7 @@ def _of_plants(
     return tuple(found)
 
 
-def _spelled(place: Iterable[str | int]) -> str:
+def spelled(place: Iterable[str | int]) -> str:
+    """A place as a dotted path, ``plant[0].airframe.mass_factor``."""
     words = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
     return "".join(words).removeprefix(".")

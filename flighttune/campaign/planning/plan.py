@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.planning.draws import SEED, cycle, drawn, factors
 from flighttune.campaign.planning.places import Place, dispersed_places, with_drawn
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
+from flighttune.conformance.boxes import ResidualSummary
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_set, tune_scenario
@@ -72,6 +73,9 @@ class Plan:
         Flights in total.
     aircraft : mapping of str to str
         Hash of the files of every aircraft, by the name or folder in the scenario.
+    residuals : ResidualSummary or None
+        What rows have of the residual rates of flights that are not flown in batches; by default
+        nothing.
 
     Raises
     ------
@@ -84,6 +88,7 @@ class Plan:
     groups: tuple[Group, ...]
     runs: int
     aircraft: Mapping[str, str] = field(default_factory=dict)
+    residuals: ResidualSummary | None = None
 
     def __post_init__(self) -> None:
         if self.runs < 1:
@@ -228,6 +233,7 @@ class Plan:
                 "campaign": self.campaign.as_dict(),
                 "nominal": _plain(self.campaign.nominal),
                 "central": _plain(self.campaign.central),
+                **({"residuals": self.residuals.as_dict()} if self.residuals else {}),
             }
         )
 
@@ -297,24 +303,6 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     )
 
 
-def files_hash(aircraft: str) -> str:
-    """Hash of the names and contents of an aircraft's files.
-
-    Raises
-    ------
-    InputError
-        If there is no such aircraft.
-    """
-    folder = load_aircraft(aircraft).folder
-    found = hashlib.sha256()
-    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
-        if file.suffix in (".xml", ".toml", ".json"):
-            content = file.read_bytes()
-            found.update(f"{file.relative_to(folder).as_posix()} {len(content)}\n".encode())
-            found.update(content)
-    return found.hexdigest()
-
-
 class _GroupTable(Table):
     plant: str
     gains: str
@@ -336,6 +324,7 @@ class _PlanTables(Table):
     campaign: CampaignTable
     nominal: Scenario
     central: Scenario
+    residuals: dict[str, Any] | None = None
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
@@ -367,6 +356,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         groups=tuple(Group(one.plant, one.gains) for one in read.groups),
         runs=read.runs,
         aircraft=read.aircraft,
+        residuals=None if read.residuals is None else ResidualSummary.of(read.residuals),
     )
 
 

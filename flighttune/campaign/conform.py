@@ -1,0 +1,501 @@
+"""Boxes of an aircraft's residual rates, learned on some flights and counted on fresh ones."""
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.arrays import FloatArray
+from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
+from flighttune.campaign.engine.cluster import cluster
+from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.progress import Observer
+from flighttune.campaign.flying.alone import plant_table
+from flighttune.campaign.planning.load import campaign_on, load_campaign
+from flighttune.campaign.planning.places import spelled
+from flighttune.campaign.planning.plan import Group, Plan, plan_campaign
+from flighttune.campaign.planning.schema import (
+    Campaign,
+    CampaignTable,
+    Choice,
+    Design,
+    Dispersion,
+    Grid,
+)
+from flighttune.conformance.boxes import (
+    Over,
+    RateBoxes,
+    ResidualSummary,
+    Windows,
+    fitted_boxes,
+)
+from flighttune.conformance.file import Attempt, Conformance, Distribution, flown_values
+from flighttune.conformance.residual import ConformantModel
+from flighttune.errors import InputError
+from flighttune.identify.file import identified_tables, load_identified
+from flighttune.scenario.aircraft_check import check_aircraft
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import INTENSITIES, TUNED_IDENTIFIED
+from flighttune.shipped import aircraft_names
+from flighttune.units import DEG_PER_RAD
+
+CALM, STEADY_WIND = "calm", "wind"
+AIR = ("disturbance", "gust", "turbulence", "wind")
+"""Tables that move the air, in the order in which they are left out."""
+
+UNIT_ENDS = (1e-9, 1.0 - 1e-9)
+"""Points of the unit interval at which a dispersed key counts as lowest and highest."""
+
+LOOKED_AT = 16
+"""Draws by which it is decided whether references of a campaign move at the same instants."""
+
+OWN_FLIGHTS = 500
+"""Flights learned from where an aircraft has no campaign."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConformSettings:
+    """What is claimed, and of which flights of a campaign.
+
+    Attributes
+    ----------
+    epsilon : float, 1
+        Largest probability that a flight leaves the boxes, in (0, 1).
+    confidence : float, 1
+        Of that claim, in (0, 1); all attempts share it.
+    attempts : int
+        Counts at most, fixed beforehand.
+    gains, plant : str or None
+        Name of the gain set (by default ``tuned_identified`` where the campaign has it, else its
+        first) and label of the aircraft (by default its first).
+    air : str or None
+        ``calm``, ``wind``, ``light``, ``moderate`` or ``severe``; by default the likeliest air of
+        the campaign.
+    over : "time", "phase" or None
+        How boxes are divided; by default by time where all flights follow the same reference, else
+        by phase.
+    """
+
+    epsilon: float = 0.01
+    confidence: float = 0.999
+    attempts: int = 3
+    gains: str | None = None
+    plant: str | None = None
+    air: str | None = None
+    over: Over | None = None
+
+    @property
+    def flights(self) -> int:
+        """Fresh flights of each attempt.
+
+        None of them outside happens with probability at most ``(1 - epsilon)^flights`` where a
+        flight is outside with more than epsilon; that is the part of ``1 - confidence`` of one
+        attempt.
+        """
+        each = (1.0 - self.confidence) / self.attempts
+        return math.ceil(math.log(each) / math.log1p(-self.epsilon))
+
+    def __post_init__(self) -> None:
+        for name in ("epsilon", "confidence"):
+            value = getattr(self, name)
+            if not 0.0 < value < 1.0:
+                raise InputError(f"`{name}` must lie between 0 and 1, got {value}.")
+        if self.attempts < 1:
+            raise InputError(f"`attempts` must be at least 1, got {self.attempts}.")
+
+
+def conform(
+    source: str,
+    settings: ConformSettings,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: Observer | None = None,
+) -> Conformance | None:
+    """Learn boxes of the residual rates of an aircraft, and count fresh flights against them.
+
+    Parameters
+    ----------
+    source : str
+        Folder of a campaign, whose draws are learned from; a campaign file or the name of a shipped
+        one; or an aircraft (name or folder), which flies a random campaign of its own.
+    settings : ConformSettings
+    workers, scheduler
+        As of `flighttune.campaign.run_campaign`.
+    observer : Observer, optional
+        Told how far it is; may stop it.
+
+    Returns
+    -------
+    Conformance or None
+        None where the observer stopped it. Its attempts end with the first without a flight
+        outside.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If source, gains, plant or air are not there, or the aircraft has no identified model.
+
+    Notes
+    -----
+    A plain holdout count: boxes that a flight leaves with a probability above epsilon are left by
+    none of N independent fresh flights with a probability below ``(1 - epsilon)^N``. N and the
+    number of attempts are fixed beforehand, and the flights of an attempt are used to fit the boxes
+    of the next one only, so that the error probabilities of all attempts add up to at most
+    ``1 - confidence`` (Bonferroni). Fresh flights are those of ``design = "random"``, whatever the
+    design of those learned from.
+    """
+    plan = _planned(source)
+    group = _chosen(plan, settings)
+    air = settings.air or air_of(plan.campaign.central)
+    campaign = in_air(plan.campaign, air)
+    in_this_air = replace(plan, campaign=campaign)
+    summary = ResidualSummary(
+        model=conformant_model(campaign.nominal, group.plant),
+        windows=Windows.covering(
+            settings.over or _over(in_this_air), campaign.nominal.flight.duration_s
+        ),
+    )
+    aircraft = plant_table(campaign.nominal, group.plant).aircraft or ""
+    learned = replace(
+        in_this_air,
+        gain_sets={group.gains: plan.gain_sets[group.gains]},
+        groups=(group,),
+        runs=plan.draws,
+        aircraft={aircraft: plan.aircraft[aircraft]},
+        residuals=summary,
+    )
+    # Fresh draws come after those learned from, whose seeds they must not share.
+    first, each = plan.draws, settings.flights
+    fresh = replace(learned, campaign=at_random(campaign), runs=first + settings.attempts * each)
+    attempts: list[Attempt] = []
+    with cluster(workers, scheduler) as start:
+        pool = WorkerPool(start, observer)
+        known = _flown(pool, learned, Span(0, first), "learning")
+        while known is not None:
+            boxes = fitted_boxes(summary.windows, *known.completed)
+            counted = _flown(pool, fresh, Span(first, first + each), "counting")
+            if counted is None:
+                break
+            outside = int(np.sum(~boxes.hold(counted.low, counted.high)))
+            attempts.append(Attempt(len(known.low), each, outside))
+            if not outside or len(attempts) == settings.attempts:
+                return _conformance(fresh, group, settings, boxes, attempts)
+            known, first = known.joined(counted), first + each
+    return None
+
+
+def _conformance(
+    plan: Plan, group: Group, settings: ConformSettings, boxes: RateBoxes, attempts: list[Attempt]
+) -> Conformance:
+    gains, summary = plan.gain_sets[group.gains], plan.residuals
+    assert gains is not None and summary is not None  # noqa: PT018
+    ((aircraft, files),) = plan.aircraft.items()
+    identified = json.dumps(identified_tables(load_identified(aircraft)), sort_keys=True)
+    return Conformance(
+        aircraft=aircraft,
+        gains_name=group.gains,
+        gains=gains,
+        model=summary.model,
+        boxes=boxes,
+        epsilon=settings.epsilon,
+        confidence=settings.confidence,
+        attempts=tuple(attempts),
+        distribution=distribution_of(plan, group.plant),
+        sha256={
+            "aircraft": files,
+            "identified": hashlib.sha256(identified.encode()).hexdigest(),
+            "campaign": plan.sha256,
+        },
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Residuals:
+    """Extremes of the residual rates of flights, shapes (n, count, 2), NaN of those not flown."""
+
+    low: FloatArray
+    high: FloatArray
+
+    @property
+    def completed(self) -> tuple[FloatArray, FloatArray]:
+        """Of the flights that were flown to their end."""
+        known = ~np.isnan(self.low).any(axis=(1, 2))
+        if not known.any():
+            raise InputError("`flights` must be flown to their end to be learned from, none was.")
+        return self.low[known], self.high[known]
+
+    def joined(self, other: "_Residuals") -> "_Residuals":
+        """These flights and others."""
+        return _Residuals(
+            *(
+                np.concatenate(two)
+                for two in zip((self.low, self.high), (other.low, other.high), strict=True)
+            )
+        )
+
+
+def _flown(pool: WorkerPool, plan: Plan, span: Span, doing: str) -> _Residuals | None:
+    """The residual rates of the runs of a span; None where it was stopped."""
+    assert plan.residuals is not None
+    shape = (span.runs, plan.residuals.windows.count, 2)
+    found = _Residuals(np.full(shape, np.nan), np.full(shape, np.nan))
+
+    def keep(rows: pa.Table) -> None:
+        runs = rows.column("run").to_pylist()
+        for name, into in (("residual_low", found.low), ("residual_high", found.high)):
+            for run, values in zip(runs, rows.column(name).to_pylist(), strict=True):
+                if values is not None:
+                    into[run - span.first] = np.reshape(values, shape[1:])
+
+    return found if pool.fly_rows(plan, [span], keep, doing=doing) else None
+
+
+def _planned(source: str) -> Plan:
+    """The plan of a campaign in a folder, of a campaign file, or of an aircraft."""
+    folder = Path(source)
+    if (folder / CAMPAIGN).is_file():
+        return open_dataset(source).plan
+    if source in aircraft_names() or (folder / "aircraft.toml").is_file():
+        return plan_campaign(own_campaign(source))
+    return plan_campaign(load_campaign(source))
+
+
+def _chosen(plan: Plan, settings: ConformSettings) -> Group:
+    """The aircraft and the gain set that are meant."""
+    plants = [table.label for table in plan.scenario.plant if table.kind == "jsbsim"]
+    plant = settings.plant or next(iter(plants), "")
+    if plant not in plants:
+        known = ", ".join(plants) or "one of kind jsbsim"
+        got = settings.plant or ", ".join(table.label for table in plan.scenario.plant)
+        raise InputError(f"`plant` must be {known}, got {got}.")
+    names = list(plan.gain_sets)
+    name = settings.gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
+    if plan.gain_sets.get(name) is None:
+        got = f"{name!r}, which tuning did not find" if name in names else repr(name)
+        raise InputError(f"`gains` must be one of {', '.join(names)}, got {got}.")
+    return Group(plant, name)
+
+
+def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
+    """The point mass behind the identified lag that a scenario is held against.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    plant : str
+        Label of an aircraft of it.
+
+    Raises
+    ------
+    ScenarioError
+        If the aircraft has no identified model.
+    """
+    flight = scenario.flight
+    identified = load_identified(plant_table(scenario, plant).aircraft or "")
+    nearest = identified.nearest(flight.V_a_mps, scenario.followed().initial[1])
+    return ConformantModel(V_a=flight.V_a_mps, g=flight.g_mps2, lags=nearest.lags)
+
+
+def air_of(scenario: Scenario) -> str:
+    """Class of a scenario's air: ``calm``, ``wind``, or the intensity of its turbulence."""
+    if scenario.turbulence is not None:
+        return scenario.turbulence.intensity or f"severity {scenario.turbulence.severity}"
+    return STEADY_WIND if scenario.windy or scenario.disturbance is not None else CALM
+
+
+def in_air(campaign: Campaign, air: str) -> Campaign:
+    """A campaign with only the draws that fly in one class of air.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    air : str
+        As `air_of` names it. In calm air the campaign is flown without its wind.
+
+    Raises
+    ------
+    InputError
+        If the campaign has no such air.
+    """
+    keys = [key.split(".")[0] for key in campaign.keys]
+    tables, central = campaign.nominal.as_dict(), air_of(campaign.central)
+    known = {CALM, central, *((STEADY_WIND,) if campaign.central.wind else ())}
+    if campaign.central.turbulence is not None and campaign.central.turbulence.intensity:
+        known |= set(INTENSITIES)
+    if air not in known:
+        raise InputError(f"`air` must be one of {', '.join(sorted(known))}, got {air!r}.")
+    dropped: tuple[str, ...] = ()
+    if air == CALM:
+        dropped = AIR
+    elif air == STEADY_WIND:
+        dropped = ("gust", "turbulence")
+    elif air in INTENSITIES:
+        dropped = ("turbulence",)
+    if not {*keys, *tables} & set(dropped):
+        return campaign
+    for name in dropped:
+        tables.pop(name, None)
+    if air in INTENSITIES:
+        tables["turbulence"] = {
+            **campaign.central.model_dump(mode="json", exclude_none=True)["turbulence"],
+            "intensity": air,
+        }
+    disperse = [one for one, key in zip(campaign.disperse, keys, strict=True) if key not in dropped]
+    return _rebuilt(campaign, disperse, scenario_from(tables), campaign.design)
+
+
+def at_random(campaign: Campaign) -> Campaign:
+    """The same campaign with independent draws.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Of any design; the points of a grid become values that are all equally likely.
+    """
+    disperse = [
+        Choice(key=one.key, acts=one.acts, values=one.levels) if isinstance(one, Grid) else one
+        for one in campaign.disperse
+    ]
+    if campaign.design == "random" and disperse == campaign.disperse:
+        return campaign
+    return _rebuilt(campaign, disperse, campaign.nominal, "random")
+
+
+def _rebuilt(
+    campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario, design: Design
+) -> Campaign:
+    gridded = any(isinstance(one, Grid) for one in disperse)
+    keys = {one.key for one in disperse}
+    tables = {
+        **{name: getattr(campaign, name) for name in CampaignTable.model_fields},
+        "design": "random" if design == "grid" and not gridded else design,
+        "disperse": disperse,
+        "correlation": [one for one in campaign.correlation if keys >= set(one.keys)],
+    }
+    return campaign_on(CampaignTable.model_construct(**tables), nominal, campaign.title)
+
+
+def distribution_of(plan: Plan, plant: str) -> Distribution:
+    """What is the same in all flights of a plan, and between which values the rest is drawn.
+
+    Parameters
+    ----------
+    plan : Plan
+    plant : str
+        Label of the aircraft flown.
+    """
+    scenario = plan.scenario
+    position = [table.label for table in scenario.plant].index(plant)
+    fixed = flown_values(scenario, scenario.plant[position])
+    dispersed: dict[str, list[Any]] = {}
+    for table in plan.campaign.disperse:
+        for place in plan.places[table.key]:
+            if place[:1] == ("plant",):
+                if place[1] != position:
+                    continue
+                place = ("plant", *place[2:])
+            key = spelled(place)
+            own = fixed.pop(key, None)
+            dispersed[key] = _range(table, own)
+    return Distribution(
+        title=plan.campaign.title,
+        air=air_of(plan.campaign.central),
+        fixed=fixed,
+        dispersed=dispersed,
+    )
+
+
+def _range(table: Dispersion, own: Any) -> list[Any]:
+    if isinstance(table, Choice):
+        values = [value for value in table.values if value == value]
+        if any(isinstance(value, str) for value in values):
+            return values
+        ends = [min(values), max(values)]
+    else:
+        ends = table.at(np.array(UNIT_ENDS)).tolist()
+    if table.acts == "adds":
+        return [own + value for value in ends]
+    return sorted(own * value for value in ends) if table.acts == "multiplies" else ends
+
+
+def _over(plan: Plan) -> Over:
+    """By time where the references of the first draws move at the same instants, else by phase."""
+    moving = set()
+    for draw in range(min(plan.draws, LOOKED_AT)):
+        scenario = plan.scenario_of(draw)
+        rate = scenario.controller.rate_hz
+        t = np.arange(round(scenario.flight.duration_s * rate) + 1) / rate
+        moving.add(np.any(np.diff(scenario.followed().sampled(t)) != 0.0, axis=0).tobytes())
+    return "time" if len(moving) == 1 else "phase"
+
+
+def own_campaign(aircraft: str) -> Campaign:
+    """A campaign of an aircraft that has none: random starts and references in calm air.
+
+    Turns and changes of path angle are ramps of random rate that stay inside the limits, from
+    steady flight at the first condition of the identified model.
+
+    Parameters
+    ----------
+    aircraft : str
+        Name or folder.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no such aircraft, or no identified model of it.
+    """
+    limits = load_aircraft(aircraft).limits
+    first = load_identified(aircraft).conditions[0]
+    roll = min(-limits.phi[0], limits.phi[1])
+    scenario = scenario_from(_own_tables(aircraft, first.V_a, first.h, limits))
+    check_aircraft(scenario, aircraft)
+    turn = scenario.flight.g_mps2 * math.tan(0.5 * roll) / first.V_a * DEG_PER_RAD
+    uniform = {
+        "flight.chi_deg": 5.0,
+        "flight.gamma_deg": 2.0,
+        "reference.chi_deg[0].rate_dps": turn,
+        "reference.gamma_deg[0].rate_dps": 1.0,
+    }
+    table = CampaignTable.model_validate(
+        {
+            "title": f"random starts and references of {aircraft}",
+            "scenario": aircraft,
+            "runs": OWN_FLIGHTS,
+            "disperse": [
+                {"key": key, "distribution": "uniform", "lower": -width, "upper": width}
+                for key, width in uniform.items()
+            ],
+        }
+    )
+    return campaign_on(table, scenario, aircraft)
+
+
+def _own_tables(aircraft: str, V_a: float, h: float, limits: Any) -> dict[str, Any]:
+    ramps = {"chi_deg": (2.0, 6.0), "gamma_deg": (5.0, 3.0)}
+    return {
+        "title": f"ramps of {aircraft}",
+        "gains": [TUNED_IDENTIFIED],
+        "flight": {"V_a_mps": V_a, "h_m": h, "duration_s": 20.0},
+        "reference": {
+            key: [{"shape": "ramp", "start_s": start, "duration_s": lasts, "rate_dps": 0.0}]
+            for key, (start, lasts) in ramps.items()
+        },
+        "limits": {
+            "phi_deg": [edge * DEG_PER_RAD for edge in limits.phi],
+            "phi_rate_dps": limits.phi_rate * DEG_PER_RAD,
+            "n_z": list(limits.n_z),
+            "n_z_rate_per_s": limits.n_z_rate,
+        },
+        "controller": {"feed_forward": True},
+        "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
+    }

@@ -1,0 +1,120 @@
+"""The command that learns what an aircraft's model leaves over, and counts fresh flights."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from typer import Option
+
+from flighttune.cli.campaign import SchedulerOption, WorkersOption
+from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.progress import campaign_display
+from flighttune.cli.show import INTERRUPTED, NO, emit, fail, table
+from flighttune.present.tables import Table
+
+if TYPE_CHECKING:
+    from flighttune.conformance import Conformance
+
+
+def conform(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN|AIRCRAFT",
+            help="Folder of a campaign, a campaign file or the name of a shipped one, or an "
+            "aircraft, which flies random starts and references of its own.",
+        ),
+    ],
+    out: Annotated[Path, Option("--out", help="JSON file to write.")],
+    epsilon: Annotated[
+        float, Option(help="Probability of leaving the boxes that is still accepted, 0 to 1.")
+    ] = 0.01,
+    confidence: Annotated[float, Option(help="Confidence of the claim, 0 to 1.")] = 0.999,
+    attempts: Annotated[int, Option(help="Counts at most; they share the confidence.", min=1)] = 3,
+    gains: Annotated[
+        str | None,
+        Option(help="Gain set of the campaign [default: tuned_identified, else its first]."),
+    ] = None,
+    plant: Annotated[
+        str | None,
+        Option(help="Label of the aircraft as `fly` prints it [default: the first aircraft]."),
+    ] = None,
+    air: Annotated[
+        str | None,
+        Option(
+            help="Air to fly in: calm, wind, light, moderate or severe [default: the campaign's "
+            "likeliest]."
+        ),
+    ] = None,
+    boxes: Annotated[
+        Literal["time", "phase"] | None,
+        Option(
+            help="Divide boxes by time, or by the time since the reference last moved [default: "
+            "time where all flights follow the same reference]."
+        ),
+    ] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Learn boxes for what the point mass behind the identified lag leaves of an aircraft's rates.
+
+    They are fitted to the campaign's flights and counted on fresh random ones. Exit status 1 if
+    flights leave them in every attempt.
+    """
+    check_ending(out, ".json")
+    from flighttune.campaign.conform import ConformSettings
+    from flighttune.campaign.conform import conform as learn_and_count
+    from flighttune.conformance import save_conformance
+
+    settings = ConformSettings(
+        epsilon=epsilon,
+        confidence=confidence,
+        attempts=attempts,
+        gains=gains,
+        plant=plant,
+        air=air,
+        over=boxes,
+    )
+    with campaign_display() as observer:
+        found = learn_and_count(
+            source, settings, workers=workers, scheduler=scheduler, observer=observer
+        )
+    if found is None:
+        fail(f"{source}: interrupted, nothing is written", INTERRUPTED)
+    if found.holds:
+        save_conformance(found, out)
+    answer = {
+        **found.as_dict(),
+        "status": "counted" if found.holds else "flights_outside",
+        "air": found.air,
+        "out": out if found.holds else None,
+    }
+    emit(answer, _text(found, out), as_json=as_json)
+    if not found.holds:
+        fail(f"{source}: {found.sentence}; nothing is written", NO)
+
+
+def _text(found: "Conformance", out: Path) -> Iterator[Table | str]:
+    low, high = found.boxes.low, found.boxes.high
+    yield table(
+        f"{found.aircraft}, {found.gains_name}: residual rates [rad/s]",
+        ("rate", "lowest", "highest", "widest box", "narrowest box"),
+        [
+            (
+                name,
+                *(f"{value:+.4f}" for value in (low[:, i].min(), high[:, i].max())),
+                *(f"{f((high - low)[:, i]):.4f}" for f in (max, min)),
+            )
+            for i, name in enumerate(("chi", "gamma"))
+        ],
+    )
+    for number, one in enumerate(found.attempts, 1):
+        yield (
+            f"count {number}: learned from {one.learned} flights, {one.outside} of "
+            f"{one.counted} fresh ones outside"
+        )
+    if found.holds:
+        yield found.sentence
+        yield f"conformance: {out}"

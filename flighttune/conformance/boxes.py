@@ -1,0 +1,235 @@
+"""Windows of a flight, and boxes that hold the residual rates inside each of them."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.conformance.residual import ConformantModel, residuals_of
+from flighttune.errors import InputError
+from flighttune.plants.base import FlightCondition
+from flighttune.simulate.run import Run
+
+Over: TypeAlias = Literal["time", "phase"]
+
+WINDOW_S = 0.5
+"""Length of a window, s."""
+
+LEAST_SHARE = 0.05
+"""Half width of a box at least, as a share of the widest one of its rate: a window in which the
+learned flights agree to the last digit would be left by the next one."""
+
+MARGIN = 1.25
+"""Half width of the boxes over that of the smallest ones that hold the flights learned from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Windows:
+    """Windows into which the samples of a flight fall.
+
+    Attributes
+    ----------
+    over : "time" or "phase"
+        ``time``: by the time since the start. ``phase``: window 0 while the reference moves, the
+        others by the time since it last moved, or since the start.
+    count : int
+        How many windows.
+    """
+
+    over: Over
+    count: int
+
+    def __post_init__(self) -> None:
+        least = 2 if self.over == "phase" else 1
+        if self.over not in ("time", "phase") or self.count < least:
+            raise InputError(
+                f"`over` must be time or phase with at least {least} windows, got {self.over!r} "
+                f"with {self.count}."
+            )
+
+    @classmethod
+    def covering(cls, over: Over, duration: float) -> "Windows":
+        """The windows of flights of `duration` (s)."""
+        return cls(over=over, count=math.ceil(duration / WINDOW_S - 1e-9) + (over == "phase"))
+
+    def of_samples(
+        self, t: FloatArray, chi_ref: FloatArray, gamma_ref: FloatArray
+    ) -> npt.NDArray[np.intp]:
+        """The window of each sample.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,), s
+            Times of the samples from the start.
+        chi_ref, gamma_ref : ndarray, shape (n,), rad
+            The reference.
+
+        Returns
+        -------
+        ndarray of int, shape (n - 1,)
+            Of each sample but the last; later ones than the windows reach are in the last window.
+        """
+        since = t[:-1] - t[0]
+        first = 0
+        if self.over == "phase":
+            moves = (np.diff(chi_ref) != 0.0) | (np.diff(gamma_ref) != 0.0)
+            stopped = np.maximum.accumulate(np.where(moves, t[1:], t[0]))
+            since, first = np.where(moves, -WINDOW_S, t[:-1] - stopped), 1
+        window = first + np.floor(since / WINDOW_S + 1e-9).astype(np.intp)
+        return np.minimum(window, self.count - 1)
+
+    def extremes(
+        self, residual: FloatArray, window: npt.NDArray[np.intp]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Smallest and largest residual in each window.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n, 2), rad/s
+        window : ndarray of int, shape (n,)
+
+        Returns
+        -------
+        low, high : ndarray, shape (count, 2), rad/s
+            ``inf`` and ``-inf`` where no sample is.
+        """
+        low, high = np.full((self.count, 2), np.inf), np.full((self.count, 2), -np.inf)
+        np.minimum.at(low, window, residual)
+        np.maximum.at(high, window, residual)
+        return low, high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResidualSummary:
+    """What is kept of a flight: the extremes of its residual rates in each window.
+
+    Attributes
+    ----------
+    model : ConformantModel
+    windows : Windows
+    """
+
+    model: ConformantModel
+    windows: Windows
+
+    def of_flight(self, run: Run, start: FlightCondition) -> tuple[FloatArray, FloatArray]:
+        """`Windows.extremes` of the residual rates of a flight that began at `start`."""
+        signals = run.signals
+        window = self.windows.of_samples(
+            signals.index.to_numpy(dtype=float),
+            signals["chi_ref"].to_numpy(),
+            signals["gamma_ref"].to_numpy(),
+        )
+        return self.windows.extremes(residuals_of(self.model, run, start), window)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary as plain values; `of` reads them."""
+        return {"model": self.model.as_dict(), "windows": asdict(self.windows)}
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "ResidualSummary":
+        """The summary that `as_dict` wrote."""
+        model, windows = ConformantModel.of(values["model"]), Windows(**values["windows"])
+        return cls(model=model, windows=windows)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RateBoxes:
+    """What the two residual rates stay in, window by window.
+
+    Attributes
+    ----------
+    windows : Windows
+    low, high : ndarray, shape (count, 2), rad/s
+        Of course and flight-path angle; read-only.
+    """
+
+    windows: Windows
+    low: FloatArray
+    high: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("low", "high"):
+            value = np.array(getattr(self, name), dtype=float)
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        shape = (self.windows.count, 2)
+        if self.low.shape != shape or self.high.shape != shape:
+            raise InputError(f"`low` and `high` must have shape {shape}, got {self.low.shape}.")
+        if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low <= self.high)).all():
+            raise InputError("`low` must be finite and not above `high`.")
+
+    @property
+    def centre(self) -> FloatArray:
+        """Middle of each box, shape (count, 2), rad/s."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def half_width(self) -> FloatArray:
+        """Half its width, shape (count, 2), rad/s."""
+        return 0.5 * (self.high - self.low)
+
+    def over(
+        self, t: FloatArray, chi_ref: FloatArray, gamma_ref: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The box of every sample of a flight.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,), s
+        chi_ref, gamma_ref : ndarray, shape (n,), rad
+            The reference of the flight.
+
+        Returns
+        -------
+        low, high : ndarray, shape (n - 1, 2), rad/s
+            From each sample to the next one.
+        """
+        window = self.windows.of_samples(t, chi_ref, gamma_ref)
+        return self.low[window], self.high[window]
+
+    def hold(self, low: FloatArray, high: FloatArray) -> npt.NDArray[np.bool_]:
+        """Whether the residuals of flights stay in the boxes from start to end.
+
+        Parameters
+        ----------
+        low, high : ndarray, shape (..., count, 2), rad/s
+            As `Windows.extremes` returns them; a flight with NaN does not.
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+        """
+        return np.all((low >= self.low) & (high <= self.high), axis=(-2, -1))
+
+
+def fitted_boxes(windows: Windows, lows: FloatArray, highs: FloatArray) -> RateBoxes:
+    """Boxes around the residuals of the flights learned from.
+
+    Parameters
+    ----------
+    windows : Windows
+    lows, highs : ndarray, shape (flights, count, 2), rad/s
+        `Windows.extremes` of each.
+
+    Raises
+    ------
+    InputError
+        If there is no flight.
+    """
+    if not len(lows):
+        raise InputError("`lows` must be of at least one flight, got none.")
+    low, high = lows.min(axis=0), highs.max(axis=0)
+    for column in range(low.shape[1]):
+        known = low[:, column] <= high[:, column]
+        # A window that no flight was in: as wide as all of them.
+        low[~known, column] = low[known, column].min()
+        high[~known, column] = high[known, column].max()
+    half = 0.5 * (high - low)
+    half = MARGIN * np.maximum(half, LEAST_SHARE * half.max(axis=0))
+    centre = 0.5 * (low + high)
+    return RateBoxes(windows=windows, low=centre - half, high=centre + half)

@@ -1,0 +1,158 @@
+"""Rates of course and path angle that the conformant model leaves over, sample by sample."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from flighttune.arrays import FloatArray, check_positive
+from flighttune.control.inner_loop import InnerLag
+from flighttune.errors import InputError
+from flighttune.identify.fit import lag_response
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.point_mass import turn_rates
+from flighttune.simulate.run import Run
+
+ITERATIONS = 5
+"""Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01
+at 50 Hz: five leave rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConformantModel:
+    """The exact point mass behind the identified lag, driven by commands that are held.
+
+    Attributes
+    ----------
+    V_a : float, m/s
+        Airspeed, positive and constant.
+    g : float, m/s^2
+        Acceleration of gravity.
+    lags : tuple of InnerLag, length 2
+        Of roll and of load factor.
+    """
+
+    V_a: float
+    g: float
+    lags: tuple[InnerLag, InnerLag]
+
+    def __post_init__(self) -> None:
+        check_positive(V_a=self.V_a, g=self.g)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The model as plain values; `of` reads them."""
+        phi, n_z = map(asdict, self.lags)
+        return {"V_a_mps": self.V_a, "g_mps2": self.g, "phi": phi, "n_z": n_z}
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "ConformantModel":
+        """The model that `as_dict` wrote."""
+        lags = InnerLag(**values["phi"]), InnerLag(**values["n_z"])
+        return cls(V_a=values["V_a_mps"], g=values["g_mps2"], lags=lags)
+
+
+def residual_rates(
+    model: ConformantModel,
+    dt: float,
+    flown: FloatArray,
+    commands: FloatArray,
+    start: tuple[float, float],
+) -> FloatArray:
+    r"""Disturbance of the two rates under which the model flies what was flown.
+
+    Parameters
+    ----------
+    model : ConformantModel
+    dt : float, s
+        Sample time of the controller.
+    flown : ndarray, shape (n, 2), rad
+        Course and flight-path angle at the samples; the course may jump by whole turns.
+    commands : ndarray, shape (n, 2), rad and 1
+        Roll and load factor commanded at each sample, held until the next one.
+    start : tuple of two floats, rad and 1
+        Roll and load factor in force before the first sample; the lags are at rest there.
+
+    Returns
+    -------
+    ndarray, shape (n - 1, 2), rad/s
+        For each sample the constant ``(d_chi, d_gamma)`` with which
+
+        .. math:: \dot\chi = \frac{g n_z \sin\phi}{V \cos\gamma} + d_\chi,\quad
+                  \dot\gamma = \frac{g}{V} (n_z \cos\phi - \cos\gamma) + d_\gamma
+
+        lead from the flown course and path angle to those flown one sample later. What is flown
+        at the samples therefore *is* a flight of the model under these disturbances.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two samples.
+
+    Notes
+    -----
+    Roll and load factor behind the lags are exact at any instant, delays included. Between the
+    instants at which a command takes effect the two rates are integrated by the classical
+    Runge-Kutta rule, with an error below 1e-8 rad/s at 50 Hz.
+    """
+    if len(flown) < 2:
+        raise InputError(f"`flown` must have 2 samples, got {len(flown)}.")
+    late = {lag.delay % dt for lag in model.lags}
+    edges = sorted({0.0, *late, dt})
+    offsets = sorted({t for a, b in pairwise(edges) for t in (a, 0.5 * (a + b), b)})
+    phi, n_z = (
+        {at: _within_samples(lag, dt, column, before, at) for at in offsets}
+        for lag, column, before in zip(model.lags, commands.T, start, strict=True)
+    )
+    turn = np.diff(flown[:, 0])
+    turn -= math.tau * np.round(turn / math.tau)
+    moved = np.column_stack([turn, np.diff(flown[:, 1])])
+    residual = np.zeros_like(moved)
+    for _ in range(ITERATIONS):
+        change = np.zeros_like(moved)
+        for a, b in pairwise(edges):
+            middle, step = 0.5 * (a + b), b - a
+
+            def rates(at: float, climbed: FloatArray) -> FloatArray:
+                gamma = flown[:-1, 1] + climbed
+                found = turn_rates(model.V_a, gamma, phi[at], n_z[at], law="exact", g=model.g)
+                return np.column_stack(found) + residual  # noqa: B023
+
+            k1 = rates(a, change[:, 1])
+            k2 = rates(middle, change[:, 1] + 0.5 * step * k1[:, 1])
+            k3 = rates(middle, change[:, 1] + 0.5 * step * k2[:, 1])
+            k4 = rates(b, change[:, 1] + step * k3[:, 1])
+            change += step / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        residual += (moved - change) / dt
+    return residual
+
+
+def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> FloatArray:
+    """`residual_rates` of a flight.
+
+    Parameters
+    ----------
+    model : ConformantModel
+    run : Run
+        Of at least two samples.
+    start : FlightCondition
+        Where it started.
+    """
+    signals = run.signals
+    return residual_rates(
+        model,
+        run.duration / (len(signals) - 1),
+        signals[["chi", "gamma"]].to_numpy(),
+        signals[["phi_cmd", "n_z_cmd"]].to_numpy(),
+        (start.phi, start.n_z_start),
+    )
+
+
+def _within_samples(
+    lag: InnerLag, dt: float, commands: FloatArray, start: float, at: float
+) -> FloatArray:
+    """Response of a lag `at` seconds after each sample but the last, shape (n - 1,)."""
+    # One sample later and delayed by what is left of it: the response at a sample is known.
+    return lag_response(lag.delayed(dt - at), dt, commands, start)[1:]

@@ -1,0 +1,281 @@
+"""Boxes learned and counted: the statistics of the count, and flights of small campaigns."""
+
+import json
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import chain
+from unittest import mock
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from commands import answer, flighttune
+from dispersed import AEROSONDE, TURBULENCE, WIND, plan_of, tables_of, uniform
+
+from flighttune.campaign import conform as conform_module
+from flighttune.campaign.conform import (
+    ConformSettings,
+    air_of,
+    at_random,
+    conform,
+    conformant_model,
+    in_air,
+    own_campaign,
+)
+from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.plan import plan_from
+from flighttune.conformance import Windows, load_conformance, save_conformance
+from flighttune.conformance.boxes import ResidualSummary
+from flighttune.errors import InputError, ScenarioError
+
+GAINS = {"name": "soft", "K_P": [[0.5, 0.0], [0.0, 0.5]], "K_I": [[0.1, 0.0], [0.0, 0.1]]}
+START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
+FEW = ConformSettings(epsilon=0.5, confidence=0.75, attempts=3)
+
+
+def small_plan(runs=12, **tables):
+    """One second of the Aerosonde from random starts."""
+    scenario = tables_of((AEROSONDE,), **{"gains": [GAINS], **tables})
+    scenario["flight"]["duration_s"] = 1.0
+    return plan_of(scenario, *START, runs=runs)
+
+
+@contextmanager
+def flown_here(plan, rows=fly_runs):
+    """Fly in this process, without workers: what `conform` plans for "campaign" is `plan`."""
+
+    class Pool:
+        def __init__(self, start, observer):
+            pass
+
+        def fly_rows(self, plan, gaps, keep, doing):
+            for gap in gaps:
+                keep(rows(plan, range(gap.first, gap.end)))
+            return True
+
+    with (
+        mock.patch.object(conform_module, "WorkerPool", Pool),
+        mock.patch.object(conform_module, "_planned", return_value=plan),
+    ):
+        yield
+
+
+@pytest.fixture(scope="module")
+def found():
+    with flown_here(small_plan()):
+        return conform("campaign", FEW)
+
+
+@pytest.mark.parametrize(
+    ("epsilon", "confidence", "flights"),
+    [(0.01, 0.999, 688), (1e-3, 1.0 - 1e-6, 13_809), (1e-4, 1.0 - 1e-6, 138_149)],
+)
+def test_the_flights_that_a_claim_takes(epsilon, confidence, flights):
+    settings = ConformSettings(epsilon=epsilon, confidence=confidence, attempts=1)
+
+    assert settings.flights == flights  # the least M with (1 - epsilon)^M <= 1 - confidence
+
+
+def test_attempts_share_the_confidence():
+    settings = ConformSettings(epsilon=0.01, confidence=0.999, attempts=4)
+
+    assert (
+        4 * (1.0 - 0.01) ** settings.flights <= 0.001 < 4 * (1.0 - 0.01) ** (settings.flights - 1)
+    )
+
+
+def test_false_claims_are_as_rare_as_the_confidence_says():
+    """Flights that leave any box with a probability just above epsilon, sixty times."""
+    epsilon, confidence = 0.2, 0.9
+    settings = ConformSettings(epsilon=epsilon, confidence=confidence, attempts=2)
+    rng = np.random.default_rng(7)
+    calls = []
+
+    def rows(plan, runs):
+        calls.append(runs)
+        # One that leaves is ten times further out than any before, whatever was learned from those.
+        size = np.where(rng.random(len(runs)) < epsilon + 0.01, 10.0 ** len(calls), 1.0)
+        shape = 2 * plan.residuals.windows.count
+        low, high = (pa.array([[sign * one] * shape for one in size]) for sign in (-1.0, 1.0))
+        return pa.table({"run": list(runs), "residual_low": low, "residual_high": high})
+
+    claims = 0
+    with flown_here(small_plan(runs=1), rows):
+        for _ in range(60):
+            calls.clear()
+            claims += conform("campaign", settings).holds
+
+    # 60 at a probability of at most 0.1: more than 15 happen once in 5000 times.
+    assert 0 < claims <= 15
+
+
+def test_counted_flights_are_not_those_learned_from_and_none_is_flown_twice():
+    flown = []
+
+    def rows(plan, runs):
+        flown.append(list(runs))
+        table = fly_runs(plan, runs)
+        wide = [[1e3 * len(flown)] * len(one) for one in table["residual_high"].to_pylist()]
+        return table.set_column(
+            table.schema.get_field_index("residual_high"), "residual_high", pa.array(wide)
+        )
+
+    with flown_here(small_plan(runs=2), rows):
+        found = conform("campaign", FEW)
+
+    each = FEW.flights
+    assert [len(runs) for runs in flown] == [2, each, each, each]
+    assert list(chain(*flown)) == list(range(2 + 3 * each))
+    assert [one.learned for one in found.attempts] == [2, 2 + each, 2 + 2 * each]
+    assert [one.outside for one in found.attempts] == [each] * 3
+    assert not found.holds
+    assert "nothing is claimed" in found.sentence
+
+
+def test_what_is_claimed_names_flights_distribution_and_confidence(found):
+    assert found.holds
+    assert found.attempts[-1].counted == FEW.flights
+    assert found.sentence.startswith(f"of {FEW.flights} flights not used, none left the boxes")
+    assert "flight.chi_deg, flight.gamma_deg) in calm air" in found.sentence
+    assert "probability at most 0.5, confidence 0.75" in found.sentence
+
+
+def test_residuals_are_two_more_columns_and_change_no_other():
+    plan = small_plan(runs=3)
+    model = conformant_model(plan.scenario, plan.groups[0].plant)
+    summary = ResidualSummary(model=model, windows=Windows.covering("time", 1.0))
+    wider = plan_from(json.loads(json.dumps(replace(plan, residuals=summary).as_dict())))
+
+    rows = fly_runs(wider, range(3))
+
+    assert wider.residuals == summary
+    assert [len(one) for one in rows["residual_low"].to_pylist()] == [4] * 3  # 2 windows, 2 rates
+    rest = rows.drop_columns(["wall_s", "residual_low", "residual_high"])
+    assert rest.equals(fly_runs(plan, range(3)).drop_columns("wall_s"))
+
+
+def test_a_file_comes_back_as_it_was_written(found, tmp_path):
+    save_conformance(found, tmp_path / "boxes.json")
+
+    again = load_conformance(tmp_path / "boxes.json")
+
+    assert again.as_dict() == found.as_dict()
+    assert again.boxes.low.tolist() == found.boxes.low.tolist()
+
+
+def test_the_scenario_of_the_campaign_is_one_of_its_flights(found):
+    plan = small_plan()
+    scenario = plan.scenario_of(3)
+
+    found.check(scenario, scenario.plant[0], plan.gain_sets["soft"])
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"flight": {"V_a_mps": 26.0}}, r"`flight.V_a_mps` must be 25.0, got 26.0"),
+        ({"flight": {"chi_deg": 9.0}}, r"`flight.chi_deg` must be -5 to 5, got 9"),
+        ({"limits": {"n_z_rate_per_s": 1.0}}, r"`limits.n_z_rate_per_s` must be .*, got 1"),
+        ({"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, r"`wind.speed_mps` must be None, got 3.0"),
+    ],
+)
+def test_other_flights_are_refused_by_key(found, change, key):
+    plan = small_plan()
+    tables = plan.tables_of(3)
+    for name, values in change.items():
+        tables[name] = {**tables.get(name, {}), **values}
+    scenario = conform_module.scenario_from(tables)
+
+    with pytest.raises(InputError, match=key):
+        found.check(scenario, scenario.plant[0], plan.gain_sets["soft"])
+
+
+def test_other_gains_and_another_aircraft_are_refused(found):
+    plan = small_plan()
+    scenario, gains = plan.scenario_of(0), plan.gain_sets["soft"]
+
+    with pytest.raises(InputError, match="`K_P` must be that of soft"):
+        found.check(scenario, scenario.plant[0], replace(gains, K_P=1.01 * gains.K_P))
+    other = scenario.plant[0].model_copy(update={"aircraft": "c172p"})
+    with pytest.raises(InputError, match=r"`aircraft` must be aerosonde .* got c172p"):
+        found.check(scenario, other, gains)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": "flighttune conformance 9"}, "`format`"),
+        ({"boxes": None}, "`boxes`"),
+        ({"epsilon": "small"}, "`epsilon`"),
+    ],
+)
+def test_a_damaged_file_is_refused_in_one_line(found, tmp_path, change, message):
+    path = tmp_path / "boxes.json"
+    path.write_text(json.dumps({**found.as_dict(), **change}))
+
+    with pytest.raises(ScenarioError, match=f"boxes.json: {message}"):
+        load_conformance(path)
+
+
+def test_air_is_taken_apart():
+    plan = small_plan(wind=WIND, turbulence=TURBULENCE)
+    campaign = plan.campaign
+    named = {**TURBULENCE, "intensity": "light"}
+    named = {key: value for key, value in named.items() if key in ("intensity", "model")}
+    words = small_plan(wind=WIND, turbulence=named).campaign
+
+    assert air_of(campaign.central).startswith("severity")
+    assert air_of(in_air(campaign, "calm").nominal) == "calm"
+    assert air_of(in_air(campaign, "wind").nominal) == "wind"
+    assert air_of(in_air(words, "severe").nominal) == "severe"
+    with pytest.raises(InputError, match=r"`air` must be one of .*, got 'stormy'"):
+        in_air(campaign, "stormy")
+
+
+def test_points_of_a_design_become_independent_draws():
+    campaign = small_plan().campaign.model_copy(update={"design": "sobol"})
+
+    assert at_random(campaign).design == "random"
+
+
+def test_an_aircraft_flies_starts_and_references_of_its_own():
+    campaign = own_campaign("c172p")
+
+    assert campaign.design == "random"
+    assert {"flight.chi_deg", "reference.chi_deg[0].rate_dps"} <= set(campaign.keys)
+    assert air_of(campaign.nominal) == "calm"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("nowhere", "--out", "x.json"), "nowhere: the campaign must be a file or one of"),
+        (("random_starts", "--out", "x.toml"), "x.toml: --out must end in .json"),
+        (("random_starts", "--out", "x.json", "--epsilon", "0"), "`epsilon` must lie between"),
+        (("random_starts", "--out", "x.json", "--air", "severe"), "`air` must be one of calm"),
+        (("random_starts", "--out", "x.json", "--gains", "K9"), "`gains` must be one of"),
+        (("kinematic_sweep", "--out", "x.json"), "`plant` must be one of kind jsbsim"),
+    ],
+)
+def test_bad_input_is_one_line(options, message, tmp_path):
+    out, err = flighttune("conform", *options, status=2, cwd=tmp_path)
+
+    assert message in err
+    assert not out
+    assert err.count("\n") == 1
+
+
+def test_the_command_writes_what_it_says(tmp_path):
+    with flown_here(small_plan()):
+        said = answer(
+            "conform", "campaign", "--epsilon", 0.5, "--confidence", 0.75, "--out",
+            tmp_path / "boxes.json",
+        )  # fmt: skip
+
+    assert said["status"] == "counted"
+    assert said["attempts"][0]["learned"] == 12
+    assert said["flights_learned"] == said["attempts"][-1]["learned"]
+    assert said["flights_counted"] == FEW.flights
+    assert said["outside"] == 0
+    written = load_conformance(said["out"])
+    assert said["boxes"]["d_chi_rad_s"][0] == [written.boxes.low[0, 0], written.boxes.high[0, 0]]

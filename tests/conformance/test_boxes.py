@@ -1,0 +1,81 @@
+"""Windows of flights whose phases are known, and boxes around made-up residuals."""
+
+import numpy as np
+import pytest
+
+from flighttune.conformance.boxes import MARGIN, Windows, fitted_boxes
+from flighttune.errors import InputError
+
+ROUNDING = 1e-12
+
+
+def test_windows_by_time_last_half_a_second():
+    t = 0.1 * np.arange(21)
+    still = np.zeros(21)
+
+    windows = Windows.covering("time", 2.0)
+
+    assert windows.count == 4
+    assert windows.of_samples(t, still, still).tolist() == [i // 5 for i in range(20)]
+
+
+def test_windows_by_phase_count_from_where_the_reference_stops():
+    t = 0.1 * np.arange(31)
+    ramp = np.clip(t - 0.5, 0.0, 0.7)  # moves from 0.5 to 1.2 s
+
+    window = Windows.covering("phase", 3.0).of_samples(t, ramp, np.zeros(31))
+
+    assert window[:5].tolist() == [1] * 5
+    assert window[5:12].tolist() == [0] * 7
+    assert window[12:17].tolist() == [1] * 5
+    assert window[17:22].tolist() == [2] * 5
+
+
+def test_later_samples_than_the_windows_reach_are_in_the_last_one():
+    t = 0.1 * np.arange(31)
+
+    assert Windows.covering("time", 1.0).of_samples(t, 0.0 * t, 0.0 * t).max() == 1
+
+
+def test_boxes_hold_what_they_were_fitted_to_with_a_margin():
+    rng = np.random.default_rng(1)
+    windows = Windows(over="time", count=3)
+    residual = rng.normal((0.5, -1.0), size=(20, 30, 2))
+    windowed = [windows.extremes(one, np.arange(30) // 10) for one in residual]
+    lows, highs = map(np.array, zip(*windowed, strict=True))
+
+    boxes = fitted_boxes(windows, lows, highs)
+
+    low = residual.reshape(20, 3, 10, 2).min(axis=(0, 2))
+    high = residual.reshape(20, 3, 10, 2).max(axis=(0, 2))
+    assert boxes.centre == pytest.approx(0.5 * (low + high), abs=ROUNDING)
+    assert boxes.half_width == pytest.approx(MARGIN * 0.5 * (high - low), abs=ROUNDING)
+    assert boxes.hold(lows, highs).all()
+
+
+def test_a_flight_that_leaves_one_box_or_was_not_flown_is_outside():
+    windows = Windows(over="time", count=2)
+    low, high = np.full((1, 2, 2), -1.0), np.full((1, 2, 2), 1.0)
+    boxes = fitted_boxes(windows, low, high)
+    leaves = high.copy()
+    leaves[0, 1, 0] = MARGIN + 0.01
+
+    flights = np.concatenate([low, low, np.full((1, 2, 2), np.nan)])
+    assert boxes.hold(flights, np.concatenate([high, leaves, flights[2:]])).tolist() == [
+        True, False, False,
+    ]  # fmt: skip
+
+
+def test_a_window_that_no_flight_was_in_is_as_wide_as_all():
+    windows = Windows(over="phase", count=3)
+    low, high = windows.extremes(np.array([[-1.0, 0.0], [2.0, 3.0]]), np.array([0, 1]))
+
+    boxes = fitted_boxes(windows, low[None], high[None])
+
+    assert boxes.centre[2] == pytest.approx([0.5, 1.5])
+    assert boxes.half_width[2] == pytest.approx([MARGIN * 1.5, MARGIN * 1.5])
+
+
+def test_no_flight_is_refused():
+    with pytest.raises(InputError, match="at least one flight"):
+        fitted_boxes(Windows(over="time", count=2), np.empty((0, 2, 2)), np.empty((0, 2, 2)))
