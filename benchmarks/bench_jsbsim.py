@@ -73,11 +73,12 @@ def closed_loop(weather: Weather | None) -> tuple[float, int]:
         scenario.limits.limits(),
         dt=1.0 / scenario.controller.rate_hz,
         anti_windup=scenario.controller.anti_windup,
+        feed_forward=scenario.controller.feed_forward,
     )
     plant = TimedPlant(weather=weather, seed=1)
     signals, stop = simulate(
         plant, controller, scenario.followed(), condition=scenario.condition,
-        duration=SECONDS, feed_forward=scenario.controller.feed_forward,
+        duration=SECONDS,
     )  # fmt: skip
     took = time.process_time() - plant.began
     if stop is not None:

@@ -15,8 +15,16 @@ if TYPE_CHECKING:
         verify,
     )
     from flighttune.comparison import Comparison, compare
+    from flighttune.control.controller import (
+        Controller,
+        FlightCondition,
+        LawSetup,
+        Measured,
+        ReferenceSample,
+    )
+    from flighttune.control.exact_law import ExactLaw, command_gains, rate_gains
     from flighttune.control.gains import PAPER_GAINS, PIGains
-    from flighttune.control.limits import Limits
+    from flighttune.control.limits import CommandLimiter, Limits
     from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
     from flighttune.control.mimo_pi import MimoPI
     from flighttune.errors import FlightTuneError
@@ -26,7 +34,7 @@ if TYPE_CHECKING:
     from flighttune.identify.file import load_identified, save_identified
     from flighttune.identify.identify import identify_aircraft
     from flighttune.metrics import channel_metrics, flight_metrics
-    from flighttune.plants.base import FlightCondition
+    from flighttune.plants.base import Plant, Stop
     from flighttune.plants.jsbsim.plant import JSBSimPlant
     from flighttune.plants.point_mass import PointMassPlant
     from flighttune.recording.load import Recording, load_recording
@@ -43,29 +51,94 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "certificates": ("Certificate", "certify", "load_certificate", "save_certificate", "verify"),
-    "comparison": ("Comparison", "compare"),
-    "control.gains": ("PAPER_GAINS", "PIGains"),
-    "control.limits": ("Limits",),
-    "control.linear_model": ("LinearModel", "closed_loop", "kinematic_model"),
+    "certificates": (
+        "Certificate",
+        "certify",
+        "load_certificate",
+        "save_certificate",
+        "verify",
+    ),
+    "comparison": (
+        "Comparison",
+        "compare",
+    ),
+    "control.controller": (
+        "Controller",
+        "FlightCondition",
+        "LawSetup",
+        "Measured",
+        "ReferenceSample",
+    ),
+    "control.exact_law": (
+        "ExactLaw",
+        "command_gains",
+        "rate_gains",
+    ),
+    "control.gains": (
+        "PAPER_GAINS",
+        "PIGains",
+    ),
+    "control.limits": (
+        "CommandLimiter",
+        "Limits",
+    ),
+    "control.linear_model": (
+        "LinearModel",
+        "closed_loop",
+        "kinematic_model",
+    ),
     "control.mimo_pi": ("MimoPI",),
     "errors": ("FlightTuneError",),
-    "flight.fly": ("FlownScenario", "fly"),
-    "flight.outer_loop": ("certify_scenario", "tune_scenario", "tuning_problem"),
-    "flight.gap": ("Gap", "explain_gap"),
-    "metrics": ("channel_metrics", "flight_metrics"),
-    "plants.base": ("FlightCondition",),
-    "identify.file": ("load_identified", "save_identified"),
+    "flight.fly": (
+        "FlownScenario",
+        "fly",
+    ),
+    "flight.gap": (
+        "Gap",
+        "explain_gap",
+    ),
+    "flight.outer_loop": (
+        "certify_scenario",
+        "tune_scenario",
+        "tuning_problem",
+    ),
+    "identify.file": (
+        "load_identified",
+        "save_identified",
+    ),
     "identify.identify": ("identify_aircraft",),
+    "metrics": (
+        "channel_metrics",
+        "flight_metrics",
+    ),
+    "plants.base": (
+        "Plant",
+        "Stop",
+    ),
     "plants.jsbsim.plant": ("JSBSimPlant",),
     "plants.point_mass": ("PointMassPlant",),
-    "recording.load": ("Recording", "load_recording"),
+    "recording.load": (
+        "Recording",
+        "load_recording",
+    ),
     "recording.record": ("record",),
-    "report.page": ("Report", "write_report"),
-    "scenario": ("Scenario", "load_gains", "load_scenario", "scenario_from"),
+    "report.page": (
+        "Report",
+        "write_report",
+    ),
+    "scenario": (
+        "Scenario",
+        "load_gains",
+        "load_scenario",
+        "scenario_from",
+    ),
     "simulate.reference": ("Reference",),
     "simulate.run": ("Run",),
-    "theory.indicators": ("Indicators", "indicators", "indicators_batch"),
+    "theory.indicators": (
+        "Indicators",
+        "indicators",
+        "indicators_batch",
+    ),
     "tuning.problem": ("TuningProblem",),
     "tuning.result": ("TuningResult",),
     "tuning.tune": ("tune",),
@@ -73,31 +146,40 @@ _HOMES = {
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "PAPER_GAINS",
     "Certificate",
+    "CommandLimiter",
     "Comparison",
+    "Controller",
+    "ExactLaw",
     "FlightCondition",
     "FlightTuneError",
     "FlownScenario",
     "Gap",
     "Indicators",
     "JSBSimPlant",
+    "LawSetup",
     "Limits",
     "LinearModel",
+    "Measured",
     "MimoPI",
+    "PAPER_GAINS",
     "PIGains",
+    "Plant",
     "PointMassPlant",
     "Recording",
     "Reference",
+    "ReferenceSample",
     "Report",
     "Run",
     "Scenario",
+    "Stop",
     "TuningProblem",
     "TuningResult",
     "certify",
     "certify_scenario",
     "channel_metrics",
     "closed_loop",
+    "command_gains",
     "compare",
     "explain_gap",
     "flight_metrics",
@@ -111,6 +193,7 @@ __all__ = [
     "load_identified",
     "load_recording",
     "load_scenario",
+    "rate_gains",
     "record",
     "save_certificate",
     "save_identified",

@@ -101,11 +101,10 @@ def sampled_step(
     dt = 1.0 / rate
     signals, stop = simulate(
         JSBSimPlant(aircraft, steps=steps_for(load_aircraft(aircraft), rate)),
-        MimoPI(gains, dt=dt),
+        MimoPI(gains, dt=dt, feed_forward=True),
         Reference(chi=STEP, gamma=STEP),
         condition=FlightCondition(V_a=V_a, h=h),
         duration=SECONDS,
-        feed_forward=True,
     )
     if stop is not None:
         raise PlantError(f"{aircraft} at {rate:g} Hz: {stop.reason}")

@@ -1,5 +1,7 @@
-"""Limits on the magnitude and the rate of a command."""
+"""Limits on the magnitude and the rate of a command, as values and sample by sample."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +9,8 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, ShapeError
+
+FREE, MAGNITUDE_LIMITED, RATE_LIMITED = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +67,91 @@ class Limits:
             rate_lower=np.maximum(self.rate_lower, other.rate_lower),
             rate_upper=np.minimum(self.rate_upper, other.rate_upper),
         )
+
+
+def limit_command(
+    wanted: float, before: float, lower: float, upper: float, step_down: float, step_up: float
+) -> tuple[float, int]:
+    """One command after its limits, and what holds it; written so that Numba compiles it too.
+
+    Parameters
+    ----------
+    wanted : float
+        Command before the limits.
+    before : float
+        Command in force at the sample before.
+    lower, upper : float
+        Its range.
+    step_down, step_up : float
+        How far it may move in a sample: the rate limits times the sample time.
+
+    Returns
+    -------
+    value : float
+    kind : int
+        0 free, 1 held by a magnitude limit, 2 held by a rate limit.
+    """
+    # The reach of one sample, cut to the range. Where they do not meet (a start outside the
+    # range) the rate limit rules: the command comes back at it instead of jumping.
+    low, high = before + step_down, before + step_up
+    low_by_rate, high_by_rate = low > lower, high < upper
+    if not low_by_rate:
+        low = lower if lower < high else high
+    if not high_by_rate:
+        high = upper if upper > low else low
+    value = low if wanted < low else high if wanted > high else wanted
+    excess = wanted - value
+    if excess == 0.0:
+        return value, FREE
+    by_rate = high_by_rate if excess > 0.0 else low_by_rate
+    return value, RATE_LIMITED if by_rate else MAGNITUDE_LIMITED
+
+
+class CommandLimiter:
+    """Limits applied to commands sample by sample, with what anti-windup needs to know.
+
+    Where a range and a rate limit disagree (a start outside the range) the rate limit rules until
+    the command is inside.
+
+    Parameters
+    ----------
+    limits : Limits
+        Of m commands.
+    dt : float, s
+        Sample time.
+
+    Attributes
+    ----------
+    u, u_unsat : list of float, length m
+        Commands after all limits and before them; the same lists at every sample.
+    limited : list of int, length m
+        0 free, 1 held by a magnitude limit, 2 held by a rate limit.
+    """
+
+    def __init__(self, limits: Limits, dt: float) -> None:
+        rows = (limits.lower, limits.upper, limits.rate_lower * dt, limits.rate_upper * dt)
+        self._bounds = list(zip(*(row.tolist() for row in rows), strict=True))
+        m = len(self._bounds)
+        self.u, self.u_unsat, self.limited = [0.0] * m, [0.0] * m, [FREE] * m
+
+    def start(self, u: Sequence[float]) -> None:
+        """Take `u` (length m) as the commands in force before the first sample."""
+        if len(u) != len(self.u) or not all(map(math.isfinite, u)):
+            raise InputError(f"`u` must be {len(self.u)} finite numbers, got {list(u)}.")
+        self.u[:] = self.u_unsat[:] = [float(value) for value in u]
+        self.limited[:] = [FREE] * len(self.u)
+
+    def limit(self, *wanted: float) -> tuple[float, ...]:
+        """Return `wanted` (m commands) after all limits, and take them as in force."""
+        for i, (bounds, value) in enumerate(zip(self._bounds, wanted, strict=True)):
+            self.u[i], self.limited[i] = limit_command(value, self.u[i], *bounds)
+            self.u_unsat[i] = value
+        return tuple(self.u)
+
+    @property
+    def excess(self) -> tuple[float, ...]:
+        """Command before the limits minus command after them: which way the limits hold."""
+        return tuple(a - b for a, b in zip(self.u_unsat, self.u, strict=True))
 
 
 def _read_only_bounds(name: str, value: npt.ArrayLike) -> FloatArray:

@@ -1,15 +1,17 @@
 """The discrete multivariable PI controller: one for every plant."""
 
 import math
-from collections.abc import MutableSequence, Sequence
+from collections.abc import Mapping, MutableSequence, Sequence
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive
+from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
 from flighttune.control.gains import PIGains
-from flighttune.control.limits import Limits
+from flighttune.control.limits import FREE, Limits, limit_command
 from flighttune.errors import InputError, ShapeError
 from flighttune.units import wrap_angle
 
@@ -19,7 +21,10 @@ Vector: TypeAlias = MutableSequence[Any] | npt.NDArray[Any]
 
 ANTI_WINDUP: tuple[AntiWindup, ...] = get_args(AntiWindup)
 
-FREE, MAGNITUDE_LIMITED, RATE_LIMITED = 0, 1, 2
+LEVEL = (0.0, 0.0)
+"""No feed-forward."""
+
+INTEGRAL_SIGNALS: Mapping[str, str] = MappingProxyType({"phi_integral": "rad", "n_z_integral": "1"})
 
 
 class ChannelLaw(NamedTuple):
@@ -108,8 +113,7 @@ class MimoPI:
     gains : PIGains
         m commands, p errors.
     limits : Limits, optional
-        Of m commands; none by default. Where a magnitude and a rate limit disagree (a start outside
-        the range) the rate limit rules until the command is inside.
+        Of m commands; none by default. Applied as `CommandLimiter` does.
     dt : float, s
         Sample time.
     anti_windup : {"conditional", "back_calculation", "none"}
@@ -123,11 +127,18 @@ class MimoPI:
     schedule_speed : float, m/s, optional
         Airspeed for which the gains were made; gains are then scaled by ``V_a / schedule_speed``,
         which keeps ``B K`` of the chi/gamma law constant over airspeed.
+    feed_forward : bool
+        Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: what steady flight on the
+        reference needs at the bank flown. It depends on the reference and not on the error, so the
+        linear loop about wings-level flight is the same with it and without.
 
     Attributes
     ----------
     state : PIState
         What the controller keeps; written to by every step.
+    signals : mapping of str to str
+        Recorded: ``phi_integral`` and ``n_z_integral``, the parts of the commands that come from
+        the integrator.
 
     Raises
     ------
@@ -149,6 +160,7 @@ class MimoPI:
         tracking_time: float | None = None,
         wrapped: Sequence[str] = ("chi",),
         schedule_speed: float | None = None,
+        feed_forward: bool = False,
     ) -> None:
         m = len(gains.inputs)
         limits = Limits.none(m) if limits is None else limits
@@ -157,6 +169,8 @@ class MimoPI:
         check_positive(dt=dt, tracking_time=tracking_time, schedule_speed=schedule_speed)
         check_anti_windup(anti_windup)
         self.gains, self.limits, self.dt, self.anti_windup = gains, limits, dt, anti_windup
+        self.signals, self.feed_forward = INTEGRAL_SIGNALS, feed_forward
+        self._gamma_ref, self._lift = math.nan, 0.0
         self.wrapped = tuple(name in wrapped for name in gains.errors)
         tracking_gain = 0.0
         if anti_windup == "back_calculation":
@@ -178,9 +192,36 @@ class MimoPI:
             tracking_gain=tracking_gain,
             per_speed=0.0 if schedule_speed is None else 1.0 / schedule_speed,
         )
-        self.start([0.0] * m)
+        self.reset([0.0] * m)
 
-    def start(self, u: Sequence[float]) -> None:
+    @property
+    def limiter(self) -> PIState:
+        """Commands before the limits, and which limit holds: the controller applies its own."""
+        return self.state
+
+    def start(self, condition: FlightCondition) -> None:
+        """Empty the integrator; the roll and load factor of `condition` are in force."""
+        self.reset((condition.phi, condition.n_z_start))
+
+    def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
+        """Return roll and load-factor command after all limits, and the values of `signals`.
+
+        Parameters
+        ----------
+        measured : Measured
+        reference : ReferenceSample
+        """
+        gamma_ref, u_ff = reference[1], LEVEL
+        if self.feed_forward:
+            if gamma_ref != self._gamma_ref:
+                # NumPy's cosine, as ever: that of math may differ in the last bit.
+                self._gamma_ref, self._lift = gamma_ref, float(np.cos(gamma_ref))
+            u_ff = (0.0, self._lift / math.cos(measured.phi))
+        state = self.state
+        pi_step(self._law, state, reference, measured[:2], u_ff, measured.V_a)
+        return (*state.u, *state.integral)
+
+    def reset(self, u: Sequence[float]) -> None:
         """Empty the integrator and take `u` (length m) as the command in force before t = 0."""
         m, p = self.gains.K_P.shape
         if len(u) != m or not all(map(math.isfinite, u)):
@@ -196,7 +237,7 @@ class MimoPI:
             started=[False],
         )
 
-    def step(
+    def command(
         self, ref: Sequence[float], y: Sequence[float], u_ff: Sequence[float], V_a: float = 0.0
     ) -> Vector:
         """Return the command for the coming sample.
@@ -244,7 +285,7 @@ def pi_step(
     u_ff: Sequence[float],
     V_a: float,
 ) -> Vector:
-    """One sample of the controller: `MimoPI.step`, written so that Numba compiles it too.
+    """One sample of the controller: `MimoPI.command`, written so that Numba compiles it too.
 
     Parameters
     ----------
@@ -252,7 +293,7 @@ def pi_step(
     state : PIState
         Written to.
     ref, y, u_ff, V_a
-        As in `MimoPI.step`.
+        As in `MimoPI.command`.
 
     Returns
     -------
@@ -286,21 +327,12 @@ def pi_step(
         u_before = u_ff[i] + gain * proportional + integral[i]  # without this increment
         u_unsat = u_before + increment
 
-        # The reach of one sample, cut to the range. Where they do not meet (a start outside the
-        # range) the rate limit rules: the command comes back at it instead of jumping.
-        low, high = u[i] + step_down, u[i] + step_up
-        low_by_rate, high_by_rate = low > lower, high < upper
-        if not low_by_rate:
-            low = lower if lower < high else high
-        if not high_by_rate:
-            high = upper if upper > low else low
-        u_sat = low if u_unsat < low else high if u_unsat > high else u_unsat
-
+        u_sat, kind = u_unsat, FREE
+        # Asked here first: a call costs as much as all the rest of a channel.
+        if not (u[i] + step_down <= u_unsat <= u[i] + step_up and lower <= u_unsat <= upper):
+            u_sat, kind = limit_command(u_unsat, u[i], lower, upper, step_down, step_up)
         excess = u_unsat - u_sat
-        kind = FREE
         if excess != 0.0:
-            by_rate = high_by_rate if excess > 0.0 else low_by_rate
-            kind = RATE_LIMITED if by_rate else MAGNITUDE_LIMITED
             if conditional and increment * excess > 0.0:
                 # The increment drives the command further beyond the limit. Only the part of it
                 # that reaches the limit is taken: none where the command is at or beyond the limit

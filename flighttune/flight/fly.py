@@ -346,6 +346,7 @@ def fly_once(
         anti_windup=settings.anti_windup,
         tracking_time=settings.tracking_time_s,
         schedule_speed=scenario.flight.V_a_mps if settings.schedule else None,
+        feed_forward=settings.feed_forward,
     )
     label = f"{plant_label} / {gains_name}"
     try:
@@ -355,7 +356,6 @@ def fly_once(
             scenario.followed(),
             condition=scenario.condition,
             duration=duration,
-            feed_forward=settings.feed_forward,
             sensors=scenario.sensors and scenario.sensors.sensors(scenario.seed),
             progress=progress and (lambda t: progress(label, t / duration)),
         )

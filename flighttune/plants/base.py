@@ -1,60 +1,30 @@
 """What a plant must do: start from a flight condition, show its signals, fly on under a command."""
 
-import math
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
-from flighttune.arrays import check_finite, check_positive
+from flighttune.control.controller import FlightCondition
 from flighttune.control.limits import Limits
-from flighttune.errors import InputError
 
-StopStatus: TypeAlias = Literal["diverged", "ground_contact", "left_envelope", "interrupted"]
+StopStatus: TypeAlias = Literal[
+    "diverged", "ground_contact", "left_envelope", "interrupted", "law_failed", "plant_failed"
+]
 
 COMMON_SIGNALS = ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down")
 """Signals every plant shows first, in this order: SI, rad, position in local NED from the start."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightCondition:
-    """Where a flight starts.
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Why a flight ended before its time.
 
     Attributes
     ----------
-    V_a : float, m/s
-        Airspeed, positive.
-    h : float, m
-        Height above sea level.
-    chi, gamma, phi : float, rad
-        Course clockwise from north; flight-path angle, climb positive; roll, right wing down.
-    n_z : float or None, 1
-        Load factor in force at the start; None for the steady value cos(gamma)/cos(phi).
+    status : str
+        Such as ``diverged``, ``ground_contact`` or ``left_envelope``.
+    reason : str
+        A sentence with time and numbers.
     """
-
-    V_a: float
-    h: float = 1000.0
-    chi: float = 0.0
-    gamma: float = 0.0
-    phi: float = 0.0
-    n_z: float | None = None
-
-    def __post_init__(self) -> None:
-        check_positive("m/s", V_a=self.V_a)
-        check_finite(h=self.h, chi=self.chi, gamma=self.gamma, phi=self.phi)
-        for name in ("gamma", "phi"):
-            if not abs(getattr(self, name)) < math.pi / 2:
-                raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
-        if self.n_z is not None:
-            check_finite(n_z=self.n_z)
-
-    @property
-    def n_z_start(self) -> float:
-        """Load factor in force at the start: `n_z`, or the steady value where it is None."""
-        return math.cos(self.gamma) / math.cos(self.phi) if self.n_z is None else self.n_z
-
-
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """Why a flight ended before its time: a status and a sentence with time and numbers."""
 
     status: StopStatus
     reason: str
@@ -70,21 +40,29 @@ class Plant(Protocol):
     kind : str
         Name of the family member, as scenarios write it.
     signals : tuple of str
-        Names of what ``observe`` returns; begins with `COMMON_SIGNALS`.
+        Names of what ``observe`` returns; begins with `COMMON_SIGNALS`. A plant that shows ``h``
+        and ``wind_north``, ``wind_east``, ``wind_down`` gives them to the controller.
     limits : Limits
         What the plant itself limits its commands (phi, n_z) to. Anti-windup works only in a
         controller that knows them.
     """
 
-    kind: str
-    signals: tuple[str, ...]
+    @property
+    def kind(self) -> str:
+        """Name of the family member, as scenarios write it."""
+        ...
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of what ``observe`` returns; begins with `COMMON_SIGNALS`."""
+        ...
 
     @property
     def limits(self) -> Limits:
         """What the plant itself limits its commands to."""
         ...
 
-    def start(self, condition: FlightCondition) -> None:
+    def start(self, condition: FlightCondition, /) -> None:
         """Put the aircraft into `condition` at t = 0.
 
         Raises
@@ -98,7 +76,7 @@ class Plant(Protocol):
         """Return the values of `signals` now, SI and radians."""
         ...
 
-    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, /) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did.
 
         Parameters

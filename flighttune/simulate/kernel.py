@@ -15,7 +15,7 @@ from numba import njit
 from numba.extending import register_jitable
 
 from flighttune import units
-from flighttune.control import mimo_pi
+from flighttune.control import limits, mimo_pi
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
 from flighttune.plants import point_mass
 from flighttune.plants.point_mass import LOST
@@ -26,7 +26,7 @@ from flighttune.units import wrap_angle
 SOURCES = (
     Path(__file__),
     Path(__file__).with_name("batch.py"),
-    *(Path(str(module.__file__)) for module in (measures, mimo_pi, point_mass, units)),
+    *(Path(str(module.__file__)) for module in (limits, measures, mimo_pi, point_mass, units)),
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
 
@@ -34,6 +34,7 @@ COMPLETED, ROLLED, DIVERGED = 0, 1, 2
 """How a flight ended."""
 
 register_jitable(wrap_angle)
+register_jitable(limits.limit_command)
 register_jitable(measures._first_below)
 register_jitable(measures._step_measures)
 register_jitable(error_measures)

@@ -2,18 +2,22 @@
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from functools import cache
+from itertools import repeat
+from operator import itemgetter
 
 import numpy as np
 import pandas as pd
 
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.controller import Controller, FlightCondition, Measured, ReferenceSample
+from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Plant, Stop
-from flighttune.plants.sensors import SensedPlant, Sensors
+from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
+from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
+from flighttune.plants.wind import WIND
+from flighttune.simulate.guarded import LawError, limited_law
 from flighttune.simulate.reference import Reference
-from flighttune.units import wrap_angle
 
 LOOP_SIGNALS = (
     "chi_ref",
@@ -24,24 +28,30 @@ LOOP_SIGNALS = (
     "n_z_cmd",
     "phi_unlimited",
     "n_z_unlimited",
-    "phi_integral",
-    "n_z_integral",
     "phi_limited",
     "n_z_limited",
 )
-"""What the loop adds to the signals of the plant, one row a sample of the controller."""
+"""What the loop adds to the signals of the plant, one row a sample of the controller.
+
+What the controller wants recorded stands before the last two.
+"""
+
+_LIMITED = LOOP_SIGNALS[-2:]
+
+_V_A, _PHI, _N_Z, _DOWN = map(COMMON_SIGNALS.index, ("V_a", "phi", "n_z", "down"))
+_POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
 
 PROGRESS_EVERY = 50
 
 
 def simulate(
     plant: Plant,
-    controller: MimoPI,
+    controller: Controller,
     reference: Reference,
     *,
     condition: FlightCondition,
     duration: float,
-    feed_forward: bool = False,
+    limits: Limits | None = None,
     sensors: Sensors | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[pd.DataFrame, Stop | None]:
@@ -51,7 +61,7 @@ def simulate(
     ----------
     plant : Plant
         A plant that was not flown before.
-    controller : MimoPI
+    controller : Controller
         From (chi, gamma) to (phi, n_z); its sample time is the step of the loop. It is started
         from the roll and load factor of `condition`.
     reference : Reference
@@ -60,10 +70,9 @@ def simulate(
         Start of the flight.
     duration : float, s
         Time to fly, positive; rounded to whole samples.
-    feed_forward : bool
-        Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: what steady flight on the
-        reference needs at the bank flown. It depends on the reference and not on the error, so the
-        linear loop about wings-level flight is the same with it and without.
+    limits : Limits, optional
+        What the loop limits the commands to; none by default. A `MimoPI` or an `ExactLaw` limits
+        its own and takes no others.
     sensors : Sensors, optional
         What the controller sees course, climb and airspeed through; by default it sees what is
         flown. With them the signals hold `MEASURED` as well, and the errors stay the true ones.
@@ -73,10 +82,12 @@ def simulate(
     Returns
     -------
     signals : DataFrame, indexed by `t` in s
-        One row a sample: signals of the plant, then `LOOP_SIGNALS`; SI and radians; read-only. It
-        ends with the last sample before the stop where the flight ended early.
+        One row a sample: signals of the plant, then `LOOP_SIGNALS` with those of the controller;
+        SI and radians; read-only. It ends with the last sample before the stop where the flight
+        ended early.
     stop : Stop or None
-        Why the flight ended early; None where it lasted as long as asked.
+        Why the flight ended early; None where it lasted as long as asked. A controller that raises,
+        or whose commands cannot be used, ends it with ``law_failed``.
 
     Raises
     ------
@@ -88,51 +99,96 @@ def simulate(
     dt = controller.dt
     if not (math.isfinite(duration) and duration >= dt):
         raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
+    law = limited_law(controller, limits)
     count = round(duration / dt)
     t = np.arange(count + 1, dtype=np.float64) * dt
-    chi_ref, gamma_ref = reference.sampled(t)
-    angles, speed = slice(0, 2), COMMON_SIGNALS.index("V_a")
+    sensed = None if sensors is None else len(plant.signals)
+    measured_of = _measured(plant.signals, condition.h, sensed)
     if sensors is not None:
-        angles, speed = slice(len(plant.signals), len(plant.signals) + 2), len(plant.signals) + 2
         plant = SensedPlant(plant, sensors.errors(count + 1, dt))
-    rows, row = bytearray(), struct.Struct(f"{len(plant.signals) + len(LOOP_SIGNALS)}d")
+    wrapped = getattr(law, "wrapped", (True,))[0]
+    columns = _columns(plant.signals, tuple(law.signals))
+    row = struct.Struct(f"{len(columns)}d")
+    samples = zip(t.tolist(), _references(reference, t), strict=True)
     plant.start(condition)
-    controller.start((condition.phi, condition.n_z_start))
-    samples = zip(chi_ref.tolist(), gamma_ref.tolist(), np.cos(gamma_ref).tolist(), strict=True)
-    level = (0.0, 0.0)
-    stop = None
-    observe, advance, step, pack = plant.observe, plant.advance, controller.step, row.pack
-    state = controller.state
-    error, u_unsat, integral, limited = state.error, state.u_unsat, state.integral, state.limited
-    for k, (chi_wanted, gamma_wanted, steady) in enumerate(samples):
+    try:
+        law.start(condition)
+    except LawError as error:
+        return _table(bytearray(), columns, t, wrapped), Stop("law_failed", str(error))
+    limiter = law.limiter
+    u_unsat, limited = limiter.u_unsat, limiter.limited
+    rows, stop = bytearray(), None
+    observe, advance, step, pack = plant.observe, plant.advance, law.step, row.pack
+    for k, (now, ref) in enumerate(samples):
         seen = observe()
-        u_ff = (0.0, steady / math.cos(seen[2])) if feed_forward else level
-        ref = (chi_wanted, gamma_wanted)
-        u = step(ref, seen[angles], u_ff, seen[speed])
-        rows += pack(*seen, *ref, *error, *u, *u_unsat, *integral, *limited)
+        try:
+            commands = step(measured_of(seen), ref, now)
+        except LawError as error:
+            stop = Stop("law_failed", str(error))
+            break
+        phi_cmd, n_z_cmd = commands[0], commands[1]
+        # The errors follow when all is flown: those of the signals, not those a sensor shows.
+        rows += pack(
+            *seen, ref[0], ref[1], 0.0, 0.0, phi_cmd, n_z_cmd, *u_unsat, *commands[2:], *limited
+        )
         if k == count:
             break
-        stop = advance(u[0], u[1], dt)
+        stop = advance(phi_cmd, n_z_cmd, dt)
         if stop is not None:
             break
         if progress is not None and k % PROGRESS_EVERY == 0:
-            progress(k * dt)
-    wrapped = None if sensors is None else controller.wrapped
-    return _table(rows, plant.signals, t, wrapped), stop
+            progress(now)
+    return _table(rows, columns, t, wrapped), stop
 
 
-def _table(
-    rows: bytearray,
-    plant_signals: tuple[str, ...],
-    t: np.ndarray,
-    sensed: tuple[bool, ...] | None,
-) -> pd.DataFrame:
+def _measured(
+    signals: tuple[str, ...], h_0: float, sensed: int | None
+) -> Callable[[tuple[float, ...]], Measured]:
+    """What makes `Measured` of the signals of a plant; those of sensors begin at `sensed`."""
+    chi, gamma, V_a = (0, 1, _V_A) if sensed is None else range(sensed, sensed + len(MEASURED))
+    first = (chi, gamma, V_a, _PHI, _N_Z)
+    new = tuple.__new__  # a third of the time of the call of the class
+    if {"h", WIND[0]} <= set(signals):
+        wind = signals.index(WIND[0])
+        pick = itemgetter(*first, signals.index("h"), _POSITION, slice(wind, wind + len(WIND)))
+        return lambda seen: new(Measured, pick(seen))
+    angles = itemgetter(*first)
+    h = signals.index("h") if "h" in signals else None
+    air = None if WIND[0] not in signals else signals.index(WIND[0])
+
+    def measured(seen: tuple[float, ...]) -> Measured:
+        height = h_0 - seen[_DOWN] if h is None else seen[h]
+        wind = None if air is None else seen[air : air + len(WIND)]
+        return new(Measured, (*angles(seen), height, seen[_POSITION], wind))
+
+    return measured
+
+
+def _references(reference: Reference, t: np.ndarray) -> Iterable[ReferenceSample]:
+    values = np.stack([*reference.sampled(t), *reference.rates(t)])
+    if (values == values[:, :1]).all():
+        return repeat(ReferenceSample(*values[:, 0].tolist()), len(t))
+    return map(ReferenceSample, *values.tolist())
+
+
+def _columns(plant_signals: tuple[str, ...], law_signals: tuple[str, ...]) -> tuple[str, ...]:
     if plant_signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
         raise InputError(f"`plant.signals` must begin with {COMMON_SIGNALS}, got {plant_signals}.")
-    columns = (*plant_signals, *LOOP_SIGNALS)
+    columns = (*plant_signals, *LOOP_SIGNALS[:-2], *law_signals, *_LIMITED)
+    twice = sorted({name for name in columns if columns.count(name) > 1})
+    if twice:
+        raise InputError(f"`signals` must have names that nothing else has, got {twice}.")
+    return columns
+
+
+def _table(rows: bytearray, columns: tuple[str, ...], t: np.ndarray, wrapped: bool) -> pd.DataFrame:
     values = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(columns))
-    if sensed is not None:
-        _put_true_errors(values, columns, sensed)
+    for name in ("chi", "gamma"):
+        true, ref, err = (columns.index(f"{name}{kind}") for kind in ("", "_ref", "_err"))
+        errors = values[:, ref] - values[:, true]
+        if name == "chi" and wrapped:
+            errors = math.pi - (math.pi - errors) % math.tau  # `wrap_angle`, to the bit
+        values[:, err] = errors
     index = pd.Index(t[: len(values)], name="t")
     values.flags.writeable = False
     return pd.DataFrame(values, columns=_named(columns), index=index, copy=False)
@@ -142,11 +198,3 @@ def _table(
 def _named(columns: tuple[str, ...]) -> pd.Index:
     """Names of columns, made once: it takes longer than all else in a table."""
     return pd.Index(columns)
-
-
-def _put_true_errors(values: np.ndarray, columns: tuple[str, ...], wrapped: Sequence[bool]) -> None:
-    """Replace the errors that the controller saw through sensors."""
-    for channel, turns in zip(("chi", "gamma"), wrapped, strict=True):
-        true, ref, err = (columns.index(f"{channel}{kind}") for kind in ("", "_ref", "_err"))
-        errors = (values[:, ref] - values[:, true]).tolist()
-        values[:, err] = [wrap_angle(error) for error in errors] if turns else errors

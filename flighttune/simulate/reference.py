@@ -7,12 +7,19 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, read_only_vector
 
+SAME_INSTANT = 1e-9
+"""Times that differ by less are one, s."""
+
 
 class Segment(Protocol):
     """A change that adds to a reference over time."""
 
     def __call__(self, t: FloatArray) -> FloatArray:
         """Return the change at times `t`, in the unit of the channel."""
+        ...
+
+    def slope(self, t: FloatArray) -> FloatArray:
+        """Return its slope from times `t` on, in that unit per second; a jump has none."""
         ...
 
 
@@ -27,6 +34,10 @@ class Step:
         """Return the change at times `t`."""
         return np.where(t >= self.start, self.change, 0.0)
 
+    def slope(self, t: FloatArray) -> FloatArray:
+        """Return zeros: a jump has no rate."""
+        return np.zeros_like(t)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ramp:
@@ -39,6 +50,12 @@ class Ramp:
     def __call__(self, t: FloatArray) -> FloatArray:
         """Return the change at times `t`."""
         return self.rate * np.clip(t - self.start, 0.0, self.duration)
+
+    def slope(self, t: FloatArray) -> FloatArray:
+        """Return `rate` while the change lasts, 0 before and after."""
+        # What rounding makes of a sample time shall not decide whether a sample is inside.
+        since = t - self.start + SAME_INSTANT
+        return np.where((since >= 0.0) & (since < self.duration), self.rate, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +72,10 @@ class Doublet:
         up = (since >= 0.0) & (since < self.width)
         down = (since >= self.width) & (since < 2.0 * self.width)
         return self.amplitude * (up.astype(float) - down)
+
+    def slope(self, t: FloatArray) -> FloatArray:
+        """Return zeros: its jumps have no rate."""
+        return np.zeros_like(t)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,4 +106,11 @@ class Reference:
         t = read_only_vector("t", t)
         chi = self.chi + sum((s(t) for s in self.chi_segments), np.zeros_like(t))
         gamma = self.gamma + sum((s(t) for s in self.gamma_segments), np.zeros_like(t))
+        return chi, gamma
+
+    def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the rates of chi and gamma (rad/s) from times `t` (s) on, of the shape of `t`."""
+        t = read_only_vector("t", t)
+        chi = sum((s.slope(t) for s in self.chi_segments), np.zeros_like(t))
+        gamma = sum((s.slope(t) for s in self.gamma_segments), np.zeros_like(t))
         return chi, gamma

@@ -26,7 +26,7 @@ def limits(magnitude=(math.inf, math.inf), rate=(math.inf, math.inf)):
 
 def flown(controller, error, samples):
     """Commands under a constant error."""
-    return np.array([controller.step(error, HERE, NO_FEED_FORWARD)[:] for _ in range(samples)])
+    return np.array([controller.command(error, HERE, NO_FEED_FORWARD)[:] for _ in range(samples)])
 
 
 def test_a_constant_error_is_answered_by_proportion_and_its_running_integral():
@@ -45,7 +45,7 @@ def test_the_integral_of_a_ramp_is_exact():
     controller = MimoPI(diagonal([0.0, 0.0], [2.0, 0.0]), dt=dt)
 
     for k in range(21):
-        command = controller.step((slope * k * dt, 0.0), HERE, NO_FEED_FORWARD)
+        command = controller.command((slope * k * dt, 0.0), HERE, NO_FEED_FORWARD)
 
     assert command[0] == pytest.approx(2.0 * slope * 2.0**2 / 2, abs=ROUNDING)
 
@@ -54,7 +54,7 @@ def test_the_integral_of_a_ramp_is_exact():
 def test_the_course_error_takes_the_short_way_round(ref, actual):
     controller = MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
 
-    controller.step((ref, 0.0), (actual, 0.0), NO_FEED_FORWARD)
+    controller.command((ref, 0.0), (actual, 0.0), NO_FEED_FORWARD)
 
     wanted = math.atan2(math.sin(ref - actual), math.cos(ref - actual))
     assert controller.state.error[0] == pytest.approx(wanted, abs=ROUNDING)
@@ -63,7 +63,7 @@ def test_the_course_error_takes_the_short_way_round(ref, actual):
 def test_gamma_is_not_wrapped():
     controller = MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
 
-    controller.step((0.0, 4.0), HERE, NO_FEED_FORWARD)
+    controller.command((0.0, 4.0), HERE, NO_FEED_FORWARD)
 
     assert controller.state.error[1] == pytest.approx(4.0, abs=ROUNDING)
 
@@ -85,7 +85,7 @@ def test_magnitude_and_rate_limits_hold_and_are_told_apart():
 
 def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it():
     controller = MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((0.5, 9.0), (1.0, 9.0)), dt=0.1)
-    controller.start((1.0, 0.0))
+    controller.reset((1.0, 0.0))
 
     commands = flown(controller, (0.0, 0.0), 12)[:, 0]
 
@@ -108,7 +108,7 @@ def test_conditional_integration_never_drives_the_command_beyond_a_limit():
     controller = MimoPI(diagonal([0.1, 0.1], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
 
     for _ in range(60):
-        controller.step((1.0, -1.0), HERE, NO_FEED_FORWARD)
+        controller.command((1.0, -1.0), HERE, NO_FEED_FORWARD)
         assert np.all(np.abs(controller.state.u_unsat) <= 0.4 + ROUNDING)
 
     assert controller.state.u == pytest.approx([0.4, -0.4], abs=ROUNDING)
@@ -174,11 +174,11 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
     plain = MimoPI(PAPER_GAINS, dt=0.02)
     scheduled = MimoPI(PAPER_GAINS, dt=0.02, schedule_speed=25.0)
     for _ in range(10):
-        plain.step(error, HERE, NO_FEED_FORWARD, 30.0)
-        scheduled.step(error, HERE, NO_FEED_FORWARD, 30.0)
+        plain.command(error, HERE, NO_FEED_FORWARD, 30.0)
+        scheduled.command(error, HERE, NO_FEED_FORWARD, 30.0)
     before = list(scheduled.state.integral)
 
-    scheduled.step((0.0, 0.0), error, NO_FEED_FORWARD, 20.0)
+    scheduled.command((0.0, 0.0), error, NO_FEED_FORWARD, 20.0)
 
     assert np.array(before) == pytest.approx(1.2 * np.array(plain.state.integral), abs=ROUNDING)
     assert scheduled.state.integral == pytest.approx(before, abs=ROUNDING)
@@ -187,7 +187,7 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
 def test_feed_forward_is_inside_the_limits():
     controller = MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((1.0, 1.0)), dt=0.02)
 
-    command = controller.step(HERE, HERE, (0.0, 1.4))
+    command = controller.command(HERE, HERE, (0.0, 1.4))
 
     assert command[1] == pytest.approx(1.0, abs=ROUNDING)
 
@@ -195,7 +195,7 @@ def test_feed_forward_is_inside_the_limits():
 def test_a_start_empties_the_integrator():
     controller = MimoPI(PAPER_GAINS, dt=0.02)
     once = flown(controller, (0.3, 0.1), 20)
-    controller.start((0.0, 0.0))
+    controller.reset((0.0, 0.0))
 
     assert np.array_equal(flown(controller, (0.3, 0.1), 20), once)
 
@@ -221,4 +221,4 @@ def test_limits_must_be_of_as_many_commands():
 
 def test_a_start_command_must_be_finite():
     with pytest.raises(InputError, match=r"`u` must be 2 finite numbers, got \[nan, 0\.0\]"):
-        MimoPI(PAPER_GAINS, dt=0.1).start((math.nan, 0.0))
+        MimoPI(PAPER_GAINS, dt=0.1).reset((math.nan, 0.0))

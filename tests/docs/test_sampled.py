@@ -41,11 +41,10 @@ def test_fast_sampling_is_the_continuous_loop(gains):
 def test_the_response_is_that_of_the_controller_on_the_plant(rate):
     signals, _ = simulate(
         PointMassPlant(LAGS),
-        MimoPI(GAINS, dt=1.0 / rate),
+        MimoPI(GAINS, dt=1.0 / rate, feed_forward=True),
         Reference(chi=SMALL, gamma=SMALL),
         condition=FlightCondition(V_a=25.0),
         duration=6.0,
-        feed_forward=True,
     )
     flown = signals[["chi_err", "gamma_err"]].to_numpy() / SMALL
 

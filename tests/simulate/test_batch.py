@@ -68,11 +68,10 @@ def flown_alone(case, reference, dt, *, feed_forward, **settings):
     gains, condition, limits, waves = case
     return simulate(
         PointMassPlant(law="paper", disturbance=waves),
-        MimoPI(gains, limits, dt=dt, **settings),
+        MimoPI(gains, limits, dt=dt, feed_forward=feed_forward, **settings),
         reference,
         condition=condition,
         duration=8.0,
-        feed_forward=feed_forward,
     )
 
 

@@ -52,6 +52,7 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
         scenario.limits.limits(),
         dt=1.0 / scenario.controller.rate_hz,
         anti_windup=scenario.controller.anti_windup,
+        feed_forward=scenario.controller.feed_forward,
     )
     assert scenario.disturbance is not None
 
@@ -61,7 +62,6 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
         scenario.followed(),
         condition=scenario.condition,
         duration=scenario.flight.duration_s,
-        feed_forward=scenario.controller.feed_forward,
     )
 
     peaks = signals[["chi_err", "gamma_err"]].max().to_numpy()
@@ -121,7 +121,7 @@ def test_what_was_flown_cannot_be_changed():
 
 def test_with_feed_forward_level_flight_needs_no_integral():
     still = FlightCondition(V_a=25.0, gamma=0.3)
-    controller = MimoPI(PAPER_GAINS, dt=0.02)
+    controller = MimoPI(PAPER_GAINS, dt=0.02, feed_forward=True)
 
     signals, _ = simulate(
         PointMassPlant(law="paper"),
@@ -129,7 +129,6 @@ def test_with_feed_forward_level_flight_needs_no_integral():
         Reference(chi=0.0, gamma=0.3),
         condition=still,
         duration=5.0,
-        feed_forward=True,
     )
 
     assert np.abs(signals["n_z_integral"]).max() < 1e-12

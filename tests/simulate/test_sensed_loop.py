@@ -7,7 +7,7 @@ import pytest
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.mimo_pi import INTEGRAL_SIGNALS, MimoPI
 from flighttune.errors import ShapeError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
@@ -43,7 +43,8 @@ def flown(sensors, reference=TURN, duration=DURATION, limits=LIMITS, **controlle
 def test_sensors_without_error_change_no_bit_of_what_was_there():
     perfect, alone = flown(Sensors()), flown(None)
 
-    assert list(alone.columns) == [*PointMassPlant(law="paper").signals, *LOOP_SIGNALS]
+    loop = [*LOOP_SIGNALS[:-2], *INTEGRAL_SIGNALS, *LOOP_SIGNALS[-2:]]
+    assert list(alone.columns) == [*PointMassPlant(law="paper").signals, *loop]
     assert perfect[list(alone.columns)].equals(alone)
     assert [column for column in perfect if column not in alone] == list(MEASURED)
 

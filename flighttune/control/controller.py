@@ -1,0 +1,167 @@
+"""What a control law must do: start at a flight condition, turn measurements into commands."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+from flighttune.arrays import check_finite, check_positive
+from flighttune.control.gains import PIGains
+from flighttune.control.limits import Limits
+from flighttune.errors import InputError
+from flighttune.units import G_PAPER
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightCondition:
+    """Where a flight starts.
+
+    Attributes
+    ----------
+    V_a : float, m/s
+        Airspeed, positive.
+    h : float, m
+        Height above sea level.
+    chi, gamma, phi : float, rad
+        Course clockwise from north; flight-path angle, climb positive; roll, right wing down.
+    n_z : float or None, 1
+        Load factor in force at the start; None for the steady value cos(gamma)/cos(phi).
+    """
+
+    V_a: float
+    h: float = 1000.0
+    chi: float = 0.0
+    gamma: float = 0.0
+    phi: float = 0.0
+    n_z: float | None = None
+
+    def __post_init__(self) -> None:
+        check_positive("m/s", V_a=self.V_a)
+        check_finite(h=self.h, chi=self.chi, gamma=self.gamma, phi=self.phi)
+        for name in ("gamma", "phi"):
+            if not abs(getattr(self, name)) < math.pi / 2:
+                raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
+        if self.n_z is not None:
+            check_finite(n_z=self.n_z)
+
+    @property
+    def n_z_start(self) -> float:
+        """Load factor in force at the start: `n_z`, or the steady value where it is None."""
+        return math.cos(self.gamma) / math.cos(self.phi) if self.n_z is None else self.n_z
+
+
+class Measured(NamedTuple):
+    """What a law sees at a sample; course, path angle and airspeed through sensors, if any.
+
+    Attributes
+    ----------
+    chi, gamma : float, rad
+        Course, clockwise from north and continuous through +-pi; flight-path angle, climb positive.
+    V_a : float, m/s
+        Airspeed.
+    phi : float, rad
+        Roll, right wing down positive.
+    n_z : float, 1
+        Load factor: lift over weight.
+    h : float, m
+        Height above sea level.
+    position : tuple of three floats, m
+        North, east and down from the start.
+    wind : tuple of three floats or None, m/s
+        Velocity of the air, north, east and down; None if the plant does not show it.
+    """
+
+    chi: float
+    gamma: float
+    V_a: float
+    phi: float
+    n_z: float
+    h: float
+    position: tuple[float, ...]
+    wind: tuple[float, ...] | None
+
+
+class ReferenceSample(NamedTuple):
+    """What a law is to follow at a sample.
+
+    Attributes
+    ----------
+    chi, gamma : float, rad
+        Course, not wrapped, and flight-path angle.
+    chi_dot, gamma_dot : float, rad/s
+        Their rates from this sample on; a step has none.
+    """
+
+    chi: float
+    gamma: float
+    chi_dot: float = 0.0
+    gamma_dot: float = 0.0
+
+
+class Controller(Protocol):
+    """A law that turns course and path angle into commands; a plain class satisfies it.
+
+    A member is used for one flight: ``start``, then ``step`` at every sample. The loop applies the
+    limits of the flight to what ``step`` returns. A law that needs to know what they did (for
+    anti-windup) applies them itself by a `CommandLimiter` that it keeps as ``limiter``. A law may
+    further have ``linear()``, which returns its `LinearModel` and `PIGains` for indicators and
+    certificates.
+
+    Attributes
+    ----------
+    dt : float, s
+        Sample time.
+    signals : mapping of str to str
+        Names of what the law wants recorded, with their units.
+    """
+
+    @property
+    def dt(self) -> float:
+        """Sample time, s."""
+        ...
+
+    @property
+    def signals(self) -> Mapping[str, str]:
+        """Names of what the law wants recorded, with their units."""
+        ...
+
+    def start(self, condition: FlightCondition, /) -> None:
+        """Forget everything and begin at `condition`: its roll and load factor are in force."""
+        ...
+
+    def step(self, measured: Measured, reference: ReferenceSample, t: float, /) -> Sequence[float]:
+        """Return the roll command (rad), the load-factor command (1), and the values of `signals`.
+
+        Parameters
+        ----------
+        measured : Measured
+        reference : ReferenceSample
+        t : float, s
+            Time since the start.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LawSetup:
+    """What a law is made with for a flight: ``Law(setup, **parameters)``.
+
+    Attributes
+    ----------
+    dt : float, s
+        Sample time of the flight.
+    limits : Limits
+        Of the commands (phi, n_z): those of the scenario and of the plant.
+    gains : PIGains or None
+        The gain set of the run.
+    g : float, m/s^2
+        Acceleration of gravity.
+    scenario : mapping
+        The scenario as it would be written in TOML.
+    """
+
+    dt: float
+    limits: Limits
+    gains: PIGains | None = None
+    g: float = G_PAPER
+    scenario: Mapping[str, Any] = field(default_factory=dict, repr=False)

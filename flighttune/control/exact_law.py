@@ -1,0 +1,370 @@
+"""The exact law: rates wanted by PI and the reference, commands by inversion of the point mass."""
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+
+from flighttune.arrays import check_positive
+from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
+from flighttune.control.gains import PIGains
+from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
+from flighttune.control.linear_model import LinearModel
+from flighttune.control.mimo_pi import (
+    AntiWindup,
+    PIState,
+    check_anti_windup,
+    integral_time,
+)
+from flighttune.errors import InputError, ShapeError
+from flighttune.units import G_PAPER, wrap_angle
+
+Priority: TypeAlias = Literal["gamma", "chi"]
+
+RATES = ("chi_dot", "gamma_dot")
+"""What gains of this law act on: the rates wanted, in place of roll and load factor."""
+
+RATE_SIGNALS: Mapping[str, str] = MappingProxyType(
+    {"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"}
+)
+
+LIFT_FLOOR = 0.1
+"""Least vertical lift for which the roll command is computed, in weights."""
+
+BRAKING = 0.5
+"""Part of the load factor's rate limit with which the path angle is caught."""
+
+
+class RateLaw(NamedTuple):
+    """What does not change from sample to sample.
+
+    Attributes
+    ----------
+    K_P, K_I_dt : tuple of two tuples of two floats
+        Rows chi_dot and gamma_dot, columns errors of chi and gamma; K_I times the sample time.
+    bounds : tuple of two tuples of four floats
+        Of roll and of load factor: range, and how far it may move in a sample, down and up.
+    wrapped, conditional : bool
+        Whether the course error is taken the short way round, and anti-windup is conditional.
+    tracking_gain : float
+        Sample time over tracking time; 0 without back-calculation.
+    per_g : float, s^2/m
+        One over the acceleration of gravity.
+    lift_floor : float
+    brake : float, 1/s
+        Twice the part of the load factor's rate limit that catches the path angle.
+    course_first : bool
+        Whether the course has priority.
+    """
+
+    K_P: tuple[tuple[float, float], tuple[float, float]]
+    K_I_dt: tuple[tuple[float, float], tuple[float, float]]
+    bounds: tuple[tuple[float, float, float, float], tuple[float, float, float, float]]
+    wrapped: bool
+    conditional: bool
+    tracking_gain: float
+    per_g: float
+    lift_floor: float
+    brake: float
+    course_first: bool
+
+
+class ExactLaw:
+    r"""Course and path angle by exact inversion of the point mass.
+
+    The rates wanted are those of the reference and a PI of the errors,
+    ``nu = ref' + K_P e + K_I integral of e``. With the horizontal and vertical lift that they need,
+    in weights, ``a = V_a cos(gamma) nu_chi / g`` and ``b = V_a nu_gamma / g + cos(gamma)``, the
+    commands are ``phi = atan2(a, max(b, lift_floor))`` and, from the roll command after its limits
+    in the same sample, ``n_z = b / cos(phi)``. Valid for cos(gamma) > 0.
+
+    Parameters
+    ----------
+    gains : PIGains
+        From the errors (chi, gamma) to the rates `RATES`: K_P in 1/s, K_I in 1/s^2.
+    limits : Limits, optional
+        Of (phi, n_z); none by default. Applied as `CommandLimiter` does.
+    dt : float, s
+        Sample time.
+    anti_windup : {"conditional", "back_calculation", "none"}
+        What an integrator does while a limit holds the command of its channel (roll of the course,
+        load factor of the path angle), and that of the course while b is below the floor: stand,
+        be led back towards the rate that the commands give with the tracking time, or go on.
+    tracking_time : float, s, optional
+        Of back-calculation; by default ``norm(K_P) / norm(K_I)``, never below `dt`.
+    priority : {"gamma", "chi"}
+        What is kept where the largest load factor is less than course and path angle need together:
+        the vertical lift (the roll command is reduced to ``acos(b / n_z_max)``), or the horizontal
+        one (it is raised to ``asin(a / n_z_max)``).
+    lift_floor : float
+        In weights. Where less vertical lift is wanted, in a push-over, the roll command is that of
+        the floor: it stays on the side of the turn and does not jump where b passes zero. The load
+        factor stays ``b / cos(phi)``, negative where b is, as far as its limits go; without lift
+        there is no turn, and the course waits.
+    braking : float or None
+        The proportional part of the path-angle rate is at most
+        ``sqrt(2 braking (g / V_a) r |e|)``, r the rate limit of the load factor and e the error
+        that this part is proportional to: more could not be taken back before the error is gone.
+        None for no such bound. Where it holds the load factor counts as rate-limited.
+    wrapped : bool
+        Take the course error the short way round.
+    g : float, m/s^2
+        Acceleration of gravity.
+
+    Attributes
+    ----------
+    state : PIState
+        Errors, commands after and before the limits, and integrals in rad/s.
+    signals : mapping of str to str
+        Recorded: ``chi_dot_integral`` and ``gamma_dot_integral``, the parts of the rates wanted
+        that come from the integrators.
+
+    Raises
+    ------
+    InputError
+        If a value cannot be used, or `gains` does not act on rates (`rate_gains` maps others).
+    ShapeError
+        If `limits` is not made for two commands.
+
+    Notes
+    -----
+    Derived in docs/exact_law.md. Integrals take each error after the command of its sample, so
+    that whether a limit holds does not depend on the increment it stops: no lock, see
+    design/anti_windup.md.
+    """
+
+    state: PIState
+
+    def __init__(
+        self,
+        gains: PIGains,
+        limits: Limits | None = None,
+        *,
+        dt: float,
+        anti_windup: AntiWindup = "conditional",
+        tracking_time: float | None = None,
+        priority: Priority = "gamma",
+        lift_floor: float = LIFT_FLOOR,
+        braking: float | None = BRAKING,
+        wrapped: bool = True,
+        g: float = G_PAPER,
+    ) -> None:
+        limits = Limits.none(2) if limits is None else limits
+        if limits.lower.shape != (2,):
+            raise ShapeError(f"`limits` must be of 2 commands, got {limits.lower.shape[0]}.")
+        check_positive(
+            dt=dt, tracking_time=tracking_time, lift_floor=lift_floor, braking=braking, g=g
+        )
+        check_anti_windup(anti_windup)
+        if priority not in get_args(Priority):
+            raise InputError(f"`priority` must be gamma or chi, got {priority!r}.")
+        rate_model().check_channels(gains)
+        self.gains, self.limits, self.dt, self.signals = gains, limits, dt, RATE_SIGNALS
+        tracking_gain = 0.0
+        if anti_windup == "back_calculation":
+            if tracking_time is None:
+                tracking_time = integral_time(gains.K_P, gains.K_I)
+            tracking_gain = dt / max(tracking_time, dt)
+        bounds = (limits.lower, limits.upper, limits.rate_lower * dt, limits.rate_upper * dt)
+        (a, b), (c, d) = gains.K_P.tolist()
+        (e, f), (h, i) = (gains.K_I * dt).tolist()
+        roll, load = zip(*(row.tolist() for row in bounds), strict=True)
+        self._law = RateLaw(
+            K_P=((a, b), (c, d)),
+            K_I_dt=((e, f), (h, i)),
+            bounds=(roll, load),
+            wrapped=wrapped,
+            conditional=anti_windup == "conditional",
+            tracking_gain=tracking_gain,
+            per_g=1.0 / g,
+            lift_floor=lift_floor,
+            brake=2.0 * (braking or math.inf) * min(limits.rate_upper[1], -limits.rate_lower[1]),
+            course_first=priority == "chi",
+        )
+        self._reset((0.0, 1.0))
+
+    @property
+    def limiter(self) -> PIState:
+        """Commands before the limits, and which limit holds: the law applies its own."""
+        return self.state
+
+    def linear(self) -> tuple[LinearModel, PIGains]:
+        """Model and gains of its error dynamics, the same at every flight condition."""
+        return rate_model(), self.gains
+
+    def start(self, condition: FlightCondition) -> None:
+        """Empty the integrators; the roll and load factor of `condition` are in force."""
+        self._reset((condition.phi, condition.n_z_start))
+
+    def _reset(self, u: tuple[float, float]) -> None:
+        self.state = PIState(
+            error=[0.0, 0.0],
+            error_sum=[0.0, 0.0],
+            u=list(u),
+            u_unsat=list(u),
+            integral=[0.0, 0.0],
+            limited=[FREE, FREE],
+            started=[False],
+        )
+
+    def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
+        """Return roll and load-factor command after all limits, and the values of `signals`.
+
+        Parameters
+        ----------
+        measured : Measured
+        reference : ReferenceSample
+        """
+        state = self.state
+        before = tuple(state.integral)
+        exact_step(self._law, state, reference, measured[:2], measured.V_a)
+        return (*state.u, *before)
+
+
+def rate_model() -> LinearModel:
+    """Error dynamics of the exact law while no limit holds: ``e' = -nu`` on rates of the reference.
+
+    Returns
+    -------
+    LinearModel
+        A = 0, B = -I, C = I: the same at every airspeed, path angle, roll and load factor.
+    """
+    return LinearModel(
+        A=np.zeros((2, 2)),
+        B=-np.eye(2),
+        C=np.eye(2),
+        states=("chi", "gamma"),
+        inputs=RATES,
+        errors=("chi", "gamma"),
+    )
+
+
+def acts_on_rates(gains: PIGains) -> bool:
+    """Whether gains are those of the exact law, in 1/s and 1/s^2."""
+    return gains.inputs == RATES
+
+
+def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
+    """Gains of the paper's law as gains of the exact law, or as they are if they already are.
+
+    Parameters
+    ----------
+    gains : PIGains
+    V_a : float, m/s
+        Airspeed for which they were made.
+    g : float, m/s^2
+
+    Returns
+    -------
+    PIGains
+        Times ``g / V_a``: the same loop about wings-level flight at gamma = 0.
+    """
+    if acts_on_rates(gains):
+        return gains
+    check_positive(V_a=V_a, g=g)
+    return PIGains(K_P=gains.K_P * (g / V_a), K_I=gains.K_I * (g / V_a), inputs=RATES)
+
+
+def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
+    """Gains of the exact law as gains of the paper's law, or as they are if they already are.
+
+    Parameters
+    ----------
+    gains : PIGains
+    V_a : float, m/s
+        Airspeed for which they shall be.
+    g : float, m/s^2
+
+    Returns
+    -------
+    PIGains
+        Times ``V_a / g``: `rate_gains` the other way.
+    """
+    if not acts_on_rates(gains):
+        return gains
+    check_positive(V_a=V_a, g=g)
+    return PIGains(K_P=gains.K_P * (V_a / g), K_I=gains.K_I * (V_a / g))
+
+
+def exact_step(
+    law: RateLaw,
+    state: PIState,
+    ref: Sequence[float],
+    y: Sequence[float],
+    V_a: float,
+) -> None:
+    """One sample of `ExactLaw`, written so that Numba compiles it too.
+
+    Parameters
+    ----------
+    law : RateLaw
+    state : PIState
+        Written to.
+    ref : sequence of float
+        Course, flight-path angle, and their rates.
+    y : sequence of float
+        Course and flight-path angle measured, and what else may follow.
+    V_a : float, m/s
+    """
+    (
+        K_P,
+        K_I_dt,
+        bounds,
+        wrapped,
+        conditional,
+        tracking_gain,
+        per_g,
+        lift_floor,
+        brake,
+        course_first,
+    ) = law
+    # All of it by name at once: inlined by Numba, writes through attributes would be lost.
+    error, _, u, u_unsat, integral, limited, _ = state
+    e_chi, e_gamma = ref[0] - y[0], ref[1] - y[1]
+    if wrapped:
+        e_chi = wrap_angle(e_chi)
+    error[0], error[1] = e_chi, e_gamma
+    level, speed = math.cos(y[1]), V_a * per_g
+    nu_chi = ref[2] + K_P[0][0] * e_chi + K_P[0][1] * e_gamma + integral[0]
+    climb = K_P[1][0] * e_chi + K_P[1][1] * e_gamma
+    # The load factor can take back a rate of climb only at its own rate limit.
+    braked = abs(climb) * speed * K_P[1][1] > brake
+    if braked:
+        climb = math.copysign(math.sqrt(brake * abs(climb) / (speed * K_P[1][1])), climb)
+    nu_gamma = ref[3] + climb + integral[1]
+
+    # Horizontal and vertical lift that these rates need, in weights.
+    a, b = speed * level * nu_chi, speed * nu_gamma + level
+    floored = b < lift_floor
+    roll = math.atan2(a, lift_floor if floored else b)
+    most = bounds[1][1]
+    if not floored and a * a + b * b > most * most:
+        # The largest load factor does not give both.
+        if course_first:
+            roll = math.copysign(math.asin(min(1.0, abs(a) / most)), a)
+        else:
+            roll = math.copysign(math.acos(min(1.0, b / most)), a)
+    phi, phi_limited = limit_command(roll, u[0], *bounds[0])
+    load = b / math.cos(phi)
+    n_z, n_z_limited = limit_command(load, u[1], *bounds[1])
+    if braked and n_z_limited == FREE:
+        n_z_limited = RATE_LIMITED
+    u_unsat[0], u_unsat[1] = roll, load
+    u[0], u[1] = phi, n_z
+    limited[0], limited[1] = phi_limited, n_z_limited
+
+    # Whether the commands give the rates wanted; where no limit holds they do but for rounding.
+    held_chi, held_gamma = phi_limited != FREE or floored, n_z_limited != FREE
+    more_chi = K_I_dt[0][0] * e_chi + K_I_dt[0][1] * e_gamma
+    more_gamma = K_I_dt[1][0] * e_chi + K_I_dt[1][1] * e_gamma
+    if conditional:
+        more_chi, more_gamma = 0.0 if held_chi else more_chi, 0.0 if held_gamma else more_gamma
+    elif tracking_gain:
+        if held_chi or held_gamma:
+            more_chi -= tracking_gain * (a - n_z * math.sin(phi)) / (speed * level)
+        if held_gamma:
+            more_gamma -= tracking_gain * (b - n_z * math.cos(phi)) / speed
+    integral[0] += more_chi
+    integral[1] += more_gamma

@@ -1,0 +1,224 @@
+"""The exact law against the point mass that it inverts, and its limits one by one."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
+from flighttune.control.exact_law import RATES, ExactLaw, command_gains, rate_gains, rate_model
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import closed_loop, kinematic_model
+from flighttune.errors import InputError, ShapeError
+from flighttune.plants.point_mass import PointMassPlant, turn_rates
+from flighttune.simulate.loop import simulate
+from flighttune.simulate.reference import Ramp, Reference
+
+G = 9.81
+ROUNDING = 1e-12
+DT = 0.02
+
+
+def rates(K_P, K_I=(0.0, 0.0)):
+    return PIGains(K_P=np.diag(K_P), K_I=np.diag(K_I), inputs=RATES)
+
+
+GAINS = rates((1.4, 1.2), (0.7, 0.6))
+
+
+def limits(phi=math.inf, n_z=(-math.inf, math.inf), rate=(math.inf, math.inf)):
+    return Limits(
+        lower=np.array([-phi, n_z[0]]),
+        upper=np.array([phi, n_z[1]]),
+        rate_lower=-np.array(rate),
+        rate_upper=np.array(rate),
+    )
+
+
+def seen(chi=0.0, gamma=0.0, V_a=25.0):
+    return Measured(chi, gamma, V_a, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
+
+
+def command(law, measured, reference, samples=1, phi=0.0, n_z=1.0):
+    law.start(FlightCondition(V_a=measured.V_a, phi=phi, n_z=n_z))
+    for k in range(samples):
+        found = law.step(measured, reference, k * DT)
+    return found[0], found[1]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_commands_give_the_point_mass_the_rates_wanted(seed):
+    rng = np.random.default_rng(seed)
+    V_a, gamma = rng.uniform(15.0, 250.0), rng.uniform(-1.2, 1.2)
+    e, rate = rng.uniform(-0.1, 0.1, 2), rng.uniform(-0.03, 0.03, 2)
+    here, wanted = seen(0.3, gamma, V_a), ReferenceSample(0.3 + e[0], gamma + e[1], *rate)
+    lift = V_a * (rate[1] + 1.2 * e[1]) / G + math.cos(gamma)
+
+    phi, n_z = command(ExactLaw(GAINS, dt=DT, lift_floor=1e-6), here, wanted)
+
+    flown = turn_rates(V_a, gamma, phi, n_z, law="exact")
+    if lift > 0.0:
+        assert flown == pytest.approx(rate + np.array([1.4, 1.2]) * e, abs=ROUNDING)
+    assert n_z * math.cos(phi) == pytest.approx(lift, abs=ROUNDING)
+
+
+@pytest.mark.parametrize(("V_a", "gamma"), [(20.0, -0.4), (25.0, 0.2), (90.0, 0.9)])
+def test_errors_are_those_of_one_linear_loop_at_every_condition(V_a, gamma):
+    dt, e_0 = 0.002, np.array([0.3, -0.02])
+    signals, stop = simulate(
+        PointMassPlant(),
+        ExactLaw(GAINS, dt=dt),
+        Reference(chi=e_0[0], gamma=gamma + e_0[1]),
+        condition=FlightCondition(V_a=V_a, gamma=gamma),
+        duration=4.0,
+    )
+    A_K = closed_loop(rate_model(), GAINS)
+
+    assert stop is None
+    for t in (0.5, 1.0, 2.0, 4.0):
+        # s = (e', e); without integral at the start e' is that of the proportional part
+        s = expm(A_K * t) @ np.concatenate([-np.diag([1.4, 1.2]) @ e_0, e_0])
+        errors = signals.loc[:t].iloc[-1][["chi_err", "gamma_err"]].to_numpy(dtype=float)
+        assert errors == pytest.approx(s[2:], abs=2.0 * dt * np.abs(e_0).max())
+
+
+def test_a_ramp_is_followed_without_error():
+    reference = Reference(
+        chi=0.0, gamma=0.0, chi_segments=(Ramp(start=0.0, duration=9.0, rate=0.15),)
+    )
+    signals, _ = simulate(
+        PointMassPlant(),
+        ExactLaw(rates((1.4, 1.2)), dt=DT),
+        reference,
+        condition=FlightCondition(V_a=25.0),
+        duration=8.0,
+    )
+
+    assert signals["chi"].iloc[-1] == pytest.approx(0.15 * 8.0, abs=1e-6)
+    assert np.abs(signals["chi_err"]).max() < 1e-3
+    assert np.abs(signals["gamma_err"]).max() < 1e-3
+
+
+def test_where_roll_is_limited_the_load_factor_keeps_the_vertical():
+    law = ExactLaw(GAINS, limits(phi=0.5), dt=DT)
+
+    phi, n_z = command(law, seen(), ReferenceSample(1.0, 0.1))
+
+    assert phi == 0.5
+    assert n_z * math.cos(phi) == pytest.approx(1.0 + 25.0 * 1.2 * 0.1 / G, abs=ROUNDING)
+    assert law.state.limited == [1, 0]
+
+
+@pytest.mark.parametrize("e_gamma", [-0.4, -0.6])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_without_lift_roll_stays_on_the_side_of_the_turn(e_gamma, side):
+    b = 1.0 + 25.0 * 1.2 * e_gamma / G
+    a = 25.0 * 1.4 * 0.05 / G
+    law = ExactLaw(rates((1.4, 1.2)), dt=DT, lift_floor=0.3, braking=None)
+
+    phi, n_z = command(law, seen(), ReferenceSample(side * 0.05, e_gamma))
+
+    assert b < 0.0
+    assert phi == pytest.approx(side * math.atan2(a, 0.3), abs=ROUNDING)
+    assert n_z * math.cos(phi) == pytest.approx(b, abs=ROUNDING)
+
+
+def test_roll_does_not_jump_where_the_lift_wanted_passes_zero():
+    law = ExactLaw(rates((1.4, 1.2)), dt=DT, lift_floor=0.3, braking=None)
+    at = [-G / (25.0 * 1.2) * (1.0 - b) for b in np.linspace(-0.2, 0.5, 701)]
+
+    rolls = [command(law, seen(), ReferenceSample(0.05, e_gamma))[0] for e_gamma in at]
+
+    assert np.abs(np.diff(rolls)).max() < 0.002
+
+
+@pytest.mark.parametrize(
+    ("priority", "roll"),
+    [("gamma", lambda _, b: math.acos(b / 1.5)), ("chi", lambda a, _: math.asin(a / 1.5))],
+)
+def test_the_largest_load_factor_goes_to_what_has_priority(priority, roll):
+    a, b = 25.0 * 1.4 * 0.35 / G, 1.0 + 25.0 * 1.2 * 0.05 / G
+    assert a < 1.5 < math.hypot(a, b)
+    law = ExactLaw(GAINS, limits(n_z=(0.0, 1.5)), dt=DT, priority=priority)
+
+    phi, n_z = command(law, seen(), ReferenceSample(0.35, 0.05))
+
+    assert phi == pytest.approx(roll(a, b), abs=ROUNDING)
+    assert n_z == pytest.approx(1.5, abs=ROUNDING)
+    vertical, horizontal = n_z * math.cos(phi), n_z * math.sin(phi)
+    assert (vertical if priority == "gamma" else horizontal) == pytest.approx(
+        b if priority == "gamma" else a, abs=ROUNDING
+    )
+
+
+@pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation", "none"])
+def test_integrators_stand_while_the_command_of_their_channel_is_limited(anti_windup):
+    law = ExactLaw(GAINS, limits(phi=0.2), dt=DT, anti_windup=anti_windup)
+
+    command(law, seen(), ReferenceSample(0.5, 0.02), samples=50)
+
+    chi, gamma = law.state.integral
+    assert gamma == pytest.approx(0.6 * 0.02 * 50 * DT, abs=ROUNDING)
+    if anti_windup == "conditional":
+        assert chi == 0.0
+    elif anti_windup == "none":
+        assert chi == pytest.approx(0.7 * 0.5 * 50 * DT, abs=ROUNDING)
+    else:
+        assert chi < 0.2 * 0.7 * 0.5 * 50 * DT  # led back to the rate that the limited roll gives
+
+
+def test_a_steady_error_is_integrated_away_under_a_slow_rate_limit():
+    """No lock: an increment larger than a rate-limited step does not stop its own integrator."""
+    law = ExactLaw(rates((0.0, 0.0), (5.0, 5.0)), limits(rate=(0.05, 0.05)), dt=DT, braking=None)
+
+    phi, _ = command(law, seen(), ReferenceSample(0.3, 0.0), samples=500)
+
+    assert phi > 0.2
+
+
+def test_a_climb_that_the_rate_limit_could_not_take_back_is_not_asked_for():
+    law = ExactLaw(rates((1.4, 2.0)), limits(rate=(9.0, 1.0)), dt=DT, braking=0.5)
+    slow, fast = 0.05, 0.5
+
+    command(law, seen(), ReferenceSample(0.0, slow))
+    assert law.state.u_unsat[1] == pytest.approx(1.0 + 25.0 * 2.0 * slow / G, abs=ROUNDING)
+
+    command(law, seen(), ReferenceSample(0.0, fast))
+    caught = math.sqrt(2.0 * 0.5 * (G / 25.0) * 1.0 * fast)  # v^2 = 2 a s
+    assert law.state.u_unsat[1] == pytest.approx(1.0 + 25.0 * caught / G, abs=ROUNDING)
+    assert law.state.limited[1] == 2
+
+
+def test_gains_of_the_papers_law_are_mapped_by_g_over_v():
+    mapped = rate_gains(PAPER_GAINS, V_a=25.0, g=G)
+    level = kinematic_model(V_a=25.0, gamma=0.0, g=G)
+
+    assert closed_loop(rate_model(), mapped) == pytest.approx(
+        closed_loop(level, PAPER_GAINS), abs=ROUNDING
+    )
+    assert command_gains(mapped, V_a=25.0, g=G).K == pytest.approx(PAPER_GAINS.K, abs=ROUNDING)
+    assert rate_gains(mapped, V_a=99.0) is mapped
+    assert command_gains(PAPER_GAINS, V_a=99.0) is PAPER_GAINS
+
+
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [
+        ({"dt": 0.0}, "dt"),
+        ({"dt": DT, "lift_floor": 0.0}, "lift_floor"),
+        ({"dt": DT, "braking": -1.0}, "braking"),
+        ({"dt": DT, "priority": "both"}, "priority"),
+        ({"dt": DT, "anti_windup": "clamp"}, "anti_windup"),
+        ({"dt": DT, "gains": PAPER_GAINS}, "gains"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_by_name(settings, key):
+    with pytest.raises(InputError, match=f"`{key}` must"):
+        ExactLaw(**{"gains": GAINS} | settings)
+
+
+def test_limits_must_be_of_two_commands():
+    with pytest.raises(ShapeError, match="`limits` must be of 2"):
+        ExactLaw(GAINS, Limits.none(3), dt=DT)
