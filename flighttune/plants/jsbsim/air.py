@@ -76,6 +76,12 @@ def weather_step(fdm: Fdm, weather: Weather, rate: float) -> Callable[[], bool]:
 
 
 def _begin_turbulence(fdm: Fdm, turbulence: Turbulence) -> None:
+    # JSBSim turns the axes of its turbulence with the heading of the wind in `wind-*`. Evaluations
+    # leave 1e-13 m/s of rounding there, which would turn them anywhere; without it they are north
+    # and east. The heading comes last: JSBSim keeps the one it computed before.
+    for axis in _NED:
+        fdm.writer(f"atmosphere/wind-{axis}-fps")(0.0)
+    fdm.writer("atmosphere/psiw-rad")(0.0)
     fdm.writer("atmosphere/turb-type")(_MODELS[turbulence.model])
     milspec = "atmosphere/turbulence/milspec"
     fdm.writer(f"{milspec}/windspeed_at_20ft_AGL-fps")(turbulence.wind_20ft / FT)

@@ -37,6 +37,9 @@ LINEAR_OVER_20_MS = 3e-4
 FIRST_ORDER = 0.012
 """Second-order terms and the aircraft's own lag, rad, at a path turned by 0.13 rad."""
 
+CLIMB_OF_A_STEP = 1e-4
+"""Relative: turbulence is weaker by that where 0.1 m are climbed."""
+
 
 def blowing(north=0.0, east=0.0, down=0.0):
     return WindProfile(((0.0, (north, east, down)),))
@@ -234,6 +237,20 @@ def test_turbulence_is_the_same_for_one_seed_and_another_for_another(fly):
     for name in first.signals:
         assert np.array_equal(first[name], again[name]), name
     assert not np.array_equal(first["wind_down"], other["wind_down"])
+
+
+def test_turbulence_has_the_same_axes_whatever_the_start(fly):
+    """Its filters know seed, airspeed and height alone: the first gust is one for every start."""
+    weather = Weather(turbulence=Turbulence(severity=4, wind_20ft=15.0))
+
+    gusts = [
+        wind_of(fly((0.0, 1.0), duration=STEP, dt=STEP, weather=weather, seed=5, **start))[1]
+        for start in ({}, {"chi": 1.0}, {"chi": -2.5}, {"gamma": 0.7}, {"phi": -0.5, "chi": 3.0})
+    ]
+
+    assert np.linalg.norm(gusts[0][:2]) > 0.01
+    for gust in gusts[1:]:
+        assert gust == pytest.approx(gusts[0], rel=CLIMB_OF_A_STEP)
 
 
 def test_a_flight_in_turbulence_starts_from_trim(fly):
