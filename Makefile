@@ -11,7 +11,9 @@ demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
 
 # The inner loop of whoever changes the code: style, types and the fast tests in under a minute.
-# Types are checked while the tests run.
+# Types are checked while the tests run. With two workers on two cores, threads of BLAS would spend
+# their time waiting for each other.
+check: export OPENBLAS_NUM_THREADS = 1
 check: $(STAMP)
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .

@@ -1,6 +1,5 @@
 """The commands, and what becomes of errors."""
 
-import os
 import sys
 from typing import Annotated
 
@@ -60,9 +59,6 @@ def _options(
 
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
-    # Matrices are small here: where the machine is busy, threads that wait for each other take a
-    # thousand times as long as the work. NumPy and SciPy read this when they are imported.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app()
     except FlightTuneError as error:
