@@ -2,6 +2,5 @@
 
 from hypothesis import settings
 
-
 settings.register_profile("here", deadline=None, derandomize=True, database=None)
 settings.load_profile("here")
