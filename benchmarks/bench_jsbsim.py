@@ -20,7 +20,7 @@ from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
 from flighttune.scenario import load_scenario
-from flighttune.shipped import scenario_file
+from flighttune.shipped import scenario_files
 from flighttune.simulate.loop import simulate
 
 SECONDS = 60.0
@@ -67,7 +67,7 @@ def bare(condition: FlightCondition) -> float:
 
 def closed_loop(weather: Weather | None) -> tuple[float, int]:
     """Return the time of one integration step in the closed loop, s, and the signals recorded."""
-    scenario = load_scenario(scenario_file("paper"))
+    scenario = load_scenario(scenario_files()["paper"])
     controller = MimoPI(
         PAPER_GAINS,
         scenario.limits.limits(),
@@ -91,7 +91,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one object")
     as_json = parser.parse_args().json
 
-    condition = load_scenario(scenario_file("paper")).condition
+    condition = load_scenario(scenario_files()["paper"]).condition
     bare_s, signals = math.inf, 0
     loop_s = dict.fromkeys(WEATHER, math.inf)
     for _ in range(REPEATS):

@@ -39,6 +39,43 @@ METRICS: dict[str, str] = {
 }
 """Columns of `channel_metrics`, the fields of `ErrorMeasures`, and their units."""
 
+FLIGHT_METRICS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_max_rad": "rad"}
+"""Names of `flight_metrics` and their units."""
+
+
+def unit_of(subject: str, name: str) -> str:
+    """Unit of a measure of ``chi``, ``gamma`` or ``flight``, as `measures` names them."""
+    if subject == "flight":
+        return FLIGHT_METRICS[name]
+    if name == "effort_rms":
+        return "rad" if subject == "chi" else "1"
+    return {**METRICS, "peak_rad": "rad"}[name]
+
+
+def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":
+    """`channel_metrics` and `flight_metrics` of those runs that flew, by label.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+
+    Returns
+    -------
+    channels : DataFrame
+        Index run and channel; empty without runs.
+    flights : DataFrame
+        Index run.
+    """
+    import pandas as pd
+
+    flown = [run for run in runs if len(run.signals) > 1]
+    channels = {run.label: channel_metrics(run) for run in flown}
+    flights = {run.label: flight_metrics(run) for run in flown}
+    return (
+        pd.concat(channels, names=["run"]) if channels else pd.DataFrame(),
+        pd.DataFrame.from_dict(flights, orient="index"),
+    )
+
 
 def channel_metrics(run: Run) -> "pd.DataFrame":
     r"""Tracking measures of a run, one row a channel.
@@ -84,7 +121,7 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
 
     ITAE, PT, MO, MS and ST are those of arXiv 2411.13140, section 5.2, which names them in words.
     """
-    t, columns = run.signals.index.to_numpy(dtype=float), signal_arrays(run, MEASURED)
+    t, columns = run.t, signal_arrays(run, MEASURED)
     rows = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
     import pandas as pd
 
@@ -106,7 +143,7 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
     """
     if len(run.signals) < 2:
         return {}
-    t, columns = run.signals.index.to_numpy(dtype=float), signal_arrays(run, MEASURED)
+    t, columns = run.t, signal_arrays(run, MEASURED)
     found = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
     for channel, of_channel in found.items():
         of_channel["peak_rad"] = float(np.max(np.abs(columns[f"{channel}_err"])))

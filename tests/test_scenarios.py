@@ -9,7 +9,7 @@ import pytest
 
 from flighttune.flight.fly import fly
 from flighttune.scenario import load_scenario
-from flighttune.shipped import scenario_names
+from flighttune.shipped import scenario_files
 
 pytestmark = pytest.mark.slow
 
@@ -21,10 +21,10 @@ LAST_DIGIT = 0.006
 
 @pytest.fixture(scope="module")
 def flown():
-    return {name: fly(load_scenario(name)) for name in scenario_names()}
+    return {name: fly(load_scenario(name)) for name in scenario_files()}
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", scenario_files())
 def test_every_scenario_flies_and_comes_to_what_it_expects(name, flown):
     assert flown[name].missed == ()
     for run in flown[name].runs:
@@ -71,13 +71,13 @@ def test_every_script_runs_and_is_short(script, tmp_path):
 @pytest.mark.parametrize("page", ["README.md", "scenarios/README.md"])
 def test_the_scenario_tables_name_every_scenario(page):
     text = (ROOT / page).read_text()
-    for name in [*(f"{name}.toml" for name in scenario_names()), *(s.name for s in SCRIPTS)]:
+    for name in [*(f"{name}.toml" for name in scenario_files()), *(s.name for s in SCRIPTS)]:
         assert f"`{name}`" in text, f"{page} does not tell of {name}"
 
 
 def test_the_table_of_scenarios_says_what_their_headers_say():
     text = (ROOT / "scenarios/README.md").read_text()
-    for name in scenario_names():
+    for name in scenario_files():
         assert f"| `{name}.toml` | {load_scenario(name).title} |" in text
 
 

@@ -27,7 +27,7 @@ from flighttune.flight.outer_loop import (
 )
 from flighttune.identify.file import load_identified
 from flighttune.scenario import load_scenario, scenario_from
-from flighttune.shipped import aircraft_folder, scenario_file
+from flighttune.shipped import aircraft_folder, scenario_files
 from flighttune.theory.indicators import indicators
 
 pytestmark = pytest.mark.slow
@@ -323,7 +323,7 @@ def test_scenarios_that_cannot_be_tuned_so_are_refused_by_key(change, message):
 
 
 def test_a_scenario_file_that_names_no_model_is_told_of_by_file_and_key(tmp_path):
-    text = scenario_file("paper_identified").read_text()
+    text = scenario_files()["paper_identified"].read_text()
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('identified = "aerosonde"', 'identified = "nowhere.json"'))
 

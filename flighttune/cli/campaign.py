@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from flighttune.campaign.dataset import Dataset
     from flighttune.campaign.engine.cost import CampaignCost
     from flighttune.campaign.engine.progress import CampaignOutcome
-    from flighttune.campaign.flying.refly import RowDifference
     from flighttune.campaign.planning.plan import Plan
     from flighttune.campaign.statistics.findings import Findings
     from flighttune.campaign.statistics.intervals import Estimate
@@ -116,16 +115,20 @@ def fly(
     name = f"{Path(folder).name}-run-{run}"
     with progress_bar() as progress:
         again = fly_again(dataset.plan, run, progress=progress)
-    files = record(again.flown, out or Path("runs") / name, name=name)
+    flown = again[f"{row['plant']} / {row['gains']}"]
+    files = record(again, out or Path("runs") / name, name=name)
     differences = row_differences(dataset.plan, run, row)
     versions = changed_versions(dataset.versions)
     answer = {
         "run": run,
         "plant": row["plant"],
         "gains": row["gains"],
-        **pick(again.run, "status reason"),
+        **pick(flown, "status reason"),
         "equal": not differences,
-        "differences": differences,
+        "differences": [
+            {"column": one.what, "in_row": one.recorded, "flown": one.reflown}
+            for one in differences
+        ],
         "versions": {key: {"campaign": then, "now": now} for key, (then, now) in versions.items()},
         "row": row,
         **pick(files, "recording signals"),
@@ -137,7 +140,7 @@ def fly(
             yield f"  {key} = {row[key]!r}"
         ended = f"{row['status']}: {row['reason']}" if row["reason"] else row["status"]
         yield f"row: {ended}; {row['missed'] or 'a success'}"
-        yield from map(_difference_text, differences)
+        yield from (one.sentence for one in differences)
         if not differences:
             yield "flown again: status and every measure equal to the bit"
         for library, (then, now) in versions.items():
@@ -146,7 +149,7 @@ def fly(
 
     emit(answer, text(), as_json=as_json)
     if differences:
-        fail(f"{folder}: run {run}: {_difference_text(differences[0])}", NO)
+        fail(f"{folder}: run {run}: {differences[0].sentence}", NO)
 
 
 @campaign.command()
@@ -184,8 +187,8 @@ def run(
     folder = out or str(Path("runs") / Path(file).stem)
     plan = _planned(file, runs, folder, resume=resume)
     if dry_run:
-        from flighttune.campaign.engine.cluster import cores
         from flighttune.campaign.engine.cost import campaign_cost
+        from flighttune.simulate.batch import cores
 
         cost, count = campaign_cost(plan), workers or cores()
         emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count), as_json=as_json)
@@ -324,10 +327,6 @@ def _row(dataset: "Dataset", run: int) -> dict[str, Any]:
     raise RecordingError(
         f"{dataset.folder}: `run` must be one that was flown, got {run} of {dataset.plan.runs}."
     )
-
-
-def _difference_text(one: "RowDifference") -> str:
-    return f"`{one.column}` differs: {one.in_row!r} in the row, {one.flown!r} flown again"
 
 
 def _planned(file: str, runs: int | None, folder: str, *, resume: bool) -> "Plan":

@@ -18,7 +18,6 @@ from flighttune.units import DEG_PER_RAD
 
 if TYPE_CHECKING:
     from flighttune.flight.fly import FlownScenario
-    from flighttune.flight.refly import Difference
     from flighttune.recording.record import RecordedFiles
     from flighttune.simulate.run import Run
 
@@ -81,7 +80,9 @@ def refly(
             flights = fly_again(found.runs, progress=progress)
     except (RecordingError, ScenarioError) as error:
         raise RecordingError(f"{recording}: {error}") from error
-    different = [one for one in flights if one.difference]
+    different = [
+        f"{one.recorded.label}: {one.difference.sentence}" for one in flights if one.difference
+    ]
     versions = {name: pair for one in flights for name, pair in one.versions.items()}
     answer = {
         "equal": not different,
@@ -104,7 +105,12 @@ def refly(
 
     def text() -> Iterator[Table | str]:
         rows = [
-            (run["run"], run["status"], str(run["samples"]), _difference_text(one.difference))
+            (
+                run["run"],
+                run["status"],
+                str(run["samples"]),
+                one.difference.sentence if one.difference else "equal to the bit",
+            )
             for run, one in zip(answer["runs"], flights, strict=True)
         ]
         yield table(f"{recording}, flown again", ("run", "status", "samples", "result"), rows)
@@ -115,8 +121,7 @@ def refly(
 
     emit(answer, text(), as_json=as_json)
     if different:
-        first = different[0]
-        fail(f"{recording}: {first.recorded.label}: {_difference_text(first.difference)}", NO)
+        fail(f"{recording}: {different[0]}", NO)
 
 
 def list_shipped(as_json: JsonOption = False) -> None:
@@ -124,8 +129,8 @@ def list_shipped(as_json: JsonOption = False) -> None:
     from flighttune import shipped
 
     files = {
-        "scenarios": map(shipped.scenario_file, shipped.scenario_names()),
-        "campaigns": map(shipped.campaign_file, shipped.campaign_names()),
+        "scenarios": shipped.scenario_files().values(),
+        "campaigns": shipped.campaign_files().values(),
     }
     listed = {kind: [_heading(path) for path in paths] for kind, paths in files.items()}
     aircraft = shipped.aircraft_names()
@@ -232,14 +237,3 @@ def _metric_cell(flown: "FlownScenario", run: "Run", channel: str, key: str, fac
     if math.isfinite(value):
         return f"{value:.2f}"
     return "never" if has_step(run, channel) else "-"
-
-
-def _difference_text(difference: "Difference | None") -> str:
-    if difference is None:
-        return "equal to the bit"
-    when = "" if difference.t is None else f" at t = {difference.t:g} s"
-    recorded, reflown = (
-        value if isinstance(value, str) else repr(value)
-        for value in (difference.recorded, difference.reflown)
-    )
-    return f"{difference.what} differs{when}: {recorded} recorded, {reflown} flown again"

@@ -107,16 +107,9 @@ def gap_json(found: "Gap", signals: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def _lag_json(fitted: "FittedLag") -> dict[str, Any]:
-    lag = fitted.lag
-    return {
-        "order": lag.order,
-        "natural_frequency_rad_s": lag.natural_frequency,
-        "bandwidth_rad_s": lag.bandwidth,
-        "damping": lag.damping if lag.order > 1 else None,
-        "lag_s": lag.lag if lag.order > 2 else None,
-        "delay_s": lag.delay,
-        "fit_percent": fitted.fit_percent,
-    }
+    from flighttune.identify.file import lag_table
+
+    return {**lag_table(fitted.lag), "fit_percent": fitted.fit_percent}
 
 
 def _step_json(step: "Step") -> dict[str, Any]:

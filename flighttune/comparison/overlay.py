@@ -3,10 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
-
 from flighttune.comparison.compare import Comparison
-from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.metrics import metric_tables
 from flighttune.present.numbers import number
 from flighttune.present.tables import Table
 from flighttune.recording.page import scenario_page
@@ -34,14 +32,8 @@ def write_overlay(found: Comparison, path: str | Path) -> None:
     runs = overlaid(found)
     scenario = runs[0].provenance.scenario
     title = f"{scenario.get('title', 'Flight')}: comparison"
-    page = scenario_page(
-        runs,
-        scenario=scenario,
-        metrics=pd.concat({run.label: channel_metrics(run) for run in runs}, names=["run"]),
-        flight=pd.DataFrame.from_dict(
-            {run.label: flight_metrics(run) for run in runs}, orient="index"
-        ),
-    )
+    metrics, flight = metric_tables(runs)
+    page = scenario_page(runs, scenario=scenario, metrics=metrics, flight=flight)
     write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{_table(found)}\n", title=title)
 
 

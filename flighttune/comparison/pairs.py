@@ -8,7 +8,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from flighttune.comparison.source import Source
-from flighttune.metrics import METRICS, channel_metrics, flight_metrics
+from flighttune.metrics import METRICS, channel_metrics, flight_metrics, unit_of
+from flighttune.scenario.load import leaves
 from flighttune.simulate.run import Run
 
 Better: TypeAlias = Literal["a", "b", "same", ""]
@@ -35,7 +36,6 @@ BETTER_IF: dict[str, BetterIf] = {
 NEVER = ("rise_s", "settling_s")
 """Metrics whose missing value means that it was never reached."""
 
-FLIGHT_UNITS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_max_rad": "rad"}
 
 FLIGHT = "flight"
 """Channel of the measures of the whole aircraft."""
@@ -128,27 +128,17 @@ def manoeuvre(run: Run) -> dict[str, Any]:
     """
     scenario = run.provenance.scenario
     flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
-    return _flat({"flight": flight, "reference": scenario["reference"]})
+    return dict(leaves({"flight": flight, "reference": scenario["reference"]}))
 
 
 def differences(a: Run, b: Run) -> dict[str, tuple[Any, Any]]:
     """Settings of the scenarios of two runs that are not the same, by dotted key."""
 
     def settings(run: Run) -> dict[str, Any]:
-        scenario = run.provenance.scenario
-        return _flat({key: value for key, value in scenario.items() if key not in DESCRIPTION})
+        scenario = run.provenance.scenario.items()
+        return dict(leaves({key: value for key, value in scenario if key not in DESCRIPTION}))
 
     return _changes(settings(a), settings(b))
-
-
-def _flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in tables.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat
 
 
 def _changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
@@ -216,7 +206,7 @@ def largest_distance(a: Run, b: Run) -> tuple[float, float]:
     distance, time : float, m and s
         Over the time both flew, at the samples of both; positions between samples are linear.
     """
-    t_a, t_b = (run.signals.index.to_numpy(dtype=float) for run in (a, b))
+    t_a, t_b = a.t, b.t
     t = np.union1d(t_a, t_b)
     t = t[t <= min(t_a[-1], t_b[-1])]
     apart = [
@@ -233,17 +223,9 @@ def _row(channel: str, name: str, a: float, b: float) -> Row:
     return {
         "channel": channel,
         "name": name,
-        "unit": _unit(channel, name),
+        "unit": unit_of(channel, name),
         "a": a,
         "b": b,
         "diff": b - a,
         "better": better(name, a, b),
     }
-
-
-def _unit(channel: str, name: str) -> str:
-    if channel == FLIGHT:
-        return FLIGHT_UNITS[name]
-    if name == "effort_rms":
-        return "rad" if channel == "chi" else "1"
-    return METRICS[name]

@@ -9,9 +9,9 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from flighttune.comparison.compare import Comparison, Pair
-from flighttune.comparison.pairs import BETTER_IF, FLIGHT, FLIGHT_UNITS, better
+from flighttune.comparison.pairs import BETTER_IF, FLIGHT, better
 from flighttune.errors import InputError
-from flighttune.metrics import CHANNELS, METRICS
+from flighttune.metrics import CHANNELS, FLIGHT_METRICS, METRICS
 from flighttune.scenario.load import validated
 from flighttune.table_file import toml_tables
 
@@ -66,7 +66,7 @@ ToleranceFile = _tables(
     "ToleranceFile",
     {**BETTER_IF, DISTANCE: "m"},
     **dict.fromkeys(CHANNELS, (OfChannel, None)),
-    **{FLIGHT: (_tables("OfFlight", FLIGHT_UNITS), None)},
+    **{FLIGHT: (_tables("OfFlight", FLIGHT_METRICS), None)},
 )
 
 

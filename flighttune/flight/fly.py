@@ -18,7 +18,7 @@ from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import TrimError
 from flighttune.flight.expectations import missed_expectations
 from flighttune.flight.outer_loop import gain_set, tune_scenario
-from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.metrics import metric_tables
 from flighttune.plants.air_path import AirPathPlant
 from flighttune.plants.base import Plant
 from flighttune.plants.point_mass import PointMassPlant
@@ -74,17 +74,18 @@ class FlownScenario:
         tuning: TuningResult | None = None,
     ) -> "FlownScenario":
         """Runs of a scenario with the metrics of those that flew."""
-        long_enough = [run for run in runs if len(run.signals) > 1]
-        metrics = {run.label: channel_metrics(run) for run in long_enough}
-        flight = {run.label: flight_metrics(run) for run in long_enough}
+        metrics, flight = metric_tables(runs)
         return cls(
             scenario=scenario,
             runs=runs,
             indicators=indicators,
             tuning=tuning,
-            metrics=pd.concat(metrics, names=["run"]) if metrics else pd.DataFrame(),
-            flight=pd.DataFrame.from_dict(flight, orient="index"),
+            metrics=metrics,
+            flight=flight,
         )
+
+    def __getitem__(self, label: str) -> Run:
+        return next(run for run in self.runs if run.label == label)
 
     @property
     def missed(self) -> tuple[str, ...]:
@@ -223,7 +224,7 @@ def _flights(
 ) -> tuple[Run, ...]:
     # In wind the first aircraft flies first: plants without weather replay the wind it met.
     order = sorted(scenario.plant, key=lambda plant: scenario.windy and plant.aircraft is None)
-    leader = order[0].label if scenario.windy and order[0].aircraft else ""
+    source = scenario.wind_source
     runs: dict[tuple[str, str], Run] = {}
     for plant in order:
         for name, gains in gain_sets.items():
@@ -231,9 +232,15 @@ def _flights(
                 reason = "the flights were stopped before this one began"
                 run = _unflown(scenario, plant.label, name, gains, "interrupted", reason)
             else:
-                led = runs.get((leader, name)) if plant.aircraft is None else None
+                replays = source is not None and plant.aircraft is None
                 run = fly_alone(
-                    scenario, plant, gains, name, led=led, progress=progress, observer=observer
+                    scenario,
+                    plant,
+                    gains,
+                    name,
+                    wind_run=runs[source.label, name] if source and replays else None,
+                    progress=progress,
+                    observer=observer,
                 )
             runs[plant.label, name] = run
     return tuple(runs[plant.label, name] for plant in scenario.plant for name in gain_sets)
@@ -245,7 +252,7 @@ def fly_alone(
     gains: PIGains | None,
     gains_name: str,
     *,
-    led: Run | None = None,
+    wind_run: Run | None = None,
     progress: Progress | None = None,
     observer: Observer | None = None,
 ) -> Run:
@@ -259,7 +266,7 @@ def fly_alone(
     gains : PIGains or None
         None where tuning found none.
     gains_name : str
-    led : Run, optional
+    wind_run : Run, optional
         The flight of the same gains whose wind a plant that is no aircraft replays; without one it
         flies in the steady wind of the scenario.
     progress, observer
@@ -270,10 +277,13 @@ def fly_alone(
     PlantError
         If an aircraft cannot be built.
     """
-    if led is not None and gains is not None and not len(led.signals):
-        reason = f"the wind is that of {led.provenance.plant}, which did not fly: {led.reason}"
-        return _unflown(scenario, table.label, gains_name, gains, led.status, reason)
-    wind = wind_met(led) if led is not None and len(led.signals) else _steady_wind(scenario)
+    if wind_run is not None and gains is not None and not len(wind_run.signals):
+        source = wind_run.provenance.plant
+        reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
+        return _unflown(scenario, table.label, gains_name, gains, wind_run.status, reason)
+    wind = _steady_wind(scenario)
+    if wind_run is not None and len(wind_run.signals):
+        wind = wind_met(wind_run)
     plant = plant_of(table, scenario, wind)
     if observer is not None:
         plant = observer.watch(plant, f"{table.label} / {gains_name}")
@@ -285,7 +295,7 @@ def fly_alone(
 def wind_met(run: Run) -> WindRecord:
     """The wind that an aircraft recorded, for other plants to fly in."""
     north, east, down = (run.signals[name].to_numpy() for name in WIND)
-    t = run.signals.index.to_numpy(dtype=float)
+    t = run.t
     return WindRecord(t=t, north=north, east=east, down=down)
 
 

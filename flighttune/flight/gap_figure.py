@@ -122,7 +122,7 @@ def _draw_mismatch(axes: Axes, gap: Gap, channel: str) -> None:
 
 def _draw_bound(axes: Axes, gap: Gap, channel: str) -> None:
     run = gap.runs[-1]
-    t = run.signals.index.to_numpy()
+    t = run.t
     axes.plot(t, run.signals[f"{channel}_err"] * DEG_PER_RAD, color=COLOURS[-1], lw=1.6)
     if gap.check is None or gap.verdict is None:
         axes.set(

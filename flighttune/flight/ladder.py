@@ -331,7 +331,7 @@ def inner_loop_of(
     ScenarioError
         If the model file cannot be used, or is required and missing.
     """
-    t = run.signals.index.to_numpy(dtype=float)
+    t = run.t
     phi, n_z = (
         (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())
         for name in ("phi", "n_z")

@@ -20,17 +20,27 @@ class Difference:
     ----------
     what : str
         A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
-        ``signals`` (their names).
+        ``signals`` (their names); a column of a campaign's rows.
     t : float or None, s
-        When, where it is a signal.
-    recorded, reflown : float, int or str
+        Time of the difference in a signal.
+    recorded, reflown : float, int, str, bool or None
         Both values, SI and rad.
     """
 
     what: str
     t: float | None
-    recorded: float | int | str
-    reflown: float | int | str
+    recorded: float | int | str | None
+    reflown: float | int | str | None
+
+    @property
+    def sentence(self) -> str:
+        """What differs, when and by which values."""
+        when = "" if self.t is None else f" at t = {self.t:g} s"
+        recorded, reflown = (
+            value if isinstance(value, str) else repr(value)
+            for value in (self.recorded, self.reflown)
+        )
+        return f"{self.what} differs{when}: {recorded} recorded, {reflown} flown again"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,7 +98,7 @@ def refly(runs: Sequence[Run], *, progress: Progress | None = None) -> tuple[Ref
                 f"{run.label}: the run must be one of its scenario ({', '.join(known)}) "
                 "to be flown again."
             )
-    again = {run.label: run for run in fly(scenario, progress=progress).runs}
+    again = fly(scenario, progress=progress)
     return tuple(
         Reflight(
             recorded=run,

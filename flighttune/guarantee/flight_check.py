@@ -192,7 +192,7 @@ def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck
     signals = run.signals
     references = signals["chi_ref"].to_numpy(), signals["gamma_ref"].to_numpy()
     errors = signals["chi_err"].to_numpy(), signals["gamma_err"].to_numpy()
-    t = signals.index.to_numpy(dtype=float)
+    t = run.t
     rates = found.rates[:, 0], found.rates[:, 1]
     flown = error_states(t, errors=errors, references=references, rates=rates)
     limited = np.zeros(len(t) - 1, dtype=bool)

@@ -121,7 +121,7 @@ def mismatch(run: Run) -> Mismatch:
     if law is None:
         raise InputError(f"`run` must be of a scenario with an airspeed, got {run.label}.")
     V_a, _, g = law
-    t = signals.index.to_numpy(dtype=float)
+    t = run.t
     dt = np.diff(t)[:, None]
     rates = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
     phi, n_z = (signals[name].to_numpy()[:-1] for name in ("phi_cmd", "n_z_cmd"))

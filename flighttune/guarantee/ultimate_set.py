@@ -142,7 +142,7 @@ class UltimateSet:
         names = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err")
         found = signal_arrays(run, names)
         return self.outcomes(
-            run.signals.index.to_numpy(dtype=float),
+            run.t,
             errors=(found["chi_err"], found["gamma_err"]),
             references=(found["chi_ref"], found["gamma_ref"]),
             angles=(found["chi"], found["gamma"]),

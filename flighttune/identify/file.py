@@ -208,43 +208,49 @@ def _same(given: Any, derived: Any) -> bool:
     return given == derived
 
 
+def lag_table(lag: InnerLag) -> dict[str, Any]:
+    """A lag as plain values; None for what its order does not have.
+
+    Parameters
+    ----------
+    lag : InnerLag
+    """
+    return {
+        "order": lag.order,
+        "natural_frequency_rad_s": lag.natural_frequency,
+        "damping": lag.damping if lag.order > 1 else None,
+        "lag_s": lag.lag if lag.order > 2 else None,
+        "delay_s": lag.delay,
+        "bandwidth_rad_s": lag.bandwidth,
+    }
+
+
 def _condition_table(condition: IdentifiedCondition) -> dict[str, Any]:
     model = design_model(condition, g=G_0).model
-    matrices = {name: getattr(model, name).tolist() for name in ("A", "B", "C")}
-    return {
-        "V_a_mps": condition.V_a,
-        "gamma_deg": _rounded(condition.gamma / DEG),
-        "h_m": condition.h,
+    rounded = {
+        "gamma_deg": condition.gamma / DEG,
         "channels": {name: _channel_table(getattr(condition, name)) for name in ("phi", "n_z")},
         "model": {
-            "states": list(model.states),
+            "states": model.states,
             "inputs": [f"{name}_cmd" for name in model.inputs],
-            "errors": list(model.errors),
-            **{name: [list(map(_rounded, row)) for row in rows] for name, rows in matrices.items()},
+            "errors": model.errors,
+            **{name: getattr(model, name).tolist() for name in ("A", "B", "C")},
         },
     }
+    return {"V_a_mps": condition.V_a, "h_m": condition.h, **_rounded(rounded)}
 
 
 def _channel_table(channel: IdentifiedChannel) -> dict[str, Any]:
-    return {
-        **_lag_table(channel.lag),
-        "bandwidth_rad_s": _rounded(channel.lag.bandwidth),
-        "fit_percent": _rounded(channel.fit_percent),
-        "residual": _rounded(channel.residual),
-        "cross": _rounded(channel.cross),
-        "simpler": _lag_table(channel.simpler),
-    }
+    numbers = {name: getattr(channel, name) for name in ("fit_percent", "residual", "cross")}
+    simpler = lag_table(channel.simpler)
+    del simpler["bandwidth_rad_s"]
+    return {**lag_table(channel.lag), **numbers, "simpler": simpler}
 
 
-def _lag_table(lag: InnerLag) -> dict[str, Any]:
-    return {
-        "order": lag.order,
-        "natural_frequency_rad_s": _rounded(lag.natural_frequency),
-        "damping": _rounded(lag.damping) if lag.order > 1 else None,
-        "lag_s": _rounded(lag.lag) if lag.order > 2 else None,
-        "delay_s": _rounded(lag.delay),
-    }
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
+def _rounded(value: Any) -> Any:
+    """Nested values with every number rounded to `DIGITS`."""
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(item) for item in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value

@@ -8,7 +8,7 @@ import pandas as pd
 
 from flighttune.control.gains import PIGains
 from flighttune.flight.fly import library_versions
-from flighttune.metrics import channel_metrics
+from flighttune.metrics import metric_tables
 from flighttune.paper import parameters as printed
 from flighttune.paper.flight import PaperFlight
 from flighttune.paper.parameters import STAR
@@ -49,7 +49,7 @@ def write_families(study: Study, folder: Path) -> Path:
         runs,
         scenario=_scenario(),
         indicators={name: (found.R_K, found.I_K) for name, found in study.indicators.items()},
-        metrics=pd.concat({run.label: channel_metrics(run) for run in runs}, names=["run"]),
+        metrics=metric_tables(runs)[0],
     )
     path = folder / f"{NAME}.rrd"
     write_recording(runs, path, page=page, title=TITLE)

@@ -100,7 +100,7 @@ def frozen_loop(run: Run) -> FrozenLoop | None:
     B *= (law.g / V_a)[:, None, None]
     A_K[:, :2, :2], A_K[:, :2, 2:], A_K[:, 2:, :2] = B @ gains.K_P, B @ gains.K_I, np.eye(2)
     A_K[:, 1, 1] += law.g / V_a * np.sin(gamma)
-    t = signals.index.to_numpy(dtype=float)[kept][usable]
+    t = run.t[kept][usable]
     return FrozenLoop(
         t=t, eigenvalues=np.linalg.eigvals(A_K).astype(complex), trim=trim.astype(complex)
     )

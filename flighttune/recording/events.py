@@ -137,7 +137,7 @@ def _gust(run: Run) -> Iterator[Event]:
         return
     wind = run.signals[list(WIND)].to_numpy()
     away = np.linalg.norm(wind - wind[0], axis=1)
-    t = run.signals.index.to_numpy(dtype=float)
+    t = run.t
     if not away.max() > WIND_CHANGE:
         return
     begun, peak = int(np.argmax(away > WIND_CHANGE)), int(np.argmax(away))
@@ -167,4 +167,4 @@ def _claims(claim: FlightCheck | None) -> Iterator[Event]:
 
 
 def _of(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:
-    return run.signals.index.to_numpy(dtype=float), run.signals[name].to_numpy(dtype=float)
+    return run.t, run.signals[name].to_numpy(dtype=float)

@@ -109,6 +109,6 @@ def changes(drawn_run: DrawnRun, name: str) -> tuple[FloatArray, FloatArray]:
     signals = drawn_run.run.signals
     if name not in signals:
         return np.zeros(1), np.zeros(1)
-    t, values = signals.index.to_numpy(dtype=float), signals[name].to_numpy(dtype=float)
+    t, values = drawn_run.run.t, signals[name].to_numpy(dtype=float)
     begun, states = runs_of_equal(t[:-1], values[:-1])
     return np.append(begun, t[-1]), np.append(states, 0.0)

@@ -174,7 +174,7 @@ def facts_of(source: Source) -> Facts:
 
 def final_errors(run: Run) -> FinalErrors:
     """Errors of a run over its last quarter; see `CONVERGED_AT_LEAST`."""
-    t = run.signals.index.to_numpy(dtype=float)
+    t = run.t
     errors = np.abs(run.signals[["chi_err", "gamma_err"]].to_numpy())
     residual = errors[t >= LATE * t[-1]].max(axis=0)
     allowed = np.maximum(CONVERGED_PART * errors.max(axis=0), CONVERGED_AT_LEAST)

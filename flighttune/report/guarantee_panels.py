@@ -93,7 +93,7 @@ def gap_panels(facts: Facts, gap: Gap) -> list[Picture]:
 
 
 def _steps(facts: Facts, gap: Gap, channel: str) -> Picture:
-    t = gap.aircraft.signals.index.to_numpy(dtype=float)
+    t = gap.aircraft.t
     title = f"{gap.name}: what each step adds to the {CHANNEL_NAMES[channel]}"
     with panel(title, f"Δ{CHANNEL_SYMBOLS[channel]} [deg]", height=3.1) as axes:
         _fit_title(axes, title)
@@ -118,7 +118,7 @@ def _tube(facts: Facts, gap: Gap, channel: str) -> Picture:
         title += ", but too loose to be useful" if gap.verdict.claim.vacuous else ""
     with panel(title, rf"$e_\{channel}$ [deg]") as axes:
         _fit_title(axes, title)
-        t = signals.index.to_numpy(dtype=float)
+        t = gap.aircraft.t
         line(axes, t, signals[f"{channel}_err"].to_numpy() * DEG_PER_RAD, style)
         if gap.check is not None and gap.verdict is not None:
             column = list(CHANNEL_SYMBOLS).index(channel)

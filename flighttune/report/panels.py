@@ -54,12 +54,12 @@ def tracking(facts: Facts) -> list[Picture]:
         with panel(title, unit) as axes:
             if not signal.endswith("_err"):
                 longest = max(facts.runs, key=lambda run: run.duration)
-                t, reference = _time(longest), displayed(longest.signals, f"{signal}_ref")
+                t, reference = longest.t, displayed(longest.signals, f"{signal}_ref")
                 axes.plot(*thinned(t, reference), color=REFERENCE, lw=1.6)
             else:
                 axes.axhline(0.0, color=REFERENCE, lw=1.0)
             for run, style in _styled(facts):
-                line(axes, _time(run), displayed(run.signals, signal), style, most=facts.points)
+                line(axes, run.t, displayed(run.signals, signal), style, most=facts.points)
             axes.set_xlim(0.0, max(run.duration for run in facts.runs))
             pictures.append(pictured(axes, title))
     return pictures
@@ -73,14 +73,14 @@ def commands(facts: Facts) -> list[Picture]:
             for place, (run, style) in enumerate(_styled(facts)):
                 line(
                     axes,
-                    _time(run),
+                    run.t,
                     displayed(run.signals, f"{name}_cmd"),
                     style,
                     most=facts.points,
                 )
                 held = run.signals[f"{name}_limited"].to_numpy() != 0.0
                 axes.broken_barh(
-                    _spans(_time(run), held),
+                    _spans(run.t, held),
                     (LANE * (1.3 * place + 0.4), LANE),
                     transform=axes.get_xaxis_transform(),
                     color=on_white(style.colour),
@@ -98,7 +98,7 @@ def paths(facts: Facts) -> list[Picture]:
     pictures = [_space(facts), _from_above(facts)]
     with panel("Height over the start", "height [m]") as axes:
         for run, style in _styled(facts):
-            line(axes, _time(run), -run.signals["down"].to_numpy(), style, most=facts.points)
+            line(axes, run.t, -run.signals["down"].to_numpy(), style, most=facts.points)
         axes.set_xlim(0.0, max(run.duration for run in facts.runs))
         pictures.append(pictured(axes, "Heights over time"))
     return pictures
@@ -154,10 +154,6 @@ def _styled(facts: Facts) -> Iterator[tuple[Run, LineStyle]]:
     """Every run that flew with its line style."""
     for run in facts.runs:
         yield run, facts.styles[run.label]
-
-
-def _time(run: Run) -> FloatArray:
-    return run.signals.index.to_numpy(dtype=float)
 
 
 def _spans(t: FloatArray, flag: np.ndarray) -> list[tuple[float, float]]:

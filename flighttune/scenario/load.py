@@ -1,5 +1,6 @@
 """Files to values, and what is wrong with them in one line that names file and key."""
 
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,6 +11,7 @@ from flighttune.errors import ScenarioError
 from flighttune.mistakes import mistakes
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.schema import GainsTable, Scenario
+from flighttune.shipped import scenario_files
 from flighttune.table_file import json_tables, toml_tables
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -34,7 +36,7 @@ def load_scenario(path: str | Path) -> Scenario:
         If the file cannot be read, a key is unknown, missing or impossible, or an aircraft does not
         exist or cannot start where it shall, or a model named in [tuning] cannot be read.
     """
-    path = _existing(path)
+    path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
     scenario = validated(Scenario, toml_tables(path), str(path))
     check_aircraft(scenario, str(path))
     check_identified(scenario, str(path))
@@ -77,19 +79,45 @@ def load_gains(path: str | Path) -> PIGains:
     return validated(GainsTable, {"name": "file", **kept}, str(path)).gains()
 
 
-def _existing(path: str | Path) -> Path:
-    from flighttune.shipped import scenario_file, scenario_names
+def existing_file(
+    path: str | Path, kind: str, shipped: Mapping[str, Path], folders: Sequence[str]
+) -> Path:
+    """A file, or the shipped one of that name.
 
+    Parameters
+    ----------
+    path : str or Path
+        With or without the folder and the ending of the shipped one.
+    kind : str
+        What the file is, for the message.
+    shipped : mapping of str to Path
+        Shipped files by name.
+    folders : sequence of str
+        Folders that a shipped name may be written with.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such file.
+    """
     found = Path(path)
-    if found.exists():
+    if found.is_file():
         return found
     name = found.name.removesuffix(".toml")
-    if name in scenario_names() and len(found.parts) <= 2:
-        return scenario_file(name)
+    if name in shipped and found.parent in (Path(), *map(Path, folders)):
+        return shipped[name]
     raise ScenarioError(
-        f"{path}: the scenario must be a file or one of {', '.join(scenario_names())}; "
-        "there is no such file."
+        f"{path}: the {kind} must be a file or one of {', '.join(shipped)}; there is no such file."
     )
+
+
+def leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of nested tables; a list is a value."""
+    for name, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from leaves(value, f"{above}{name}.")
+        else:
+            yield f"{above}{name}", value
 
 
 def validated(model: type[Model], tables: Any, source: str) -> Model:

@@ -257,6 +257,12 @@ class Scenario(Table):
         """Whether the air moves on every plant, by [wind], [gust] or [turbulence]."""
         return any((self.wind, self.gust, self.turbulence))
 
+    @property
+    def wind_source(self) -> PlantTable | None:
+        """The plant whose wind those replay that have no weather: the first aircraft in wind."""
+        aircraft = (plant for plant in self.plant if plant.aircraft is not None)
+        return next(aircraft, None) if self.windy else None
+
     def weather(self) -> Weather | None:
         """What the air of the full aircraft does; None for still air."""
         swing = self.disturbance if self.disturbance and self.disturbance.as_wind else None

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.control.inner_loop import InnerLag
-from flighttune.metrics import METRICS
+from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
 from flighttune.plants.label import plant_label
 from flighttune.plants.sensors import Sensors
@@ -549,7 +549,6 @@ Subject: TypeAlias = Literal["chi", "gamma", "flight"]
 Bounds: TypeAlias = dict[Subject, dict[str, Finite]]
 
 CHANNEL_MEASURES = (*METRICS, "peak_rad")
-FLIGHT_MEASURES = ("V_a_dev_mps", "n_z_min", "n_z_max", "alpha_max_rad")
 
 
 class ExpectTable(Table):
@@ -571,7 +570,7 @@ class ExpectTable(Table):
             raise ValueError("`status`, `at_most` or `at_least` must be given")
         for bounds in (self.at_most, self.at_least):
             for subject, limits in bounds.items():
-                known = FLIGHT_MEASURES if subject == "flight" else CHANNEL_MEASURES
+                known = FLIGHT_METRICS if subject == "flight" else CHANNEL_MEASURES
                 for name in limits:
                     if in_rad(name) not in known:
                         raise ValueError(

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections import namedtuple
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,20 +26,9 @@ from flighttune.units import G_PAPER
 T = TypeVar("T")
 
 SIGNALS = (
-    "chi",
-    "gamma",
-    "chi_err",
-    "gamma_err",
-    "chi_err_rate",
-    "gamma_err_rate",
-    "phi_cmd",
-    "n_z_cmd",
-    "phi_unlimited",
-    "n_z_unlimited",
-    "phi_integral",
-    "n_z_integral",
-    "phi_limited",
-    "n_z_limited",
+    *("chi", "gamma", "chi_err", "gamma_err", "chi_err_rate", "gamma_err_rate"),
+    *("phi_cmd", "n_z_cmd", "phi_unlimited", "n_z_unlimited"),
+    *("phi_integral", "n_z_integral", "phi_limited", "n_z_limited"),
 )
 """Columns of a trajectory: as in a run, and the rates of the errors by the law, rad/s."""
 
@@ -138,7 +128,6 @@ class Flights:
         ShapeError
             If the numbers of things differ, or gains are not of two commands and two errors.
         """
-        calm = Sinusoid(chi_amplitude=0.0, chi_omega=0.0, gamma_amplitude=0.0, gamma_omega=0.0)
         rows = {
             "K": [g.K for g in _many(PIGains, gains)],
             "start": [
@@ -151,7 +140,7 @@ class Flights:
             ],
             "waves": [
                 (d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega)
-                for d in _many(Sinusoid, calm if disturbance is None else disturbance)
+                for d in _many(Sinusoid, Sinusoid() if disturbance is None else disturbance)
             ],
         }
         followed = np.asarray(ref, dtype=float)
@@ -213,14 +202,8 @@ class Settings(NamedTuple):
     g: FloatArray
 
 
-class _FlightArrays(NamedTuple):
-    """The arrays of `Flights`, as the kernel takes them."""
-
-    K: FloatArray
-    start: FloatArray
-    ref: FloatArray
-    bounds: FloatArray
-    waves: FloatArray
+_FlightArrays = namedtuple("_FlightArrays", Flights.__slots__)
+"""The arrays of `Flights`, as the kernel takes them."""
 
 
 def fly_sampled(
@@ -310,7 +293,7 @@ def fly_sampled(
         per_speed=per_speed,
         g=_one_each(flights, "g", g),
     )
-    arrays = _FlightArrays(**{name: getattr(flights, name) for name in _FlightArrays._fields})
+    arrays = _FlightArrays(*(getattr(flights, name) for name in Flights.__slots__))
     result = BatchResult(
         t=t,
         measures=np.empty((N, 2, len(ErrorMeasures._fields))),
@@ -344,7 +327,7 @@ def _sensor_errors(
 
 def _in_blocks(fly: Callable[[int, int], Any], flights: int, threads: int | None) -> None:
     """Fly all flights in blocks that the threads take one after the other."""
-    threads = _cores() if threads is None else threads
+    threads = cores() if threads is None else threads
     if threads < 1:
         raise InputError(f"`threads` must be at least 1, got {threads}.")
     if threads == 1:
@@ -356,7 +339,8 @@ def _in_blocks(fly: Callable[[int, int], Any], flights: int, threads: int | None
         list(pool.map(fly, edges[:-1].tolist(), edges[1:].tolist()))
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Processor cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

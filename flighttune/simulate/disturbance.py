@@ -23,10 +23,10 @@ class Sinusoid:
     derivative that enters the guarantees is `rate_bound`.
     """
 
-    chi_amplitude: float
-    chi_omega: float
-    gamma_amplitude: float
-    gamma_omega: float
+    chi_amplitude: float = 0.0
+    chi_omega: float = 0.0
+    gamma_amplitude: float = 0.0
+    gamma_omega: float = 0.0
 
     def __call__(self, t: float) -> tuple[float, float]:
         """Return (d_chi, d_gamma) in rad/s at time `t` in s."""

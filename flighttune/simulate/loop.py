@@ -20,16 +20,8 @@ from flighttune.simulate.guarded import LawError, limited_law
 from flighttune.simulate.reference import Reference
 
 LOOP_SIGNALS = (
-    "chi_ref",
-    "gamma_ref",
-    "chi_err",
-    "gamma_err",
-    "phi_cmd",
-    "n_z_cmd",
-    "phi_unlimited",
-    "n_z_unlimited",
-    "phi_limited",
-    "n_z_limited",
+    *("chi_ref", "gamma_ref", "chi_err", "gamma_err"),
+    *("phi_cmd", "n_z_cmd", "phi_unlimited", "n_z_unlimited", "phi_limited", "n_z_limited"),
 )
 """What the loop adds to the signals of the plant, one row a sample of the controller.
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.plants.base import StopStatus
 from flighttune.plants.label import aircraft_of
@@ -150,6 +151,11 @@ class Run:
     def label(self) -> str:
         """``plant / gains``, the name of the run everywhere."""
         return f"{self.provenance.plant} / {self.provenance.gains_name}"
+
+    @property
+    def t(self) -> FloatArray:
+        """Time of each sample, shape (n,), s."""
+        return self.signals.index.to_numpy(dtype=float)
 
     @property
     def duration(self) -> float:

@@ -254,15 +254,15 @@ def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
     assert {row["status"] for row in rows} == {"no_trim", "ground_contact", "completed"}
 
 
-def test_who_replays_wind_says_when_the_leader_did_not_fly():
+def test_a_plant_that_replays_wind_says_when_the_aircraft_did_not_fly():
     tables = tables_of((KINEMATIC, AEROSONDE), gains=["paper"], wind=WIND)
     plan = plan_of(tables, one_of("plant.throttle_max", 0.02), runs=2)
 
-    leader, follower = fly_runs(plan, range(2)).to_pylist()
+    aircraft, law = fly_runs(plan, range(2)).to_pylist()
 
-    assert (leader["plant"], leader["status"]) == ("jsbsim:aerosonde", "no_trim")
-    assert follower["status"] == "no_trim"
-    assert "the wind is that of jsbsim:aerosonde, which did not fly" in follower["reason"]
+    assert (aircraft["plant"], aircraft["status"]) == ("jsbsim:aerosonde", "no_trim")
+    assert law["status"] == "no_trim"
+    assert "the wind is that of jsbsim:aerosonde, which did not fly" in law["reason"]
 
 
 def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():

@@ -6,7 +6,7 @@ import pytest
 
 from flighttune.campaign import load_campaign, plan_campaign
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.shipped import campaign_names
+from flighttune.shipped import campaign_files
 
 pytestmark = pytest.mark.slow
 
@@ -15,7 +15,7 @@ FLOWN = 12
 """Flights of each campaign here; what all of one come to is told by its report."""
 
 
-@pytest.mark.parametrize("name", campaign_names())
+@pytest.mark.parametrize("name", campaign_files())
 def test_every_campaign_says_what_it_is_for(name):
     campaign = load_campaign(name)
 
@@ -32,11 +32,11 @@ def test_the_table_of_campaigns_says_what_their_headers_say():
 
     assert rows == [
         f"| `{name}.toml` | {campaign.title} | {campaign.verifies} |"
-        for name, campaign in ((name, load_campaign(name)) for name in campaign_names())
+        for name, campaign in ((name, load_campaign(name)) for name in campaign_files())
     ]
 
 
-@pytest.mark.parametrize("name", campaign_names())
+@pytest.mark.parametrize("name", campaign_files())
 def test_the_first_flights_of_every_campaign_are_flown(name):
     plan = plan_campaign(load_campaign(name), runs=FLOWN)
     rows = fly_runs(plan, range(FLOWN)).to_pandas()

@@ -13,13 +13,13 @@ from commands import answer, flighttune
 from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 
 from flighttune.recording.parquet import read_run
-from flighttune.shipped import scenario_file
+from flighttune.shipped import scenario_files
 
 
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory):
     out = tmp_path_factory.mktemp("paper")
-    return answer("fly", scenario_file("paper"), "--out", out), out
+    return answer("fly", scenario_files()["paper"], "--out", out), out
 
 
 def test_fly_answers_for_every_gain_set_on_every_plant(paper):
@@ -65,7 +65,7 @@ def test_fly_shows_a_table_and_names_the_recording(tmp_path):
 
 
 def test_tune_finds_the_optimum_of_the_unlimited_problem():
-    found = answer("tune", scenario_file("paper"))
+    found = answer("tune", scenario_files()["paper"])
 
     assert found["status"] == "optimal"
     assert found["R_K"] == pytest.approx(0.53976, abs=5e-6)
@@ -131,7 +131,7 @@ def test_certify_says_no_to_an_unstable_loop_and_names_the_eigenvalue(tmp_path):
 
 
 def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp_path):
-    text = scenario_file("paper_as_printed").read_text()
+    text = scenario_files()["paper_as_printed"].read_text()
     path = tmp_path / "unlimited.toml"
     path.write_text(text.replace("phi_deg = [-45.0, 45.0]\nn_z     = [-2.1, 2.1]", ""))
 
@@ -146,7 +146,7 @@ def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp
 
 @pytest.mark.slow
 def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
-    text = scenario_file("paper_printed_limits").read_text()
+    text = scenario_files()["paper_printed_limits"].read_text()
     path = tmp_path / "infeasible.toml"
     path.write_text(text.replace('gains    = ["paper"]', 'gains = ["paper", "tuned"]'))
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 from commands import flighttune
 
-from flighttune.shipped import scenario_file
+from flighttune.shipped import scenario_files
 
 
 def fly(scenario, out, *, status):
@@ -36,7 +36,7 @@ def test_an_expected_end_is_a_success(tmp_path):
     ],
 )  # fmt: skip
 def test_what_is_missed_is_said_in_one_line(tmp_path, old, new, line):
-    text = scenario_file("weak_engine").read_text()
+    text = scenario_files()["weak_engine"].read_text()
     assert old in text
     path = tmp_path / "asks_more.toml"
     path.write_text(text.replace(old, new))
@@ -52,7 +52,7 @@ def test_what_is_missed_is_said_in_one_line(tmp_path, old, new, line):
 @pytest.mark.slow
 def test_a_start_that_the_aircraft_refuses_is_one_line(tmp_path):
     path = tmp_path / "banked.toml"
-    text = scenario_file("weak_engine").read_text()
+    text = scenario_files()["weak_engine"].read_text()
     path.write_text(text.replace("chi_deg    = 0.0", "chi_deg    = 0.0\nphi_deg    = 60.0", 1))
 
     done = subprocess.run(

@@ -10,7 +10,7 @@ import pytest
 from commands import answer, flighttune
 
 from flighttune.scenario import load_scenario
-from flighttune.shipped import scenario_file
+from flighttune.shipped import scenario_files
 
 PAPER_RADIUS = 0.0333
 """Invariant ellipsoid of K* under L_d = 0.015, to the digits given."""
@@ -118,7 +118,7 @@ def test_an_envelope_must_stand_in_the_scenario():
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory):
-    text = scenario_file("paper_identified").read_text()
+    text = scenario_files()["paper_identified"].read_text()
     path = tmp_path_factory.mktemp("identified") / "identified.toml"
     lines = [line for line in text.splitlines() if not line.startswith(("model ", "I_star"))]
     path.write_text("\n".join(lines).replace("[tuning]", '[tuning]\nmodel = "identified"'))

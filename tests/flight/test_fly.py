@@ -7,13 +7,13 @@ import pytest
 
 from flighttune.flight.fly import fly
 from flighttune.scenario import scenario_from
-from flighttune.shipped import scenario_file
+from flighttune.shipped import scenario_files
 
 ROUNDING = 1e-12
 
 
 def scenario(**tables):
-    given = tomllib.loads(scenario_file("paper").read_text())
+    given = tomllib.loads(scenario_files()["paper"].read_text())
     return scenario_from({**given, "gains": ["paper"], **tables})
 
 

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.comparison.pairs import FLIGHT_UNITS
-from flighttune.metrics import METRICS
+from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.present.names import METRIC_LABELS, metric_label
 from flighttune.present.numbers import (
     degrees,
@@ -58,7 +57,7 @@ def test_a_matrix_is_one_line_without_negative_zeros():
 
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
-    assert {*METRICS, *FLIGHT_UNITS, "peak_rad"} == METRIC_LABELS.keys()
+    assert {*METRICS, *FLIGHT_METRICS, "peak_rad"} == METRIC_LABELS.keys()
     assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"
     assert metric_label("chi.MO_rad").text(math.pi / 18.0) == "10.00"
     assert metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from flighttune.report.toml_text import toml_text
 from flighttune.scenario import load_scenario
-from flighttune.shipped import scenario_names
+from flighttune.shipped import scenario_files
 
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 SCALARS = st.one_of(
@@ -27,7 +27,7 @@ def test_every_table_of_plain_values_comes_back_from_its_text(tables):
     assert tomllib.loads(toml_text(tables)) == tables
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", scenario_files())
 def test_every_shipped_scenario_comes_back_with_its_hash(name, tmp_path):
     scenario = load_scenario(name)
     path = tmp_path / "again.toml"

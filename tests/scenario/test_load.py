@@ -10,13 +10,13 @@ import pytest
 from flighttune.control.gains import PAPER_GAINS, paper_family
 from flighttune.errors import ScenarioError
 from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
-from flighttune.shipped import scenario_file, scenario_names
+from flighttune.shipped import scenario_files
 
 ROUNDING = 1e-12
 
 
 def paper_tables():
-    return tomllib.loads(scenario_file("paper").read_text())
+    return tomllib.loads(scenario_files()["paper"].read_text())
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def tables():
     return paper_tables()
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", scenario_files())
 def test_every_shipped_scenario_is_valid_and_says_what_it_shows(name):
     scenario = load_scenario(name)
 

@@ -10,7 +10,7 @@ from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.plants.sensors import Sensors
 from flighttune.scenario import load_scenario, scenario_from
-from flighttune.shipped import scenario_names
+from flighttune.shipped import scenario_files
 
 DEG = math.pi / 180.0
 FACTORS = (
@@ -74,7 +74,7 @@ def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
     )
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize("name", scenario_files())
 def test_scenarios_without_the_keys_say_nothing_of_them(name):
     values = load_scenario(name).as_dict()
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlsplit
 
 from flighttune.errors import CampaignError, InputError
+from flighttune.simulate.batch import cores
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -124,13 +125,6 @@ def check_installed() -> None:
     """
     if not all(map(find_spec, NEEDED)):
         raise InputError(f"campaigns need {', '.join(NEEDED)}; {INSTALL}")
-
-
-def cores() -> int:
-    """Processor cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @contextmanager

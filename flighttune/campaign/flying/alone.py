@@ -21,7 +21,7 @@ def plant_table(scenario: Scenario, label: str) -> PlantTable:
     return next(table for table in scenario.plant if table.label == label)
 
 
-def leader_of(scenario: Scenario, group: Group) -> Group | None:
+def wind_source(scenario: Scenario, group: Group) -> Group | None:
     """The group whose wind a group replays; None for an aircraft, or in still air.
 
     In wind, the plants that are not aircraft replay the wind that the scenario's first aircraft met
@@ -33,14 +33,15 @@ def leader_of(scenario: Scenario, group: Group) -> Group | None:
         Of a draw, or the undispersed one.
     group : Group
     """
-    if not scenario.windy or plant_table(scenario, group.plant).aircraft is not None:
+    source = scenario.wind_source
+    if source is None or plant_table(scenario, group.plant).aircraft is not None:
         return None
-    aircraft = (table for table in scenario.plant if table.aircraft is not None)
-    first = next(aircraft, None)
-    return None if first is None else Group(first.label, group.gains)
+    return Group(source.label, group.gains)
 
 
-def fly_group(plan: Plan, scenario: Scenario, group: Group, *, led: Run | None = None) -> Run:
+def fly_group(
+    plan: Plan, scenario: Scenario, group: Group, wind_runs: dict[Group, Run] | None = None
+) -> Run:
     """One flight: a group of a plan in the scenario of a draw.
 
     Parameters
@@ -50,19 +51,25 @@ def fly_group(plan: Plan, scenario: Scenario, group: Group, *, led: Run | None =
     scenario : Scenario
         Of the draw, or the undispersed one.
     group : Group
-    led : Run, optional
-        The flight of `leader_of`; flown first if it is needed and not given.
+    wind_runs : dict of Group to Run, optional
+        Flights of aircraft in the same scenario, whose wind other plants replay. The one that is
+        needed is flown first where it is missing, and added.
 
     Raises
     ------
     PlantError
         If an aircraft cannot be built.
     """
-    leader = leader_of(scenario, group)
-    if leader is not None and led is None:
-        led = fly_group(plan, scenario, leader)
-    table = plant_table(scenario, group.plant)
-    return fly_alone(scenario, table, plan.gain_sets[group.gains], group.gains, led=led)
+    wind_runs = {} if wind_runs is None else wind_runs
+    source = wind_source(scenario, group)
+    if source is not None and source not in wind_runs:
+        fly_group(plan, scenario, source, wind_runs)
+    table, gains = plant_table(scenario, group.plant), plan.gain_sets[group.gains]
+    wind_run = None if source is None else wind_runs[source]
+    run = fly_alone(scenario, table, gains, group.gains, wind_run=wind_run)
+    if scenario.windy and source is None:
+        wind_runs[group] = run
+    return run
 
 
 def nominal_flights(plan: Plan) -> Mapping[Group, Run]:
@@ -77,9 +84,5 @@ def nominal_flights(plan: Plan) -> Mapping[Group, Run]:
     PlantError
         If an aircraft cannot be built.
     """
-    flown: dict[Group, Run] = {}
-    for group in plan.groups:
-        leader = leader_of(plan.scenario, group)
-        led = None if leader is None else flown.get(leader)
-        flown[group] = fly_group(plan, plan.scenario, group, led=led)
-    return flown
+    wind_runs: dict[Group, Run] = {}
+    return {group: fly_group(plan, plan.scenario, group, wind_runs) for group in plan.groups}

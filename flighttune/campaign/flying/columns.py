@@ -4,7 +4,7 @@ import pyarrow as pa
 
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES, Choice, Dispersion, Grid
-from flighttune.metrics import METRICS
+from flighttune.metrics import unit_of
 
 UNITS_OF_ENDINGS = {
     "_mps2": "m/s^2",
@@ -20,9 +20,6 @@ UNITS_OF_ENDINGS = {
     "_s": "s",
 }
 """Unit of a key of a scenario by how it ends, longest ending first."""
-
-TRACKED = {**METRICS, "peak_rad": "rad"}
-FLIGHT_UNITS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_max_rad": "rad"}
 
 BEFORE = {
     "run": pa.int64(),
@@ -73,21 +70,11 @@ def row_schema(plan: Plan) -> pa.Schema:
             *(pa.field(name, kind, nullable=False) for name, kind in BEFORE.items()),
             *(_of_key(table) for table in plan.campaign.disperse),
             *(pa.field(name, kind, nullable=False) for name, kind in OUTCOME.items()),
-            *(_field(name, pa.float64(), unit_of_measure(name)) for name in MEASURES),
+            *(_field(name, pa.float64(), unit_of(*name.split("."))) for name in MEASURES),
             *(_field(name, kind, unit) for name, (kind, unit) in AFTER.items()),
             *(_field(name, pa.list_(pa.float64()), "rad/s") for name in residuals),
         ]
     )
-
-
-def unit_of_measure(name: str) -> str:
-    """Unit of a measure by its column, such as ``chi.ITAE``."""
-    subject, measure = name.split(".")
-    if subject == "flight":
-        return FLIGHT_UNITS[measure]
-    if measure == "effort_rms":
-        return "rad" if subject == "chi" else "1"
-    return TRACKED[measure]
 
 
 def unit_of_key(key: str) -> str:

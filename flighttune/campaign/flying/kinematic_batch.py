@@ -14,6 +14,7 @@ from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
 from flighttune.scenario.tables import DisturbanceTable, PlantTable, ReferenceTable, SensorsTable
 from flighttune.simulate.batch import SIGNALS, BatchResult, Flights, fly_sampled
+from flighttune.simulate.disturbance import Sinusoid
 
 FLOWN_TOGETHER = 64
 """Flights whose signals are in memory at once: as many as stay in the processor's cache."""
@@ -135,13 +136,15 @@ def _fly(
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
     at = t if _moving(scenarios[0]) else np.zeros(1)
-    conditions = [scenario.condition for scenario in scenarios]
-    flights = Flights(
-        K=np.repeat(gains.K[None], len(scenarios), axis=0),
-        start=np.array([(c.chi, c.gamma, c.phi, c.n_z_start, c.V_a) for c in conditions]),
+    flights = Flights.of(
+        [gains] * len(scenarios),
+        condition=[scenario.condition for scenario in scenarios],
         ref=np.array([np.column_stack(scenario.followed().sampled(at)) for scenario in scenarios]),
-        bounds=np.array([_bounds(scenario) for scenario in scenarios]),
-        waves=np.array([_wave(scenario) for scenario in scenarios]),
+        limits=[scenario.limits.limits() for scenario in scenarios],  # the plant itself has none
+        disturbance=[
+            scenario.disturbance.sinusoid() if scenario.disturbance else Sinusoid()
+            for scenario in scenarios
+        ],
     )
     batch = fly_sampled(
         flights,
@@ -167,18 +170,6 @@ def _fly(
             subject, measure = name.split(".")
             measured.setdefault(subject, {})[measure] = values[i]
         yield FlightResult(*_status(batch, i), measured, certified[i])
-
-
-def _bounds(scenario: Scenario) -> tuple[FloatArray, ...]:
-    limits = scenario.limits.limits()  # the plant itself has none
-    return limits.lower, limits.upper, limits.rate_lower, limits.rate_upper
-
-
-def _wave(scenario: Scenario) -> tuple[float, float, float, float]:
-    if scenario.disturbance is None:
-        return 0.0, 0.0, 0.0, 0.0
-    wave = scenario.disturbance.sinusoid()
-    return wave.chi_amplitude, wave.chi_omega, wave.gamma_amplitude, wave.gamma_omega
 
 
 def _measured(flights: Flights, batch: BatchResult) -> dict[str, FloatArray]:

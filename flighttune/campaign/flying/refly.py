@@ -1,35 +1,18 @@
 """Any run of a plan flown again by itself, as ``flighttune fly`` flies a scenario."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from flighttune.campaign.dataset import NOT_REPRODUCIBLE
-from flighttune.campaign.flying.alone import fly_group, leader_of
+from flighttune.campaign.flying.alone import fly_group, wind_source
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario, Progress, fly
+from flighttune.flight.refly import Difference
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FlownAgain:
-    """A run of a plan flown again.
-
-    Attributes
-    ----------
-    flown : FlownScenario
-        The scenario of this flight alone, and all that came of it; in wind with the flight of the
-        aircraft whose wind the run replays.
-    run : Run
-        The run itself.
-    """
-
-    flown: FlownScenario
-    run: Run
 
 
 def scenario_of_run(plan: Plan, run: int) -> Scenario:
@@ -56,8 +39,8 @@ def scenario_of_run(plan: Plan, run: int) -> Scenario:
     if not 0 <= run < plan.runs:
         raise InputError(f"`run` must be 0 to {plan.runs - 1}, got {run}.")
     group, scenario = plan.group_of(run), plan.scenario_of(plan.draw_of(run))
-    leader = leader_of(scenario, group)
-    flying = [group] if leader is None else [leader, group]
+    source = wind_source(scenario, group)
+    flying = [group] if source is None else [source, group]
     tables = scenario.as_dict()
     labels = [table.label for table in scenario.plant]
     tables["plant"] = [tables["plant"][labels.index(one.plant)] for one in flying]
@@ -71,7 +54,7 @@ def scenario_of_run(plan: Plan, run: int) -> Scenario:
     return scenario_from(tables)
 
 
-def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownAgain:
+def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownScenario:
     """Fly one run of a plan by itself.
 
     Parameters
@@ -79,7 +62,13 @@ def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> Flow
     plan : Plan
     run : int
     progress : callable, optional
-        Told how far each flight is.
+        Called with how far each flight is.
+
+    Returns
+    -------
+    FlownScenario
+        The run under the label of its group; in wind also the flight of the aircraft whose wind it
+        replays.
 
     Raises
     ------
@@ -88,10 +77,7 @@ def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> Flow
     PlantError
         If an aircraft cannot be built.
     """
-    group = plan.group_of(run)
-    flown = fly(scenario_of_run(plan, run), progress=progress)
-    found = next(one for one in flown.runs if one.provenance.plant == group.plant)
-    return FlownAgain(flown=flown, run=found)
+    return fly(scenario_of_run(plan, run), progress=progress)
 
 
 def fly_run(plan: Plan, run: int) -> Run:
@@ -118,26 +104,10 @@ def fly_run(plan: Plan, run: int) -> Run:
     group = plan.group_of(run)
     if plan.gain_sets[group.gains] is None:
         return fly_group(plan, plan.scenario_of(plan.draw_of(run)), group)
-    return fly_again(plan, run).run
+    return fly_again(plan, run)[group.label]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RowDifference:
-    """Where a run that was flown again is not what its row says.
-
-    Attributes
-    ----------
-    column : str
-    in_row, flown : float, str, bool or None
-        Both values, as the row has them.
-    """
-
-    column: str
-    in_row: Any
-    flown: Any
-
-
-def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[RowDifference, ...]:
+def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
     """Every column in which a run that is flown again differs from its row, to the bit.
 
     Parameters
@@ -153,7 +123,7 @@ def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[RowDi
     """
     again = fly_runs(plan, [run]).to_pylist()[0]
     return tuple(
-        RowDifference(column=name, in_row=row[name], flown=value)
+        Difference(name, None, row[name], value)
         for name, value in again.items()
         if name not in NOT_REPRODUCIBLE and not _same(row[name], value)
     )

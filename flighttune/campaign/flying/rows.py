@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.flying.alone import fly_group, leader_of, plant_table
+from flighttune.campaign.flying.alone import fly_group, plant_table
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.columns import RESIDUALS, row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
@@ -140,7 +140,7 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
         except FlightTuneError as error:
             outcomes.update(dict.fromkeys(of_draw, _refused(error, began)))
             continue
-        led: dict[Group, Run] = {}
+        wind_runs: dict[Group, Run] = {}
         for run in of_draw:
             group, scenarios[run] = plan.group_of(run), scenario
             table = plant_table(scenario, group.plant)
@@ -148,7 +148,7 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
                 batches.setdefault(group, []).append(run)
                 continue
             begins(run)
-            outcomes[run] = _fly_alone(plan, scenario, group, led, claim_of[group])
+            outcomes[run] = _fly_alone(plan, scenario, group, wind_runs, claim_of[group])
     for group, members in batches.items():
         begins(members[0])
         of_batch = {run: scenarios[run] for run in members}
@@ -157,19 +157,18 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
 
 
 def _fly_alone(
-    plan: Plan, scenario: Scenario, group: Group, led: dict[Group, Run], claim: UltimateSet | None
+    plan: Plan,
+    scenario: Scenario,
+    group: Group,
+    wind_runs: dict[Group, Run],
+    claim: UltimateSet | None,
 ) -> Outcome:
-    """One flight; `led` holds those of the draw whose wind others replay."""
+    """One flight; `wind_runs` as for `fly_group`."""
     began = time.perf_counter()
-    leader = leader_of(scenario, group)
     try:
-        if leader is not None and leader not in led:
-            led[leader] = fly_group(plan, scenario, leader)
-        run = fly_group(plan, scenario, group, led=None if leader is None else led[leader])
+        run = fly_group(plan, scenario, group, wind_runs)
     except FlightTuneError as error:
         return _refused(error, began)
-    if scenario.windy and leader is None:
-        led[group] = run
     result = FlightResult(
         run.status, run.reason, measures(run), None if claim is None else claim.outcome(run)
     )

@@ -1,6 +1,6 @@
 """A campaign file to a campaign that has been checked against its scenario."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -27,10 +27,10 @@ from flighttune.campaign.planning.schema import (
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import mistakes
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
-from flighttune.scenario.load import load_scenario, validated
+from flighttune.scenario.load import existing_file, leaves, load_scenario, validated
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
-from flighttune.shipped import campaign_file, campaign_names, scenario_file, scenario_names
+from flighttune.shipped import campaign_files, scenario_files
 from flighttune.table_file import toml_tables
 
 
@@ -53,7 +53,8 @@ def load_campaign(path: str | Path) -> Campaign:
         If the file or its scenario cannot be read, a key is unknown, missing or impossible, or the
         scenario refuses a dispersion. One line that names file and key.
     """
-    file = _existing(path)
+    folders = "campaigns", "scenarios/campaigns"
+    file = existing_file(path, "campaign", campaign_files(), folders)
     tables = toml_tables(file)
     _check_disperse(tables.get("disperse"), str(file))
     table = validated(CampaignTable, tables, str(file))
@@ -81,30 +82,17 @@ def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaig
     return Campaign.of(table, nominal=nominal, central=_central(table, nominal, source))
 
 
-def _existing(path: str | Path) -> Path:
-    found = Path(path)
-    if found.is_file():
-        return found
-    name = found.name.removesuffix(".toml")
-    shipped = Path(), Path("campaigns"), Path("scenarios/campaigns")
-    if name in campaign_names() and found.parent in shipped:
-        return campaign_file(name)
-    raise ScenarioError(
-        f"{path}: the campaign must be a file or one of {', '.join(campaign_names())}; "
-        "there is no such file."
-    )
-
-
 def _scenario_of(name: str, file: Path) -> Path:
     """The file of a campaign's scenario: beside the campaign, or shipped."""
     for beside in (file.parent / name, file.parent / f"{name}.toml"):
         if beside.is_file():
             return beside
-    if name.removesuffix(".toml") in scenario_names():
-        return scenario_file(name)
+    shipped = scenario_files()
+    if name.removesuffix(".toml") in shipped:
+        return shipped[name.removesuffix(".toml")]
     raise ScenarioError(
         f"{file}: `scenario` must be a file beside the campaign or one of "
-        f"{', '.join(scenario_names())}, got {name!r}."
+        f"{', '.join(shipped)}, got {name!r}."
     )
 
 
@@ -115,7 +103,7 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
         tables["gains"] = _plain(table.gains)
     if table.plant is not None:
         tables["plant"] = _plain(table.plant)
-    for key, value in _leaves(table.overrides):
+    for key, value in leaves(table.overrides):
         try:
             places = places_of(key, tables, value)
         except InputError as error:
@@ -145,16 +133,6 @@ def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
         for expect in tables.get("expect", [])
         if expect.get("gains") in (None, *gains) and expect.get("plant") in (None, *plants)
     ]
-
-
-def _leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and value of everything in [overrides] that is not a table."""
-    for name, value in tables.items():
-        key = f"{above}{name}"
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f"{key}.")
-        else:
-            yield key, value
 
 
 def _check_disperse(tables: Any, source: str) -> None:

@@ -9,11 +9,11 @@ from pydantic import Field, field_validator, model_validator
 from scipy.special import ndtri
 
 from flighttune.arrays import FloatArray
+from flighttune.metrics import FLIGHT_METRICS
 from flighttune.quantities import Finite, NotNegative, Positive
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import (
     CHANNEL_MEASURES,
-    FLIGHT_MEASURES,
     ExpectTable,
     PlantTable,
     Seed,
@@ -32,7 +32,7 @@ Count: TypeAlias = Annotated[int, Field(ge=0)]
 
 MEASURES = (
     *(f"{channel}.{name}" for channel in ("chi", "gamma") for name in CHANNEL_MEASURES),
-    *(f"flight.{name}" for name in FLIGHT_MEASURES),
+    *(f"flight.{name}" for name in FLIGHT_METRICS),
 )
 """What a run is measured by, as the columns of rows are named."""
 

@@ -19,7 +19,7 @@ from flighttune.report.campaign.matter_panels import (
 from flighttune.report.campaign.panels import against, convergence, distributions, rates
 from flighttune.report.campaign.words import styles_of
 from flighttune.report.toml_text import toml_text
-from flighttune.shipped import scenario_names
+from flighttune.shipped import scenario_files
 
 
 def write_campaign_report(found: Findings, path: str | Path) -> Report:
@@ -42,7 +42,7 @@ def write_campaign_report(found: Findings, path: str | Path) -> Report:
     """
     flown, campaign = found.flights, found.flights.plan.campaign
     styles = styles_of(found)
-    shipped = campaign.scenario.removesuffix(".toml") in scenario_names()
+    shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
         Path(path),
         page_template("flighttune.report.campaign", "page.html.jinja"),
