@@ -224,7 +224,7 @@ def _flown_text(flown: "FlownScenario", recording: Path) -> Iterator[Table | str
     )
     for run in flown.runs:
         if run.status != "completed":
-            yield f"{run.label}: {run.status.replace('_', ' ')}: {run.reason}"
+            yield f"{run.label}: {run.outcome}"
     yield f"recording: {recording}   (open it with: flighttune view {recording})"
 
 

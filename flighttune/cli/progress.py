@@ -6,12 +6,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.cli.show import tell
-
-if TYPE_CHECKING:
-    from flighttune.campaign.engine.progress import CampaignProgress
 
 LINE_EVERY_S = 10.0
 SIGNALS = signal.SIGINT, signal.SIGTERM
@@ -37,8 +35,8 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
         yield update
 
 
-class CampaignDisplay:
-    """Observer of a campaign: shows on stderr how far it is, and stops it when asked to.
+class CampaignDisplay(CampaignObserver):
+    """Shows on stderr how far a campaign is, and stops it when asked to.
 
     Parameters
     ----------
@@ -59,7 +57,7 @@ class CampaignDisplay:
         self._doing = ""
         self._warned = False
 
-    def see(self, progress: "CampaignProgress") -> None:
+    def see(self, progress: CampaignProgress) -> None:
         """Show how far the campaign is."""
         if progress.doing == "flying" and not progress.workers and not self._warned:
             self._warned = True
@@ -115,7 +113,7 @@ def campaign_display() -> Iterator[CampaignDisplay]:
         yield display
 
 
-def _parts(progress: "CampaignProgress") -> list[str]:
+def _parts(progress: CampaignProgress) -> list[str]:
     parts = []
     if progress.rate_per_s:
         parts.append(f"{rate(progress.rate_per_s)} a second")

@@ -1,7 +1,7 @@
 """The comparison: pairs of runs with their metrics, differences and distances."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -103,21 +103,35 @@ class Comparison:
         if not self.comparable:
             rows = [("reason", self.reason)]
             return Table(title="Comparison: not comparable", head=(), rows=rows).html()
-        rows: list[tuple[str, ...]] = [
-            (
-                f"{row['run_a']} | {row['run_b']}",
-                f"{row['channel']} {row['name']} [{row['unit']}]",
-                *(number(float(row[key])) for key in ("a", "b", "diff")),
-                {"a": "first", "b": "second"}.get(str(row["better"]), str(row["better"])),
-            )
-            for row in self.metrics.to_dict(orient="records")
-            if row["name"] in SHOWN and int(row["pair"]) < MOST_PAIRS
-        ]
-        if len(self.pairs) > MOST_PAIRS:
-            rows.append((f"{len(self.pairs) - MOST_PAIRS} more pairs in `metrics`", *[""] * 5))
+        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MOST_PAIRS)
         title = f"Comparison: paths at most {number(self.max_distance)} m apart"
-        head = ("runs", "metric", "first", "second", "change", "better")
-        return Table(title=title, head=head, rows=rows).html()
+        found = comparison_table(title, self.metrics.loc[shown])
+        if len(self.pairs) <= MOST_PAIRS:
+            return found.html()
+        more = f"{len(self.pairs) - MOST_PAIRS} more pairs in `metrics`"
+        return replace(found, rows=[*found.rows, (more, *[""] * 5)]).html()
+
+
+def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
+    """Metrics of pairs side by side.
+
+    Parameters
+    ----------
+    title : str
+    metrics : DataFrame
+        Rows of `Comparison.metrics`.
+    """
+    rows = [
+        (
+            f"{row['run_a']} | {row['run_b']}",
+            f"{row['channel']} {row['name']} [{row['unit']}]",
+            *(number(float(row[key])) for key in ("a", "b", "diff")),
+            {"a": "first", "b": "second"}.get(str(row["better"]), str(row["better"])),
+        )
+        for row in metrics.to_dict(orient="records")
+    ]
+    head = ("first | second", "metric", "first", "second", "difference", "better")
+    return Table(title=title, head=head, rows=rows)
 
 
 def compare(

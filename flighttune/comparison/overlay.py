@@ -3,15 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
-from flighttune.comparison.compare import Comparison
+from flighttune.comparison.compare import Comparison, comparison_table
 from flighttune.metrics import metric_tables
-from flighttune.present.numbers import number
-from flighttune.present.tables import Table
 from flighttune.recording.page import scenario_page
 from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import Run
-
-BETTER = {"a": "first", "b": "second", "same": "same", "": ""}
 
 
 def write_overlay(found: Comparison, path: str | Path) -> None:
@@ -34,7 +30,8 @@ def write_overlay(found: Comparison, path: str | Path) -> None:
     title = f"{scenario.get('title', 'Flight')}: comparison"
     metrics, flight = metric_tables(runs)
     page = scenario_page(runs, scenario=scenario, metrics=metrics, flight=flight)
-    write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{_table(found)}\n", title=title)
+    compared = comparison_table("Compared", found.metrics).markdown()
+    write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{compared}\n", title=title)
 
 
 def overlaid(found: Comparison) -> list[Run]:
@@ -62,17 +59,3 @@ def overlaid(found: Comparison) -> list[Run]:
 
 def _named(run: Run, gains_name: str) -> Run:
     return replace(run, provenance=replace(run.provenance, gains_name=gains_name))
-
-
-def _table(found: Comparison) -> str:
-    rows = [
-        (
-            f"{row['run_a']} and {row['run_b']}",
-            f"{row['channel']} {row['name']} [{row['unit']}]",
-            *(number(float(row[key]), "z.4f") for key in ("a", "b", "diff")),
-            BETTER[str(row["better"])],
-        )
-        for row in found.metrics.to_dict(orient="records")
-    ]
-    head = ("first and second", "metric", "first", "second", "difference", "better")
-    return Table(title="Compared", head=head, rows=rows).markdown()

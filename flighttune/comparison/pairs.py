@@ -8,7 +8,13 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from flighttune.comparison.source import Source
-from flighttune.metrics import METRICS, channel_metrics, flight_metrics, unit_of
+from flighttune.metrics import (
+    FLIGHT_METRICS,
+    METRICS,
+    channel_metrics,
+    flight_metrics,
+    unit_of,
+)
 from flighttune.scenario.load import leaves
 from flighttune.simulate.run import Run
 
@@ -16,20 +22,9 @@ Better: TypeAlias = Literal["a", "b", "same", ""]
 BetterIf: TypeAlias = Literal["low", "near zero", "neither"]
 
 BETTER_IF: dict[str, BetterIf] = {
-    "ITAE": "low",
-    "ITAE_mean": "low",
-    "PT_s": "neither",
-    "MO_rad": "low",
+    **dict.fromkeys((*METRICS, *FLIGHT_METRICS), "low"),
+    **dict.fromkeys(("PT_s", "n_z_min", "n_z_max"), "neither"),
     "MS_rad": "near zero",
-    "ST_rad": "low",
-    "rise_s": "low",
-    "settling_s": "low",
-    "effort_rms": "low",
-    "saturation_s": "low",
-    "V_a_dev_mps": "low",
-    "n_z_min": "neither",
-    "n_z_max": "neither",
-    "alpha_max_rad": "low",
 }
 """What is better, of each metric. A time that is never reached is worse than any that is."""
 

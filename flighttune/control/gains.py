@@ -80,10 +80,11 @@ def paper_family() -> dict[str, PIGains]:
 
 @cache
 def _family() -> dict[str, PIGains]:
-    shift = np.eye(2)
-    family = {"paper": PAPER_GAINS}
-    for name, epsilon in PAPER_EPSILON.items():
-        family[name] = PIGains(
-            K_P=PAPER_GAINS.K_P - epsilon * shift, K_I=PAPER_GAINS.K_I - epsilon * shift
-        )
-    return family
+    shifts = PAPER_EPSILON.items()
+    return {"paper": PAPER_GAINS, **{name: shifted(PAPER_GAINS, by) for name, by in shifts}}
+
+
+def shifted(gains: PIGains, epsilon: float) -> PIGains:
+    """``K - epsilon (I, I)``: how the paper makes K1 to K6 of K*."""
+    shift = epsilon * np.eye(2)
+    return PIGains(K_P=gains.K_P - shift, K_I=gains.K_I - shift)

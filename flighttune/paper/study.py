@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from flighttune.control.gains import PAPER_EPSILON, PAPER_GAINS, PIGains
+from flighttune.control.gains import PAPER_EPSILON, PAPER_GAINS, PIGains, shifted
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
 from flighttune.paper import parameters as printed
@@ -41,12 +41,7 @@ class Study:
     @cached_property
     def gains(self) -> dict[str, PIGains]:
         """K1 to K6 and K*, in the order `ORDER`."""
-        K_P, K_I = self.star.K_P, self.star.K_I
-        shift = {
-            name: epsilon * np.eye(2)
-            for name, epsilon in {**PAPER_EPSILON, printed.STAR: 0.0}.items()
-        }
-        return {name: PIGains(K_P=K_P - shift[name], K_I=K_I - shift[name]) for name in ORDER}
+        return {name: shifted(self.star, PAPER_EPSILON.get(name, 0.0)) for name in ORDER}
 
     @cached_property
     def indicators(self) -> dict[str, Indicators]:

@@ -60,8 +60,7 @@ def events(run: Run, claim: FlightCheck | None = None) -> list[Event]:
         *_claims(claim),
     ]
     if run.status != "completed":
-        text = f"{run.status.replace('_', ' ')}: {run.reason}"
-        found.append(Event(run.duration, "end", text))
+        found.append(Event(run.duration, "end", run.outcome))
     return sorted(found, key=lambda event: event.t)
 
 

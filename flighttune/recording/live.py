@@ -10,9 +10,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flighttune.arrays import FloatArray
-from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.plants.base import FlightCondition, Plant, Stop
+from flighttune.plants.base import FlightCondition, Plant, Stop, WrappedPlant
 from flighttune.present.palette import LineStyle, line_styles
 from flighttune.present.thinning import evenly
 from flighttune.recording import entities
@@ -145,7 +144,7 @@ class LiveSession:
         self.close()
 
 
-class LivePlant:
+class LivePlant(WrappedPlant):
     """A plant that sends its signals to a viewer, and otherwise flies as the plant in it.
 
     Parameters
@@ -161,21 +160,16 @@ class LivePlant:
     """
 
     def __init__(self, plant: Plant, key: str, style: LineStyle, session: LiveSession) -> None:
-        self.kind, self.signals = plant.kind, plant.signals
-        self._plant, self._key, self._style, self._session = plant, key, style, session
+        super().__init__(plant, ())
+        self._key, self._style, self._session = key, style, session
         self._rows: list[tuple[float, ...]] = []
         self._path: list[FloatArray] = []
         self._t = self._sent = self._drawn = 0.0
         self._observed: tuple[float, ...] = ()
 
-    @property
-    def limits(self) -> Limits:
-        """Limits of the plant itself on its commands."""
-        return self._plant.limits
-
     def start(self, condition: FlightCondition) -> None:
         """Start the plant and the clock."""
-        self._plant.start(condition)
+        super().start(condition)
         self._began = time.monotonic()
         self._set_time(0.0)
         model = aircraft_model(self._style.rgb, DRAWN_SPAN)
@@ -183,7 +177,7 @@ class LivePlant:
 
     def observe(self) -> tuple[float, ...]:
         """Signals of the plant."""
-        self._observed = self._plant.observe()
+        self._observed = self._observe()
         return self._observed
 
     def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
@@ -196,7 +190,7 @@ class LivePlant:
                 session.wait_until(self._began + self._t / session.pace)
         if session.stopped:  # possibly during the wait
             return self._end(Stop("interrupted", f"stopped by hand at t = {self._t:.2f} s."))
-        stop = self._plant.advance(phi_cmd, n_z_cmd, duration)
+        stop = super().advance(phi_cmd, n_z_cmd, duration)
         self._t += duration
         last = self._t >= session.scenario.flight.duration_s - duration / 2.0
         return self._end(stop) if stop or last else None

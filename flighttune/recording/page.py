@@ -84,9 +84,8 @@ def _about(scenario: Mapping[str, Any]) -> list[str]:
 def _runs(runs: Sequence[Run]) -> str:
     rows = []
     for run, style in zip(runs, styles_of(runs), strict=True):
-        status = run.status.replace("_", " ") + (f": {run.reason}" if run.reason else "")
         colour = style.name if len(run.signals) > 1 else "not drawn"
-        rows.append([run.label, colour, f"{run.duration:.2f}", status])
+        rows.append([run.label, colour, f"{run.duration:.2f}", run.outcome])
     return _table(["run", "colour", "flown [s]", "outcome"], rows)
 
 

@@ -38,7 +38,7 @@ def _converges(facts: Facts) -> Answer:
     runs = facts.runs
     good = [run for run in runs if facts.final_errors[run.label].converged]
     sentences = [_convergence(facts, run) for run in runs]
-    sentences += [f"{run.label} did not fly: {_plain(run)}." for run in facts.grounded]
+    sentences += [f"{run.label} did not fly: {run.outcome.rstrip('.')}." for run in facts.grounded]
     count = len(runs) + len(facts.grounded)
     return Answer(
         question="Does it converge?",
@@ -53,7 +53,7 @@ def _convergence(facts: Facts, run: Run) -> str:
     found = facts.final_errors[run.label]
     chi, gamma = (degrees(value) for value in found.residual)
     if run.status != "completed":
-        return f"{run.label} ended after {run.duration:.1f} s: {_plain(run)}."
+        return f"{run.label} ended after {run.duration:.1f} s: {run.outcome.rstrip('.')}."
     settling = channel_metrics(run)["settling_s"].to_dict()
     if not found.converged:
         allowed_chi, allowed_gamma = (degrees(value) for value in found.allowed)
@@ -222,7 +222,3 @@ def _free(free: FreeFlight | None) -> str:
 def _percent(law: float, flown: float) -> str:
     """The change in per cent; empty where two decimals of ITAE cannot resolve it."""
     return f" ({100.0 * (flown / law - 1.0):+.0f} %)" if law >= SMALLEST_ITAE else ""
-
-
-def _plain(run: Run) -> str:
-    return f"{run.status.replace('_', ' ')}, {run.reason.rstrip('.')}"

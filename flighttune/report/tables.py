@@ -10,7 +10,6 @@ from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.tables import Table
 from flighttune.report.facts import Facts
 from flighttune.scenario.tables import SensorsTable
-from flighttune.simulate.run import Run
 
 TRACKING = ("ITAE", "MO_rad", "PT_s", "rise_s", "settling_s", "MS_rad", "ST_rad", "saturation_s")
 FLIGHT = ("V_a_dev_mps", "n_z_min", "n_z_max", "alpha_max_rad")
@@ -44,7 +43,7 @@ def runs_table(facts: Facts) -> Table:
     for run in runs:
         metrics = flight_metrics(run) if len(run.signals) > 1 else {}
         cells = (METRIC_LABELS[key].text(metrics.get(key, math.nan)) for key in FLIGHT)
-        rows.append((run.label, f"{run.duration:.2f}", *cells, _outcome(run)))
+        rows.append((run.label, f"{run.duration:.2f}", *cells, run.outcome))
     head = ("run", "flown [s]", *_headings(FLIGHT), "outcome")
     labels = [run.label for run in runs]
     return Table(title="Runs", head=head, rows=rows, labels=labels, last_is_text=True)
@@ -104,10 +103,6 @@ def provenance_table(facts: Facts) -> Table:
 
 def _headings(metrics: Iterable[str]) -> list[str]:
     return [METRIC_LABELS[key].heading for key in metrics]
-
-
-def _outcome(run: Run) -> str:
-    return run.status.replace("_", " ") + (f": {run.reason}" if run.reason else "")
 
 
 def _sensors(table: SensorsTable | None) -> list[tuple[str, str]]:

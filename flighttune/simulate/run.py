@@ -153,6 +153,11 @@ class Run:
         return f"{self.provenance.plant} / {self.provenance.gains_name}"
 
     @property
+    def outcome(self) -> str:
+        """Status, and the reason where there is one, as words."""
+        return self.status.replace("_", " ") + (f": {self.reason}" if self.reason else "")
+
+    @property
     def t(self) -> FloatArray:
         """Time of each sample, shape (n,), s."""
         return self.signals.index.to_numpy(dtype=float)
@@ -164,9 +169,8 @@ class Run:
 
     def _repr_html_(self) -> str:
         made = self.provenance
-        ended = self.status + (f": {self.reason}" if self.reason else "")
         rows = [
-            ("outcome", ended),
+            ("outcome", self.outcome),
             ("flown", f"{self.duration:g} s, {len(self.signals)} samples"),
             ("signals", ", ".join(map(str, self.signals.columns))),
         ]

@@ -13,7 +13,7 @@ from flighttune.campaign.choice.race import Race, Tried, race
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.cluster import cluster
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.engine.progress import Observer
+from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
 from flighttune.campaign.statistics.intervals import (
@@ -188,7 +188,7 @@ def tune_robust(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    observer: Observer | None = None,
+    observer: CampaignObserver | None = None,
 ) -> RobustChoice:
     """Choose gains of the frontier by flying them on the draws of a campaign.
 
@@ -202,7 +202,7 @@ def tune_robust(
         Processes on this machine; by default one a core. The choice does not depend on it.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
-    observer : Observer, optional
+    observer : CampaignObserver, optional
         Told how far it is; may stop it.
 
     Returns

@@ -17,7 +17,7 @@ from flighttune.campaign.dataset import (
 )
 from flighttune.campaign.engine.cluster import cluster
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.engine.progress import CampaignOutcome, NoObserver, Observer, Tally
+from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, Tally
 from flighttune.campaign.lock import locked
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.statistics.intervals import rate_interval
@@ -39,7 +39,7 @@ def run_campaign(
     scheduler: str | None = None,
     resume: bool = False,
     until_halfwidth: float | None = None,
-    observer: Observer | None = None,
+    observer: CampaignObserver | None = None,
 ) -> CampaignOutcome:
     """Fly a campaign, or what is missing of it.
 
@@ -57,7 +57,7 @@ def run_campaign(
         Fly on with the campaign in `out`, if there is one.
     until_halfwidth : float, optional, 1
         Stop as soon as the 95 % interval of every group's success rate is that narrow.
-    observer : Observer, optional
+    observer : CampaignObserver, optional
         Told how far the campaign is; may stop it.
 
     Returns
@@ -75,7 +75,7 @@ def run_campaign(
         If the cluster is gone. What is there is whole.
     """
     began = time.perf_counter()
-    observer = observer or NoObserver()
+    observer = observer or CampaignObserver()
     interim = list(interim_analyses(plan, until_halfwidth))
     halfwidth, done = None, True
     with cluster(workers, scheduler) as start, locked(Path(out)):

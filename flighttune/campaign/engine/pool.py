@@ -11,7 +11,7 @@ import pyarrow as pa
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.chunks import Chunks
 from flighttune.campaign.engine.cluster import Task, Workers
-from flighttune.campaign.engine.progress import CampaignProgress, NoObserver, Observer, Tally
+from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress, Tally
 from flighttune.campaign.engine.worker import (
     FlownChunk,
     cancel_flights,
@@ -42,7 +42,7 @@ class WorkerPool:
     start : callable
         Returns the workers, as `flighttune.campaign.engine.cluster.cluster` gives it. Called when
         there is something to fly.
-    observer : Observer, optional
+    observer : CampaignObserver, optional
         Told how far it is; may stop it.
 
     Attributes
@@ -51,9 +51,11 @@ class WorkerPool:
         Rows so far.
     """
 
-    def __init__(self, start: Callable[[], Workers], observer: Observer | None = None) -> None:
+    def __init__(
+        self, start: Callable[[], Workers], observer: CampaignObserver | None = None
+    ) -> None:
         self._start = start
-        self._observer = observer or NoObserver()
+        self._observer = observer or CampaignObserver()
         self._flying_since: float | None = None
         self.flown = 0
 

@@ -2,9 +2,10 @@
 
 from collections import Counter
 from dataclasses import dataclass, field, fields
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-import pyarrow as pa
+if TYPE_CHECKING:  # the command line imports this module before anything heavy
+    import pyarrow as pa
 
 
 @dataclass(slots=True)
@@ -14,7 +15,7 @@ class Tally:
     statuses: Counter[str] = field(default_factory=Counter)
     succeeded: int = 0
 
-    def add(self, rows: pa.Table) -> None:
+    def add(self, rows: "pa.Table") -> None:
         """Count the rows of a table."""
         self.statuses.update(rows.column("status").to_pylist())
         self.succeeded += sum(rows.column("success").to_pylist())
@@ -73,33 +74,22 @@ class CampaignProgress:
     left_s: float | None = None
 
 
-class Observer(Protocol):
-    """Receives the progress of a campaign, and may stop it."""
+class CampaignObserver:
+    """Receives the progress of a campaign, and may stop it; this one does neither.
 
-    @property
-    def stopped(self) -> bool:
-        """Whether to stop; what has been flown stays."""
-        ...
-
-    def see(self, progress: CampaignProgress) -> None:
-        """How far the campaign is."""
-        ...
-
-    def hear(self, sentence: str) -> None:
-        """Something out of the ordinary."""
-        ...
-
-
-class NoObserver:
-    """An observer that does nothing."""
+    Attributes
+    ----------
+    stopped : bool
+        Whether to stop; what has been flown stays.
+    """
 
     stopped = False
 
     def see(self, progress: CampaignProgress) -> None:
-        """Do nothing."""
+        """How far the campaign is."""
 
     def hear(self, sentence: str) -> None:
-        """Do nothing."""
+        """Something out of the ordinary."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,7 @@
 """The tables and keys of a campaign file."""
 
 import math
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -215,11 +215,7 @@ class Grid(DisperseTable):
 
 Dispersion: TypeAlias = Normal | LogNormal | Uniform | Choice | Grid
 DISTRIBUTIONS: dict[str, type[Dispersion]] = {
-    "normal": Normal,
-    "log_normal": LogNormal,
-    "uniform": Uniform,
-    "choice": Choice,
-    "grid": Grid,
+    one.model_fields["distribution"].default: one for one in get_args(Dispersion)
 }
 
 

@@ -45,14 +45,11 @@ class Reason:
     count : int
     run : int
         The first of them.
-    example : str
-        What that one says.
     """
 
     text: str
     count: int
     run: int
-    example: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -356,7 +353,6 @@ def reasons(texts: Sequence[str], runs: Sequence[int]) -> tuple[Reason, ...]:
             text=_shared([texts[place] for place in at]),
             count=len(at),
             run=int(runs[at[0]]),
-            example=texts[at[0]],
         )
         for at in found.values()
     ]
