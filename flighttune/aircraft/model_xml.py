@@ -113,7 +113,7 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
     Raises
     ------
     InputError
-        If there is none or more than one.
+        If no function, or more than one, has that name.
     """
     named = list(_named(root))
     found = [one for one in named if name in (one[2], one[2].rpartition("/")[2])]

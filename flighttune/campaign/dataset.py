@@ -156,7 +156,7 @@ class Dataset:
         Raises
         ------
         RecordingError
-            If there are none, or a file is damaged.
+            If no run has been flown, or a file is damaged.
         """
         tables = list(self.tables(columns))
         if not tables:
@@ -250,7 +250,7 @@ def open_dataset(folder: str | Path) -> Dataset:
     Raises
     ------
     RecordingError
-        If there is none, or it was written by a newer flighttune.
+        If the folder holds no campaign, or one written by a newer flighttune.
     """
     path = Path(folder) / CAMPAIGN
     if not path.exists():

@@ -1,6 +1,6 @@
 """Certificates of gains: made with solvers, checked without, kept as JSON files.
 
-What a certificate says, and what it does not, is told in docs/certificate.md.
+docs/certificate.md explains what a certificate says, and what it does not.
 """
 
 from flighttune.certificates.certificate import Certificate, Claim

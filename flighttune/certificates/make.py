@@ -28,7 +28,7 @@ Condition = tuple[tuple[float, float], LinearModel]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certification:
-    """A certificate that has been verified, or why there is none.
+    """A certificate that has been verified, or why it was refused.
 
     Attributes
     ----------

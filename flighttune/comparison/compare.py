@@ -96,7 +96,7 @@ class Comparison:
 
     @property
     def max_distance(self) -> float:
-        """Largest distance of any pair, m; nan if there is none."""
+        """Largest distance of any pair, m; nan without pairs."""
         return max((pair.max_distance for pair in self.pairs), default=float("nan"))
 
     def _repr_html_(self) -> str:

@@ -59,7 +59,7 @@ def paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
     Returns
     -------
     list of (Run, Run)
-        One run each: those two. Else those of equal label; where there are none, those of equal
+        One run each: those two. Else those of equal label; failing that, those of equal
         plant if both sides have a single gain set, or of equal gains if both have a single plant.
         Empty where nothing fits.
     """

@@ -154,12 +154,7 @@ def violations(found: Comparison, tolerances: Mapping[str, Tolerance]) -> list[V
         if limit is not None and not limit.allows(name, a, b):
             out.append(
                 Violation(
-                    run_a=str(row["run_a"]),
-                    run_b=str(row["run_b"]),
-                    channel=channel,
-                    name=name,
-                    a=a,
-                    b=b,
+                    **{key: row[key] for key in ("run_a", "run_b", "channel", "name", "a", "b")},
                     allowed=limit.largest_change(a),
                 )
             )

@@ -104,7 +104,7 @@ ROUNDING = 1e-14
 """Distance from the half-power gain below which a frequency has it."""
 
 NO_DELAY = 1e-5
-"""Delay (s) below which there is none: a section of 2/delay would only spoil the arithmetic."""
+"""Delay (s) below which it is neglected: a section of 2/delay would only spoil the arithmetic."""
 
 Order: TypeAlias = Literal[1, 2, 3]
 

@@ -55,7 +55,7 @@ class ChannelMargins:
     phase_margin : float, rad
         Smallest additional phase lag that destabilises; inf if the gain never crosses 1.
     delay_margin : float, s
-        Smallest additional delay that destabilises; inf if there is none.
+        Smallest additional delay that destabilises; inf if no delay does.
     """
 
     channel: str

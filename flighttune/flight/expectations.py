@@ -45,7 +45,7 @@ def missed(
     status, reason : str
         How the run ended.
     measured : mapping
-        Its `measures`, empty where there are none.
+        Its `measures`; empty for a flight too short to have any.
     """
     expected = [t.status for t in tables if t.status] or ["completed"]
     if status not in expected:

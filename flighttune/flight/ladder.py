@@ -289,7 +289,7 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
     Raises
     ------
     InputError
-        If there is none.
+        If the scenario has no such aircraft.
     """
     aircraft = [table for table in scenario.plant if table.kind == "jsbsim"]
     if not aircraft:

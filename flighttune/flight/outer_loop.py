@@ -106,7 +106,7 @@ def tune_scenario(scenario: Scenario, model: TuningModel | None = None) -> Tunin
     Raises
     ------
     InputError, ScenarioError
-        If an identified model is needed and there is none.
+        If an identified model is needed and missing.
     """
     settings = scenario.tuning
     if (model or settings.model) == "identified":

@@ -135,7 +135,7 @@ def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
     ----------
     aircraft : IdentifiedAircraft
     path : str or Path
-        Its folder is made where there is none.
+        Its folder is made if missing.
 
     Raises
     ------

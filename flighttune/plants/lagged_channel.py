@@ -10,7 +10,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
 
 RESOLUTION = 12
-"""Decimals of a second to which the transitions of a channel are told apart."""
+"""Decimals of a second to which the transitions of a channel are distinguished."""
 
 MOST_TRANSITIONS = 4096
 """Transitions remembered by a channel."""

@@ -107,8 +107,8 @@ def _reference(run: Run) -> Iterator[Event]:
         steps = np.flatnonzero(np.abs(np.diff(slopes, prepend=slopes[:1])) > NO_STEP)
         first = abs(values[0] - start) > NO_STEP
         if first:
-            told = f"{word} reference {math.degrees(values[0]):.4g} deg"
-            yield Event(float(t[0]), "track", f"{told}, from {math.degrees(start):.4g} deg")
+            text = f"{word} reference {math.degrees(values[0]):.4g} deg"
+            yield Event(float(t[0]), "track", f"{text}, from {math.degrees(start):.4g} deg")
         for k in steps[:MOST_HOLDS].tolist():
             moved = math.degrees(values[k])
             yield Event(float(t[k]), "track", f"{word} reference moves at {moved:.4g} deg")

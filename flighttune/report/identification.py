@@ -1,7 +1,7 @@
 """A figure of an identified inner loop: Bode of fit against flight, and the manoeuvre held out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -109,10 +109,11 @@ def _dress(axes: "Axes") -> None:
 
 def _legend(axes: "Axes") -> None:
     """Between title and axes, where no curve can run."""
+    spacing: dict[str, Any] = {"borderaxespad": 0.2, "columnspacing": 1.2, "handlelength": 1.6}
+    above = (0.0, 1.0)
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8, frameon=False,
-        borderaxespad=0.2, columnspacing=1.2, handlelength=1.6,
-    )  # fmt: skip
+        loc="lower left", bbox_to_anchor=above, ncols=3, fontsize=8, frameon=False, **spacing
+    )
 
 
 def _decibel(response: npt.NDArray[np.complex128]) -> npt.NDArray[np.float64]:

@@ -284,7 +284,7 @@ class PlantTable(Table):
         return plant_label(self.kind, self.aircraft, self.name)
 
     def lags(self) -> tuple[InnerLag, InnerLag] | None:
-        """Lag of roll and of load factor; None where there is none."""
+        """Lag of roll and of load factor; None for a plant without lags."""
         if self.kind != "point_mass_lag":
             return None
         return self._lag("roll"), self._lag("n_z")

@@ -51,7 +51,7 @@ class Flights:
     ref : ndarray, shape (N or 1, k or 1, 2), rad
         Course and flight-path angle to follow: one pair, or one a sample.
     bounds : ndarray, shape (N, 4, 2), input units
-        Rows lower, upper, rate_lower, rate_upper; infinite where there is none.
+        Rows lower, upper, rate_lower, rate_upper; infinite for no limit.
     waves : ndarray, shape (N, 4), rad/s
         Disturbance: chi_amplitude, chi_omega, gamma_amplitude, gamma_omega.
 

@@ -33,7 +33,7 @@ class CommonQ:
     ----------
     status : "optimal", "inaccurate", "none" or "failed"
         Inaccurate: Q holds what it says, but a better one may exist. None: no common Q was found;
-        `R_bound` says how well it is known that there is none.
+        `R_bound` says how small the rate of any must be.
     reason : str
         Why it is not optimal; empty otherwise.
     Q : ndarray, shape (n, n), s, or None
@@ -59,7 +59,7 @@ class CommonEllipsoid:
     ----------
     status : "found" or "none"
     reason : str
-        Why there is none; empty otherwise.
+        Why no common Q was found; empty otherwise.
     W : ndarray, shape (n, n), or None
     multiplier : float, 1/s
         The a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``; states outside approach at rate a.

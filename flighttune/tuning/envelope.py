@@ -38,7 +38,7 @@ class LargestEnvelope:
     Attributes
     ----------
     factor : float
-        Largest factor found; 0 if there is none, `LARGEST_FACTOR` if there is no end.
+        Largest factor found; 0 if not even the trim is certified, at most `LARGEST_FACTOR`.
     envelope : Envelope or None
         The envelope at that factor.
     R : float, 1/s
@@ -52,7 +52,7 @@ class LargestEnvelope:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EnvelopeTuning:
-    """Gains tuned for their rate over an envelope, or why there are none.
+    """Gains tuned for their rate over an envelope, or why none were found.
 
     Attributes
     ----------

@@ -72,7 +72,7 @@ def tune_by_gradient(
     Notes
     -----
     The optimisation model of arXiv 2411.13140, section 4.4. The problem is not convex: that no
-    feasible gains were found is no proof that there are none.
+    feasible gains were found is no proof that none exist.
     """
     began = time.perf_counter()
     space = search_space(problem)

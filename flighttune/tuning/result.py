@@ -49,7 +49,7 @@ class Assessment:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TuningResult:
-    """Gains that an optimiser found for a problem, or why there are none.
+    """Gains that an optimiser found for a problem, or why it found none.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class TuningResult:
     gains : PIGains or None
         The best ones; if infeasible those of the smallest I_K; None if failed.
     R_K, I_K, spectral_abscissa : float
-        Of `gains`, computed anew from them; 0, inf and nan if there are none.
+        Of `gains`, computed anew from them; 0, inf and nan without gains.
     active : tuple of str
         Names of the constraints that bind at `gains`.
     smallest_I_K : float or None

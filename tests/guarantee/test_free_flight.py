@@ -41,7 +41,7 @@ def reach(v, s=START, *, limited_until=0.0, moved_at=None, measured=1.0):
     d_dot = -0.5 * measured * (v[1:] + v[:-1])
     found = Mismatch(t=t[:-1], rates=rates, d=np.zeros_like(rates), d_dot=d_dot)
     made_by = SimpleNamespace(scenario={}, plant="linear")
-    run = SimpleNamespace(signals=signals, provenance=made_by)
+    run = SimpleNamespace(signals=signals, t=t, provenance=made_by)
     return free_flight(check_against(run, LOOP, found))
 
 

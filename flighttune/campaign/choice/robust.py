@@ -110,7 +110,7 @@ class RobustChoice:
     best : CandidateResult or None
         The best candidate, also where it is not good enough.
     p_best : float, 1
-        Probability that it is the best candidate on draws like these; NaN where there is none.
+        Probability that it is the best candidate on draws like these; NaN without a best one.
     loss : float
         What its percentile lies above that of the best, mean over the resamples.
     candidates : tuple of CandidateResult

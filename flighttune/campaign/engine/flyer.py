@@ -80,7 +80,7 @@ class Flyer:
         self.versions: dict[str, str] = {}
 
     def start(self) -> None:
-        """Start the process, if there is none.
+        """Start the process, unless it runs.
 
         Raises
         ------
@@ -178,7 +178,7 @@ class Flyer:
             return "silent", -1, None
 
     def _exit(self) -> str:
-        """How the process ended; there is none afterwards."""
+        """Wait for the process to end, and say how it did."""
         assert self._process is not None
         try:
             code = self._process.wait(EXIT_S)

@@ -152,7 +152,7 @@ class WorkerPool:
         tally: Tally,
         runs: int,
     ) -> bool:
-        """Hand out tasks until there are none left; return False where the observer stopped it.
+        """Hand out all tasks; return False if the observer stopped it.
 
         `next_task` is given how many tasks can run at a time; `done` gets what a task was about and
         what it returned, in any order.

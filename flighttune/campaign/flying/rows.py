@@ -241,7 +241,7 @@ def _table(
 
 
 def _number(value: float | None) -> float | None:
-    """A number, or None where there is none (NaN)."""
+    """The number, or None for NaN."""
     return value if value == value else None
 
 

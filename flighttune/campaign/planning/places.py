@@ -76,7 +76,7 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
 
 
 def value_at(tables: Mapping[str, Any], place: Place) -> Any:
-    """The value at a place; None where there is none.
+    """The value at a place; None if the place is empty.
 
     Parameters
     ----------

@@ -283,7 +283,7 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     Raises
     ------
     InputError, ScenarioError
-        If `runs` is not positive, or an identified model is needed and there is none.
+        If `runs` is not positive, or an identified model is needed and missing.
     """
     scenario = campaign.nominal
     names = scenario.gain_names

@@ -35,7 +35,7 @@ class Paired:
         Draws on which one succeeded and the other did not.
     p_success : float, 1
         Probability of counts as different as these if both succeeded equally often (exact McNemar
-        test); 1 where there are none.
+        test); 1 if both always succeeded together.
     """
 
     plant: str

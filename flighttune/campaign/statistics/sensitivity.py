@@ -16,7 +16,7 @@ from flighttune.campaign.statistics.intervals import CONFIDENCE
 from flighttune.errors import ShapeError
 
 Test: TypeAlias = tuple[float, float]
-"""A statistic and its p-value, both NaN where there is none."""
+"""A statistic and its p-value, both NaN if it is undefined."""
 
 CLASSES = 10
 """Classes of equal size that a number with many values is cut into."""

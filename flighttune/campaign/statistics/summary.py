@@ -79,7 +79,7 @@ class Status:
     status : str
     count : int
     reasons : tuple of Reason
-        The most frequent first; empty where there are none.
+        The most frequent first; empty for completed flights.
     """
 
     status: str
@@ -306,16 +306,14 @@ def convergence(
         values = rows[measure].to_numpy(dtype=float)
         known = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
         counts = prefixes(len(rows))
+        first = [np.flatnonzero(known[:n]) for n in counts]
         p50, p95 = (
             tuple(
-                percentile(
-                    values[:n][known[:n]], PERCENTILES[q], clusters[:n][known[:n]],
-                    confidence=confidence,
-                )
-                for n in counts
+                percentile(values[kept], PERCENTILES[q], clusters[kept], confidence=confidence)
+                for kept in first
             )
             for q in ("p50", "p95")
-        )  # fmt: skip
+        )
         rates = tuple(
             share(success[:n], clusters[:n], method=method, confidence=confidence) for n in counts
         )

@@ -101,7 +101,7 @@ def linearize(config: AircraftConfig, condition: FlightCondition) -> RigidBodyMo
     at = trim(fdm, condition)
     bench = Bench(fdm, condition.h)
     # Not JSBSim's FGLinearization: it never returns where an engine takes its time to settle, and
-    # ends the process where there is none. Where it works it agrees.
+    # ends the process for an aircraft without engine. Where it works it agrees.
     by = slopes(lambda state: _state_rates(state, bench.accelerations(state)), at, _HALF_WIDTHS)
     A, B = (np.column_stack([by[name] for name in names]) for names in (STATES, CONTROLS))
     modes = (

@@ -154,7 +154,7 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str 
 
 @cache
 def _memory() -> Path | None:
-    """A folder in memory, ten times as fast as one on disk; None where there is none."""
+    """A folder in memory, ten times as fast as one on disk; None if the system has none."""
     folder = Path("/dev/shm")
     return folder if folder.is_dir() and os.access(folder, os.W_OK | os.X_OK) else None
 
@@ -242,7 +242,7 @@ def _refuse_connections(file: Path) -> None:
 
 @lru_cache(maxsize=32)
 def _connection(file: Path, *_stamp: int) -> str:
-    """The first connection in a main file; empty where there is none or it is no XML."""
+    """The first connection in a main file; empty without one, or if the file is no XML."""
     try:
         root = read_xml(file, "")
     except PlantError:

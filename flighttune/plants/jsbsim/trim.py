@@ -342,7 +342,7 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrimRow:
-    """One flight condition, and the steady flight there or why there is none.
+    """One flight condition, and its trim or why it has none.
 
     Attributes
     ----------

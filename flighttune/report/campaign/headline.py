@@ -63,7 +63,7 @@ def _holds(found: Findings) -> Answer:
         f"{percent_with_interval(one.success)}."
         for one in found.groups
     ]
-    sentences += [_against(one) for one in _told_pairs(found)]
+    sentences += [_against(one) for one in _pairs_of_the_best(found)]
     best = [best_of(found, plant) for plant in plants_of(found)]
     short = "; ".join(
         f"{', '.join(one.group.gains for one in alike)} {percent(alike[0].success.value)} % "
@@ -81,7 +81,7 @@ def _holds(found: Findings) -> Answer:
     )
 
 
-def _told_pairs(found: Findings) -> list[Paired]:
+def _pairs_of_the_best(found: Findings) -> list[Paired]:
     """The best of each plant against the others."""
     best = {plant: best_of(found, plant)[0].group.gains for plant in plants_of(found)}
     return [one for one in found.paired if best[one.plant] in (one.a, one.b)][:MOST_PAIRS]
@@ -99,23 +99,23 @@ def _against(one: Paired) -> str:
     only = f"{one.only_a} draws only {one.a} succeeds, on {one.only_b} only {one.b}"
     differ = one.wins_a + one.wins_b
     those = f" of the {differ} on which they differ" if differ < one.n else ""
-    told = "" if low <= 0.0 <= high else f", by {less} {measure.unit} ({least} to {most}) in median"
+    by = f", by {less} {measure.unit} ({least} to {most}) in median"
+    by = "" if low <= 0.0 <= high else by
     return (
         f"On the same {one.n} draws on {one.plant}, {measure.name} is lower with {first} than with "
-        f"{other} on {percent(wins)} %{those}{told}; on {only} ({probability(one.p_success)})."
+        f"{other} on {percent(wins)} %{those}{by}; on {only} ({probability(one.p_success)})."
     )
 
 
 def _wrong(found: Findings) -> Answer:
-    failed = sum(one.n - one.successes for one in found.groups)
+    failed, n = sum(one.n - one.successes for one in found.groups), sum(g.n for g in found.groups)
     sentences = [line for one in found.groups for line in _failures(one)]
     return Answer(
         question="What goes wrong?",
         verdict="none",
-        short=f"{failed} of {sum(one.n for one in found.groups)} flights fail" if failed
-        else "nothing",
+        short=f"{failed} of {n} flights fail" if failed else "nothing",
         sentences=tuple(sentences) or ("Every flight succeeds.",),
-    )  # fmt: skip
+    )
 
 
 def _failures(one: GroupSummary) -> Iterator[str]:
@@ -176,17 +176,17 @@ def _all_vacuous(found: Findings) -> bool:
 
 
 def _matters(found: Findings) -> Answer:
-    told = [
+    rows = [
         (f"{one.group.label}, {metric_name(name)}", one, name)
         for one in found.groups
         for name in (SUCCESS, found.measure)
         if name is not None
     ]
     sentences, named = [], []
-    for label, one, name in told:
-        first, said = _variance(found, one.group, name) or _ranks(found, one.group, name)
+    for label, one, name in rows:
+        first, text = _variance(found, one.group, name) or _ranks(found, one.group, name)
         named += [first] if first else []
-        sentences += [f"{label}: {said}."] if said else []
+        sentences += [f"{label}: {text}."] if text else []
     return Answer(
         question="What matters?",
         verdict="none",
@@ -222,18 +222,19 @@ def _variance(found: Findings, group: Group, name: str) -> tuple[str, str] | Non
 
 
 def _ranks(found: Findings, group: Group, name: str) -> tuple[str, str]:
-    """The strongest parameters by ranks; empty where there are none."""
-    told = found.influences.get((group, name), ())
-    apart = [influence for influence in told if influence.apart][:MOST_PARAMETERS]
-    if apart:
-        limit = 1.0 - found.confidence
-        return apart[0].parameter, "; ".join(_told(influence, limit) for influence in apart)
-    if not told:
+    """The strongest parameters by ranks; empty if none is significant."""
+    influences = found.influences.get((group, name), ())
+    significant = [influence for influence in influences if influence.apart][:MOST_PARAMETERS]
+    if significant:
+        texts = (_influence_text(one, 1.0 - found.confidence) for one in significant)
+        return significant[0].parameter, "; ".join(texts)
+    if not influences:
         return "", ""
-    return "", (f"none of {len(told)} parameters is significant in {told[0].n} flights")
+    n = influences[0].n
+    return "", f"none of {len(influences)} parameters is significant in {n} flights"
 
 
-def _told(one: Influence, limit: float) -> str:
+def _influence_text(one: Influence, limit: float) -> str:
     """The significant part of an influence: the share explained, the direction, or both."""
     parts = []
     if one.p_share < limit:

@@ -14,7 +14,7 @@ from flighttune.present.figures import NEUTRAL, on_white, panel
 from flighttune.present.frame import Picture, pictured
 from flighttune.present.names import metric_label
 from flighttune.present.palette import LIMIT
-from flighttune.report.campaign.panels import DOTS, dot, places, rows_panel
+from flighttune.report.campaign.panels import DOTS, arrays_of, dot, places, rows_panel
 from flighttune.report.campaign.tables import groups_of, influential_parameters
 from flighttune.report.campaign.words import metric_name, styles_of
 
@@ -30,12 +30,14 @@ def influence_panels(found: Findings) -> list[Picture]:
     """Rank correlation and share explained, of the measure and of success."""
     pictures = []
     for name in (found.measure, SUCCESS):
-        told = {group: found.influences.get((group, name or ""), ()) for group in groups_of(found)}
-        if name and any(told.values()):
+        influences = {
+            group: found.influences.get((group, name or ""), ()) for group in groups_of(found)
+        }
+        if name and any(influences.values()):
             what = metric_name(name)
             pictures += [
-                _panel(found, f"{what}: rank correlation", told, "rho"),
-                _panel(found, f"{what}: explained by each alone", told, "share"),
+                _panel(found, f"{what}: rank correlation", influences, "rho"),
+                _panel(found, f"{what}: explained by each alone", influences, "share"),
             ]
     return pictures
 
@@ -75,10 +77,7 @@ def split_panels(found: Findings) -> list[Picture]:
         with panel(title, "flights that succeed [%]", _axis(parameter), height=3.0) as axes:
             for one in own:
                 colour = on_white(styles[one.group.label].colour)
-                rate, lo, hi = (
-                    100.0 * np.array([getattr(s, part) for s in one.success])
-                    for part in ("value", "lo", "hi")
-                )
+                rate, lo, hi = arrays_of(one.success, 100.0)
                 around = np.clip([rate - lo, hi - rate], 0.0, None)
                 axes.errorbar(one.centres, rate, yerr=around, fmt="o-", ms=5, color=colour, lw=1.3)
             if not found.flights.is_number(parameter):
@@ -107,29 +106,27 @@ def scatter_panels(found: Findings) -> list[Picture]:
                 colour = on_white(styles[group.label].colour)
                 axes.plot(x, y, "o", ms=3.2, alpha=0.55, mew=0.0, color=colour)
                 lost = x[np.isnan(y)]
-                axes.plot(
-                    lost, np.full(len(lost), 0.985), "x", ms=5, color=colour, mec=LIMIT,
-                    transform=axes.get_xaxis_transform(),
-                )  # fmt: skip
+                at_top, height = axes.get_xaxis_transform(), np.full(len(lost), 0.985)
+                axes.plot(lost, height, "x", ms=5, color=colour, mec=LIMIT, transform=at_top)
             axes.locator_params(axis="x", nbins=TICKS)
             pictures.append(pictured(axes, f"{title}; red crosses ended early"))
     return pictures
 
 
 def _panel(
-    found: Findings, title: str, told: dict[Group, tuple[Influence, ...]], kind: str
+    found: Findings, title: str, influences: dict[Group, tuple[Influence, ...]], kind: str
 ) -> Picture:
     """A row a parameter, a dot a group; open where it is not significant."""
     strength: dict[str, float] = {}
-    for one in (one for own in told.values() for one in own):
+    for one in (one for own in influences.values() for one in own):
         if kind == "share" or math.isfinite(one.rho):
             strength[one.parameter] = max(one.strength, strength.get(one.parameter, 0.0))
     names = sorted(strength, key=lambda name: -strength[name])[:PARAMETERS]
-    told = {group: own for group, own in told.items() if own}
+    influences = {group: own for group, own in influences.items() if own}
     styles = styles_of(found)
     x = "rank correlation, with interval" if kind == "rho" else "share of the variance of ranks [%]"
-    with rows_panel(title, x, names, len(told)) as axes:
-        for (group, own), below in zip(told.items(), places(len(told)), strict=True):
+    with rows_panel(title, x, names, len(influences)) as axes:
+        for (group, own), below in zip(influences.items(), places(len(influences)), strict=True):
             for place, one in _placed(own, names):
                 size = one.rho if kind == "rho" else 100.0 * max(0.0, one.share)
                 lo, hi = (one.lo, one.hi) if kind == "rho" else (0.0, size)

@@ -57,11 +57,9 @@ def rows_panel(title: str, x: str, names: Sequence[str], dots: int = 1) -> "Iter
         axes.grid(visible=False, axis="y")
         axes.spines["left"].set_visible(False)
         for place, name in enumerate(names):
-            axes.text(
-                0.0, place + 0.68 * NAME / row, name, transform=axes.get_yaxis_transform(),
-                fontsize=8, va="baseline", color=INK, zorder=4,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
-            )  # fmt: skip
+            text = axes.text(0.0, place + 0.68 * NAME / row, name, fontsize=8, color=INK, zorder=4)
+            text.set_transform(axes.get_yaxis_transform())
+            text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
         yield axes
 
 
@@ -76,6 +74,11 @@ def dot(axes: "Axes", y: float, one: Estimate, style: LineStyle, *, filled: bool
     colour = on_white(style.colour)
     axes.plot([one.lo, one.hi], [y, y], color=colour, lw=1.6, solid_capstyle="butt")
     axes.plot(one.value, y, "o", ms=5.5, color=colour, mfc=colour if filled else "white")
+
+
+def arrays_of(estimates: Sequence[Estimate], factor: float) -> FloatArray:
+    """Values, lower and upper ends of estimates times a factor, shape (3, n)."""
+    return factor * np.array([(one.value, one.lo, one.hi) for one in estimates]).T
 
 
 def rates(found: Findings) -> list[Picture]:
@@ -170,28 +173,23 @@ def _convergence(found: Findings, title: str, y: str, name: str, factor: float) 
     with panel(title, y, "flights of a group", height=3.0) as axes:
         tallest = []
         for one in found.convergence:
-            style, estimates = styles[one.group.label], _estimates(one, name)
+            style = styles[one.group.label]
             n = np.array(one.n, dtype=float)
-            value, lo, hi = (
-                factor * np.array([getattr(e, part) for e in estimates])
-                for part in ("value", "lo", "hi")
-            )
+            value, lo, hi = arrays_of(_estimates(one, name), factor)
             line(axes, n, value, style)
             bounded = np.isfinite(lo) & np.isfinite(hi)
-            axes.fill_between(
-                n[bounded], lo[bounded], hi[bounded], color=on_white(style.colour), alpha=FAINT,
-                lw=0.0,
-            )  # fmt: skip
+            region = n[bounded], lo[bounded], hi[bounded]
+            axes.fill_between(*region, color=on_white(style.colour), alpha=FAINT, lw=0.0)
             tallest += [value, hi[bounded], lo[bounded]]
         axes.set_xscale("log")
         within_a_decade = all(one.n[-1] < 10 * one.n[0] for one in found.convergence)
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_formatter("{x:g}" if within_a_decade else "")
-        shown_values = np.concatenate(tallest)
-        shown_values = shown_values[np.isfinite(shown_values)]
-        if len(shown_values) and np.ptp(shown_values) > 0.0:
-            room = 0.05 * np.ptp(shown_values)
-            axes.set_ylim(shown_values.min() - room, shown_values.max() + room)
+        finite = np.concatenate(tallest)
+        finite = finite[np.isfinite(finite)]
+        if len(finite) and np.ptp(finite) > 0.0:
+            room = 0.05 * np.ptp(finite)
+            axes.set_ylim(finite.min() - room, finite.max() + room)
         return pictured(axes, f"{title} over the number of flights")
 
 
