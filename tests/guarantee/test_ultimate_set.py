@@ -52,7 +52,7 @@ def linear_flight(v, s_0, *, moved_at=None, by=(0.0, 0.0), limited_until=0.0):
     middle = 0.5 * (v[1:] + v[:-1])
     found = Mismatch(t=t[:-1], rates=rates, d=np.zeros_like(rates), d_dot=-middle)
     made_by = SimpleNamespace(scenario={}, plant="linear")
-    return check_against(SimpleNamespace(signals=signals, provenance=made_by), LOOP, found)
+    return check_against(SimpleNamespace(signals=signals, t=t, provenance=made_by), LOOP, found)
 
 
 def worst(direction, seconds):
