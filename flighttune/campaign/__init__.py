@@ -1,4 +1,4 @@
-"""Many flights of one scenario, dispersed: planned, flown, kept, and what they tell.
+"""Many flights of one scenario, dispersed: planned, flown, stored and evaluated.
 
 Everything is imported on first use: workers import this package, and fly in other processes.
 """

@@ -26,7 +26,7 @@ app = typer.Typer(
     context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,  # Rich would take "[default: ...]" in a help text for markup and drop it
     help="Tune a fixed-wing outer loop with a certificate, fly it on the kinematic law and on "
-    "JSBSim, and see in one recording where they part.",
+    "JSBSim, and compare both in one recording.",
     epilog="Exit status: 0 fine, 1 the answer is no, 2 could not run.",
 )
 ON_SCENARIOS = fly, tune, certify, verify, frontier, gap

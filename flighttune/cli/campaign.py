@@ -68,7 +68,7 @@ def report(
         Option("--out", "-o", help="HTML file to write [default: report.html in a local DIR]."),
     ] = None,
     interval: Annotated[
-        Literal["wilson", "clopper-pearson"], Option(help="Interval of rates.")
+        Literal["wilson", "clopper-pearson"], Option(help="Confidence interval of rates.")
     ] = "wilson",
     confidence: Annotated[float, Option(help="Confidence of intervals, 0 to 1.")] = 0.95,
     as_json: JsonOption = False,

@@ -24,7 +24,7 @@ def compare(
         Argument(
             metavar="A",
             help="A run folder, a Parquet file, a recording or SCENARIO@GAINS, which is flown. "
-            "Behind an @ a gain set, a plant or a run chooses among the runs of a folder.",
+            "Append @ and a gain set, a plant or a run to choose among the runs of a folder.",
         ),
     ],
     others: Annotated[list[str], Argument(metavar="B...", help="What to compare A with.")],
@@ -37,7 +37,7 @@ def compare(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare metrics of runs, which is better, and how far apart they flew.
+    """Compare runs: metrics, which is better, and how far apart the paths are.
 
     Exit status 2 if manoeuvre, units or aircraft are not the same.
     """

@@ -44,7 +44,7 @@ def gap(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Fly gains up a ladder from the paper's law to the aircraft; say what each step adds.
+    """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
     Exit status 1 if a rung cannot be flown, or the flight breaks its certified bound.
     """

@@ -179,8 +179,8 @@ def _reading(runs: Sequence[Run]) -> list[str]:
     ]
     if hue_tells_gains((run.provenance.plant, run.provenance.gains_name) for run in runs):
         notes[-1] += (
-            " The hue tells the gains; of two plants the first has the light shade, the last the "
-            "strong one."
+            " The hue stands for the gain set; of two plants the first has the light shade, the "
+            "last the strong one."
         )
     if any(name in run.signals for run in runs for name in SEEN_AS.values()):
         notes.append(

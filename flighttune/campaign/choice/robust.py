@@ -203,7 +203,7 @@ def tune_robust(
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
     observer : CampaignObserver, optional
-        Told how far it is; may stop it.
+        Receives the progress; may stop the flights.
 
     Returns
     -------

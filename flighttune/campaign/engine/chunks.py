@@ -38,7 +38,7 @@ class Chunks:
         self.left = sum(gap.runs for gap in self._gaps)
 
     def learn(self, span: Span, seconds: float) -> None:
-        """Take note of how long a chunk took, s."""
+        """Update the time of a run from that of a chunk, s."""
         run_s = seconds / span.runs
         # A chunk larger than any before replaces the estimate: kinematic flights of one batch
         # share its fixed cost, so that a small chunk overestimates the time of a run.

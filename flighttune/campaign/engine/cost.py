@@ -1,4 +1,4 @@
-"""What a campaign will cost, from a few flights of it."""
+"""Time and space that a campaign will take, estimated from a few of its flights."""
 
 import json
 import time
@@ -48,7 +48,7 @@ class CampaignCost:
 
 
 def campaign_cost(plan: Plan) -> CampaignCost:
-    """Fly a few runs of a plan, and say what all of them will take.
+    """Fly a few runs of a plan and estimate what all of them will take.
 
     Parameters
     ----------

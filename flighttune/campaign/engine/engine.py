@@ -58,7 +58,7 @@ def run_campaign(
     until_halfwidth : float, optional, 1
         Stop as soon as the 95 % interval of every group's success rate is that narrow.
     observer : CampaignObserver, optional
-        Told how far the campaign is; may stop it.
+        Receives the progress; may stop the campaign.
 
     Returns
     -------

@@ -71,7 +71,7 @@ class CrashedRun(NamedTuple):
 
 
 class Flyer:
-    """A process that flies for this one; a new one is started after each crash."""
+    """Client of the subprocess that flies; starts a new one after each crash."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None

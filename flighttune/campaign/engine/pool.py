@@ -43,7 +43,7 @@ class WorkerPool:
         Returns the workers, as `flighttune.campaign.engine.cluster.cluster` gives it. Called when
         there is something to fly.
     observer : CampaignObserver, optional
-        Told how far it is; may stop it.
+        Receives the progress; may stop the flights.
 
     Attributes
     ----------

@@ -97,7 +97,7 @@ def _commanded(scenario: Scenario) -> float:
 
 
 def _measured(run: Run, t_from: float) -> float | None:
-    """Bound of the mismatch of an undispersed flight from `t_from` on; None where it tells none."""
+    """Bound of the mismatch of an undispersed flight from `t_from` on, if it has one."""
     check = flight_check(run) if run.status == "completed" else None
     if check is None or check.of_the_law:
         return None

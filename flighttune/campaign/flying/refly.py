@@ -1,4 +1,4 @@
-"""Any run of a plan flown again by itself, as ``flighttune fly`` flies a scenario."""
+"""Single runs of a plan flown again, as ``flighttune fly`` flies a scenario."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -55,7 +55,7 @@ def scenario_of_run(plan: Plan, run: int) -> Scenario:
 
 
 def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownScenario:
-    """Fly one run of a plan by itself.
+    """Fly a single run of a plan.
 
     Parameters
     ----------

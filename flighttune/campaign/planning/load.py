@@ -136,7 +136,7 @@ def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _check_disperse(tables: Any, source: str) -> None:
-    """Check each [[disperse]] by itself, so that what is wrong with it names its key."""
+    """Check each [[disperse]] separately, so that a mistake in it names its key."""
     for table in tables if isinstance(tables, list) else []:
         if not isinstance(table, Mapping):
             continue

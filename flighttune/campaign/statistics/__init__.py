@@ -1,1 +1,1 @@
-"""What the rows of a campaign say, with intervals."""
+"""Statistics of a campaign's rows, with intervals."""

@@ -1,4 +1,4 @@
-"""Everything the report of a campaign says, as numbers."""
+"""Everything in the report of a campaign, as numbers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ class Split:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Findings:
-    """What a campaign tells.
+    """Statistics of a campaign.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Findings:
 def findings(
     flights: Flights, *, method: Method = "wilson", confidence: float = CONFIDENCE
 ) -> Findings:
-    """Look at everything that has flown of a campaign.
+    """Evaluate the flights of a campaign, finished or not.
 
     Parameters
     ----------

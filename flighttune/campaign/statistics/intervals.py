@@ -99,7 +99,7 @@ def quantile_interval(
     confidence : float, 1
         Between 0 and 1.
     effective : float, 1, optional
-        Number of independent values that tell as much as these (`effective_size`); by default n.
+        Number of independent values with as much information (`effective_size`); by default n.
 
     Returns
     -------

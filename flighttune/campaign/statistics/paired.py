@@ -22,7 +22,7 @@ class Paired:
     plant, a, b : str
         Plant, and the gain sets.
     measure : str
-        What they are compared by; less is better.
+        Measure they are compared by, to be minimised.
     n : int
         Draws that both flew.
     wins_a, wins_b : int

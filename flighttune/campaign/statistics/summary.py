@@ -24,7 +24,7 @@ BETWEEN_SENTENCES = "; "
 """What stands between the sentences of the column ``missed``."""
 
 GOT = ", got … (missed by …)"
-"""End of a sentence of several flights that says nothing."""
+"""End of a shared sentence without a number left in it, which is cut off."""
 
 FIRST, POINTS = 10, 25
 """Smallest number of flights of a convergence curve, and its points."""
@@ -36,7 +36,7 @@ HELD, BROKEN, NOT_ENTERED = "held", "broken", "not entered"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
-    """What several flights say in the same words, with other numbers.
+    """Why several flights failed, in words that differ only in their numbers.
 
     Attributes
     ----------
@@ -54,12 +54,12 @@ class Reason:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """How a measure is spread over the flights that were completed and have it.
+    """Distribution of a measure over the completed flights that have it.
 
     Attributes
     ----------
     n : int
-        How many those are.
+        Number of those flights.
     mean : float
     percentiles : mapping of str to Estimate
         ``p05``, ``p50`` and ``p95``.
@@ -72,7 +72,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
-    """How many flights ended in one way.
+    """Number of flights with one status.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class GroupSummary:
     measures : mapping of str to Spread
         Of every measure that a completed flight has.
     certified : CertifiedCount or None
-        None where nothing was claimed.
+        None without a claim.
     """
 
     group: Group
@@ -153,7 +153,7 @@ class ConvergenceCurve:
     success : tuple of Estimate
         Success rate of each.
     measure : str
-        A measure, less of which is better.
+        A measure to be minimised.
     p50, p95 : tuple of Estimate
         Its median and 95th percentile over the completed flights of each.
     """
@@ -169,7 +169,7 @@ class ConvergenceCurve:
 def summaries(
     flights: Flights, *, method: Method = "wilson", confidence: float = CONFIDENCE
 ) -> tuple[GroupSummary, ...]:
-    """Sum up every group of a campaign.
+    """Summarise every group of a campaign.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def summaries(
     Returns
     -------
     tuple of GroupSummary
-        In the order of the plan, without groups of which nothing has flights.
+        In the order of the plan, without groups that have no flights.
 
     Notes
     -----
@@ -232,7 +232,7 @@ def _statuses(rows: pd.DataFrame) -> tuple[Status, ...]:
 
 
 def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
-    """Every sentence by itself: a flight that misses two bounds counts for both."""
+    """Each sentence separately: a flight that misses two bounds counts for both."""
     sentences = [
         (sentence, run)
         for text, run in zip(failed["missed"].tolist(), failed["run"].tolist(), strict=True)
@@ -298,7 +298,7 @@ def convergence(
     Returns
     -------
     tuple of ConvergenceCurve
-        In the order of the plan; nothing of groups that have not flights.
+        In the order of the plan, without groups that have no flights.
     """
     found = []
     for group, rows in flights.groups():
