@@ -16,7 +16,7 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
 from flighttune.campaign.engine.cluster import cluster
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.engine.progress import Observer
+from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import plant_table
 from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.places import spelled
@@ -118,7 +118,7 @@ def conform(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    observer: Observer | None = None,
+    observer: CampaignObserver | None = None,
 ) -> Conformance | None:
     """Learn boxes of the residual rates of an aircraft, and count fresh flights against them.
 
@@ -130,7 +130,7 @@ def conform(
     settings : ConformSettings
     workers, scheduler
         As of `flighttune.campaign.run_campaign`.
-    observer : Observer, optional
+    observer : CampaignObserver, optional
         Told how far it is; may stop it.
 
     Returns
