@@ -8,10 +8,15 @@ from types import MappingProxyType
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix
 from flighttune.control.envelope import Envelope, JacobianHull
 from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.linear_model import LAW_NAMES, LinearModel
 from flighttune.errors import InputError, ShapeError
 from flighttune.present.numbers import matrix, number
 from flighttune.present.tables import Table
+
+KINDS = "states", "inputs", "errors"
+
+MOST_STATES = 24
+"""Of a model: the exact check of one takes seconds, and longer with the fourth power of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +109,7 @@ class Certificate:
     scenario_sha256: str | None = None
 
     def __post_init__(self) -> None:
-        self.model.check_channels(self.gains)
+        self._check_model()
         n, _, p = self.model.shape
         for name in ("Q", "W"):
             if getattr(self, name) is not None:
@@ -130,6 +135,19 @@ class Certificate:
             if one.names != self.model.names:
                 raise InputError("`models` must have the states, inputs and errors of `model`.")
         object.__setattr__(self, "made_with", MappingProxyType(dict(self.made_with)))
+
+    def _check_model(self) -> None:
+        self.model.check_channels(self.gains)
+        if len(self.model.states) > MOST_STATES:
+            raise InputError(
+                f"`states` must be at most {MOST_STATES}, got {len(self.model.states)}."
+            )
+        for name, given, law in zip(KINDS, self.model.names, LAW_NAMES, strict=True):
+            if self.claim.envelope is not None and given != law:
+                raise InputError(
+                    f"`{name}` must be {', '.join(law)} with an `envelope`, the names of the law, "
+                    f"got {', '.join(given)}."
+                )
 
     def _repr_html_(self) -> str:
         claim = self.claim

@@ -21,6 +21,8 @@ from flighttune.whole_file import whole_file
 FORMAT = "flighttune certificate 1"
 """Readers refuse what they do not know."""
 
+MOST_CONDITIONS = 1000
+
 UNITS = {
     "rate_per_s": "1/s: decay of s' Q s, s = (rates of the states, errors); its norm: half of it",
     "radius": "norm of s: states' units per second and errors' units (rad/s and rad)",
@@ -71,7 +73,7 @@ class _Claim(_Table):
     radius: float | None = None
     disturbance_rate_bound: float | None = None
     envelope: _Envelope | None = None
-    conditions: list[_Condition] | None = None
+    conditions: Annotated[list[_Condition], Field(max_length=MOST_CONDITIONS)] | None = None
     holds: str | None = None
 
 
@@ -114,7 +116,7 @@ class _File(_Table):
     gains: _Gains
     evidence: _Evidence
     made_with: dict[str, str] = Field(default_factory=dict)
-    scenario_sha256: str | None = None
+    scenario_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
 
 
 def save_certificate(certificate: Certificate, path: str | Path) -> None:

@@ -21,7 +21,7 @@ from flighttune.present.tables import Table
 EIGENVALUES_A_LINE = 4
 
 if TYPE_CHECKING:
-    from flighttune.certificates import Certification
+    from flighttune.certificates import Certificate, Certification, Claim
     from flighttune.theory.indicators import Indicators
 
 
@@ -118,15 +118,36 @@ def verify(
 
     Exit status 1 if it does not prove what it claims.
     """
+    from flighttune.certificates import load_certificate
     from flighttune.certificates import verify as verify_certificate
 
-    found = verify_certificate(certificate)
+    loaded = load_certificate(certificate)
+    found = verify_certificate(loaded)
     verdict = "valid: every inequality is proven" if found.valid else "not valid"
     rows = [
         (one.name, f"{one.margin:.3e}", "proven" if one.exact else "broken") for one in found.checks
     ]
-    text = [table(f"{certificate}: {verdict}", ("check", "margin", "exact"), rows)]
-    emit(pick(found, "valid reason checks"), text, as_json=as_json)
+    model = loaded.model
+    claim = {
+        **_claim_json(loaded.claim),
+        "envelope": loaded.claim.envelope,
+        "g": loaded.claim.g,
+        "gains": pick(loaded.gains, "inputs errors K_P K_I"),
+        "model": pick(model, "states inputs errors A B C"),
+    }
+    text = [
+        table(f"{certificate}: {verdict}", ("check", "margin", "exact"), rows),
+        f"{'proven' if found.valid else 'claimed, not proven'}: {_claim_text(loaded)}",
+        table(
+            "with the gains",
+            ("", *(f"{kind}e_{error}" for kind in ("", "int ") for error in model.errors)),
+            [
+                (name, *(f"{value:.6g}" for value in row))
+                for name, row in zip(model.inputs, loaded.gains.K, strict=True)
+            ],
+        ),
+    ]
+    emit({**pick(found, "valid reason checks"), "claim": claim}, text, as_json=as_json)
     if not found.valid:
         fail(f"{certificate}: {found.reason}", NO)
 
@@ -135,15 +156,39 @@ def _certification_json(made: "Certification", out: Path | None) -> dict[str, An
     claim = made.certificate and made.certificate.claim
     return {
         **pick(made, "status reason"),
+        **_claim_json(claim),
+        "checks": made.verification.checks if made.verification else [],
+        "file": claim and out,
+    }
+
+
+def _claim_json(claim: "Claim | None") -> dict[str, Any]:
+    return {
         **(pick(claim, "rate radius L_d") if claim else dict.fromkeys(("rate", "radius", "L_d"))),
         "holds": claim and claim.place,
         "conditions": [
             {"V_a_mps": V_a, "gamma_rad": gamma}
             for V_a, gamma in (claim.conditions if claim else ())
         ],
-        "checks": made.verification.checks if made.verification else [],
-        "file": claim and out,
     }
+
+
+def _claim_text(certificate: "Certificate") -> str:
+    """What a certificate claims, from the numbers that its check uses."""
+    claim, states = certificate.claim, ", ".join(certificate.model.states)
+    if claim.envelope is not None:
+        where = f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
+    elif claim.conditions:
+        where = f"for the models in the file (states {states}), given as those {claim.place}"
+    else:
+        where = f"for the linear model in the file (states {states})"
+    radius = (
+        ""
+        if claim.radius is None
+        else f"; the norm of s ends below {claim.radius:.6g} under a disturbance whose derivative "
+        f"stays below {claim.L_d:.6g}"
+    )
+    return f"s'Qs falls at {claim.rate:.6g} 1/s{radius}; {where}"
 
 
 def _indicators_text(name: str, found: "Indicators") -> Iterator[Table | str]:

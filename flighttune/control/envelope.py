@@ -17,8 +17,9 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive, read_only_vector
 from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.linear_model import LAW_NAMES, LinearModel, closed_loop
 from flighttune.errors import InputError, ShapeError
+from flighttune.units import DEG
 
 ENTRIES = ("a", "b1", "b2", "b3")
 OUTWARD = 1e-14
@@ -60,6 +61,16 @@ class Envelope:
         for name in ("gamma", "phi"):
             if not max(map(abs, getattr(self, name))) < math.pi / 2:
                 raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
+
+    def __str__(self) -> str:
+        angles = ((name, getattr(self, name)) for name in ("gamma", "phi"))
+        return ", ".join(
+            (
+                f"V_a {self.V_a[0]:g}..{self.V_a[1]:g} m/s",
+                *(f"{name} {ends[0] / DEG:g}..{ends[1] / DEG:g} deg" for name, ends in angles),
+                f"n_z {self.n_z[0]:g}..{self.n_z[1]:g}",
+            )
+        )
 
     @classmethod
     def at(
@@ -147,9 +158,9 @@ def entry_model(entries: FloatArray) -> LinearModel:
         A=np.array([[0.0, 0.0], [0.0, a]]),
         B=np.array([[-b1, 0.0], [b2, -b3]]),
         C=np.eye(2),
-        states=("chi", "gamma"),
-        inputs=("phi", "n_z"),
-        errors=("chi", "gamma"),
+        states=LAW_NAMES[0],
+        inputs=LAW_NAMES[1],
+        errors=LAW_NAMES[2],
     )
 
 

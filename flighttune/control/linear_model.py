@@ -10,6 +10,9 @@ from flighttune.arrays import FloatArray, check_positive, read_only_matrix
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ShapeError
 
+LAW_NAMES = ("chi", "gamma"), ("phi", "n_z"), ("chi", "gamma")
+"""States, inputs and errors of the chi/gamma law."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearModel:
@@ -106,9 +109,9 @@ def kinematic_model(
         B=g_over_v
         * np.array([[-1.0 / math.cos(phi) ** 2, 0.0], [n_z * math.sin(phi), -math.cos(phi)]]),
         C=np.eye(2),
-        states=("chi", "gamma"),
-        inputs=("phi", "n_z"),
-        errors=("chi", "gamma"),
+        states=LAW_NAMES[0],
+        inputs=LAW_NAMES[1],
+        errors=LAW_NAMES[2],
     )
 
 

@@ -11,6 +11,7 @@ Each inequality is checked strictly. The exact check is a proof about the stated
 the binary floats they are; the margin is the smallest eigenvalue in floating point.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -80,13 +81,21 @@ class Verification:
 
 def matrix_check(name: str, matrix: Rationals) -> Check:
     """That a rational matrix is positive definite."""
-    margin = float(np.linalg.eigvalsh(matrix.astype(float))[0])
-    return Check(name=name, margin=margin, exact=positive_definite(matrix))
+    size = max(abs(entry) for entry in matrix.flat) or Fraction(1)  # no entry may overflow
+    margin = Fraction(float(np.linalg.eigvalsh((matrix / size).astype(float))[0])) * size
+    return Check(name=name, margin=_as_float(margin), exact=positive_definite(matrix))
 
 
 def margin_check(name: str, margin: Fraction) -> Check:
     """That an exact number is not negative."""
-    return Check(name=name, margin=float(margin), exact=margin >= 0)
+    return Check(name=name, margin=_as_float(margin), exact=margin >= 0)
+
+
+def _as_float(value: Fraction) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def rate_checks(vertices: Sequence[Rationals], Q: FloatArray, *, rate: float) -> list[Check]:

@@ -340,6 +340,29 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
             r"`claim\.radius`, `evidence\.W` and `evidence\.mul",
         ),
         (("made_with"), 3, "`made_with` must be a table, got 3"),
+        (
+            ("model", "inputs"),
+            ["n_z", "phi"],
+            r"`model\.inputs` must be phi, n_z with an .*envelope`",
+        ),
+        (("model", "errors"), ["gamma", "chi"], r"`model\.errors` must be chi, gamma with an"),
+        (
+            ("model", "states"),
+            ["h", "V"],
+            r"`model\.states` must be chi, gamma with an .*, got h, V",
+        ),
+        (("model", "inputs"), "ab", r"`model\.inputs` must be a valid list"),
+        (("model", "inputs"), [None, 3], r"`model\.inputs\.0` must be a valid string"),
+        (
+            ("gains", "K_P"),
+            [["1.6968", 0.0], [0.0, 1.0]],
+            r"`gains\.K_P\.0\.0` must be a valid num",
+        ),
+        (("gains", "K_P"), [[1.0], [0.0, 1.0]], r"`gains\.K_P` must have rows of one length"),
+        (("model", "A"), [], r"`model\.A` must have rows of one length, and at least one number"),
+        (("evidence", "polytope", "lower"), [1.0], r"`evidence\.polytope\.lower` must have shape"),
+        (("claim", "envelope", "phi_rad"), [-2.0, 2.0], r"`claim\.envelope` must lie inside"),
+        (("scenario_sha256",), "forged", r"`scenario_sha256` must match pattern"),
     ],
 )
 def test_values_of_the_wrong_kind_are_refused_in_one_line(over_envelope, path, value, message):

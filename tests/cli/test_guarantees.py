@@ -37,6 +37,53 @@ def test_certify_writes_a_certificate_that_verify_proves(certificate):
     assert stored["scenario_sha256"] == load_scenario("paper_as_printed").sha256
 
 
+def test_verify_shows_the_claim_and_the_gains_that_it_checked(certificate):
+    stored = json.loads(certificate[1].read_text())
+
+    claim = answer("verify", certificate[1])["claim"]
+    text = " ".join(flighttune("verify", certificate[1])[0].split())
+
+    assert claim["rate"] == stored["claim"]["rate_per_s"]
+    assert claim["radius"] == stored["claim"]["radius"]
+    assert claim["L_d"] == 0.015
+    assert claim["gains"] == {
+        "inputs": ["phi", "n_z"],
+        "errors": ["chi", "gamma"],
+        "K_P": [[1.6968, 0.5906], [-0.5906, 1.9556]],
+        "K_I": [[3.4869, 0.1784], [-0.1784, 3.4869]],
+    }
+    assert claim["model"]["A"] == stored["model"]["A"]
+    assert f"falls at {stored['claim']['rate_per_s']:.6g} 1/s" in text
+    assert "for the linear model in the file (states chi, gamma)" in text
+    assert "│ phi │ 1.6968 │ 0.5906 │ 3.4869 │ 0.1784 │" in text
+
+
+def test_verify_shows_where_a_claim_over_an_envelope_holds(tmp_path):
+    path = tmp_path / "c.json"
+    answer("certify", "paper", "--envelope", "--out", path)
+
+    assert answer("verify", path)["claim"]["envelope"]["V_a"] == [22.0, 28.0]
+    assert (
+        "over the envelope V_a 22..28 m/s, gamma -15..45 deg, phi -20..20 deg, n_z 0.8..1.3"
+        in " ".join(flighttune("verify", path)[0].split())
+    )
+
+
+@pytest.mark.parametrize(
+    "first",
+    ['"claim": {"rate_per_s": 9,', '"claim": {"rate_per\\u005fs": 9,', '"gains": {"K_P": 9,'],
+)
+def test_a_file_that_says_a_thing_twice_is_refused(certificate, tmp_path, first):
+    path = tmp_path / "twice.json"
+    place = first.partition("{")[0] + "{"
+    path.write_text(certificate[1].read_text().replace(place, first, 1))
+
+    _, err = flighttune("verify", path, status=2)
+
+    assert f"{path}: the file must be valid JSON: `" in err
+    assert "is given twice" in err
+
+
 CHANGES = {
     "rate": lambda tables: scale(tables["claim"], "rate_per_s", 1.02),
     "radius": lambda tables: scale(tables["claim"], "radius", 0.98),
