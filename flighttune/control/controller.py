@@ -90,12 +90,16 @@ class ReferenceSample(NamedTuple):
         Course, not wrapped, and flight-path angle.
     chi_dot, gamma_dot : float, rad/s
         Their rates from this sample on; a step has none.
+    planned : tuple of two floats or None, rad and 1
+        Roll and load-factor command under which the reference is flown where nothing disturbs; None
+        where it was not made of commands.
     """
 
     chi: float
     gamma: float
     chi_dot: float = 0.0
     gamma_dot: float = 0.0
+    planned: tuple[float, float] | None = None
 
 
 class Controller(Protocol):

@@ -130,7 +130,8 @@ class MimoPI:
     feed_forward : bool
         Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: what steady flight on the
         reference needs at the bank flown. It depends on the reference and not on the error, so the
-        linear loop about wings-level flight is the same with it and without.
+        linear loop about wings-level flight is the same with it and without. Where the reference
+        was made of commands these are added instead.
 
     Attributes
     ----------
@@ -216,9 +217,9 @@ class MimoPI:
             if gamma_ref != self._gamma_ref:
                 # NumPy's cosine, as ever: that of math may differ in the last bit.
                 self._gamma_ref, self._lift = gamma_ref, float(np.cos(gamma_ref))
-            u_ff = (0.0, self._lift / math.cos(measured.phi))
+            u_ff = reference[4] or (0.0, self._lift / math.cos(measured.phi))
         state = self.state
-        pi_step(self._law, state, reference, measured[:2], u_ff, measured.V_a)
+        pi_step(self._law, state, reference[:2], measured[:2], u_ff, measured.V_a)
         return (*state.u, *state.integral)
 
     def reset(self, u: Sequence[float]) -> None:

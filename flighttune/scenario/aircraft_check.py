@@ -30,12 +30,18 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
     Raises
     ------
     ScenarioError
-        If an aircraft does not exist, or the start or limits of the scenario lie outside it; the
-        message names `source` and every key.
+        If an aircraft does not exist, the start or limits of the scenario lie outside it, or a
+        reference of shape feasible is not; the message names `source` and every key.
     """
     faults = dict.fromkeys(fault for plant in scenario.plant for fault in _faults(scenario, plant))
     if faults:
         raise ScenarioError(f"{source}: {joined(faults)}")
+    if scenario.reference.shape is None:
+        return
+    try:
+        scenario.followed()
+    except InputError as error:
+        raise ScenarioError(f"{source}: {error}") from error
 
 
 def check_identified(scenario: Scenario, source: str) -> None:

@@ -3,18 +3,21 @@
 import hashlib
 import json
 import math
+from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PIGains, paper_family
-from flighttune.control.inner_loop import with_input_delay, with_input_lag
+from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import AntiWindup
+from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
 from flighttune.identify.model import DesignModel, design_model
 from flighttune.plants.base import FlightCondition
@@ -56,6 +59,7 @@ from flighttune.scenario.tables import (
     WindTable,
     check_air,
 )
+from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
 from flighttune.simulate.reference import Reference
 from flighttune.units import DEG, G_PAPER
 
@@ -64,6 +68,10 @@ MOST_SAMPLES = 1_000_000
 
 ROUNDING = 1e-9
 """deg, and share of a duration."""
+
+
+MARGIN = 0.2
+"""Share of every limit that a reference of shape feasible leaves to the feedback by default."""
 
 
 class FlightTable(Table):
@@ -289,10 +297,76 @@ class Scenario(Table):
             n_z=f.n_z,
         )
 
-    def followed(self) -> Reference:
-        """What the outer loop is asked to follow."""
+    def followed(self) -> Reference | FeasibleReference:
+        """What the outer loop is asked to follow.
+
+        Raises
+        ------
+        InputError
+            If the reference is to be feasible and none is found, or limits are missing.
+        """
         f = self.flight
+        if self.reference.shape == "feasible":
+            return feasible_reference(self._manoeuvre())
         return self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+
+    def _manoeuvre(self) -> Manoeuvre:
+        """What is flown with shape feasible, within the limits less the margin.
+
+        The limits are those of the scenario and of all its aircraft; the lag is that of the first
+        plant. Below the airspeed an aircraft is designed for its largest load factor falls with the
+        square of airspeed, as lift does.
+        """
+        reference, f, limits = self.reference, self.flight, self.limits.limits()
+        for plant in self.plant:
+            if plant.aircraft is not None:
+                limits = limits.within(_lift_and_limits(plant.aircraft, f.V_a_mps))
+        centre = np.array([0.0, 1.0])  # level flight
+        share = 1.0 - (MARGIN if reference.margin is None else reference.margin)
+        lower, upper = centre + share * np.array([limits.lower - centre, limits.upper - centre])
+        slower, faster = share * limits.rate_lower, share * limits.rate_upper
+        for name, bounds in (
+            ("phi_deg", (lower[0], upper[0])),
+            ("n_z", (lower[1], upper[1])),
+            ("phi_rate_dps", (slower[0], faster[0])),
+            ("n_z_rate_per_s", (slower[1], faster[1])),
+        ):
+            if not np.isfinite(bounds).all():
+                raise InputError(
+                    f"`{name}` of [limits] must be given with a reference of shape feasible."
+                )
+        condition = self.condition
+        start_deg = [
+            flown if given is None else given
+            for flown, given in (
+                (f.chi_deg, reference.chi_from_deg),
+                (f.gamma_deg, reference.gamma_from_deg),
+            )
+        ]
+        end_deg = reference.chi_deg, reference.gamma_deg
+        assert not isinstance(end_deg[0], list) and not isinstance(end_deg[1], list)  # noqa: PT018
+        gamma = start_deg[1] * DEG
+        n_z = condition.n_z
+        return Manoeuvre(
+            V_a=f.V_a_mps,
+            g=f.g_mps2,
+            start=(start_deg[0] * DEG, gamma),
+            end=(end_deg[0] * DEG, end_deg[1] * DEG),
+            phi_0=condition.phi,
+            n_z_0=math.cos(gamma) / math.cos(condition.phi) if n_z is None else n_z,
+            phi=(float(lower[0]), float(upper[0])),
+            n_z=(float(lower[1]), float(upper[1])),
+            phi_rate=(float(slower[0]), float(faster[0])),
+            n_z_rate=(float(slower[1]), float(faster[1])),
+            lags=self._lags_of_first_plant(gamma),
+            dt=1.0 / self.controller.rate_hz,
+        )
+
+    def _lags_of_first_plant(self, gamma: float) -> tuple[InnerLag, InnerLag] | None:
+        first = self.plant[0]
+        if first.aircraft is None:
+            return first.lags()
+        return load_identified(first.aircraft).nearest(self.flight.V_a_mps, gamma).lags
 
     def _identified(self) -> str:
         """Aircraft or file the identified model comes from."""
@@ -358,6 +432,15 @@ class Scenario(Table):
         """Hash of the scenario's values, the same for every way to write them."""
         values = json.dumps(self.as_dict(), sort_keys=True)
         return hashlib.sha256(values.encode()).hexdigest()
+
+
+def _lift_and_limits(aircraft: str, V_a: float) -> Limits:
+    """Limits of an aircraft's commands at an airspeed (m/s), with no more lift than there is."""
+    config = load_aircraft(aircraft)
+    limits = config.limits.limits()
+    share = 1.0 if config.design is None else min(1.0, (V_a / config.design.V_a) ** 2)
+    at_lift = np.array([1.0, share])
+    return replace(limits, lower=at_lift * limits.lower, upper=at_lift * limits.upper)
 
 
 def _bounds(*given: float | list[float] | None) -> FloatArray:

@@ -157,10 +157,29 @@ SegmentTable: TypeAlias = Annotated[
 
 
 class ReferenceTable(Table):
-    """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``."""
+    """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``.
+
+    With the shape ``feasible`` the constants are the end of the fastest change that keeps `margin`
+    of every limit for the feedback. It begins at `chi_from_deg` and `gamma_from_deg`, by default
+    where the flight does.
+    """
 
     chi_deg: Course | list[SegmentTable]
     gamma_deg: Inclination | list[SegmentTable]
+    shape: Literal["feasible"] | None = None
+    margin: Annotated[float, Field(ge=0.0, le=0.9)] | None = None
+    chi_from_deg: Course | None = None
+    gamma_from_deg: Inclination | None = None
+
+    @model_validator(mode="after")
+    def _of_one_shape(self) -> "ReferenceTable":
+        for key in ("margin", "chi_from_deg", "gamma_from_deg"):
+            if self.shape is None and getattr(self, key) is not None:
+                raise ValueError(f"`{key}` of [reference] must be given with shape feasible only")
+        for key in ("chi_deg", "gamma_deg"):
+            if self.shape is not None and isinstance(getattr(self, key), list):
+                raise ValueError(f"`{key}` of [reference] must be a number with shape feasible")
+        return self
 
     def starts(self) -> Iterator[tuple[str, float]]:
         """Table and start (s) of each segment."""

@@ -16,6 +16,7 @@ from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.wind import WIND
+from flighttune.simulate.feasible import FeasibleReference
 from flighttune.simulate.guarded import LawError, limited_law
 from flighttune.simulate.reference import Reference
 
@@ -39,7 +40,7 @@ PROGRESS_EVERY = 50
 def simulate(
     plant: Plant,
     controller: Controller,
-    reference: Reference,
+    reference: Reference | FeasibleReference,
     *,
     condition: FlightCondition,
     duration: float,
@@ -56,7 +57,7 @@ def simulate(
     controller : Controller
         From (chi, gamma) to (phi, n_z); its sample time is the step of the loop. It is started
         from the roll and load factor of `condition`.
-    reference : Reference
+    reference : Reference or FeasibleReference
         Course and flight-path angle to follow.
     condition : FlightCondition
         Start of the flight.
@@ -156,8 +157,13 @@ def _measured(
     return measured
 
 
-def _references(reference: Reference, t: np.ndarray) -> Iterable[ReferenceSample]:
+def _references(
+    reference: Reference | FeasibleReference, t: np.ndarray
+) -> Iterable[ReferenceSample]:
     values = np.stack([*reference.sampled(t), *reference.rates(t)])
+    if isinstance(reference, FeasibleReference):
+        planned = map(tuple, reference.commands(t).tolist())
+        return map(ReferenceSample, *values.tolist(), planned)
     if (values == values[:, :1]).all():
         return repeat(ReferenceSample(*values[:, 0].tolist()), len(t))
     return map(ReferenceSample, *values.tolist())

@@ -1,0 +1,350 @@
+"""The fastest change of course and path angle that an aircraft can fly, with its commands."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.control.controller import FlightCondition
+from flighttune.control.inner_loop import InnerLag
+from flighttune.errors import InputError
+from flighttune.plants.point_mass import PointMassPlant, turn_rates
+
+KNOTS = 32
+"""Intervals of the planned commands: the paper's change takes 6.110 s with 24, 6.105 with 40."""
+
+SUBSTEPS = 2
+"""Integration steps of an interval."""
+
+DIFFERENCE = 1e-6
+PENALTY = 50.0
+"""Seconds that a radian of missed course or path angle costs: far more than flying it takes."""
+
+MOST_STEPS = 60
+CLOSE = 1e-4
+"""Improvement (s) of a linear program below which the plan is found."""
+
+FIRST_RADIUS, NEXT_RADIUS, SMALLEST_RADIUS = 0.25, 0.02, 1e-4
+"""Trust region as a share of each range, from a first guess and near a plan; below the last a plan
+is not improved any more."""
+
+MOST_CORRECTIONS = 8
+ARRIVED = 1e-4
+"""Error of the end behind the lag, rad, with which the plan is kept."""
+
+TAIL = 12.0
+"""Time constants of the inner loop after which it is at rest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manoeuvre:
+    """A change of course and path angle, and the limits that it keeps.
+
+    Attributes
+    ----------
+    V_a, g : float, m/s and m/s^2
+        Airspeed, and acceleration of gravity.
+    start, end : tuple of two floats, rad
+        Course and flight-path angle; the shorter way round is flown.
+    phi_0, n_z_0 : float, rad and 1
+        Roll and load factor at the start; at the end flight is steady, wings level.
+    phi, n_z : tuple of two floats, rad and 1
+        Range of the commands.
+    phi_rate, n_z_rate : tuple of two floats, rad/s and 1/s
+        Range of their rates, which holds zero.
+    lags : tuple of InnerLag or None
+        Of roll and load factor; None where they follow at once.
+    dt : float, s
+        Sample time of the controller, over which commands are held.
+    """
+
+    V_a: float
+    g: float
+    start: tuple[float, float]
+    end: tuple[float, float]
+    phi_0: float
+    n_z_0: float
+    phi: tuple[float, float]
+    n_z: tuple[float, float]
+    phi_rate: tuple[float, float]
+    n_z_rate: tuple[float, float]
+    lags: tuple[InnerLag, InnerLag] | None
+    dt: float
+
+    @property
+    def change(self) -> tuple[float, float]:
+        """Change of course (the shorter way round) and of path angle, rad."""
+        turn = math.remainder(self.end[0] - self.start[0], math.tau)
+        return turn, self.end[1] - self.start[1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FeasibleReference:
+    """A flight of the exact point mass behind the inner loop, as the reference of a real one.
+
+    Attributes
+    ----------
+    duration : float, s
+        Until the commands are those of steady flight; the inner loop is at rest a little later.
+    dt : float, s
+        Sample time.
+    chi, gamma : ndarray, shape (n,), rad
+        Course and flight-path angle at the samples, constant after the last one.
+    planned : ndarray, shape (n, 2), rad and 1
+        Commands of roll and load factor under which the point mass flies them, each held until the
+        next sample.
+    """
+
+    duration: float
+    dt: float
+    chi: FloatArray
+    gamma: FloatArray
+    planned: FloatArray
+
+    @property
+    def initial(self) -> tuple[float, float]:
+        """Chi and gamma (rad) at t = 0."""
+        return float(self.chi[0]), float(self.gamma[0])
+
+    def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return chi and gamma (rad) at times `t` (s), each of the shape of `t`."""
+        at = self.dt * np.arange(len(self.chi))
+        return np.interp(t, at, self.chi), np.interp(t, at, self.gamma)
+
+    def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the mean rates of chi and gamma (rad/s) over the sample of each time `t` (s)."""
+        sample = np.clip(np.floor(np.asarray(t) / self.dt + 1e-6).astype(np.intp), 0, len(self.chi))
+        chi, gamma = (
+            np.append(np.diff(one), [0.0, 0.0])[sample] / self.dt for one in (self.chi, self.gamma)
+        )
+        return chi, gamma
+
+    def commands(self, t: FloatArray) -> FloatArray:
+        """Return the feed-forward of roll (rad) and load factor (1) at times `t` (s), (n, 2)."""
+        sample = np.floor(np.asarray(t) / self.dt + 1e-6).astype(np.intp)
+        return self.planned[np.clip(sample, 0, len(self.planned) - 1)]
+
+
+@lru_cache(maxsize=64)
+def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
+    """The fastest reference that the commands of a manoeuvre can make an aircraft fly.
+
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+
+    Returns
+    -------
+    FeasibleReference
+
+    Raises
+    ------
+    InputError
+        If the limits let no manoeuvre through, or none was found.
+
+    Notes
+    -----
+    The commands are piecewise linear between `KNOTS` intervals of equal length. Their values and
+    the duration minimise the duration under the exact point mass: a sequence of linear programs in
+    a trust region with an exact penalty (R. Fletcher, *Practical Methods of Optimization*, 2nd ed.,
+    section 14.4). Behind the lag of the inner loop the same commands end a little elsewhere; the
+    end aimed at is corrected by that until the flight ends where it should.
+    """
+    _check(manoeuvre)
+    aimed, plan, radius = manoeuvre, _first_plan(manoeuvre), FIRST_RADIUS
+    missed = list(manoeuvre.change)
+    for _ in range(MOST_CORRECTIONS):
+        plan, radius = _fastest(aimed, plan, radius), NEXT_RADIUS
+        reference = _flown(manoeuvre, plan)
+        arrived = reference.chi[-1] - manoeuvre.start[0], reference.gamma[-1] - manoeuvre.start[1]
+        missed = [wanted - got for wanted, got in zip(manoeuvre.change, arrived, strict=True)]
+        if max(map(abs, missed)) < ARRIVED:
+            return reference
+        chi, gamma = (end + miss for end, miss in zip(aimed.end, missed, strict=True))
+        aimed = replace(aimed, end=(chi, gamma))
+    raise InputError(
+        "`reference` of shape feasible must be one that can be flown within the limits, got none "
+        f"that ends within {math.degrees(max(map(abs, missed))):.2g} deg."
+    )
+
+
+def _check(manoeuvre: Manoeuvre) -> None:
+    for name, value in (("phi", manoeuvre.phi_0), ("n_z", manoeuvre.n_z_0)):
+        low, high = getattr(manoeuvre, name)
+        if not low <= value <= high:
+            raise InputError(
+                f"`{name}` of a feasible reference must begin in {low:.4g} to {high:.4g} (the "
+                f"limits without the margin), got {value:.4g}."
+            )
+    n_z = math.cos(manoeuvre.end[1])
+    if not manoeuvre.n_z[0] <= n_z <= manoeuvre.n_z[1]:
+        raise InputError(
+            f"`n_z` of a feasible reference must end in {manoeuvre.n_z[0]:.4g} to "
+            f"{manoeuvre.n_z[1]:.4g} (the limits without the margin), got {n_z:.4g}."
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """Commands at the inner knots, shapes (KNOTS - 1,), and the duration."""
+
+    phi: FloatArray
+    n_z: FloatArray
+    duration: float
+
+
+def _first_plan(manoeuvre: Manoeuvre) -> _Plan:
+    """A roll to one side and back, the load factor of the start led to that of the end."""
+    share = np.arange(1, KNOTS) / KNOTS
+    turn, climb = manoeuvre.change
+    largest = 0.5 * (manoeuvre.phi[1] if turn > 0.0 else -manoeuvre.phi[0])
+    rate = manoeuvre.g / manoeuvre.V_a
+    duration = 2.0 + abs(turn) / (rate * math.tan(largest)) + abs(climb) / rate
+    n_z = manoeuvre.n_z_0 + (math.cos(manoeuvre.end[1]) - manoeuvre.n_z_0) * share
+    return _Plan(math.copysign(largest, turn) * np.sin(math.pi * share), n_z, duration)
+
+
+def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
+    """The plan of the shortest duration near `plan`; `radius` is that of the trust region."""
+    from scipy.optimize import linprog
+
+    size, inner = 2 * KNOTS - 1, KNOTS - 1
+    rows, bounds = _rate_rows(manoeuvre)
+    low, high = (
+        np.concatenate([np.full(inner, manoeuvre.phi[i]), np.full(inner, manoeuvre.n_z[i]), [edge]])
+        for i, edge in enumerate((0.2, np.inf))
+    )
+    scale = np.concatenate([high[:-1] - low[:-1], [plan.duration]])
+    # Slack of the two ends, both ways, and one of all rates: each at the price of the penalty.
+    cost = np.concatenate([np.zeros(size - 1), [1.0], np.full(5, PENALTY)])
+    slack = np.array([[1.0, 0.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, -1.0, 0.0]])
+    broken = np.hstack([np.zeros((len(rows), 4)), -np.ones((len(rows), 1))])
+
+    def merit(x: FloatArray) -> float:
+        rates = max(float(np.max(rows @ x - bounds)), 0.0)
+        return float(x[-1] + PENALTY * (np.abs(_missed(manoeuvre, x[None])[0]).sum() + rates))
+
+    x = np.concatenate([plan.phi, plan.n_z, [plan.duration]])
+    best = merit(x)
+    for _ in range(MOST_STEPS):
+        near = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
+        slopes = (near[1:] - near[0]) / DIFFERENCE
+        reach = radius * scale
+        found = linprog(
+            cost,
+            A_ub=np.hstack([rows, broken]),
+            b_ub=bounds - rows @ x,
+            A_eq=np.hstack([slopes.T, slack]),
+            b_eq=-near[0],
+            bounds=[
+                *zip(
+                    np.minimum(np.maximum(low - x, -reach), 0.0),
+                    np.minimum(high - x, reach),
+                    strict=True,
+                ),
+                *[(0.0, None)] * 5,
+            ],
+        )
+        if found.x is None:
+            break
+        expected = best - x[-1] - float(cost @ found.x)
+        step = x + found.x[:size]
+        better = best - (reached := merit(step))
+        if better > 0.1 * expected:
+            x, best, radius = step, reached, min(1.6 * radius, 0.5)
+        else:
+            radius *= 0.4
+        if expected < CLOSE or radius < SMALLEST_RADIUS or 0.0 < better < CLOSE:
+            break
+    return _Plan(x[:inner], x[inner:-1], float(x[-1]))
+
+
+def _rate_rows(manoeuvre: Manoeuvre) -> tuple[FloatArray, FloatArray]:
+    """Rows and bounds of ``rows @ x <= bounds``: no command moves faster than its rate."""
+    size, inner = 2 * KNOTS - 1, KNOTS - 1
+    ends = (
+        (manoeuvre.phi_0, 0.0, manoeuvre.phi_rate),
+        (manoeuvre.n_z_0, math.cos(manoeuvre.end[1]), manoeuvre.n_z_rate),
+    )
+    rows, bounds = [], []
+    for i, (first, last, rates) in enumerate(ends):
+        change = np.zeros((KNOTS, size))
+        change[:inner, i * inner : (i + 1) * inner] += np.eye(inner)
+        change[1:, i * inner : (i + 1) * inner] -= np.eye(inner)
+        outer = np.zeros(KNOTS)
+        outer[0], outer[-1] = -first, last
+        for sign, rate in zip((-1.0, 1.0), rates, strict=True):
+            row = sign * change
+            row[:, -1] = -abs(rate) / KNOTS
+            rows.append(row)
+            bounds.append(-sign * outer)
+    return np.vstack(rows), np.concatenate(bounds)
+
+
+def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
+    """Course and path angle at the end of plans `x` (N, size) less those wanted, (N, 2) rad."""
+    inner = KNOTS - 1
+    column = np.ones((len(x), 1))
+    phi = np.hstack([manoeuvre.phi_0 * column, x[:, :inner], 0.0 * column])
+    n_z = np.hstack([manoeuvre.n_z_0 * column, x[:, inner:-1], math.cos(manoeuvre.end[1]) * column])
+    step = np.maximum(x[:, -1], DIFFERENCE) / (KNOTS * SUBSTEPS)
+    at = np.arange(2 * KNOTS * SUBSTEPS + 1) / (2 * SUBSTEPS)
+    before = np.minimum(at.astype(np.intp), KNOTS - 1)
+    share = at - before
+    fine_phi, fine_n_z = (
+        (1.0 - share) * one[:, before] + share * one[:, before + 1] for one in (phi, n_z)
+    )
+    turned, gamma = np.zeros(len(x)), np.full(len(x), manoeuvre.start[1])
+
+    def rates(i: int, gamma: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return turn_rates(
+            manoeuvre.V_a, gamma, fine_phi[:, i], fine_n_z[:, i], law="exact", g=manoeuvre.g
+        )
+
+    for i in range(0, 2 * KNOTS * SUBSTEPS, 2):
+        k1 = rates(i, gamma)
+        k2 = rates(i + 1, gamma + 0.5 * step * k1[1])
+        k3 = rates(i + 1, gamma + 0.5 * step * k2[1])
+        k4 = rates(i + 2, gamma + step * k3[1])
+        change = [
+            step / 6.0 * (a + 2.0 * (b + c) + d) for a, b, c, d in zip(k1, k2, k3, k4, strict=True)
+        ]
+        turned, gamma = turned + change[0], gamma + change[1]
+    turn, climb = manoeuvre.change
+    return np.column_stack([turned - turn, gamma - manoeuvre.start[1] - climb])
+
+
+def _flown(manoeuvre: Manoeuvre, plan: _Plan) -> FeasibleReference:
+    """The flight of the exact point mass, behind the lag, under a plan that is held by samples."""
+    dt, knots = manoeuvre.dt, np.linspace(0.0, plan.duration, KNOTS + 1)
+    rest = max((_settling(lag) for lag in manoeuvre.lags or ()), default=0.0)
+    samples = math.ceil((plan.duration + rest) / dt) + 1
+    # The middle of each sample: held commands are half a sample late on average.
+    middles = (np.arange(samples) + 0.5) * dt
+    ends = (manoeuvre.phi_0, 0.0), (manoeuvre.n_z_0, math.cos(manoeuvre.end[1]))
+    planned = np.column_stack(
+        [
+            np.interp(middles, knots, np.concatenate([[first], inner, [last]]))
+            for (first, last), inner in zip(ends, (plan.phi, plan.n_z), strict=True)
+        ]
+    )
+    plant = PointMassPlant(manoeuvre.lags, g=manoeuvre.g)
+    chi, gamma = manoeuvre.start
+    plant.start(
+        FlightCondition(
+            V_a=manoeuvre.V_a, chi=chi, gamma=gamma, phi=manoeuvre.phi_0, n_z=manoeuvre.n_z_0
+        )
+    )
+    path = [plant.observe()[:2]]
+    for phi, n_z in planned[:-1].tolist():
+        plant.advance(phi, n_z, dt)
+        path.append(plant.observe()[:2])
+    chis, gammas = np.array(path).T
+    return FeasibleReference(duration=plan.duration, dt=dt, chi=chis, gamma=gammas, planned=planned)
+
+
+def _settling(lag: InnerLag) -> float:
+    slowest = 1.0 / (lag.natural_frequency * min(lag.damping if lag.order > 1 else 1.0, 1.0))
+    return lag.delay + TAIL * (slowest + (lag.lag if lag.order == 3 else 0.0))

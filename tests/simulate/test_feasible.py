@@ -1,0 +1,175 @@
+"""The fastest reference within limits, against closed forms and a flight of its own model."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.control.controller import FlightCondition
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.limits import Limits
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import InputError, ScenarioError
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.scenario.aircraft_check import check_aircraft
+from flighttune.scenario.load import scenario_from
+from flighttune.simulate.feasible import Manoeuvre, feasible_reference
+from flighttune.simulate.loop import simulate
+from flighttune.units import DEG
+
+LAGS = (
+    InnerLag(order=2, natural_frequency=9.0, damping=0.8, delay=0.03),
+    InnerLag(order=1, natural_frequency=12.0, delay=0.013),
+)
+PAPER = Manoeuvre(
+    V_a=25.0,
+    g=9.81,
+    start=(60.0 * DEG, 45.0 * DEG),
+    end=(0.0, 15.0 * DEG),
+    phi_0=0.0,
+    n_z_0=math.cos(45.0 * DEG),
+    phi=(-36.0 * DEG, 36.0 * DEG),
+    n_z=(-1.48, 1.88),
+    phi_rate=(-24.0 * DEG, 24.0 * DEG),
+    n_z_rate=(-0.8, 0.8),
+    lags=LAGS,
+    dt=0.02,
+)
+HUNDREDTH_DEG = 0.01 * DEG
+
+
+@pytest.fixture(scope="module")
+def found():
+    return feasible_reference(PAPER)
+
+
+def test_it_ends_where_it_shall_and_stays_there(found):
+    t = np.array([found.duration + 5.0, 100.0])
+    chi, gamma = found.sampled(t)
+
+    assert chi == pytest.approx([0.0, 0.0], abs=HUNDREDTH_DEG)
+    assert gamma == pytest.approx([15.0 * DEG] * 2, abs=HUNDREDTH_DEG)
+    assert found.initial == PAPER.start
+    assert found.commands(t) == pytest.approx(np.array([[0.0, math.cos(15.0 * DEG)]] * 2))
+
+
+def test_commands_keep_every_limit(found):
+    commands = found.commands(np.arange(0.0, 12.0, PAPER.dt))
+    rates = np.diff(commands, axis=0) / PAPER.dt
+
+    for i, (value, rate) in enumerate(((PAPER.phi, PAPER.phi_rate), (PAPER.n_z, PAPER.n_z_rate))):
+        # The penalty of the plan is exact up to its tolerance.
+        assert value[0] - 1e-6 <= commands[:, i].min() <= commands[:, i].max() <= value[1] + 1e-6
+        assert rate[0] - 1e-4 <= rates[:, i].min() <= rates[:, i].max() <= rate[1] + 1e-4
+
+
+def test_some_limit_is_met_nearly_all_the_time(found):
+    """A plan that meets no limit for a while could be faster."""
+    commands = found.commands(np.arange(0.0, found.duration, PAPER.dt))
+    rates = np.abs(np.diff(commands, axis=0)) / PAPER.dt
+    at_rate = rates > [0.98 * PAPER.phi_rate[1], 0.98 * PAPER.n_z_rate[1]]
+    at_stop = np.abs(commands[1:, 0]) > 0.98 * PAPER.phi[1]
+
+    assert np.mean(at_rate.any(axis=1) | at_stop) > 0.9
+
+
+@pytest.mark.parametrize("change_deg", [3.0, -6.0])
+def test_a_change_of_path_angle_takes_as_long_as_the_rate_of_load_factor_says(change_deg):
+    """Level enough for cos(gamma) = 1, the load factor is a triangle of slope r:
+    ``change = (g/V) r (T/2)^2``."""
+    half = 0.5 * change_deg * DEG
+    pull = replace(PAPER, start=(0.0, -half), end=(0.0, half), n_z_0=math.cos(half), lags=None)
+
+    triangle = 2.0 * math.sqrt(abs(change_deg) * DEG * 25.0 / (9.81 * 0.8))
+    assert feasible_reference(pull).duration == pytest.approx(triangle, rel=0.01)
+
+
+def test_the_point_mass_behind_the_lag_flies_it_without_the_help_of_feedback(found):
+    controller = MimoPI(PAPER_GAINS, Limits.none(2), dt=PAPER.dt, feed_forward=True)
+    condition = FlightCondition(V_a=25.0, chi=60.0 * DEG, gamma=45.0 * DEG)
+    plant = PointMassPlant(LAGS, g=9.81)
+
+    signals, stop = simulate(plant, controller, found, condition=condition, duration=12.0)
+
+    # After the last sample of the plan the reference stands: path angle drifts by far less.
+    assert stop is None
+    flown = signals.index <= found.duration
+    assert signals.loc[flown, ["chi_err", "gamma_err"]].abs().max().max() < 1e-9
+    assert signals[["chi_err", "gamma_err"]].abs().max().max() < HUNDREDTH_DEG
+
+
+def test_the_shorter_way_round_is_flown():
+    turn = replace(PAPER, start=(170.0 * DEG, 0.0), end=(-170.0 * DEG, 0.0), n_z_0=1.0)
+
+    chi, _ = feasible_reference(turn).sampled(np.array([0.0, 60.0]))
+
+    assert chi / DEG == pytest.approx([170.0, 190.0], abs=0.01)
+
+
+def test_nothing_to_change_takes_no_time():
+    still = replace(PAPER, end=PAPER.start)
+
+    assert feasible_reference(still).duration < 0.5
+
+
+TABLES = {
+    "title": "a change",
+    "gains": ["paper"],
+    "flight": {"V_a_mps": 25.0, "chi_deg": 30.0, "duration_s": 10.0},
+    "reference": {"shape": "feasible", "chi_deg": 0.0, "gamma_deg": 5.0, "margin": 0.1},
+    "limits": {
+        "phi_deg": [-30.0, 40.0], "phi_rate_dps": 20.0, "n_z": [0.0, 1.8], "n_z_rate_per_s": 1.0,
+    },
+    "controller": {"feed_forward": True},
+    "plant": [{"kind": "point_mass"}],
+}  # fmt: skip
+
+
+def changed(**tables):
+    return {**TABLES, **{name: {**TABLES[name], **values} for name, values in tables.items()}}
+
+
+def test_the_margin_is_taken_off_every_limit_about_level_flight():
+    commands = scenario_from(TABLES).followed().commands(np.arange(0.0, 10.0, 0.02))
+
+    assert commands[:, 0].min() == pytest.approx(-27.0 * DEG, abs=1e-6)
+    assert commands[:, 1].max() <= 1.0 + 0.9 * 0.8 + 1e-6
+
+
+def test_below_the_design_speed_there_is_less_lift():
+    slow = changed(flight={"V_a_mps": 20.0}, limits={"n_z": [-2.0, 2.0]})
+    slow["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
+    most = 1.0 + 0.9 * (2.1 * (20.0 / 25.0) ** 2 - 1.0)  # the Aerosonde has 2.1 at 25 m/s
+
+    commands = scenario_from(slow).followed().commands(np.arange(0.0, 10.0, 0.02))
+
+    assert commands[:, 1].max() <= most + 1e-6
+
+
+def test_the_reference_may_begin_elsewhere_than_the_flight():
+    scenario = scenario_from(changed(reference={"chi_from_deg": 25.0, "gamma_from_deg": 1.0}))
+
+    assert np.array(scenario.followed().initial) / DEG == pytest.approx([25.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"reference": {"shape": None}}, "`margin` of .reference. must be given with shape"),
+        (
+            {"reference": {"chi_deg": [{"shape": "step", "change_deg": 5.0}]}},
+            "`chi_deg` of .reference. must be a number",
+        ),
+        ({"reference": {"margin": 1.0}}, "margin"),
+        ({"limits": {"phi_rate_dps": None}}, "`phi_rate_dps` of .limits. must be given"),
+        ({"flight": {"phi_deg": 37.0}}, r"`phi` of a feasible reference must begin in"),
+        ({"limits": {"n_z": [1.2, 1.8]}}, r"`n_z` of a feasible reference must begin in"),
+    ],
+)
+def test_what_cannot_be_is_one_line(tables, message):
+    with pytest.raises((ScenarioError, InputError), match=message) as raised:
+        check_aircraft(scenario_from(changed(**tables)), "file.toml")
+
+    assert "\n" not in str(raised.value)
