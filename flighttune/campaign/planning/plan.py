@@ -76,6 +76,8 @@ class Plan:
     residuals : ResidualSummary or None
         What rows have of the residual rates of flights that are not flown in batches; by default
         nothing.
+    given : tuple of mapping, or None
+        Draws in place of those of the design, each as `values_of` returns it.
 
     Raises
     ------
@@ -89,6 +91,7 @@ class Plan:
     runs: int
     aircraft: Mapping[str, str] = field(default_factory=dict)
     residuals: ResidualSummary | None = None
+    given: tuple[Mapping[str, Any], ...] | None = None
 
     def __post_init__(self) -> None:
         if self.runs < 1:
@@ -182,6 +185,8 @@ class Plan:
         """
         if not 0 <= draw < self.draws:
             raise InputError(f"`draw` must be 0 to {self.draws - 1}, got {draw}.")
+        if self.given is not None:
+            return dict(self.given[draw])
         first, at = divmod(draw, BLOCK)
         if first not in self._blocks:
             end = min((first + 1) * BLOCK, self.draws)
@@ -234,13 +239,17 @@ class Plan:
                 "nominal": _plain(self.campaign.nominal),
                 "central": _plain(self.campaign.central),
                 **({"residuals": self.residuals.as_dict()} if self.residuals else {}),
+                **({"given": [dict(one) for one in self.given]} if self.given else {}),
             }
         )
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the plan: the same for the same campaign, scenario, gains and aircraft."""
-        text = json.dumps(self.as_dict(), sort_keys=True, allow_nan=False)
+        """Hash of the plan: the same for the same campaign, scenario, gains and aircraft.
+
+        It does not depend on draws that are given: the claims checked in flight are the same.
+        """
+        text = json.dumps(replace(self, given=None).as_dict(), sort_keys=True, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def differences(self, other: "Plan") -> tuple[str, ...]:
@@ -325,6 +334,7 @@ class _PlanTables(Table):
     nominal: Scenario
     central: Scenario
     residuals: dict[str, Any] | None = None
+    given: list[dict[str, Any]] | None = None
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
@@ -357,6 +367,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         runs=read.runs,
         aircraft=read.aircraft,
         residuals=None if read.residuals is None else ResidualSummary.of(read.residuals),
+        given=None if read.given is None else tuple(read.given),
     )
 
 

@@ -1,0 +1,692 @@
+"""The worst flight of a stated set, searched for, and the probability of a rare miss."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+from scipy.special import chdtri, ndtr
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
+from flighttune.campaign.engine.cluster import INSTALL, cluster
+from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.campaign.flying.refly import scenario_of_run
+from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
+from flighttune.campaign.planning.load import campaign_on, load_campaign
+from flighttune.campaign.planning.plan import Group, Plan, plan_campaign
+from flighttune.campaign.planning.schema import MEASURES, Campaign, CampaignTable
+from flighttune.errors import InputError
+from flighttune.scenario.load import load_scenario, scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TUNED_IDENTIFIED, in_rad
+from flighttune.table_file import toml_tables
+from flighttune.units import DEG
+
+MARGIN = "margin"
+"""Metric: how far a flight is beyond the nearest demand, as a share of the bound; 0 meets it."""
+
+REGION = 0.999
+"""Share of the stated distribution inside the region searched."""
+
+POPULATION = 32
+"""Flights of a generation: enough to keep workers busy."""
+
+FAILED = 1e3
+"""Value of a flight that was not flown to its end, beyond all others."""
+
+LEVEL = 0.1
+"""Share of the flights of a level of the subset simulation that begin the next one."""
+
+STRIDE = 0.6
+"""Length of a step of its chains, in standard deviations; 1 would be a new draw."""
+
+FREQUENCIES = (0.05, 6.0)
+"""Angular frequencies searched of a disturbance without a stated one, rad/s."""
+
+
+class Draws(NamedTuple):
+    """Points of the standard normal space, and seeds.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n, d), 1
+        Normal scores of the dispersed keys, before correlation.
+    seeds : ndarray of int, shape (n,)
+    """
+
+    z: FloatArray
+    seeds: npt.NDArray[np.int64]
+
+
+Evaluate = Callable[[Draws], FloatArray | None]
+"""Values of draws, larger is worse; None where the search was stopped."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstSettings:
+    """What is searched, and how long.
+
+    Attributes
+    ----------
+    budget : int
+        Flights at most.
+    metric : str or None
+        Column of a campaign's rows, such as ``chi.ITAE``, or ``margin``; by default the margin
+        where the campaign or scenario has demands with bounds, else ``chi.ITAE``.
+    gains, plant : str or None
+        By default ``tuned_identified`` or the first gain set, and the first plant.
+    start_deg, disturbance : float, deg and rad/s
+        Of a scenario: how far the start may be off, and the largest amplitude of a disturbance of
+        the two rates.
+    seed : int
+        Of the search.
+    """
+
+    budget: int = 2000
+    metric: str | None = None
+    gains: str | None = None
+    plant: str | None = None
+    start_deg: float = 0.0
+    disturbance: float = 0.0
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.budget < POPULATION:
+            raise InputError(f"`budget` must be at least {POPULATION} flights, got {self.budget}.")
+        if self.metric not in (None, MARGIN, *MEASURES):
+            raise InputError(
+                f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {self.metric!r}."
+            )
+        for name in ("start_deg", "disturbance"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"`{name}` must not be negative, got {value}.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorstFlight:
+    """The worst flight found.
+
+    Attributes
+    ----------
+    metric : str
+    value : float
+        Of the metric; infinite where the flight was not flown to its end.
+    first : float
+        The worst of the first generation, which are draws from the distribution.
+    flights : int
+        How many were flown.
+    group : Group
+    drawn : mapping of str to plain value
+        Dispersed keys and seed of the flight.
+    distance, radius : float, 1
+        Of the flight from the median in the standard normal space, and of the region searched.
+    status, missed : str
+        How it ended, and the demands it does not meet.
+    scenario : Scenario
+        The flight alone; ``flighttune fly`` flies it.
+    """
+
+    metric: str
+    value: float
+    first: float
+    flights: int
+    group: Group
+    drawn: Mapping[str, Any]
+    distance: float
+    radius: float
+    status: str
+    missed: str
+    scenario: Scenario
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RareMiss:
+    """Probability of a miss by subset simulation.
+
+    Attributes
+    ----------
+    metric : str
+    threshold : float
+        Value from which on a flight is a miss.
+    probability, low, high : float, 1
+        Estimate, and its 95 % interval as a log-normal one; an estimate of 0 has only `high`.
+    variation : float, 1
+        Coefficient of variation of the estimate.
+    levels : tuple of float
+        Values that the levels began at, the threshold last.
+    flights : int
+        How many were flown.
+    """
+
+    metric: str
+    threshold: float
+    probability: float
+    low: float
+    high: float
+    variation: float
+    levels: tuple[float, ...]
+    flights: int
+
+
+def find_worst(
+    source: str,
+    settings: WorstSettings,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> WorstFlight | None:
+    """Search the stated set of a campaign or scenario for its worst flight.
+
+    Parameters
+    ----------
+    source : str
+        Folder of a campaign, a campaign file, a scenario file, or the name of a shipped one.
+    settings : WorstSettings
+    workers, scheduler
+        As of `flighttune.campaign.run_campaign`.
+    observer : CampaignObserver, optional
+        Told how far it is; may stop it.
+
+    Returns
+    -------
+    WorstFlight or None
+        None where the observer stopped it.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If source, gains, plant or metric are not there, nothing is dispersed, or cma is missing.
+
+    Notes
+    -----
+    Evolution strategy with covariance matrix adaptation [1]_ on the normal scores of the dispersed
+    keys, from their distribution itself. The region is the ball that holds `REGION` of them; a
+    point outside is moved to its surface. Chance (turbulence, noise) is that of the worst flight of
+    the first generation.
+
+    References
+    ----------
+    .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
+    """
+    if find_spec("cma") is None:
+        raise InputError(f"the search needs cma; {INSTALL}")
+    search = _Search.of(source, settings)
+    with cluster(workers, scheduler) as start:
+        search.pool = WorkerPool(start, observer)
+        found = search_worst(
+            search.values, search.dimension, budget=settings.budget, seed=settings.seed
+        )
+    if found is None:
+        return None
+    z, seed, first = found
+    plan = search.plan_of(Draws(z[None], np.array([seed])))
+    row = search.worst
+    value = math.inf if row["value"] >= FAILED else row["value"]
+    return WorstFlight(
+        metric=search.metric,
+        value=value,
+        first=math.inf if first >= FAILED else first,
+        flights=search.flights,
+        group=plan.groups[0],
+        drawn=plan.values_of(0),
+        distance=float(np.linalg.norm(z)),
+        radius=region_radius(search.dimension),
+        status=row["status"],
+        missed=row["missed"],
+        scenario=_named(scenario_of_run(plan, 0), plan.campaign.title),
+    )
+
+
+def rare_miss(
+    source: str,
+    settings: WorstSettings,
+    *,
+    threshold: float = 0.0,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> RareMiss | None:
+    """Probability that a flight of a campaign reaches a threshold, by subset simulation.
+
+    Parameters
+    ----------
+    source, settings, workers, scheduler, observer
+        As of `find_worst`; a fifth of the budget is flown at each level.
+    threshold : float
+        Value of the metric from which on a flight is a miss: 0 for the margin of the demands.
+
+    Returns
+    -------
+    RareMiss or None
+        None where the observer stopped it.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        As `find_worst`.
+    """
+    search = _Search.of(source, settings)
+    with cluster(workers, scheduler) as start:
+        search.pool = WorkerPool(start, observer)
+        found = subset_simulation(
+            search.values,
+            search.dimension,
+            threshold=threshold,
+            budget=settings.budget,
+            seed=settings.seed,
+        )
+    return found and replace(found, metric=search.metric)
+
+
+def region_radius(dimension: int) -> float:
+    """Radius of the ball that holds `REGION` of a standard normal distribution."""
+    return math.sqrt(float(chdtri(dimension, 1.0 - REGION)))
+
+
+def search_worst(
+    values: Evaluate, dimension: int, *, budget: int, seed: int
+) -> tuple[FloatArray, int, float] | None:
+    """Search the region of a standard normal distribution for the largest value.
+
+    Parameters
+    ----------
+    values : callable
+    dimension : int
+    budget : int
+        Points at most.
+    seed : int
+
+    Returns
+    -------
+    z : ndarray, shape (dimension,)
+        The worst point.
+    seed : int
+        Its seed.
+    first : float
+        The largest value of the first generation.
+
+    """
+    import cma
+
+    rng, radius = np.random.default_rng(seed), region_radius(dimension)
+
+    def inside(z: FloatArray) -> FloatArray:
+        length = np.linalg.norm(z, axis=1, keepdims=True)
+        return z * np.minimum(1.0, radius / np.maximum(length, 1e-12))
+
+    z = inside(rng.standard_normal((POPULATION, dimension)))
+    seeds = rng.integers(0, 2**31, POPULATION)
+    found = values(Draws(z, seeds))
+    if found is None:
+        return None
+    at = int(np.argmax(found))
+    best, chance, worst, spent = z[at], int(seeds[at]), float(found[at]), POPULATION
+    first, restarts = worst, 0
+    while spent + POPULATION <= budget:
+        strategy = cma.CMAEvolutionStrategy(
+            best, 0.5, {"popsize": POPULATION, "seed": seed + restarts + 1, "verbose": -9}
+        )
+        while spent + POPULATION <= budget and not strategy.stop():
+            asked = np.array(strategy.ask())
+            z = inside(asked)
+            found = values(Draws(z, np.full(len(z), chance)))
+            if found is None:
+                return None
+            spent += len(z)
+            # What lies outside is worth as much as its point on the surface, and less the further.
+            over = np.linalg.norm(asked - z, axis=1)
+            strategy.tell(list(asked), (-found + (1e-3 + np.std(found)) * over**2).tolist())
+            at = int(np.argmax(found))
+            if found[at] > worst:
+                best, worst = z[at], float(found[at])
+        restarts += 1
+    return best, chance, first
+
+
+def subset_simulation(
+    values: Evaluate, dimension: int, *, threshold: float, budget: int, seed: int
+) -> RareMiss | None:
+    r"""Probability that a value of a standard normal distribution reaches a threshold.
+
+    Parameters
+    ----------
+    values : callable
+    dimension : int
+    threshold : float
+    budget : int
+        Points at most; a fifth of them a level.
+    seed : int
+
+    Returns
+    -------
+    RareMiss or None
+        None where it was stopped. Where the budget ends before the threshold is reached the
+        probability is 0, with the last level's as upper end.
+
+    Notes
+    -----
+    S.-K. Au and J. L. Beck, "Estimation of small failure probabilities in high dimensions by subset
+    simulation", Prob. Eng. Mech. 16 (2001) 263-277; its Eqs. (27) to (30) for the coefficient of
+    variation. The chains move by ``z' = sqrt(1 - s^2) z + s w``, w standard normal, which leaves
+    the normal distribution as it is (S. L. Cotter et al., Stat. Sci. 28 (2013) 424-446); every
+    second move also draws a new seed.
+    """
+    rng = np.random.default_rng(seed)
+    size = max(budget // 5, 20)
+    heads = max(round(LEVEL * size), 2)
+    length = size // heads
+    size = heads * length
+    z, seeds = rng.standard_normal((size, dimension)), rng.integers(0, 2**31, size)
+    found = values(Draws(z, seeds))
+    spent, probability, squares, levels = size, 1.0, 0.0, []
+    chains = np.arange(size)[:, None]  # each flight its own at first
+    while found is not None:
+        order = np.argsort(-found)
+        begins = min(float(found[order[heads - 1]]), threshold)
+        reached = found >= begins
+        share = float(reached.mean())
+        levels.append(begins)
+        probability *= share
+        squares += _variation(reached[chains]) ** 2
+        if begins >= threshold:
+            return _rare(probability, math.sqrt(squares), threshold, levels, spent)
+        if spent + size - heads > budget:
+            return _rare(0.0, math.sqrt(squares), threshold, levels, spent, ceiling=probability)
+        z_now, seeds_now, now = z[order[:heads]], seeds[order[:heads]], found[order[:heads]]
+        steps = [(z_now, seeds_now, now)]
+        for _ in range(length - 1):
+            moved = math.sqrt(1.0 - STRIDE**2) * z_now
+            moved = moved + STRIDE * rng.standard_normal(z_now.shape)
+            other = np.where(rng.random(heads) < 0.5, rng.integers(0, 2**31, heads), seeds_now)
+            there = values(Draws(moved, other))
+            if there is None:
+                return None
+            spent += heads
+            stays = there < begins
+            z_now = np.where(stays[:, None], z_now, moved)
+            seeds_now, now = np.where(stays, seeds_now, other), np.where(stays, now, there)
+            steps.append((z_now, seeds_now, now))
+        z, seeds, found = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+        chains = np.arange(size).reshape(length, heads).T
+    return None
+
+
+def _variation(reached: npt.NDArray[np.bool_]) -> float:
+    """Coefficient of variation of the share of `reached`, shape (chains, length)."""
+    count, length = reached.shape
+    share = reached.mean()
+    if share in (0.0, 1.0):
+        return 0.0
+    spread = reached - share
+    variance = share * (1.0 - share)
+    correlation = sum(
+        2.0 * (1.0 - k / length) * float((spread[:, k:] * spread[:, :-k]).mean()) / variance
+        for k in range(1, length)
+    )
+    return math.sqrt(max(variance * (1.0 + correlation), 0.0) / (count * length)) / float(share)
+
+
+def _rare(
+    probability: float,
+    variation: float,
+    threshold: float,
+    levels: list[float],
+    flights: int,
+    *,
+    ceiling: float = 0.0,
+) -> RareMiss:
+    factor = math.exp(1.96 * math.sqrt(math.log1p(variation**2)))
+    return RareMiss(
+        metric="",
+        threshold=threshold,
+        probability=probability,
+        low=probability / factor,
+        high=(probability or ceiling) * factor,
+        variation=variation,
+        levels=tuple(levels),
+        flights=flights,
+    )
+
+
+class _Search:
+    """Flies draws of a campaign by the workers, and keeps the worst row."""
+
+    pool: WorkerPool
+
+    def __init__(self, plan: Plan, metric: str) -> None:
+        self._plan, self.metric, self.flights = plan, metric, 0
+        self.worst: dict[str, Any] = {"value": -math.inf}
+
+    @classmethod
+    def of(cls, source: str, settings: WorstSettings) -> "_Search":
+        """The search of a source.
+
+        Raises
+        ------
+        InputError, ScenarioError
+            As `find_worst`.
+        """
+        plan = planned(source, settings)
+        group = _chosen(plan, settings)
+        if not plan.keys:
+            raise InputError(
+                f"{source}: `disperse` must have a key to search; of a scenario give --start-deg "
+                "or --disturbance."
+            )
+        plan = replace(
+            plan, groups=(group,), gain_sets={group.gains: plan.gain_sets[group.gains]}, runs=1
+        )
+        return cls(plan, settings.metric or _metric_of(plan, group))
+
+    @property
+    def dimension(self) -> int:
+        """Number of the dispersed keys."""
+        return len(self._plan.keys)
+
+    def plan_of(self, draws: Draws) -> Plan:
+        """The plan whose draws these are."""
+        campaign = self._plan.campaign
+        u = np.clip(ndtr(draws.z), SMALLEST_POINT, LARGEST_POINT)
+        u = correlated(u, list(campaign.keys), campaign.correlation)
+        columns = {
+            table.key: table.at(u[:, i]).tolist() for i, table in enumerate(campaign.disperse)
+        }
+        columns[SEED] = draws.seeds.tolist()
+        given = tuple(
+            dict(zip(columns, values, strict=True))
+            for values in zip(*columns.values(), strict=True)
+        )
+        return replace(self._plan, given=given, runs=len(given))
+
+    def values(self, draws: Draws) -> FloatArray | None:
+        """Fly draws; None where the observer stopped it."""
+        found = np.full(len(draws.z), FAILED)
+
+        def keep(rows: pa.Table) -> None:
+            for row in rows.to_pylist():
+                value = value_of(row, self.metric, self._plan.scenario)
+                found[row["run"]] = value
+                if value > self.worst["value"]:
+                    self.worst = {**row, "value": value}
+
+        plan = self.plan_of(draws)
+        if not self.pool.fly_rows(plan, [Span(0, plan.runs)], keep, doing="searching"):
+            return None
+        self.flights += plan.runs
+        return found
+
+
+def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
+    """Value of the metric of a row, larger is worse; `FAILED` of a flight that has none.
+
+    Parameters
+    ----------
+    row : mapping
+        Of a campaign.
+    metric : str
+        A column, or ``margin``.
+    scenario : Scenario
+        With the demands.
+    """
+    if row["status"] != "completed":
+        return FAILED
+    if metric != MARGIN:
+        return FAILED if row[metric] is None else float(row[metric])
+    beyond = [
+        sense * (_in_unit_of(name, row[f"{subject}.{in_rad(name)}"]) - bound) / (abs(bound) or 1.0)
+        for table in scenario.expect
+        if table.meant(row["plant"], row["gains"])
+        for bounds, sense in ((table.at_most, 1.0), (table.at_least, -1.0))
+        for subject, limits in bounds.items()
+        for name, bound in limits.items()
+    ]
+    return max(beyond, default=FAILED)
+
+
+def _in_unit_of(name: str, value: float | None) -> float:
+    if value is None:
+        return FAILED
+    return value / DEG if name.endswith("_deg") else value
+
+
+def _metric_of(plan: Plan, group: Group) -> str:
+    """The margin where the group has demands with bounds, else ITAE of the course."""
+    bounded = any(
+        table.at_most or table.at_least
+        for table in plan.scenario.expect
+        if table.meant(group.plant, group.gains)
+    )
+    return MARGIN if bounded else "chi.ITAE"
+
+
+def planned(source: str, settings: WorstSettings) -> Plan:
+    """The plan of a campaign in a folder, of a campaign file, or of a scenario's stated set.
+
+    Parameters
+    ----------
+    source : str
+    settings : WorstSettings
+        Says how far starts of a scenario may be off, and its disturbance.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no such campaign or scenario, or the scenario cannot be disturbed.
+    """
+    if (Path(source) / CAMPAIGN).is_file():
+        return open_dataset(source).plan
+    if _is_scenario(source):
+        scenario = load_scenario(source)
+        return plan_campaign(_of_scenario(scenario, Path(source).stem, settings))
+    if settings.start_deg or settings.disturbance:
+        raise InputError("`start_deg` and `disturbance` are of a scenario: a campaign has its own.")
+    return plan_campaign(load_campaign(source))
+
+
+def _is_scenario(source: str) -> bool:
+    from flighttune.shipped import campaign_files, scenario_files
+
+    path = Path(source)
+    if path.is_file() and path.suffix == ".toml":
+        return "scenario" not in toml_tables(path)
+    stem = path.name.removesuffix(".toml")
+    return stem in scenario_files() and stem not in campaign_files()
+
+
+def _of_scenario(scenario: Scenario, name: str, settings: WorstSettings) -> Campaign:
+    """Starts and disturbances of one plant of a scenario, all equally likely."""
+    labels = [table.label for table in scenario.plant]
+    plant = settings.plant or labels[0]
+    if plant in labels:  # another plant may not stand the disturbance; `_chosen` refuses no plant
+        tables = scenario.as_dict()
+        tables["plant"] = [tables["plant"][labels.index(plant)]]
+        tables["expect"] = [one for one in tables["expect"] if one.get("plant") in (None, plant)]
+        scenario = scenario_from(tables)
+    ranges: dict[str, tuple[float, float, str]] = {}
+    if settings.start_deg:
+        for key in ("flight.chi_deg", "flight.gamma_deg"):
+            ranges[key] = (-settings.start_deg, settings.start_deg, "adds")
+    if settings.disturbance:
+        for channel in ("chi", "gamma"):
+            ranges[f"disturbance.{channel}_amplitude"] = (
+                -settings.disturbance, settings.disturbance, "sets",
+            )  # fmt: skip
+            ranges[f"disturbance.{channel}_omega_rad_s"] = (*FREQUENCIES, "sets")
+    table = CampaignTable.model_validate(
+        {
+            "title": f"worst of {name}",
+            "scenario": name,
+            "runs": 1,
+            "disperse": [
+                {"key": key, "distribution": "uniform", "lower": low, "upper": high, "acts": acts}
+                for key, (low, high, acts) in ranges.items()
+            ],
+        }
+    )
+    return campaign_on(table, scenario, name)
+
+
+def _chosen(plan: Plan, settings: WorstSettings) -> Group:
+    plants = [table.label for table in plan.scenario.plant]
+    plant, names = settings.plant or plants[0], list(plan.gain_sets)
+    if plant not in plants:
+        raise InputError(f"`plant` must be one of {', '.join(plants)}, got {plant!r}.")
+    name = settings.gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
+    if plan.gain_sets.get(name) is None:
+        raise InputError(f"`gains` must be one of {', '.join(names)}, got {name!r}.")
+    return Group(plant, name)
+
+
+def _named(scenario: Scenario, title: str) -> Scenario:
+    return scenario.model_copy(update={"title": f"the worst flight found of: {title}"})
+
+
+def tube_ratio(path: str | Path, scenario: Scenario) -> dict[str, float]:
+    """Largest half width of a tube over the largest distance of a flight from its middle.
+
+    Parameters
+    ----------
+    path : path-like
+        Parquet file over ``t`` (s) with ``chi_err_low``, ``chi_err_high`` and those of gamma (rad).
+    scenario : Scenario
+        Of one flight, which is flown.
+
+    Returns
+    -------
+    dict of str to float
+        ``chi`` and ``gamma``, 1.
+
+    Raises
+    ------
+    InputError
+        If the file does not hold a tube.
+    """
+    import pandas as pd
+
+    from flighttune.flight.fly import fly
+
+    try:
+        tube = pd.read_parquet(path)
+        tube = tube.set_index("t") if "t" in tube else tube
+        bounds = {
+            name: (tube[f"{name}_err_low"], tube[f"{name}_err_high"]) for name in ("chi", "gamma")
+        }
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(f"{path}: must hold the signals of a tube, got {error}.") from error
+    signals = fly(scenario).runs[0].signals
+    t, at = (one.index.to_numpy(dtype=float) for one in (signals, tube))
+    ratios = {}
+    for name, (low, high) in bounds.items():
+        middle = np.interp(t, at, 0.5 * (low + high).to_numpy())
+        away = np.abs(signals[f"{name}_err"].to_numpy() - middle)
+        ratios[name] = float(0.5 * np.max(high - low) / np.max(away))
+    return ratios

@@ -1,0 +1,154 @@
+"""The command that searches for the worst flight of a stated set."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer import Option
+
+from flighttune.cli.campaign import SchedulerOption, WorkersOption
+from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.progress import campaign_display
+from flighttune.cli.show import INTERRUPTED, emit, fail, pick
+from flighttune.present.numbers import number
+
+if TYPE_CHECKING:
+    from flighttune.campaign.worst import RareMiss, WorstFlight
+
+GONE = "interrupted, nothing is written"
+
+
+def worst(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO|CAMPAIGN",
+            help="A campaign (file, shipped name or folder), whose dispersions are searched, or a "
+            "scenario with --start-deg or --disturbance.",
+        ),
+    ],
+    budget: Annotated[int, Option(help="Flights at most.")] = 2000,
+    metric: Annotated[
+        str | None,
+        Option(
+            help="Column of a campaign's rows, such as chi.ITAE, or margin: how far beyond the "
+            "nearest demand, as a share of its bound [default: margin where there are demands]."
+        ),
+    ] = None,
+    gains: Annotated[
+        str | None, Option(help="Gain set [default: tuned_identified, else the first].")
+    ] = None,
+    plant: Annotated[
+        str | None, Option(help="Label of the plant as `fly` prints it [default: the first].")
+    ] = None,
+    start_deg: Annotated[
+        float, Option(help="Largest error of course and path angle at a scenario's start.")
+    ] = 0.0,
+    disturbance: Annotated[
+        float,
+        Option(help="Largest amplitude of a sinusoid of a scenario's two rates, rad/s."),
+    ] = 0.0,
+    rare: Annotated[
+        bool, Option("--rare", help="Estimate the probability of a miss by subset simulation.")
+    ] = False,
+    threshold: Annotated[
+        float, Option(help="Value of the metric from which on --rare counts a miss.")
+    ] = 0.0,
+    seed: Annotated[int, Option(help="Of the search.", min=0)] = 1,
+    tube: Annotated[
+        Path | None,
+        Option(help="Signals of a tube (Parquet); prints the ratio of its width to the flight."),
+    ] = None,
+    out: Annotated[
+        Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
+    ] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Search dispersions and disturbances for the flight nearest to breaking a demand.
+
+    It is written as a scenario that `flighttune fly` flies.
+    """
+    check_ending(out, ".toml")
+    from flighttune.campaign.engine.cluster import check_installed
+    from flighttune.campaign.worst import WorstSettings, find_worst, rare_miss, tube_ratio
+
+    check_installed()
+    settings = WorstSettings(
+        budget=budget,
+        metric=metric,
+        gains=gains,
+        plant=plant,
+        start_deg=start_deg,
+        disturbance=disturbance,
+        seed=seed,
+    )
+    with campaign_display() as observer:
+        shared = {"workers": workers, "scheduler": scheduler, "observer": observer}
+        if rare:
+            miss = rare_miss(source, settings, threshold=threshold, **shared)
+            found = None
+        else:
+            miss, found = None, find_worst(source, settings, **shared)
+    if miss is not None:
+        emit(_rare_json(miss), _rare_text(miss), as_json=as_json)
+        return
+    if found is None:
+        fail(f"{source}: {GONE}", INTERRUPTED)
+    written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
+    _write(found, written)
+    ratios = None if tube is None else tube_ratio(tube, found.scenario)
+    answer = {
+        **pick(found, "metric value first flights distance radius status missed drawn"),
+        **pick(found.group, "plant gains"),
+        "ratio": ratios,
+        "scenario": written,
+    }
+    emit(answer, _text(found, written, ratios), as_json=as_json)
+
+
+def _write(found: "WorstFlight", path: Path) -> None:
+    from flighttune.report.toml_text import toml_text
+    from flighttune.whole_file import whole_file
+
+    with whole_file(path) as part:
+        part.write_text(toml_text(found.scenario.as_dict()), encoding="utf-8")
+
+
+def _text(found: "WorstFlight", written: Path, ratios: dict[str, float] | None) -> Iterator[str]:
+    yield f"{found.group.plant} / {found.group.gains}: {found.flights} flights"
+    yield (
+        f"worst {found.metric}: {number(found.value)}; of the first generation, drawn from the "
+        f"distribution: {number(found.first)}"
+    )
+    for key, value in found.drawn.items():
+        yield f"  {key} = {value if isinstance(value, str) else number(value, '.6g')}"
+    yield (
+        f"{number(found.distance)} standard deviations from the median, of the "
+        f"{number(found.radius)} that hold 99.9 % of the distribution"
+    )
+    yield f"{found.status}; {found.missed or 'no demand is missed'}"
+    for name, ratio in (ratios or {}).items():
+        yield f"tube over flight, {name}: {number(ratio)}"
+    yield f"scenario: {written}   (fly it with: flighttune fly {written})"
+
+
+def _rare_json(miss: "RareMiss") -> dict[str, Any]:
+    return pick(miss, "metric threshold probability low high variation levels flights")
+
+
+def _rare_text(miss: "RareMiss") -> Iterator[str]:
+    if miss.probability:
+        yield (
+            f"P({miss.metric} >= {number(miss.threshold)}) = {number(miss.probability)}, 95 % "
+            f"interval {number(miss.low)} to {number(miss.high)}, by {miss.flights} flights in "
+            f"{len(miss.levels)} levels"
+        )
+    else:
+        yield (
+            f"P({miss.metric} >= {number(miss.threshold)}) is below {number(miss.high)}: "
+            f"{miss.flights} flights in {len(miss.levels)} levels reached "
+            f"{number(miss.levels[-1])}; give more --budget"
+        )

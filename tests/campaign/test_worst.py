@@ -1,0 +1,222 @@
+"""The worst flight and rare misses: against closed forms, and on small campaigns of the law."""
+
+import math
+from contextlib import contextmanager
+from unittest import mock
+
+import numpy as np
+import pandas as pd
+import pytest
+from commands import answer, flighttune
+from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
+from scipy.stats import chi2, norm
+
+from flighttune.campaign import worst as worst_module
+from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.worst import (
+    WorstSettings,
+    find_worst,
+    planned,
+    rare_miss,
+    region_radius,
+    search_worst,
+    subset_simulation,
+    tube_ratio,
+    value_of,
+)
+from flighttune.errors import InputError
+from flighttune.flight.fly import fly
+from flighttune.metrics import measures
+
+SAME = 1e-9
+"""A flight of a batch and the same one alone differ by 1e-12."""
+
+START = uniform("flight.chi_deg", -40.0, 40.0), uniform("flight.gamma_deg", -10.0, 10.0)
+DEMAND = {"at_most": {"chi": {"peak_deg": 35.0}}}
+
+
+def small_plan(**tables):
+    """Three seconds of the law from random starts."""
+    return plan_of(tables_of((KINEMATIC,), **{"gains": [SOFT], **tables}), *START, runs=8)
+
+
+@contextmanager
+def flown_here(plan):
+    """Fly in this process, without workers: what is planned for "campaign" is `plan`."""
+
+    class Pool:
+        def __init__(self, start, observer):
+            pass
+
+        def fly_rows(self, plan, gaps, keep, doing):
+            for gap in gaps:
+                keep(fly_runs(plan, range(gap.first, gap.end)))
+            return True
+
+    with (
+        mock.patch.object(worst_module, "WorkerPool", Pool),
+        mock.patch.object(worst_module, "planned", return_value=plan),
+    ):
+        yield
+
+
+@pytest.mark.parametrize("dimension", [2, 8, 20])
+def test_the_worst_of_a_plane_lies_where_its_normal_meets_the_region(dimension):
+    normal = np.arange(1.0, dimension + 1.0)
+    normal /= np.linalg.norm(normal)
+
+    z, _, first = search_worst(lambda draws: draws.z @ normal, dimension, budget=2000, seed=3)
+
+    radius = math.sqrt(chi2.ppf(0.999, dimension))
+    assert np.linalg.norm(z) <= radius * (1.0 + SAME)
+    assert z @ normal > 0.98 * radius
+    assert first < z @ normal
+
+
+def test_the_region_holds_its_share_of_the_distribution():
+    assert region_radius(5) == pytest.approx(math.sqrt(chi2.ppf(0.999, 5)), rel=1e-9)
+
+
+def test_chance_is_that_of_the_worst_flight_of_the_first_generation():
+    seen = []
+
+    def values(draws):
+        seen.append(draws.seeds)
+        return (draws.seeds % 1000).astype(float)
+
+    _, seed, first = search_worst(values, 3, budget=320, seed=5)
+
+    assert first == max(seen[0] % 1000) == seed % 1000
+    assert all((later == seed).all() for later in seen[1:])
+
+
+@pytest.mark.parametrize("beta", [1.0, 2.5, 3.7])
+def test_subset_simulation_finds_the_tail_of_a_normal_distribution(beta):
+    """P(z_1 + ... + z_5 >= beta sqrt(5)) = Phi(-beta): one flight in 6, in 160, in 9000."""
+    true = norm.cdf(-beta)
+    estimates = [
+        subset_simulation(
+            lambda draws: draws.z.sum(axis=1) / math.sqrt(5.0),
+            5, threshold=beta, budget=10_000, seed=seed,
+        )
+        for seed in range(20)
+    ]  # fmt: skip
+
+    found = np.array([one.probability for one in estimates])
+    # Mean of twenty: its own scatter is the coefficient of variation (0.3 at most) over sqrt(20).
+    assert found.mean() == pytest.approx(true, rel=0.25)
+    held = sum(one.low <= true <= one.high for one in estimates)
+    assert held >= 15  # of intervals that hold at 95 %, fewer than 15 in 20 once in 3000 times
+
+
+def test_what_is_never_reached_has_a_ceiling_only():
+    miss = subset_simulation(lambda draws: draws.z[:, 0], 2, threshold=99.0, budget=1000, seed=1)
+
+    assert miss.probability == 0.0
+    assert 0.0 < miss.high < 1e-2
+    assert miss.flights <= 1000
+
+
+def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
+    plan = small_plan()
+    with flown_here(plan):
+        found = find_worst("campaign", WorstSettings(budget=320, metric="chi.peak_rad"))
+
+    rows = fly_runs(plan.with_runs(300), range(300)).to_pandas()
+    assert found.value > rows["chi.peak_rad"].max()
+    assert found.distance <= found.radius * (1.0 + SAME)
+    assert abs(found.drawn["flight.chi_deg"]) <= 40.0
+    (run,) = fly(found.scenario).runs
+    assert measures(run)["chi"]["peak_rad"] == pytest.approx(found.value, rel=SAME)
+
+
+def test_probability_of_a_miss_agrees_with_counting():
+    """Starts are uniform and the error is largest at the start: |chi_0| > 35 of 40 deg."""
+    plan = small_plan(expect=[DEMAND])
+    with flown_here(plan):
+        miss = rare_miss("campaign", WorstSettings(budget=2000))
+
+    assert miss.metric == "margin"
+    assert miss.low <= 5.0 / 40.0 <= miss.high
+    rows = fly_runs(plan.with_runs(1000), range(1000)).to_pandas()
+    counted = 1.0 - rows["success"].mean()
+    assert miss.probability == pytest.approx(counted, abs=0.06)  # two sd of each
+
+
+def test_the_margin_is_that_of_the_nearest_demand():
+    plan = small_plan(
+        expect=[
+            DEMAND,
+            {"at_least": {"flight": {"n_z_min": 2.0}}},
+            {"at_most": {"chi": {"ITAE": 0.0}}},
+        ]
+    )
+    row = {
+        "status": "completed", "plant": "kinematic", "gains": "soft",
+        "chi.peak_rad": np.radians(70.0), "flight.n_z_min": 1.0, "chi.ITAE": 0.3,
+    }  # fmt: skip
+
+    assert value_of(row, "margin", plan.scenario) == pytest.approx(1.0)  # 70 of 35 deg
+    assert value_of({**row, "chi.ITAE": 1.5}, "margin", plan.scenario) == pytest.approx(1.5)
+    assert value_of({**row, "status": "diverged"}, "chi.ITAE", plan.scenario) > 100.0
+    assert value_of(row, "chi.ITAE", plan.scenario) == 0.3
+
+
+def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
+    plan = planned("paper", WorstSettings(start_deg=5.0, disturbance=0.01))
+
+    assert {"flight.chi_deg", "disturbance.gamma_amplitude"} <= set(plan.keys)
+    assert [table.label for table in plan.scenario.plant] == ["kinematic"]
+
+
+def test_the_ratio_of_a_tube_is_its_half_width_over_the_distance_from_its_middle(tmp_path):
+    scenario = small_plan().scenario_of(2)
+    signals = fly(scenario).runs[0].signals
+    tube = pd.DataFrame({"t": signals.index.to_numpy()})
+    for name in ("chi", "gamma"):
+        error = signals[f"{name}_err"].to_numpy()
+        tube[f"{name}_err_low"], tube[f"{name}_err_high"] = error - 0.03, error + 0.01
+    tube.to_parquet(tmp_path / "tube.parquet")
+
+    ratios = tube_ratio(tmp_path / "tube.parquet", scenario)
+
+    assert ratios == pytest.approx({"chi": 2.0, "gamma": 2.0})  # 0.02 wide, 0.01 away
+    with pytest.raises(InputError, match="must hold the signals of a tube"):
+        tube_ratio(tmp_path / "nothing.parquet", scenario)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("nowhere",), "nowhere: the campaign must be a file or one of"),
+        (("paper",), "`disperse` must have a key to search"),
+        (("paper", "--start-deg", "-1"), "`start_deg` must not be negative"),
+        (("paper", "--start-deg", "1", "--plant", "x"), "`plant` must be one of kinematic, jsbsim"),
+        (("first_campaign", "--disturbance", "0.1"), "are of a scenario"),
+        (("first_campaign", "--metric", "chi.NONE"), "`metric` must be margin or one of"),
+        (("first_campaign", "--budget", "3"), "`budget` must be at least"),
+        (("first_campaign", "--gains", "K9"), "`gains` must be one of"),
+        (("first_campaign", "--out", "x.json"), "x.json: --out must end in .toml"),
+    ],
+)
+def test_bad_input_is_one_line(options, message, tmp_path):
+    out, err = flighttune("worst", *options, status=2, cwd=tmp_path)
+
+    assert message in err
+    assert not out
+    assert err.count("\n") == 1
+
+
+def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
+    with flown_here(small_plan(expect=[DEMAND])):
+        said = answer(
+            "worst", "campaign", "--budget", 64, "--out", tmp_path / "worst.toml",
+        )  # fmt: skip
+        rare = answer("worst", "campaign", "--budget", 100, "--rare")
+
+    assert said["metric"] == rare["metric"] == "margin"
+    assert said["flights"] == 64
+    out, err = flighttune("fly", said["scenario"], "--out", tmp_path / "runs", status=1)
+    peak = 35.0 * (1.0 + said["value"])
+    assert "chi.peak_deg must be at most 35" in err + out
+    assert f"got {peak:.4g}" in err + out
