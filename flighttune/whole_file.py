@@ -12,6 +12,8 @@ from flighttune.errors import OutputError
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a temporary name beside `path`, and rename it to `path` when the block ends well.
 
+    Several blocks in an `ExitStack` are renamed after all are written, the last one first.
+
     Parameters
     ----------
     path : Path
@@ -20,7 +22,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        Where to write, in the same folder and with the same suffix.
+        Where to write, in the same folder and with the same suffix. It begins with a dot: a file
+        that a killed command left behind belongs to nobody.
 
     Raises
     ------
@@ -33,7 +36,13 @@ def whole_file(path: Path) -> Iterator[Path]:
         yield part
         part.replace(path)
     except OSError as error:
-        raise OutputError(f"{path}: must be writable, got {error}.") from error
+        raise OutputError(f"{path}: must be writable, got {reason_of(error)}.") from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def reason_of(error: OSError) -> str:
+    """What the system says, without its number and file: ``no space left on device``."""
+    text = error.strerror or str(error)
+    return text[:1].lower() + text[1:]

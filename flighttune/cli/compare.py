@@ -39,7 +39,7 @@ def compare(
 ) -> None:
     """Compare runs: metrics, which is better, and how far apart the paths are.
 
-    Exit status 2 if manoeuvre, units or aircraft are not the same.
+    Exit status 2 if manoeuvre or aircraft are not the same.
     """
     from flighttune.comparison import compare as compare_sources
     from flighttune.comparison import load_tolerances, violations

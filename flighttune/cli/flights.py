@@ -171,12 +171,14 @@ def _open(path: Path) -> None:
 
 
 def _recording_in(path: Path) -> Path:
+    from flighttune.recording.load import recording_in
+
     if not path.is_dir():
         return path
-    recordings = sorted(path.glob("*.rrd"))
-    if len(recordings) != 1:
-        raise RecordingError(f"{path}: the folder must hold one recording, got {len(recordings)}.")
-    return recordings[0]
+    recording = recording_in(path)
+    if recording is None:
+        raise RecordingError(f"{path}: the folder must hold a recording, got none.")
+    return recording
 
 
 def _flown_json(flown: "FlownScenario", files: "RecordedFiles") -> dict[str, Any]:

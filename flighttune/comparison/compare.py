@@ -72,7 +72,7 @@ class Comparison:
     Attributes
     ----------
     comparable : bool
-        Whether all sources flew the same manoeuvre, in the same units, with the same aircraft.
+        Whether all sources flew the same manoeuvre, with the same aircraft.
     reason : str
         Why not; empty otherwise.
     pairs : tuple of Pair
@@ -150,8 +150,8 @@ def compare(
     Returns
     -------
     Comparison
-        With `comparable` False and a reason where the manoeuvres (start, length, reference), units
-        or aircraft differ. A kinematic plant may be compared with an aircraft. Where one of two
+        With `comparable` False and a reason where the manoeuvres (start, length, reference) or
+        aircraft differ. A kinematic plant may be compared with an aircraft. Where one of two
         runs ended early, both are measured over the time both flew.
 
     Raises

@@ -89,9 +89,6 @@ def why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
         What `paired` makes of their runs.
     """
     between = f"{a.name} and {b.name}"
-    for one in (a, b):
-        for signal, unit in one.units.items():
-            return f"{one.name}: `{signal}` must have the unit of the other side, got {unit!r}."
     for one, other in ((a, b), (b, a)):
         several = not one.chosen and len(one.gain_sets) > 1
         if several and set(one.gain_sets) != set(other.gain_sets):

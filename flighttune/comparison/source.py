@@ -1,21 +1,17 @@
 """What can be compared: run folders, files of runs, and gains of a scenario, flown now."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import fly
 from flighttune.recording.load import load_recording
 from flighttune.scenario.load import load_gains, load_scenario
 from flighttune.scenario.schema import GainsTable
-from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.simulate.run import Run
 
-PARQUET = ".parquet"
-RECORDED = (PARQUET, ".rrd")
+RECORDED = (".parquet", ".rrd")
 GAINS_FILES = (".json", ".toml")
 
 
@@ -29,8 +25,6 @@ class Source:
         As given: a path, or ``scenario@gains``.
     runs : tuple of Run
         In the order of the scenario where it is known.
-    units : mapping of str to str
-        Units that a file states for its signals, where they are not those of `SIGNAL_UNITS`.
     missing : tuple of str
         What was recorded and cannot be had.
     chosen : bool
@@ -39,7 +33,6 @@ class Source:
 
     name: str
     runs: tuple[Run, ...]
-    units: Mapping[str, str] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
     chosen: bool = True
 
@@ -77,12 +70,7 @@ def load_source(name: str | Path) -> Source:
     if not (path.is_dir() or path.suffix.lower() in RECORDED):
         return Source(name=name, runs=_flown(place, choice), chosen=bool(choice))
     found = load_recording(path)
-    units: dict[str, str] = {}
-    for file in [path] if path.suffix.lower() == PARQUET else path.glob(f"*{PARQUET}"):
-        units |= _foreign_units(file)
-    return Source(
-        name=name, runs=_chosen(name, found.runs, choice), units=units, missing=found.missing
-    )
+    return Source(name=name, runs=_chosen(name, found.runs, choice), missing=found.missing)
 
 
 def _chosen(name: str, runs: Sequence[Run], choice: str) -> tuple[Run, ...]:
@@ -94,14 +82,6 @@ def _chosen(name: str, runs: Sequence[Run], choice: str) -> tuple[Run, ...]:
             f"{name}: {choice or 'it'!r} must be a gain set, a plant or a run, got {known}."
         )
     return tuple(kept)
-
-
-def _foreign_units(file: Path) -> dict[str, str]:
-    fields: list[pa.Field] = list(pq.read_schema(file))
-    stated = {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in fields}
-    return {
-        name: unit for name, unit in stated.items() if unit and unit != SIGNAL_UNITS.get(name, unit)
-    }
 
 
 def _flown(place: str, choice: str) -> tuple[Run, ...]:

@@ -1,5 +1,6 @@
 """Names, symbols and units of channels, signals and metrics as a reader sees them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from flighttune.present.numbers import number
@@ -79,3 +80,14 @@ def shown_unit(unit: str) -> tuple[str, float]:
     if unit in ("rad", "rad/s"):
         return unit.replace("rad", "deg"), DEG_PER_RAD
     return unit, 1.0
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """Names in order; one that repeats an earlier one ends in ``_2``, ``_3`` and so on."""
+    taken: dict[str, None] = {}
+    for stem in names:
+        name, again = stem, 2
+        while name in taken:
+            name, again = f"{stem}_{again}", again + 1
+        taken[name] = None
+    return list(taken)

@@ -1,7 +1,7 @@
 """Timeline and entities of a recording, and the key, colour and name of each run in it."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from flighttune.present.names import distinct
 from flighttune.present.palette import LineStyle, line_styles
 from flighttune.simulate.run import Run
 
@@ -38,6 +39,9 @@ the underscore these are below the lines of the runs."""
 RECORD = "runs_flown"
 """The runs themselves, for reading back."""
 
+SEAL = "seal"
+"""The SHA-256 of the file."""
+
 PHASES = "phases"
 CLAIMS = "claims"
 EVENTS = "events"
@@ -60,17 +64,6 @@ def application(title: str) -> str:
 def plain_name(text: str) -> str:
     """`text` in letters, digits, dots and underscores, as names in Rerun want them."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "unnamed"
-
-
-def distinct(names: Iterable[str]) -> list[str]:
-    """Names in order; one that repeats an earlier one ends in ``_2``, ``_3`` and so on."""
-    taken: dict[str, None] = {}
-    for stem in names:
-        name, again = stem, 2
-        while name in taken:
-            name, again = f"{stem}_{again}", again + 1
-        taken[name] = None
-    return list(taken)
 
 
 def times(seconds: npt.ArrayLike, *, timeline: str = TIMELINE) -> rr.TimeColumn:

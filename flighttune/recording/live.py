@@ -12,10 +12,11 @@ import rerun.blueprint as rrb
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition, Plant, Stop, WrappedPlant
+from flighttune.present.names import distinct
 from flighttune.present.palette import LineStyle, line_styles
 from flighttune.present.thinning import evenly
 from flighttune.recording import entities
-from flighttune.recording.entities import application, distinct, on_screen, plain_name, times
+from flighttune.recording.entities import application, on_screen, plain_name, times
 from flighttune.recording.geometry import attitudes, chase_eye, grid_lines, headings, positions
 from flighttune.recording.plots import Plot, displayed
 from flighttune.recording.rrd import reference_style, run_style

@@ -1,11 +1,13 @@
 """Reading runs from a recording, a folder with one, or a Parquet file."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.errors import RecordingError
 from flighttune.plants.label import label_of
-from flighttune.recording.parquet import read_run
+from flighttune.recording.parquet import read_run, recorded_sha256, signal_files
+from flighttune.recording.run_record import RunRecord, naming
 from flighttune.simulate.run import Run
 
 PARQUET, RECORDING = ".parquet", ".rrd"
@@ -22,7 +24,7 @@ class Recording:
     runs : tuple of Run
         In the order of the scenario. Signals are equal to the bit to those written.
     missing : tuple of str
-        Why only the Parquet files of a folder were read; empty if its recording was.
+        What of a folder was not read, and why: its recording, or Parquet files of other flights.
     """
 
     path: Path
@@ -56,12 +58,14 @@ def load_recording(path: str | Path) -> Recording:
     -------
     Recording
         For a folder, the runs of its recording. If that is missing or damaged, those of its Parquet
-        files, which do not include the runs that never flew.
+        files, which do not include the runs that never flew. Files whose names begin with a dot are
+        what a killed command left behind, and not looked at.
 
     Raises
     ------
     RecordingError
-        If there is nothing to read, or it is empty, damaged, or not written by flighttune.
+        If there is nothing to read, or it is not as flighttune wrote it: cut off, damaged, edited,
+        of another program or of flighttune 0.1.0.
 
     Examples
     --------
@@ -73,33 +77,73 @@ def load_recording(path: str | Path) -> Recording:
         return _in_folder(path)
     if path.suffix.lower() == PARQUET:
         return Recording(path=path, runs=(read_run(path),))
-    return _in_recording(path)
+    return Recording(path=path, runs=_runs(_in_recording(path)))
 
 
-def _in_recording(path: Path) -> Recording:
-    from flighttune.recording.run_columns import recorded_runs
+def recording_in(folder: Path) -> Path | None:
+    """The recording in a run folder, if there is one.
 
-    return Recording(path=path, runs=recorded_runs(path))
-
-
-def _in_folder(folder: Path) -> Recording:
-    recordings = sorted(folder.glob(f"*{RECORDING}"))
+    Raises
+    ------
+    RecordingError
+        If there are several.
+    """
+    recordings = _files(folder, RECORDING)
     if len(recordings) > 1:
         names = ", ".join(path.name for path in recordings)
         raise RecordingError(f"{folder}: the folder must hold one recording, got {names}.")
-    files = sorted(folder.glob(f"*{PARQUET}"))
-    if not (recordings or files):
+    return recordings[0] if recordings else None
+
+
+def _files(folder: Path, ending: str) -> list[Path]:
+    # A name with a dot in front is that of a file which was not finished.
+    return sorted(folder.glob(f"[!.]*{ending}"))
+
+
+def _in_recording(path: Path) -> list[tuple[Run, RunRecord]]:
+    from flighttune.recording.run_columns import recorded_runs
+
+    records = recorded_runs(path)
+    with naming(path):
+        return [(record.run(), record) for record in records]
+
+
+def _in_folder(folder: Path) -> Recording:
+    recording, files = recording_in(folder), _files(folder, PARQUET)
+    if not (recording or files):
         raise RecordingError(f"{folder}: the folder must hold a recording, got none.")
     why = f"{folder}: there is no recording; only runs with a Parquet file are there"
-    if recordings:
+    if recording:
         try:
-            return _in_recording(recordings[0])
+            pairs = _in_recording(recording)
         except RecordingError as error:
             if not files:
                 raise
             why = str(error)
+        else:
+            return Recording(
+                path=folder, runs=_runs(pairs), missing=_of_other_flights(recording, pairs)
+            )
     runs = sorted((read_run(file) for file in files), key=_place)
     return Recording(path=folder, runs=tuple(runs), missing=(why,))
+
+
+def _runs(pairs: Iterable[tuple[Run, RunRecord]]) -> tuple[Run, ...]:
+    return tuple(run for run, _ in pairs)
+
+
+def _of_other_flights(recording: Path, pairs: Iterable[tuple[Run, RunRecord]]) -> tuple[str, ...]:
+    """Parquet files beside a recording that are not of its flights: a command was killed."""
+    flown = [(run, record) for run, record in pairs if len(run.signals)]
+    files = signal_files([run for run, _ in flown], recording.parent)
+    lines = []
+    for file, (_, record) in zip(files, flown, strict=True):
+        try:
+            if file.exists() and recorded_sha256(file) != record.sha256:
+                lines.append(f"{file}: of another flight than {recording.name}, which was read")
+        except RecordingError as error:
+            lines.append(str(error))
+    return tuple(lines)
 
 
 def _place(run: Run) -> tuple[int, int, str]:

@@ -1,30 +1,32 @@
 """One Parquet file a run: the record, exact to the bit."""
 
-import json
-import textwrap
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
-from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
+from flighttune.present.names import distinct
+from flighttune.recording.run_record import RunRecord, first_line, naming
+from flighttune.recording.seal import BLANK, seal, sealed_bytes
+from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
 
-FORMAT = 1
-"""Version of the layout; a file with a higher one is from a newer flighttune."""
+PARQUET_FILE = "Parquet file"
 
-METADATA_KEY = b"flighttune.run"
+DESCRIPTION, RUN_SHA256, SEAL = b"flighttune.run", b"flighttune.run.sha256", b"flighttune.file"
+"""Keys in the metadata of the schema, in the order of the file."""
 
-LONGEST_REASON = 160
-"""Characters of a library's error message that are repeated."""
+
+def signal_files(runs: Sequence[Run], folder: Path) -> list[Path]:
+    """Where the Parquet files of the runs of one recording are: ``PLANT-GAINS.parquet``."""
+    names = (f"{run.provenance.plant}-{run.provenance.gains_name}" for run in runs)
+    stems = distinct(re.sub(r"[^A-Za-z0-9.+-]+", "_", name) for name in names)
+    return [folder / f"{stem}.parquet" for stem in stems]
 
 
 def write_run(run: Run, path: str | Path) -> None:
@@ -39,30 +41,47 @@ def write_run(run: Run, path: str | Path) -> None:
 
     Raises
     ------
+    OutputError
+        If the file cannot be written.
     RecordingError
-        If the file cannot be written, or the scenario holds what JSON cannot.
+        If the scenario holds what JSON cannot.
     """
     path = Path(path)
-    with errors_of_description(path):
-        metadata = json.dumps(description(run), ensure_ascii=False)
-    units = {"t": "s", **SIGNAL_UNITS}
-    columns = {"t": run.signals.index, **{str(name): run.signals[name] for name in run.signals}}
+    with naming(path):
+        data = parquet_bytes(run)
+    with whole_file(path) as part:
+        part.write_bytes(data)
+
+
+def parquet_bytes(run: Run) -> bytes:
+    """The file that `write_run` writes.
+
+    Raises
+    ------
+    RecordingError
+        If the scenario holds what JSON cannot.
+    """
+    record = RunRecord.of(run)
     schema = pa.schema(
         [
-            pa.field(name, pa.float64(), metadata={"unit": units[name]} if name in units else None)
-            for name in columns
+            pa.field(name, pa.float64(), metadata={"unit": unit} if unit else None)
+            for name, unit in record.columns.items()
         ],
-        metadata={METADATA_KEY: metadata},
+        metadata={
+            DESCRIPTION: record.description,
+            RUN_SHA256: record.sha256,
+            SEAL: BLANK,
+        },
     )
-    values = [pa.array(np.asarray(column, dtype=np.float64)) for column in columns.values()]
-    with whole_file(path) as part:
-        pq.write_table(
-            pa.table(values, schema=schema),
-            part,
-            compression="zstd",
-            use_dictionary=False,  # signals hardly repeat a value: a dictionary only costs
-            write_page_checksum=True,
-        )
+    values = [pa.array(column) for column in np.ascontiguousarray(record.rows.T)]
+    sink = pa.BufferOutputStream()
+    pq.write_table(
+        pa.table(values, schema=schema),
+        sink,
+        compression="zstd",
+        use_dictionary=False,  # signals hardly repeat a value: a dictionary only costs
+    )
+    return seal(sink.getvalue().to_pybytes())
 
 
 def read_run(path: str | Path) -> Run:
@@ -76,117 +95,39 @@ def read_run(path: str | Path) -> Run:
     Raises
     ------
     RecordingError
-        If there is no such file, it is empty, damaged, not Parquet, not a run of flighttune, or
-        written by a newer layout.
+        If there is no such file, it is not as flighttune wrote it (damaged, edited, of another
+        program or of flighttune 0.1.0), or it has a newer layout.
     """
     path = Path(path)
-    table = _read_table(path)
-    raw = (table.schema.metadata or {}).get(METADATA_KEY)
-    if raw is None:
-        raise RecordingError(
-            f"{path}: must be a run written by flighttune, got a Parquet file without "
-            f"`{METADATA_KEY.decode()}` in its schema."
+    record = read_record(path)
+    with naming(path):
+        return record.run()
+
+
+def read_record(path: Path) -> RunRecord:
+    """The record in a Parquet file; see `read_run`."""
+    data = sealed_bytes(path, PARQUET_FILE)
+    with _arrow_errors(path):
+        table = pq.ParquetFile(pa.BufferReader(data)).read()
+        stated = table.schema.metadata
+        return RunRecord(
+            description=stated[DESCRIPTION].decode(),
+            rows=np.column_stack([column.to_numpy() for column in table.columns]),
+            sha256=stated[RUN_SHA256].decode(),
         )
-    with errors_of_description(path):
-        columns = {name: table.column(name).to_numpy() for name in table.column_names}
-        return described_run(json.loads(raw), signal_table(columns.pop("t"), columns))
 
 
-def check_file(path: Path, kind: str) -> None:
-    """Raise a RecordingError where `path` is not a file of that kind, or an empty one."""
-    if not path.is_file():
-        got = "a folder" if path.is_dir() else "no such file"
-        raise RecordingError(f"{path}: must be a {kind}, got {got}.")
-    if path.stat().st_size == 0:
-        raise RecordingError(f"{path}: must be a {kind}, got an empty file.")
+def recorded_sha256(path: Path) -> str:
+    """The SHA-256 of the record in a Parquet file, without its signals; errors as `read_run`."""
+    data = sealed_bytes(path, PARQUET_FILE)
+    with _arrow_errors(path):
+        return pq.read_schema(pa.BufferReader(data)).metadata[RUN_SHA256].decode()
 
 
 @contextmanager
-def errors_of_description(path: Path) -> Iterator[None]:
-    """Name the file in what is raised by `described_run` and by reading its entry."""
+def _arrow_errors(path: Path) -> Iterator[None]:
     try:
         yield
-    except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        got = f"{type(error).__name__}: {first_line(error)}"
-        raise RecordingError(f"{path}: must describe a complete run, got {got}.") from error
-
-
-def _read_table(path: Path) -> pa.Table:
-    check_file(path, "Parquet file")
-    try:
-        return pq.ParquetFile(path, page_checksum_verification=True).read()
-    except (pa.ArrowException, OSError) as error:
-        raise RecordingError(
-            f"{path}: must be a sound Parquet file, got: {first_line(error)}."
-        ) from error
-
-
-def description(run: Run) -> dict[str, Any]:
-    """Status and provenance of a run as plain values for JSON.
-
-    Raises
-    ------
-    RecordingError
-        If the scenario holds what JSON cannot.
-    """
-    return {
-        "format": FORMAT,
-        "status": run.status,
-        "reason": run.reason,
-        "provenance": _plain(run.provenance),
-    }
-
-
-def described_run(entry: Mapping[str, Any], signals: pd.DataFrame) -> Run:
-    """The run that `description` describes, with its signals.
-
-    Raises
-    ------
-    RecordingError
-        If a newer flighttune wrote it.
-    KeyError, TypeError, ValueError, AttributeError
-        If `entry` is not such a description.
-    """
-    if entry["format"] > FORMAT:
-        raise RecordingError(
-            f"layout must be {FORMAT} or older, got {entry['format']}; "
-            "read it with a newer flighttune."
-        )
-    provenance = dict(entry["provenance"])
-    if provenance["gains"] is not None:
-        names = {key: tuple(provenance["gains"][key]) for key in ("inputs", "errors")}
-        provenance["gains"] = PIGains(**{**provenance["gains"], **names})
-    return Run(
-        signals=signals,
-        status=entry["status"],
-        reason=entry["reason"],
-        provenance=Provenance(**provenance),
-    )
-
-
-def signal_table(t: np.ndarray, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """Signals as a run holds them: float64 columns over `t` in s."""
-    index = pd.Index(t, name="t", dtype=np.float64)
-    return pd.DataFrame(dict(columns), index=index, dtype=np.float64)
-
-
-def first_line(text: object) -> str:
-    """The first line of a library's message, cut to what a reader takes in."""
-    line = next(iter(str(text).splitlines()), "no reason")
-    return textwrap.shorten(line, LONGEST_REASON, placeholder=" ...").rstrip(".")
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    if value is None or isinstance(value, (str, bool, int, float)):
-        return value
-    raise RecordingError(f"the scenario must hold plain values, got {value!r}.")
+    except (pa.ArrowException, OSError, TypeError, ValueError, KeyError) as error:
+        got = first_line(error)
+        raise RecordingError(f"{path}: must be a {PARQUET_FILE} of a run, got: {got}.") from error

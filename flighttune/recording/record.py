@@ -1,16 +1,16 @@
 """A flown scenario to a folder: one recording, and one Parquet file a run."""
 
-import re
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.flight.fly import FlownScenario
-from flighttune.recording.entities import distinct
 from flighttune.recording.page import scenario_page
-from flighttune.recording.parquet import write_run
-from flighttune.recording.rrd import write_recording
-from flighttune.simulate.run import Run
+from flighttune.recording.parquet import parquet_bytes, signal_files
+from flighttune.recording.rrd import recording_bytes
+from flighttune.recording.run_record import naming
+from flighttune.whole_file import whole_file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     flown : FlownScenario
         What `flighttune.fly` returns.
     folder : path-like
-        Made if need be; files of the same name are replaced, each whole or not at all.
+        Made if need be; files of the same name are replaced, after all have been written.
     name : str
         Stem of the recording's name.
 
@@ -48,15 +48,15 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
 
     Raises
     ------
+    OutputError
+        If a file cannot be written; what stood in the folder still does.
     RecordingError
-        If a file cannot be written.
+        If the scenario holds what JSON cannot.
     """
     folder = Path(folder)
-    signals: dict[str, Path] = {}
+    recording = folder / f"{name}.rrd"
     having = [run for run in flown.runs if len(run.signals)]
-    for run, stem in zip(having, distinct(_stem(run) for run in having), strict=True):
-        signals[run.label] = folder / f"{stem}.parquet"
-        write_run(run, signals[run.label])
+    signals = dict(zip((run.label for run in having), signal_files(having, folder), strict=True))
     page = scenario_page(
         flown.runs,
         scenario=flown.scenario.as_dict(),
@@ -64,10 +64,12 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         metrics=flown.metrics,
         flight=flown.flight,
     )
-    recording = folder / f"{name}.rrd"
-    write_recording(flown.runs, recording, page=page, title=flown.scenario.title)
+    # Nothing gets its name before all is written, and then the recording first: it is complete in
+    # itself, and tells Parquet files of an earlier flight from its own.
+    with ExitStack() as files, naming(recording):
+        for run in having:
+            part = files.enter_context(whole_file(signals[run.label]))
+            part.write_bytes(parquet_bytes(run))
+        part = files.enter_context(whole_file(recording))
+        part.write_bytes(recording_bytes(flown.runs, page=page, title=flown.scenario.title))
     return RecordedFiles(recording=recording, signals=signals)
-
-
-def _stem(run: Run) -> str:
-    return re.sub(r"[^A-Za-z0-9.+-]+", "_", f"{run.provenance.plant}-{run.provenance.gains_name}")

@@ -20,8 +20,10 @@ from flighttune.recording.entities import DrawnRun, application, log_lines, runs
 from flighttune.recording.events import log_events
 from flighttune.recording.lanes import log_lanes
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
-from flighttune.recording.run_columns import check_index, log_runs
+from flighttune.recording.run_columns import log_runs
+from flighttune.recording.run_record import naming
 from flighttune.recording.scene import log_scene
+from flighttune.recording.seal import BLANK, seal
 from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
 
@@ -52,23 +54,39 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
 
     Raises
     ------
-    RecordingError
+    OutputError
         If the file cannot be written.
+    RecordingError
+        If a scenario holds what JSON cannot.
     """
     path = Path(path)
-    with whole_file(path) as part, strict():
-        # A new id each time: of two files with one id the viewer would keep one.
-        stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
+    with naming(path):
+        data = recording_bytes(runs, page=page, title=title)
+    with whole_file(path) as part:
+        part.write_bytes(data)
+
+
+def recording_bytes(runs: Sequence[Run], *, page: str, title: str) -> bytes:
+    """The file that `write_recording` writes.
+
+    Raises
+    ------
+    RecordingError
+        If a scenario holds what JSON cannot.
+    """
+    # In memory: Rerun raises nothing where the disk is full, but logs it, or never returns.
+    # A new id each time: of two files with one id the viewer would keep one.
+    stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
+    with strict():
         try:
-            _log(stream, part, runs, page=page, title=title)
+            memory = stream.memory_recording()
+            _log(stream, runs, page=page, title=title)
+            return seal(memory.drain_as_bytes())
         finally:
-            stream.disconnect()  # this writes the index at the end of the file
-        check_index(part)  # Rerun raises nothing where the disk is full
+            stream.disconnect()
 
 
-def _log(
-    stream: rr.RecordingStream, part: Path, runs: Sequence[Run], *, page: str, title: str
-) -> None:
+def _log(stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str) -> None:
     drawn = runs_to_draw(runs)
     plots = shown_plots([drawn_run.run for drawn_run in drawn])
     claims = {
@@ -81,8 +99,7 @@ def _log(
         for drawn_run in drawn
         if (loop := frozen_loop(drawn_run.run)) is not None
     }
-    # Before anything is logged: only then the layout is in the file.
-    stream.save(part, default_blueprint=blueprint(drawn, plots, claims=claims, loops=loops))
+    stream.send_blueprint(blueprint(drawn, plots, claims=claims, loops=loops), make_active=False)
     stream.send_recording_name(title)
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     log_runs(stream, runs)
@@ -97,6 +114,7 @@ def _log(
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
         _log_plot(stream, plot, drawn)
     stream.flush()
+    stream.log(entities.SEAL, rr.AnyValues(file=BLANK), static=True)
 
 
 @contextmanager

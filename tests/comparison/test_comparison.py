@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from flighttune.comparison import compare, load_source
@@ -159,21 +157,6 @@ def test_two_aircraft_cannot_be_compared_but_law_and_aircraft_can(fly_line):
     assert compare(fly_line(), craft).comparable
     refused = compare(craft, fly_line(plant="jsbsim:c172p"))
     assert "the aircraft must be the same, got aerosonde and c172p" in refused.reason
-
-
-def test_a_file_in_other_units_cannot_be_compared(fly_line, tmp_path):
-    good, bad = tmp_path / "good.parquet", tmp_path / "bad.parquet"
-    write_run(fly_line(), good)
-    table = pq.read_table(good)
-    place = table.schema.get_field_index("chi")
-    degrees = pa.field("chi", pa.float64(), metadata={"unit": "deg"})
-    pq.write_table(pa.table(table.columns, schema=table.schema.set(place, degrees)), bad)
-
-    found = compare(good, bad)
-
-    assert not found.comparable
-    assert found.reason.startswith(f"{bad}: `chi` must have the unit")
-    assert "'deg'" in found.reason
 
 
 def test_a_run_that_never_flew_cannot_be_compared(fly_line):

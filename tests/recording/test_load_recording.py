@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import shutil
 from dataclasses import replace
 
@@ -117,17 +116,6 @@ def test_a_folder_whose_recording_is_damaged_falls_back_on_parquet(four_runs, tm
     assert "flight.rrd: must be" in found.missing[0]
 
 
-@pytest.mark.parametrize("kept", [13, 200, 100_000, -1000, -10])
-def test_a_recording_cut_off_is_refused_in_one_line(recording, kept, tmp_path):
-    path = tmp_path / "cut.rrd"
-    path.write_bytes(recording.read_bytes()[:kept])
-
-    with pytest.raises(RecordingError, match=r"cut\.rrd: must be a sound .* cut off") as caught:
-        load_recording(path)
-
-    assert "\n" not in str(caught.value)
-
-
 def test_a_folder_whose_recording_is_cut_off_falls_back_on_parquet(recording, four_runs, tmp_path):
     (tmp_path / "flight.rrd").write_bytes(recording.read_bytes()[:-10])
     write_run(four_runs[0], tmp_path / "one.parquet")
@@ -145,59 +133,6 @@ def test_a_flight_of_several_chunks_comes_back_in_order_of_time(long_flight, tmp
     assert_same(run, long_flight)
 
 
-@pytest.mark.slow
-def test_damage_anywhere_gives_one_line_or_what_was_written(recording, runs, tmp_path):
-    whole = recording.read_bytes()
-    path, said = tmp_path / "bad.rrd", []
-    for place in np.linspace(20, len(whole) - 20, 15).astype(int).tolist():
-        data = bytearray(whole)
-        data[place : place + 4] = bytes(255 - byte for byte in data[place : place + 4])
-        path.write_bytes(data)
-        try:
-            found = load_recording(path)
-        except RecordingError as error:
-            said.append(str(error))
-            continue
-        for got, put in zip(found.runs, runs, strict=True):
-            assert_same(got, put)
-
-    assert said
-    assert all(line.startswith(f"{path}: must ") for line in said)
-    assert not any("\n" in line or len(line) > 300 for line in said)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="the decoder that crashes is a shell script")
-def test_a_file_that_crashes_the_decoder_gives_one_line(recording, tmp_path, monkeypatch):
-    decoder = tmp_path / "rerun"
-    decoder.write_text("#!/bin/sh\nkill -ABRT $$\n")
-    decoder.chmod(0o755)
-    monkeypatch.setattr("flighttune.recording.run_columns.executable", lambda: decoder)
-
-    with pytest.raises(RecordingError, match=r"flight\.rrd: must be a sound .* cannot decode"):
-        load_recording(recording)
-
-
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        (b"", "got an empty file"),
-        (b"hello, world" * 20, "Not an RRD file"),
-        (b"RRF2" + b"\0" * 8, "must be a sound recording"),
-        (b"RRF2" + b"\xff" * 100, "must be a sound recording"),
-    ],
-    ids=["empty", "foreign", "header", "garbage"],
-)
-def test_what_cannot_be_read_gives_one_line(tmp_path, data, words):
-    path = tmp_path / "odd.rrd"
-    path.write_bytes(data)
-
-    with pytest.raises(RecordingError, match=words) as caught:
-        load_recording(path)
-
-    assert str(caught.value).startswith(f"{path}: ")
-    assert "\n" not in str(caught.value)
-
-
 def test_what_is_not_there_or_not_ours_gives_one_line(tmp_path):
     with pytest.raises(RecordingError, match="got no such file"):
         load_recording(tmp_path / "none.rrd")
@@ -207,7 +142,7 @@ def test_what_is_not_there_or_not_ours_gives_one_line(tmp_path):
     stream.save(tmp_path / "other.rrd")
     stream.log("page", rr.TextDocument("hello"), static=True)
     stream.disconnect()
-    with pytest.raises(RecordingError, match="must be a recording of flighttune, got one of other"):
+    with pytest.raises(RecordingError, match=r"got none: it is .* of another program"):
         load_recording(tmp_path / "other.rrd")
 
 

@@ -1,5 +1,6 @@
 """A run read back is the run that was written, to the bit; anything else gets one clear line."""
 
+import hashlib
 import json
 import os
 from dataclasses import replace
@@ -12,7 +13,10 @@ import pytest
 
 from flighttune.control.gains import PIGains
 from flighttune.errors import OutputError, RecordingError
-from flighttune.recording.parquet import METADATA_KEY, read_run, write_run
+from flighttune.recording.parquet import DESCRIPTION, RUN_SHA256, SEAL, read_run, write_run
+from flighttune.recording.run_record import RunRecord
+from flighttune.recording.seal import BLANK, seal
+from flighttune.simulate.run import SIGNAL_UNITS
 
 
 def assert_same(read, run):
@@ -107,12 +111,12 @@ def flipped(data, at):
     ("damage", "words"),
     [
         (lambda data: b"", "got an empty file"),
-        (lambda data: b"hello", "must be a sound Parquet file"),
-        (lambda data: b"hello world, " * 100, "must be a sound Parquet file"),
-        (lambda data: data[: len(data) // 2], "must be a sound Parquet file"),
-        (lambda data: flipped(data, 300), "must be a sound Parquet file"),
+        (lambda data: b"hello", "with the SHA-256 that flighttune writes, got none"),
+        (lambda data: data[: len(data) // 2], "got none: it is cut off, "),
+        (lambda data: data[:-1], "as it was written, got another SHA-256"),
+        (lambda data: flipped(data, 300), "as it was written, got another SHA-256"),
     ],
-    ids=["empty", "short", "foreign", "cut off", "one byte wrong"],
+    ids=["empty", "foreign", "half", "cut off", "one byte wrong"],
 )
 def test_a_damaged_file_gives_one_line_that_names_it(four_runs, tmp_path, damage, words):
     path = tmp_path / "run.parquet"
@@ -136,30 +140,69 @@ def test_a_missing_file_and_a_folder_are_told_apart(tmp_path):
 def test_parquet_of_another_program_is_refused(tmp_path):
     pq.write_table(pa.table({"t": [0.0, 1.0]}), tmp_path / "foreign.parquet")
 
-    with pytest.raises(RecordingError, match="must be a run written by flighttune"):
+    with pytest.raises(RecordingError, match=r"got none: it is .* of another program"):
         read_run(tmp_path / "foreign.parquet")
+
+
+def sealed_file(path, description, sha256=None):
+    """A file as someone would write who knows where both SHA-256 go."""
+    t = np.array([0.0, 1.0])
+    sha256 = sha256 or hashlib.sha256(description.encode() + t.tobytes()).hexdigest()
+    metadata = {DESCRIPTION: description, RUN_SHA256: sha256, SEAL: BLANK}
+    table = pa.table({"t": t}).replace_schema_metadata(metadata)
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink)
+    path.write_bytes(seal(sink.getvalue().to_pybytes()))
+    return path
 
 
 @pytest.mark.parametrize(
     ("description", "words"),
     [
         ("{", "must describe a complete run"),
-        ('{"format": 99}', "layout must be 1 or older, got 99"),
-        ('{"format": 1, "status": "completed", "reason": ""}', "KeyError: 'provenance'"),
+        ('{"format": 99}', "layout must be 2 or older, got 99"),
+        ('{"format": 2, "status": "completed", "columns": {}}', "KeyError: 'provenance'"),
         ("[]", "must describe a complete run"),
     ],
 )
 def test_a_description_that_is_not_whole_is_refused(tmp_path, description, words):
-    table = pa.table({"t": [0.0, 1.0]}).replace_schema_metadata({METADATA_KEY: description})
-    pq.write_table(table, tmp_path / "odd.parquet")
+    path = sealed_file(tmp_path / "odd.parquet", description)
 
-    with pytest.raises(RecordingError, match=words):
-        read_run(tmp_path / "odd.parquet")
+    with pytest.raises(RecordingError, match=words) as caught:
+        read_run(path)
+
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_description_with_another_sha_256_is_refused(tmp_path):
+    path = sealed_file(tmp_path / "odd.parquet", '{"format": 2}', sha256="0" * 64)
+
+    with pytest.raises(RecordingError, match="must have the SHA-256 that was recorded"):
+        read_run(path)
+
+
+def test_signals_in_another_unit_are_refused(four_runs, tmp_path, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setitem(SIGNAL_UNITS, "chi", "deg")
+        write_run(four_runs[0], tmp_path / "degrees.parquet")
+
+    with pytest.raises(RecordingError, match=r"degrees\.parquet: `chi` must be in rad, got deg"):
+        read_run(tmp_path / "degrees.parquet")
+
+
+def test_the_sha_256_of_a_run_is_that_of_its_description_and_signals(four_runs):
+    # Computed with sha256sum of a file with both, one behind the other.
+    run = four_runs[0]
+    record = RunRecord.of(run)
+    values = np.column_stack([run.signals.index.to_numpy(), run.signals.to_numpy()])
+    digest = hashlib.sha256(record.description.encode() + values.astype("<f8").tobytes())
+
+    assert record.sha256 == digest.hexdigest()
 
 
 def test_the_description_is_json_that_others_can_read(four_runs, tmp_path):
     write_run(four_runs[0], tmp_path / "run.parquet")
-    raw = pq.read_schema(tmp_path / "run.parquet").metadata[METADATA_KEY]
+    raw = pq.read_schema(tmp_path / "run.parquet").metadata[DESCRIPTION]
 
     made = json.loads(raw)["provenance"]
 

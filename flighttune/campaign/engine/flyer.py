@@ -12,13 +12,11 @@ import queue
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from flighttune.errors import FlightTuneError, PlantError
@@ -267,11 +265,12 @@ def _flown(
     """What a request asks for and how long it took, s."""
     from flighttune.campaign.flying.refly import fly_run
     from flighttune.campaign.flying.rows import fly_runs
+    from flighttune.recording.parquet import parquet_bytes
 
     started = time.perf_counter()
     if "signals" in request:
         begins(request["signals"])
-        data = _recording(fly_run(plan, request["signals"]))
+        data = parquet_bytes(fly_run(plan, request["signals"]))
     else:
         runs = range(request["first"], request["end"])
         data = _arrow_stream(fly_runs(plan, runs, begins=begins))
@@ -285,16 +284,6 @@ def _arrow_stream(rows: "pa.Table") -> bytes:
     with pa.ipc.new_stream(sink, rows.schema) as stream:
         stream.write_table(rows)
     return sink.getvalue().to_pybytes()
-
-
-def _recording(run: Any) -> bytes:
-    """The recording of a run, as `write_run` writes it."""
-    from flighttune.recording.parquet import write_run
-
-    with tempfile.TemporaryDirectory(prefix="flighttune-") as folder:
-        path = Path(folder) / "run.parquet"
-        write_run(run, path)
-        return path.read_bytes()
 
 
 def _exit_after(seconds: float) -> None:

@@ -1,0 +1,77 @@
+"""The SHA-256 that a file carries over all its other bytes: what was changed is not read.
+
+It is found by searching the bytes, before any library decodes them: one flipped bit can make
+Rerun's decoder abort the process.
+"""
+
+import hashlib
+from pathlib import Path
+
+from flighttune.errors import RecordingError
+from flighttune.whole_file import reason_of
+
+MARK = b"SHA-256="
+DIGITS = 64
+
+# As many bytes as the digits. LZ4, with which Rerun compresses, leaves as it is what has no four
+# bytes in common with what comes before: letters that occur in no name, and not hexadecimal digits,
+# of which the ids of Rerun are made.
+BLANK = MARK.decode() + "".join(map(chr, range(0x100, 0x100 + DIGITS // 2)))
+"""What to write into a file where `seal` shall put the SHA-256, after all other text."""
+
+
+def seal(data: bytes) -> bytes:
+    """Replace `BLANK` in the bytes of a file by the SHA-256 of the rest.
+
+    Raises
+    ------
+    RecordingError
+        If the file does not hold `BLANK` as plain bytes.
+    """
+    before, found, after = data.rpartition(BLANK.encode())
+    if not found:
+        raise RecordingError("the file must have room for its SHA-256, got none.")
+    return before + MARK + _sha256(before, after) + after
+
+
+def sealed_bytes(path: Path, kind: str) -> bytes:
+    """Bytes of a file, if they are those that `seal` returned.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        What the file must be, for messages.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, it cannot be read, is empty, has no SHA-256 or another one.
+    """
+    if not path.is_file():
+        got = "a folder" if path.is_dir() else "no such file"
+        raise RecordingError(f"{path}: must be a {kind}, got {got}.")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RecordingError(f"{path}: must be readable, got {reason_of(error)}.") from error
+    if not data:
+        raise RecordingError(f"{path}: must be a {kind}, got an empty file.")
+    before, found, rest = data.rpartition(MARK)
+    if not found:
+        raise RecordingError(
+            f"{path}: must be a {kind} with the SHA-256 that flighttune writes, got none: it is "
+            "cut off, of another program, or of flighttune 0.1.0; fly it again."
+        )
+    if rest[:DIGITS] != _sha256(before, rest[DIGITS:]):
+        raise RecordingError(
+            f"{path}: must be a {kind} as it was written, got another SHA-256: it is damaged, cut "
+            "off or edited; fly it again."
+        )
+    return data
+
+
+def _sha256(before: bytes, after: bytes) -> bytes:
+    digest = hashlib.sha256(before)
+    digest.update(after)
+    return digest.hexdigest().encode()

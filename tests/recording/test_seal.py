@@ -1,0 +1,157 @@
+"""A file that is not as it was written is refused in one line, before any library reads it."""
+
+import hashlib
+import random
+import re
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from flighttune.errors import RecordingError
+from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import write_run
+from flighttune.recording.rrd import write_recording
+from flighttune.recording.run_columns import check_recording
+from flighttune.recording.run_record import RunRecord
+from flighttune.recording.viewer import view
+
+SEED = 12
+FEW, MANY = 40, 1000
+"""Changes of a file that are tried: here, and in `make soak`."""
+
+DIGITS = "0123456789"
+BYTES = 100_000
+"""At the end of a file, where the descriptions are."""
+
+COUNTS = [FEW, pytest.param(MANY, marks=pytest.mark.soak)]
+
+
+@pytest.fixture(scope="module", params=[".parquet", ".rrd"])
+def sealed(request, four_runs, tmp_path_factory):
+    """A file of one run, and the run."""
+    path = tmp_path_factory.mktemp("sealed") / f"flight{request.param}"
+    if request.param == ".rrd":
+        write_recording(four_runs[:1], path, page="# Page\n", title="Flight")
+    else:
+        write_run(four_runs[0], path)
+    return path, four_runs[0]
+
+
+def refusal(path):
+    with pytest.raises(RecordingError) as caught:
+        load_recording(path)
+    line = str(caught.value)
+    assert line.startswith(f"{path}: must ")
+    assert "\n" not in line
+    return line
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_one_flipped_bit_anywhere_is_refused(sealed, count, tmp_path):
+    whole, draw = sealed[0].read_bytes(), random.Random(SEED)
+    path = tmp_path / sealed[0].name
+    for _ in range(count):
+        data, place = bytearray(whole), draw.randrange(len(whole))
+        data[place] ^= 1 << draw.randrange(8)
+        path.write_bytes(data)
+
+        refusal(path)
+
+
+def digit_changed(data, draw):
+    """Bytes with one digit replaced by another one."""
+    places = [k for k, byte in enumerate(data) if chr(byte) in DIGITS]
+    place = draw.choice(places)
+    other = draw.choice(DIGITS.replace(chr(data[place]), ""))
+    return data[:place] + other.encode() + data[place + 1 :]
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_one_changed_digit_anywhere_is_refused(sealed, count, tmp_path):
+    whole, draw = sealed[0].read_bytes()[-BYTES:], random.Random(SEED)
+    before = sealed[0].read_bytes()[:-BYTES]
+    path = tmp_path / sealed[0].name
+    for _ in range(count):
+        path.write_bytes(before + digit_changed(whole, draw))
+
+        refusal(path)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_one_changed_digit_of_a_description_is_refused_though_the_file_is_sealed(four_runs, count):
+    record, draw = RunRecord.of(four_runs[0]), random.Random(SEED)
+    for _ in range(count):
+        changed = digit_changed(record.description.encode(), draw).decode()
+
+        with pytest.raises(RecordingError, match="SHA-256 that was recorded"):
+            replace(record, description=changed).run()
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_one_flipped_bit_of_a_signal_is_refused_though_the_file_is_sealed(four_runs, count):
+    record, draw = RunRecord.of(four_runs[0]), random.Random(SEED)
+    bits = record.rows.copy().view(np.uint64)
+    for _ in range(count):
+        place = draw.randrange(bits.shape[0]), draw.randrange(bits.shape[1])
+        flip = np.uint64(1 << draw.randrange(64))
+        bits[place] ^= flip
+
+        with pytest.raises(RecordingError, match="SHA-256 that was recorded"):
+            replace(record, rows=bits.view(float)).run()
+        bits[place] ^= flip
+
+    assert replace(record, rows=bits.view(float)).run().label == four_runs[0].label
+
+
+@pytest.mark.parametrize("kept", [4, 13, 200, 0.5, -1000, -10, -1])
+def test_a_file_cut_off_is_refused(sealed, kept, tmp_path):
+    data = sealed[0].read_bytes()
+    path = tmp_path / sealed[0].name
+    path.write_bytes(data[: int(kept * len(data)) if isinstance(kept, float) else kept])
+
+    assert "cut off" in refusal(path)
+
+
+def test_bytes_behind_the_end_are_refused(sealed, tmp_path):
+    path = tmp_path / sealed[0].name
+    path.write_bytes(sealed[0].read_bytes() + b"\0")
+
+    assert "another SHA-256" in refusal(path)
+
+
+@pytest.mark.parametrize("data", [b"", b"hello, world" * 20, b"RRF2" + b"\xff" * 100])
+def test_what_flighttune_did_not_write_is_refused_in_the_same_words_by_all(data, tmp_path):
+    path, said = tmp_path / "odd.rrd", set()
+    path.write_bytes(data)
+    for refuse in (check_recording, load_recording, partial(view, web=True)):
+        with pytest.raises(RecordingError) as caught:
+            refuse(path)
+        said.add(str(caught.value))
+
+    assert len(said) == 1
+    assert said.pop().startswith(f"{path}: must be a recording (.rrd)")
+
+
+def test_the_sha_256_in_a_file_is_that_of_all_its_other_bytes(sealed):
+    data = sealed[0].read_bytes()
+    (stated,) = re.findall(rb"SHA-256=([0-9a-f]{64})", data)
+
+    assert hashlib.sha256(data.replace(b"SHA-256=" + stated, b"")).hexdigest() == stated.decode()
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".rrd"])
+def test_a_text_that_looks_like_the_sha_256_does_no_harm(four_runs, ending, tmp_path):
+    made = four_runs[0].provenance
+    title = f"as SHA-256={'7' * 64} says"
+    run = replace(
+        four_runs[0], provenance=replace(made, scenario={**made.scenario, "title": title})
+    )
+    path = tmp_path / f"flight{ending}"
+    if ending == ".rrd":
+        write_recording([run], path, page=f"# {title}\n", title=title)
+    else:
+        write_run(run, path)
+
+    assert load_recording(path).runs[0].provenance.scenario["title"] == title
