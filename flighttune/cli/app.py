@@ -16,6 +16,7 @@ from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
 from flighttune.cli.report import report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, fail
+from flighttune.cli.tube import tube
 from flighttune.cli.worst import worst
 from flighttune.errors import FlightTuneError
 
@@ -30,7 +31,7 @@ app = typer.Typer(
     "JSBSim, and compare both in one recording.",
     epilog="Exit status: 0 fine, 1 the answer is no, 2 could not run.",
 )
-ON_SCENARIOS = fly, tune, certify, verify, frontier, gap, worst
+ON_SCENARIOS = fly, tune, certify, verify, frontier, gap, tube, worst
 ON_AIRCRAFT = trim, design, identify, conform
 ON_RUNS = compare, report, refly, view
 for command in (*ON_SCENARIOS, *ON_AIRCRAFT, *ON_RUNS, reproduce):

@@ -111,13 +111,18 @@ def certify(
 
 
 def verify(
-    certificate: Annotated[Path, Argument(metavar="FILE", help="Certificate file.")],
+    certificate: Annotated[Path, Argument(metavar="FILE", help="Certificate, or proof of a tube.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Check a certificate without any solver, in floating point and exactly.
+    """Check a certificate without any solver, or a tube without the search that found it.
 
     Exit status 1 if it does not prove what it claims.
     """
+    from flighttune.tube.proof import is_tube_file
+
+    if is_tube_file(certificate):
+        _verify_tube(certificate, as_json=as_json)
+        return
     from flighttune.certificates import load_certificate
     from flighttune.certificates import verify as verify_certificate
 
@@ -150,6 +155,32 @@ def verify(
     emit({**pick(found, "valid reason checks"), "claim": claim}, text, as_json=as_json)
     if not found.valid:
         fail(f"{certificate}: {found.reason}", NO)
+
+
+def _verify_tube(file: Path, *, as_json: bool) -> None:
+    from flighttune.cli.tube import tube_json, widths_text
+    from flighttune.tube.proof import load_tube, verify_tube
+
+    loaded = load_tube(file)
+    found = verify_tube(loaded)
+    verdict = "valid: every inclusion is proven" if found.valid else "not valid"
+    rows = [(one.name, f"{one.margin:.3e}") for one in found.checks]
+    problem = loaded.problem
+    claim = {
+        **tube_json(loaded),
+        "gains": problem.gains.as_lists(),
+        "start_rad": problem.start,
+        "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
+        "scenario": problem.scenario.as_dict(),
+    }
+    text = [
+        table(f"{file}: {verdict}", ("check", "margin"), rows),
+        f"{'proven' if found.valid else 'claimed, not proven'}:",
+        widths_text(loaded, "of the file"),
+    ]
+    emit({**pick(found, "valid reason checks"), "claim": claim}, text, as_json=as_json)
+    if not found.valid:
+        fail(f"{file}: {found.reason}", NO)
 
 
 def _certification_json(made: "Certification", out: Path | None) -> dict[str, Any]:

@@ -135,6 +135,8 @@ class MimoPI:
 
     Attributes
     ----------
+    law : PILaw
+        What does not change from sample to sample.
     state : PIState
         What the controller keeps; written to by every step.
     signals : mapping of str to str
@@ -186,7 +188,7 @@ class MimoPI:
             limits.rate_lower * dt,
             limits.rate_upper * dt,
         )
-        self._law = PILaw(
+        self.law = PILaw(
             channels=tuple(map(ChannelLaw, *(row.tolist() for row in rows))),
             wrapped=self.wrapped,
             conditional=anti_windup == "conditional",
@@ -219,7 +221,7 @@ class MimoPI:
                 self._gamma_ref, self._lift = gamma_ref, float(np.cos(gamma_ref))
             u_ff = reference[4] or (0.0, self._lift / math.cos(measured.phi))
         state = self.state
-        pi_step(self._law, state, reference[:2], measured[:2], u_ff, measured.V_a)
+        pi_step(self.law, state, reference[:2], measured[:2], u_ff, measured.V_a)
         return (*state.u, *state.integral)
 
     def reset(self, u: Sequence[float]) -> None:
@@ -257,7 +259,7 @@ class MimoPI:
         list of float, length m
             Command after all limits; the controller's own list, overwritten by the next step.
         """
-        return pi_step(self._law, self.state, ref, y, u_ff, V_a)
+        return pi_step(self.law, self.state, ref, y, u_ff, V_a)
 
 
 def integral_time(K_P: FloatArray, K_I: FloatArray) -> float:

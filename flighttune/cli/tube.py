@@ -1,0 +1,118 @@
+"""The command that encloses all flights of a scenario."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Option
+
+from flighttune.cli.gain_sets import chosen_gains
+from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument, check_ending
+from flighttune.cli.progress import progress_bar
+from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.present.tables import Table
+from flighttune.units import DEG
+
+if TYPE_CHECKING:
+    from flighttune.tube.result import Tube
+
+
+def tube(
+    scenario: ScenarioArgument,
+    gains: GainsOption = None,
+    plant: Annotated[
+        str | None,
+        Option(help="Label of the plant as `fly` prints it [default: the first kinematic one]."),
+    ] = None,
+    start_deg: Annotated[
+        float, Option(help="Distance of the start from the scenario's, course and path angle, deg.")
+    ] = 0.0,
+    disturbance: Annotated[
+        float | None,
+        Option(
+            help="Bound on the disturbance of each rate, of any shape, rad/s [default: the "
+            "amplitudes of the scenario's sinusoid, or none]."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, Option("--out", help="Proof file (.npz) to write; `verify` checks it.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Enclose all flights of SCENARIO with one gain set, with every limit; prove the bounds.
+
+    Exit status 1 if the set cannot be bounded for the whole time.
+    """
+    import time
+
+    from flighttune.scenario import load_scenario
+    from flighttune.tube.flights import flights_inside
+    from flighttune.tube.proof import save_tube
+    from flighttune.tube.signals import write_signals
+    from flighttune.tube.tube import tube as tube_of
+
+    check_ending(out, ".npz")
+    loaded = load_scenario(scenario)
+    name, chosen = chosen_gains(loaded, gains)
+    began = time.perf_counter()
+    with progress_bar() as progress:
+        found = tube_of(
+            loaded,
+            chosen,
+            plant=plant,
+            start=start_deg * DEG,
+            disturbance=disturbance,
+            progress=progress and (lambda part: progress(f"tube {name}", part)),
+        )
+    inside = flights_inside(found)
+    signals = (out or Path("runs") / f"{Path(scenario).stem}-tube.npz").with_suffix(".parquet")
+    write_signals(found, signals)
+    if out is not None and found.status == "bounded":
+        save_tube(found, out)
+    answer = {**tube_json(found), "inside": inside, "signals": signals}
+    answer["seconds"] = time.perf_counter() - began
+    emit(answer, _text(found, name, answer, out), as_json=as_json)
+    if found.status != "bounded":
+        fail(f"{scenario}: gains {name}: {found.reason}", NO)
+    if not inside:
+        fail(f"{scenario}: gains {name}: a flight leaves the tube.", NO)
+
+
+def tube_json(found: "Tube") -> dict[str, Any]:
+    """A tube as ``--json`` has it."""
+    widths = found.half_widths[:, :2] / DEG
+    return {
+        **pick(found, "status reason model"),
+        "half_width_deg": {
+            channel: {"max": float(column.max()), "end": float(column[-1])}
+            for channel, column in zip(("chi", "gamma"), widths.T, strict=True)
+            if len(column)
+        },
+        "limits_can_hold": {
+            name: found.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))
+        },
+        "handed_over_s": None,
+    }
+
+
+def widths_text(found: "Tube", gains: str) -> Table:
+    """The half-widths of a tube as a table; `gains` is what to call its gains."""
+    widths = tube_json(found)["half_width_deg"]
+    rows = [
+        (channel, f"{width['max']:.3f}", f"{width['end']:.3f}") for channel, width in widths.items()
+    ]
+    title = f"{found.problem.scenario.title}; gains {gains}, {found.model}: {found.status}"
+    return table(title, ("error", "half-width, largest [deg]", "at the end [deg]"), rows)
+
+
+def _text(
+    found: "Tube", name: str, answer: dict[str, Any], out: Path | None
+) -> Iterator[Table | str]:
+    yield widths_text(found, name)
+    for command, intervals in answer["limits_can_hold"].items():
+        spans = ", ".join(f"{begin:.2f}..{end:.2f} s" for begin, end in intervals) or "never"
+        yield f"a limit can hold {command}: {spans}"
+    yield f"flights flown with it inside: {'yes' if answer['inside'] else 'NO'}"
+    yield f"signals: {answer['signals']}"
+    if out is not None and found.status == "bounded":
+        yield f"proof: {out}   (check it with: flighttune verify {out})"

@@ -1,0 +1,238 @@
+r"""Affine forms with shared symbols, batched over pieces of a set, with every rounding bounded.
+
+A form is a quantity of a flight as ``c + sum_j g_j xi_j + r`` with symbols ``|xi_j| <= 1`` that all
+forms of a piece share and ``|r| <= err``. Forms are computed in floating point; `err` takes up the
+rounding: a sum of n products has an error of at most ``n 2^-53 / (1 - n 2^-53)`` times the sum of
+their absolute values (N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, SIAM 2002,
+section 3.1), and a form of float coefficients differs from the one meant by at most the sum of
+what its coefficients differ by.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray, Floats
+from flighttune.errors import InputError
+from flighttune.tube.interval import Interval, within
+
+ULP = 2.0**-52
+
+MORE_ROUNDINGS = 8
+"""Roundings allowed for besides those of the sum: of a coefficient, of a quotient of constants."""
+
+UP = 1.0 + 2.0**-44
+"""Factor that outdoes the rounding of up to a hundred sums of positive numbers."""
+
+TINY = 1e-300
+"""Outdoes the underflow of a sum."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """One quantity in every piece.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (P, 1 + M)
+        Centre, then the coefficient of every symbol.
+    err : ndarray, shape (P,)
+        Bound on what is not in the coefficients.
+    size : ndarray, shape (P,)
+        At least the sum of the absolute values of coefficients and of `err`.
+    """
+
+    coefficients: FloatArray
+    err: FloatArray
+    size: FloatArray
+
+    def widened(self, radius: Floats) -> "Form":
+        """The form plus a number of absolute value up to `radius`."""
+        return replace(
+            self, err=(self.err + radius) * UP + TINY, size=(self.size + radius) * UP + TINY
+        )
+
+
+Term: TypeAlias = tuple[Floats, Form]
+Indices: TypeAlias = npt.NDArray[np.intp]
+Flags: TypeAlias = npt.NDArray[np.bool_]
+
+
+def combined(*terms: Term, shift: Floats = 0.0) -> Form:
+    """``shift + sum_k a_k F_k`` for numbers ``a_k``: one for all pieces, or one each."""
+    none = np.zeros(len(terms[0][1].err))
+    size = np.abs(shift) + sum((np.abs(a) * form.size for a, form in terms), none)
+    err = sum((np.abs(a) * form.err for a, form in terms), none)
+    coefficients = np.zeros_like(terms[0][1].coefficients)
+    for a, form in terms:
+        coefficients += _column(a) * form.coefficients
+    coefficients[:, 0] += shift
+    size = size * UP + TINY
+    rounding = (len(terms) + MORE_ROUNDINGS) * ULP * size
+    return Form(coefficients, (err + rounding) * UP + TINY, size * UP)
+
+
+def shifted(slope: Floats, form: Form, rest: Interval) -> Form:
+    """``slope F + rest``: a form that encloses a function of F."""
+    return combined((slope, form), shift=rest.middle).widened(rest.radius)
+
+
+def absolute_sum(values: FloatArray) -> FloatArray:
+    """At least the sum of absolute values over the last axis."""
+    return np.abs(values).sum(axis=-1) * (1.0 + values.shape[-1] * ULP) * UP
+
+
+def _column(a: Floats) -> Floats:
+    return a[:, np.newaxis] if isinstance(a, np.ndarray) and a.ndim else a
+
+
+class Pieces:
+    """A set as a union of pieces: rows (state and constraints) of forms over common symbols.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the state.
+    constraints : int
+        Further rows: each is a quantity q of the flight that is known to be inside +-1.
+    capacity : int
+        Most symbols.
+
+    Attributes
+    ----------
+    values : ndarray, shape (P, rows + constraints, 1 + capacity)
+    err : ndarray, shape (P, rows + constraints)
+    used : int
+        Symbols in use.
+    kind : ndarray of int, shape (capacity,)
+        Where a symbol came from: symbols of a kind follow each other in time.
+    """
+
+    def __init__(self, centres: FloatArray, constraints: int, capacity: int) -> None:
+        P, self.rows = centres.shape
+        self.values = np.zeros((P, self.rows + constraints, 1 + capacity))
+        self.values[:, : self.rows, 0] = centres
+        self.err = np.zeros(self.values.shape[:2])
+        self.used, self.kind = 0, np.zeros(capacity, dtype=int)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def capacity(self) -> int:
+        """Most symbols."""
+        return self.values.shape[2] - 1
+
+    def forms(self) -> list[Form]:
+        """The rows of the state."""
+        sizes = (np.abs(self.values[:, :, 0]) + absolute_sum(self.values[:, :, 1:])) * UP + self.err
+        return [Form(self.values[:, i], self.err[:, i], sizes[:, i] * UP) for i in range(self.rows)]
+
+    def put(self, state: Sequence[Form]) -> None:
+        """Replace the rows of the state."""
+        self.values[:, : self.rows] = np.stack([form.coefficients for form in state], axis=1)
+        self.err[:, : self.rows] = np.stack([form.err for form in state], axis=1)
+
+    def fresh(self, form: Form, kind: int) -> Form:
+        """`form` with a symbol of its own for its error."""
+        coefficients = form.coefficients.copy()
+        coefficients[:, 1 + self.used] = form.err
+        self.kind[self.used] = kind
+        self.used += 1
+        return Form(coefficients, np.zeros_like(form.err), form.size)
+
+    def plain_range(self, form: Form) -> Interval:
+        """The values of a form, whatever the constraints."""
+        radius = (absolute_sum(form.coefficients[:, 1:]) + form.err) * UP + TINY
+        return Interval.point(form.coefficients[:, 0]) + within(radius)
+
+    @property
+    def constrained(self) -> bool:
+        """Whether there is a constraint."""
+        return bool(self.values[:, self.rows :, :].any())
+
+    def constrained_range(self, form: Form, multipliers: FloatArray) -> Interval:
+        """The values of a form where every constraint q holds.
+
+        Parameters
+        ----------
+        form : Form
+        multipliers : ndarray, shape (P, constraints)
+            Any numbers mu: ``F = (F - mu q) + mu q``, and q is inside +-1.
+        """
+        q = self.values[:, self.rows :]
+        rest = form.coefficients - (multipliers[:, np.newaxis] @ q)[:, 0]
+        weights = np.abs(multipliers)
+        q_size = (absolute_sum(q) + self.err[:, self.rows :]) * UP
+        size = (form.size + (weights * q_size).sum(axis=1)) * UP
+        radius = (
+            absolute_sum(rest[:, 1:])
+            + form.err
+            + (weights * (1.0 + self.err[:, self.rows :])).sum(axis=1)
+            + (weights.shape[1] + MORE_ROUNDINGS) * ULP * size
+        ) * UP + TINY
+        return Interval.point(rest[:, 0]) + within(radius)
+
+    def constrain(self, which: Indices, row: Indices, form: Form, to: Interval) -> None:
+        """Take up that `form` is inside `to` in the pieces `which`, in constraint row `row`."""
+        middle, radius = to.middle, to.radius
+        scale = 1.0 / radius
+        q = combined((scale, form), shift=-middle * scale)
+        self.values[which, self.rows + row] = q.coefficients[which]
+        self.err[which, self.rows + row] = (q.err + 4.0 * ULP)[which]
+
+    def split(self, which: Indices) -> None:
+        """Append a copy of the pieces `which`."""
+        self.values = np.concatenate([self.values, self.values[which]])
+        self.err = np.concatenate([self.err, self.err[which]])
+
+    def keep(self, which: Flags) -> None:
+        """Drop all pieces but those `which` is true for."""
+        self.values, self.err = self.values[which], self.err[which]
+
+    def reduce(self, pairs: Indices) -> None:
+        """Have fewer symbols.
+
+        Parameters
+        ----------
+        pairs : ndarray, shape (n, 2)
+            Symbols to give up. Of a pair (a, b), ``g_a xi_a + g_b xi_b`` is the sum of
+            ``(g_a + g_b) (xi_a + xi_b)/2`` and ``(g_a - g_b) (xi_a - xi_b)/2``, or the other way
+            round where that is smaller; the first becomes one symbol, the second joins a box. With
+            b negative a alone joins the box. The box, an interval a row, takes one symbol a row.
+        """
+        named = pairs[pairs >= 0]
+        if (
+            len(np.unique(named)) < len(named)
+            or (pairs[:, 0] < 0).any()
+            or (named >= self.used).any()
+        ):
+            raise InputError("`pairs` must name each symbol in use at most once.")
+        g = self.values[:, :, 1 : 1 + self.used]
+        alone, both = pairs[pairs[:, 1] < 0, 0], pairs[pairs[:, 1] >= 0]
+        first, second = g[:, :, both[:, 0]], g[:, :, both[:, 1]]
+        difference, total = first - second, first + second
+        flip = np.abs(difference).sum(axis=(0, 1)) > np.abs(total).sum(axis=(0, 1))
+        joined = np.where(flip, difference, total)
+        box = absolute_sum(g[:, :, alone]) + absolute_sum(np.where(flip, total, difference))
+        # Both the sum and the difference are rounded: twice half an ulp of their sizes.
+        box = (
+            box + 2.0 * ULP * (absolute_sum(first) + absolute_sum(second)) + self.err
+        ) * UP + TINY
+        g = g.copy()
+        g[:, :, both[:, 1]] = joined
+        gone = np.zeros(self.used, dtype=bool)
+        gone[pairs[:, 0]] = True
+        kept = np.flatnonzero(~gone)
+        count, height = len(kept), self.values.shape[1]
+        self.values[:, :, 1:] = 0.0
+        self.values[:, :, 1 : 1 + count] = g[:, :, kept]
+        self.kind[:count] = self.kind[kept]
+        for i in range(height):
+            self.values[:, i, 1 + count + i] = box[:, i]
+            self.kind[count + i] = -1 - i
+        self.err[:] = 0.0
+        self.used = count + height

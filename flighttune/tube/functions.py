@@ -1,0 +1,158 @@
+"""Functions of forms, enclosed: what is not affine becomes an affine form with a proven error.
+
+The slopes are free: any slope gives an enclosure, a good one a narrow enclosure.
+"""
+
+import numpy as np
+
+from flighttune.arrays import FloatArray, Floats
+from flighttune.tube.forms import Form, combined, shifted
+from flighttune.tube.interval import Interval, cosine, sine, within
+
+
+def tangent(form: Form, angle: Interval) -> Form:
+    """``tan F``, F inside `angle` (rad); ``tan'' = 2 sin/cos^3``."""
+    at = Interval.point(angle.middle)
+    slope = Interval.point(np.ones_like(angle.low)) / _cube(at, 2)
+    return _taylor(form, angle, sine(at) / cosine(at), slope, sine(angle) * 2.0 / _cube(angle, 3))
+
+
+def cosine_of(form: Form, angle: Interval) -> Form:
+    """``cos F``, F inside `angle` (rad)."""
+    at = Interval.point(angle.middle)
+    return _taylor(form, angle, cosine(at), -sine(at), -cosine(angle))
+
+
+def secant(form: Form, angle: Interval) -> Form:
+    """``1/cos F``, F inside `angle` (rad)."""
+    at = Interval.point(angle.middle)
+    value = Interval.point(np.ones_like(angle.low)) / cosine(at)
+    return _taylor(form, angle, value, _secant_slope(at), _secant_curvature(angle))
+
+
+def secant_change(form: Form, angle: Interval, change: Form, by: Interval) -> Form:
+    """``1/cos F - 1/cos(F + D)`` for a change D inside `by`, by the mean-value theorem in F and D.
+
+    Its slope in D is ``-sec'(F + D)``, in F it is ``sec'(F) - sec'(F + D)``: minus D times
+    ``sec''`` in between.
+    """
+    after = angle + by
+    across = angle.hull(after)
+    in_form, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
+    at, moved = angle.middle, by.middle
+    one = Interval.point(np.ones_like(at))
+    value = one / cosine(Interval.point(at)) - one / cosine(Interval.point(at) + moved)
+    a, b = in_form.middle, in_change.middle
+    rest = (
+        value
+        - Interval.point(a) * at
+        - Interval.point(b) * moved
+        + (in_form - a) * within((angle - at).largest)
+        + (in_change - b) * within((by - moved).largest)
+    )
+    return combined((a, form), (b, change), shift=rest.middle).widened(rest.radius)
+
+
+def product(first: Form, one: Interval, second: Form, other: Interval) -> Form:
+    """``F G``, F inside `one` and G inside `other`: ``(F - f)(G - g)`` is the error."""
+    f, g = one.middle, other.middle
+    rest = within((one - f).largest) * within((other - g).largest) - Interval.point(f) * g
+    return combined((g, first), (f, second), shift=rest.middle).widened(rest.radius)
+
+
+def positive_part(form: Form, values: Interval, slope: Floats) -> Form:
+    """``max(F, 0)``, F inside `values`: the error has its extremes at the ends and at 0."""
+    rest = _hull(
+        [
+            _clipped(point, 0.0, np.inf) - Interval.point(point) * slope
+            for point in (values.low, values.high, np.clip(0.0, values.low, values.high))
+        ]
+    )
+    return shifted(slope, form, rest)
+
+
+def let_through(
+    excess: Form, beyond: Interval, increment: Form, by: Interval, slopes: FloatArray
+) -> Form:
+    """``min(max(Y, 0), max(J, 0))``: how much of an increment J conditional anti-windup refuses.
+
+    Parameters
+    ----------
+    excess, increment : Form
+        Y: how far the command with its increment is beyond the limit; J.
+    beyond, by : Interval
+        Their values.
+    slopes : ndarray, shape (2, P)
+        Of the plane, in Y and in J.
+
+    Notes
+    -----
+    Function minus plane is affine between the lines Y = 0, J = 0 and Y = J, so that its extremes
+    over the box are at corners, where a line meets an edge, or where two lines meet. The points
+    below are all in the box and contain every one of these.
+    """
+    y = (
+        beyond.low,
+        beyond.high,
+        *(np.clip(v, beyond.low, beyond.high) for v in (0.0, by.low, by.high)),
+    )
+    j = (by.low, by.high, *(np.clip(v, by.low, by.high) for v in (0.0, beyond.low, beyond.high)))
+    in_y, in_j = slopes
+    rest = _hull(
+        [
+            Interval.point(np.minimum(np.maximum(p, 0.0), np.maximum(q, 0.0)))
+            - Interval.point(p) * in_y
+            - Interval.point(q) * in_j
+            for p in y
+            for q in j
+        ]
+    )
+    return combined((in_y, excess), (in_j, increment), shift=rest.middle).widened(rest.radius)
+
+
+def _taylor(
+    form: Form, angle: Interval, value: Interval, slope: Interval, curvature: Interval
+) -> Form:
+    """``f(m) + f'(m) (F - m) + f''(...) (F - m)^2 / 2`` about the middle m of `angle`."""
+    at, s = angle.middle, slope.middle
+    radius = (angle - at).largest
+    square = Interval(np.zeros_like(radius), np.nextafter(0.5 * radius * radius, np.inf))
+    rest = value - Interval.point(s) * at + (slope - s) * within(radius) + curvature * square
+    return shifted(s, form, rest)
+
+
+def _cube(angle: Interval, power: int) -> Interval:
+    c = cosine(angle)
+    return c * c if power == 2 else c * c * c
+
+
+def _secant_slope(angle: Interval) -> Interval:
+    """``sin/cos^2``, which grows with the angle."""
+    ends = [Interval.point(end) for end in (angle.low, angle.high)]
+    low, high = (sine(end) / _cube(end, 2) for end in ends)
+    return Interval(low.low, high.high)
+
+
+def _secant_curvature(angle: Interval) -> Interval:
+    """``(1 + sin^2)/cos^3``, even, and growing with the absolute value of the angle."""
+    s, c = sine(angle), cosine(angle)
+    largest = Interval.point(s.largest)
+    smallest = Interval.point(np.maximum(np.maximum(s.low, -s.high), 0.0))
+    low = (smallest * smallest + 1.0) / _of_cosine(c.high)
+    high = (largest * largest + 1.0) / _of_cosine(c.low)
+    return Interval(low.low, high.high)
+
+
+def _of_cosine(c: FloatArray) -> Interval:
+    return Interval.point(c) * c * c
+
+
+def _clipped(point: FloatArray, low: float, high: float) -> Interval:
+    return Interval.point(np.clip(point, low, high))
+
+
+def _hull(intervals: list[Interval]) -> Interval:
+    return Interval(
+        np.minimum.reduce([one.low for one in intervals]),
+        np.maximum.reduce([one.high for one in intervals]),
+    )

@@ -1,0 +1,197 @@
+"""A tube as a file, and its check: every inclusion again, without the search that found it."""
+
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.control.gains import PIGains
+from flighttune.errors import InputError
+from flighttune.scenario.load import scenario_from
+from flighttune.theory.certificate import Check, Verification
+from flighttune.tube.problem import TubeProblem
+from flighttune.tube.replay import Replay
+from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set
+from flighttune.tube.sample import Enclosure, Unbounded
+from flighttune.whole_file import whole_file
+
+FORMAT = "flighttune tube 1"
+"""Readers refuse what they do not know."""
+
+LOOSER = 1e-9
+"""By how much, rad and 1, the bounds in a file are wider than proven: another machine may add up
+in another order."""
+
+MOST_PIECES, MOST_SYMBOLS = 4096, 20000
+"""Sizes above these are no tube's, and would only take up memory."""
+
+
+def save_tube(tube: Tube, path: str | Path) -> None:
+    """Write a bounded tube with its proof.
+
+    Parameters
+    ----------
+    tube : Tube
+    path : path-like
+        File to write or replace.
+
+    Raises
+    ------
+    InputError
+        If the tube is not bounded.
+    OutputError
+        If the file cannot be written.
+    """
+    if tube.status != "bounded":
+        raise InputError(
+            f"`tube` must be bounded to be proven, got one that is not: {tube.reason}."
+        )
+    problem = tube.problem
+    claim = {
+        "format": FORMAT,
+        "scenario": problem.scenario.as_dict(),
+        "gains": problem.gains.as_lists(),
+        "plant": problem.plant,
+        "start_rad": problem.start,
+        "settings": tube.settings._asdict(),
+    }
+    with whole_file(Path(path)) as part, part.open("wb") as file:
+        np.savez_compressed(
+            file,
+            claim=np.array(json.dumps(claim)),
+            d_low=problem.d_low,
+            d_high=problem.d_high,
+            bounds=tube.bounds + np.array([-LOOSER, LOOSER]),
+            held=tube.held,
+            chosen=tube.chosen,
+        )
+
+
+def is_tube_file(path: str | Path) -> bool:
+    """Whether `path` is a file of the kind that `save_tube` writes."""
+    return zipfile.is_zipfile(path)
+
+
+def load_tube(path: str | Path) -> Tube:
+    """Read a tube; nothing in it is trusted before `verify_tube` has checked it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no tube; the message names the file and what is wrong.
+    """
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            return _tube_from({name: arrays[name] for name in arrays.files})
+    except OSError as error:
+        raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except (ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
+        raise InputError(f"{path}: the file must be a tube of flighttune: {error}.") from error
+
+
+def _tube_from(arrays: dict[str, Any]) -> Tube:
+    claim = json.loads(str(arrays["claim"]))
+    if claim["format"] != FORMAT:
+        raise InputError(f"`format` must be {FORMAT!r}, got {claim['format']!r}.")
+    settings = Settings(**claim["settings"])
+    if not (1 <= settings.sides**2 <= MOST_PIECES and 1 <= settings.symbols <= MOST_SYMBOLS):
+        raise InputError(
+            f"`settings` must have at most {MOST_PIECES} pieces and {MOST_SYMBOLS} symbols, got "
+            f"{settings.sides**2} and {settings.symbols}."
+        )
+    problem = TubeProblem(
+        scenario=scenario_from(claim["scenario"]),
+        gains=PIGains(K_P=np.array(claim["gains"]["K_P"]), K_I=np.array(claim["gains"]["K_I"])),
+        plant=claim["plant"],
+        start=float(claim["start_rad"]),
+        d_low=arrays["d_low"],
+        d_high=arrays["d_high"],
+    )
+    bounds, held, chosen = (np.asarray(arrays[name]) for name in ("bounds", "held", "chosen"))
+    shapes = (len(problem.t), len(QUANTITIES), 2), (len(problem.t), 2)
+    if (bounds.shape, held.shape) != shapes or chosen.ndim != 1:
+        raise InputError(f"`bounds` and `held` must have shapes {shapes}.")
+    if held.dtype != bool or not (np.isfinite(bounds).all() and np.isfinite(chosen).all()):
+        raise InputError("`bounds` and `chosen` must be finite, and `held` must be true or false.")
+    return Tube(
+        problem=problem,
+        status="bounded",
+        reason="",
+        t=problem.t,
+        bounds=bounds.astype(float),
+        held=held,
+        settings=settings,
+        chosen=chosen.astype(np.float32),
+    )
+
+
+def verify_tube(
+    tube: Tube | str | Path, *, progress: Callable[[float], None] | None = None
+) -> Verification:
+    """Prove every sample of a tube again from the choices in it.
+
+    Parameters
+    ----------
+    tube : Tube or path-like
+        The value, or the file it was written to.
+    progress : callable, optional
+        Called with the part that is checked, 0 to 1.
+
+    Returns
+    -------
+    Verification
+        Valid if at every sample the set proven is inside the bounds; else the reason names the
+        sample and the inequality.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or is no tube.
+    """
+    if not isinstance(tube, Tube):
+        tube = load_tube(tube)
+    problem = tube.problem
+    enclosure = Enclosure(problem.loop(), first_set(problem, tube.settings), Replay(tube.chosen))
+    margins = np.full(len(QUANTITIES), np.inf)
+    for k, t in enumerate(problem.t):
+        try:
+            proven = enclosure.sample(k)
+        except (Unbounded, IndexError, InputError) as error:
+            return _refused(f"sample {k} ({t:.2f} s): {error}")
+        broken = _broken(proven.ranges, tube.bounds[k])
+        if broken:
+            return _refused(f"sample {k} ({t:.2f} s): {broken}")
+        if (proven.held & ~tube.held[k]).any():
+            name = ("phi_cmd", "n_z_cmd")[int(np.argmax(proven.held & ~tube.held[k]))]
+            return _refused(f"sample {k} ({t:.2f} s): that no limit holds {name} is not proven")
+        inside = (proven.ranges - tube.bounds[k]) * [1.0, -1.0]
+        margins = np.minimum(margins, inside.min(axis=1))
+        if progress is not None and k % 50 == 0:
+            progress(k / len(problem.t))
+    return Verification.of(
+        [
+            Check(
+                name=f"{name} inside its bounds at {len(problem.t)} samples", margin=m, exact=True
+            )
+            for name, m in zip(QUANTITIES, margins, strict=True)
+        ]
+    )
+
+
+def _broken(proven: FloatArray, claimed: FloatArray) -> str:
+    for name, (low, high), (least, most) in zip(QUANTITIES, proven, claimed, strict=True):
+        if not least <= low:
+            return f"{name} >= {least:.9g} is not proven, but {name} >= {low:.9g}"
+        if not high <= most:
+            return f"{name} <= {most:.9g} is not proven, but {name} <= {high:.9g}"
+    return ""
+
+
+def _refused(reason: str) -> Verification:
+    return Verification(valid=False, reason=reason, checks=())

@@ -1,0 +1,62 @@
+"""Reading an enclosure's choices back."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.tube.forms import Form, Indices, Pieces
+from flighttune.tube.interval import Interval
+from flighttune.tube.sample import Channel, Cut
+
+
+class Replay:
+    """A `Plan` that reads what a search chose.
+
+    Parameters
+    ----------
+    chosen : ndarray, shape (n,)
+        Finite numbers.
+    """
+
+    def __init__(self, chosen: npt.NDArray[np.float32]) -> None:
+        self._chosen, self._at = chosen, 0
+
+    def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:  # noqa: ARG002
+        """As chosen."""
+        return self._next(len(pieces), pieces.values.shape[1] - pieces.rows)
+
+    def slope(self, values: Interval) -> FloatArray:
+        """As chosen."""
+        return self._next(len(values.low))
+
+    def plane(self, beyond: Interval, by: Interval) -> FloatArray:  # noqa: ARG002
+        """As chosen."""
+        return self._next(2, len(by.low))
+
+    def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
+        """As chosen."""
+        split, i, side = self._next(3)
+        if split == 0.0:
+            return None
+        channel = channels[1 if i else 0]
+        excess = channel.above if side > 0.0 else channel.below
+        which, at, row = (self._next(len(pieces)) for _ in range(3))
+        constraints = pieces.values.shape[1] - pieces.rows
+        if excess is None or not ((row >= 0) & (row < constraints)).all():
+            raise IndexError("a split names a limit or a constraint that is not there")
+        return Cut(excess, which > 0.0, at, row.astype(np.intp))
+
+    def pairs(self, pieces: Pieces) -> Indices:  # noqa: ARG002
+        """As chosen."""
+        (count,) = self._next(1)
+        return self._next(int(count), 2).astype(np.intp)
+
+    def _next(self, *shape: int) -> FloatArray:
+        count = int(np.prod(shape))
+        values = self._chosen[self._at : self._at + count]
+        if count < 0 or len(values) < count:
+            raise IndexError("the choices end early")
+        self._at += count
+        return values.astype(float).reshape(shape)

@@ -1,0 +1,100 @@
+"""A tube: the bounds found, and what makes their proof short to check."""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.tube.forms import Pieces
+from flighttune.tube.problem import TubeProblem
+from flighttune.tube.sample import start_set
+
+QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
+"""What a tube bounds: errors in rad, commands in rad and 1."""
+
+CONSTRAINTS = 4
+"""Splits a piece remembers."""
+
+
+class Settings(NamedTuple):
+    """How a set is enclosed.
+
+    Attributes
+    ----------
+    sides : int
+        Pieces of the starts along each axis.
+    symbols : int
+        Most symbols of a piece.
+    tolerance : float
+        As of `Search`.
+    most : int
+        Most pieces, as of `Search`.
+    """
+
+    sides: int
+    symbols: int
+    tolerance: float
+    most: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tube:
+    """Bounds that hold for every flight of a problem.
+
+    Attributes
+    ----------
+    problem : TubeProblem
+    status : "bounded" or "unbounded"
+        Whether the bounds last for the whole time.
+    reason : str
+        Time and cause where they do not.
+    t : ndarray, shape (k,), s
+        Times of the samples, up to where the bounds last.
+    bounds : ndarray, shape (k, 4, 2)
+        Lower and upper bound of `QUANTITIES`. The errors stay between the straight lines from
+        sample to sample, measured to the reference that moves straight as well.
+    held : ndarray of bool, shape (k, 2)
+        Whether a limit can hold the command of roll and of load factor.
+    settings : Settings
+    chosen : ndarray, shape (n,), float32
+        What makes the proof short to check: slopes, splits, symbols given up.
+    """
+
+    problem: TubeProblem
+    status: Literal["bounded", "unbounded"]
+    reason: str
+    t: FloatArray
+    bounds: FloatArray
+    held: npt.NDArray[np.bool_]
+    settings: Settings
+    chosen: npt.NDArray[np.float32]
+
+    @property
+    def model(self) -> str:
+        """What flies, in words."""
+        return self.problem.model
+
+    @property
+    def half_widths(self) -> FloatArray:
+        """Half the distance between the bounds, shape (k, 4)."""
+        return 0.5 * (self.bounds[:, :, 1] - self.bounds[:, :, 0])
+
+    def contains(self, signals: object) -> bool:
+        """Whether the flight with these `signals` (a table with `QUANTITIES`) is inside."""
+        flown = np.stack([np.asarray(signals[name]) for name in QUANTITIES], axis=1)  # type: ignore[index]
+        n = min(len(flown), len(self.bounds))
+        low, high = np.moveaxis(self.bounds[:n], 2, 0)
+        return bool(((flown[:n] >= low) & (flown[:n] <= high)).all())
+
+    def held_intervals(self, channel: int) -> list[tuple[float, float]]:
+        """From when to when a limit can hold the command of a channel, s."""
+        edges = np.diff(np.concatenate([[False], self.held[:, channel], [False]]).astype(int))
+        begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+        return [(float(self.t[a]), float(self.t[b])) for a, b in zip(begins, ends, strict=True)]
+
+
+def first_set(problem: TubeProblem, settings: Settings) -> Pieces:
+    """The starts of a problem, in the pieces of the settings."""
+    return start_set(problem.loop(), problem.start, settings.sides, CONSTRAINTS, settings.symbols)

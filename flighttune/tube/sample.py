@@ -1,0 +1,451 @@
+r"""One sample of the loop for a whole set of flights: the controller as it flies, then the plant.
+
+With x the unlimited command minus the command u in force, what a limit holds back above is
+``max(Y, 0)`` with ``Y = x - r + max(u + r - hi, 0)`` for the range up to `hi` and the step r that
+the rate allows, and likewise below. So `pi_step` is
+
+    u+ = u + x - max(Y, 0) + max(Z, 0)
+    I+ = I + J - min(max(Y, 0), max(J, 0)) + min(max(Z, 0), max(-J, 0))
+
+with J the trapezoid's increment: the second line is conditional anti-windup. It is affine where all
+flights are on one side of every kink.
+
+The load-factor command is kept as v, what it has beyond the feed-forward
+``cos(gamma_ref)/cos(phi)``: in x the feed-forward cancels, and ``n_z cos(phi)`` is
+``v cos(phi) + cos(gamma_ref)``.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.control.mimo_pi import ChannelLaw
+from flighttune.tube.forms import UP, Flags, Form, Indices, Pieces, combined
+from flighttune.tube.functions import (
+    cosine_of,
+    let_through,
+    positive_part,
+    product,
+    secant,
+    secant_change,
+    tangent,
+)
+from flighttune.tube.interval import LARGEST_ANGLE, Interval, cosine, sine
+
+CHI, GAMMA, PHI, EXTRA_LIFT, PHI_INTEGRAL, N_Z_INTEGRAL, CHI_ERR, GAMMA_ERR = range(8)
+"""Rows of the state; the errors are those of the sample before."""
+
+STATES = 8
+
+FRESH_SYMBOLS = 6
+"""Symbols that a sample adds."""
+
+COMPUTED = 1e-11
+"""More than a sample of a computed flight differs from the exact one, rad and 1: the classical
+Runge-Kutta rule over 0.02 s and some rounding."""
+
+
+ROLLED = f"roll cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg"
+
+
+class Unbounded(Exception):
+    """The set can no longer be enclosed; the message says why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SampledLoop:
+    """What does not change from flight to flight.
+
+    Attributes
+    ----------
+    channels : tuple of ChannelLaw, length 2
+        The controller's own numbers.
+    conditional : bool
+        Whether anti-windup is conditional; it is none otherwise.
+    feed_forward : bool
+        Whether ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command.
+    planned : ndarray, shape (k, 2), rad and 1
+        Further feed-forward of both commands at every sample: that of a feasible reference, or
+        zeros.
+    dt : float, s
+    g_over_v : float, 1/s
+    chi_ref, gamma_ref : ndarray, shape (k,), rad
+        Reference at every sample.
+    d_low, d_high : ndarray, shape (k, 2), rad/s
+        Between which the disturbance of the two rates is from a sample to the next.
+    start : tuple of float, length 4
+        Course, flight-path angle, roll and load factor in the middle of the starts.
+    """
+
+    channels: tuple[ChannelLaw, ...]
+    conditional: bool
+    feed_forward: bool
+    planned: FloatArray
+    dt: float
+    g_over_v: float
+    chi_ref: FloatArray
+    gamma_ref: FloatArray
+    d_low: FloatArray
+    d_high: FloatArray
+    start: tuple[float, float, float, float]
+
+    def lift(self, k: int) -> float:
+        """``cos(gamma_ref)`` of the feed-forward at sample k; 0 without one."""
+        return math.cos(self.gamma_ref[max(k, 0)]) if self.feed_forward else 0.0
+
+
+class Excess(NamedTuple):
+    """How far a command would be beyond one of its limits: the form Y and its values."""
+
+    form: Form
+    values: Interval
+
+
+class Channel(NamedTuple):
+    """One command before its limits: x, the increment with its values, and the two excesses.
+
+    `above` and `below` are None where there is no limit.
+    """
+
+    x: Form
+    increment: Form
+    by: Interval
+    above: Excess | None
+    below: Excess | None
+
+
+class Cut(NamedTuple):
+    """Where to split pieces: by an excess, in the pieces `which`, at the values `at`."""
+
+    excess: Excess
+    which: Flags
+    at: FloatArray
+    row: Indices
+
+
+class Plan(Protocol):
+    """The free choices of an enclosure: all of them give one that holds."""
+
+    def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
+        """Of the constraints, for the range of a form, shape (P, constraints)."""
+        ...
+
+    def slope(self, values: Interval) -> FloatArray:
+        """Of ``max(F, 0)``, shape (P,)."""
+        ...
+
+    def plane(self, beyond: Interval, by: Interval) -> FloatArray:
+        """Slopes of `let_through`, shape (2, P)."""
+        ...
+
+    def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
+        """Where to split before the sample is taken; None to go on."""
+        ...
+
+    def pairs(self, pieces: Pieces) -> Indices:
+        """Symbols to give up, as `Pieces.reduce` takes them."""
+        ...
+
+
+class Bounds(NamedTuple):
+    """What is proven of a sample.
+
+    Attributes
+    ----------
+    ranges : ndarray, shape (4, 2)
+        Lower and upper bound of course error, flight-path-angle error, roll and load-factor
+        command; the errors hold up to the next sample with the margin added, against the straight
+        line between the samples' bounds.
+    held : ndarray of bool, shape (2,)
+        Whether a limit can hold the command.
+    """
+
+    ranges: FloatArray
+    held: FloatArray
+
+
+def start_set(
+    loop: SampledLoop, within_start: float, pieces: int, constraints: int, capacity: int
+) -> Pieces:
+    """All starts within `within_start` (rad) of course and flight-path angle, `pieces` squared."""
+    chi, gamma, phi, n_z = loop.start
+    edges = np.linspace(-within_start, within_start, pieces + 1)
+    middles, radius = 0.5 * (edges[1:] + edges[:-1]), within_start / pieces * UP
+    centres = np.zeros((pieces * pieces, STATES))
+    centres[:, CHI] = chi + np.repeat(middles, pieces)
+    centres[:, GAMMA] = gamma + np.tile(middles, pieces)
+    centres[:, PHI] = phi
+    made = Pieces(centres, constraints, capacity)
+    state = made.forms()
+    at = Interval.point(np.full(len(centres), phi))
+    feed_forward = Interval.point(np.full(len(centres), loop.lift(0))) / cosine(at)
+    extra = Interval.point(np.full(len(centres), n_z)) - feed_forward
+    state[EXTRA_LIFT] = combined((1.0, state[EXTRA_LIFT]), shift=extra.middle).widened(extra.radius)
+    for row in (CHI, GAMMA):
+        state[row] = made.fresh(state[row].widened(radius + COMPUTED), row)
+    made.put(state)
+    return made
+
+
+class Enclosure:
+    """A set of flights taken from sample to sample.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+    pieces : Pieces
+        The starts; changed by every sample.
+    plan : Plan
+    """
+
+    def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan) -> None:
+        self.loop, self.pieces, self.plan = loop, pieces, plan
+
+    def sample(self, k: int) -> Bounds:
+        """Take the set through sample k and on to the next; return what is proven of it.
+
+        Raises
+        ------
+        Unbounded
+            If an angle leaves the range in which the functions are enclosed.
+        """
+        pieces, loop = self.pieces, self.loop
+        if pieces.used + FRESH_SYMBOLS > pieces.capacity:
+            pieces.reduce(self.plan.pairs(pieces))
+        while True:
+            state = pieces.forms()
+            errors = self._errors(k, state)
+            roll = self._angle(state[PHI], "roll")
+            extra = self._extra_lift(k, state, roll)
+            channels = self._channels(k, state, errors, roll, extra)
+            empty = self._empty(channels)
+            if empty.any():
+                pieces.keep(~empty)
+                continue
+            cut = self.plan.cut(pieces, channels)
+            if cut is None:
+                break
+            self._split(cut)
+        moves, integrals, held = zip(
+            *(self._limited(c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
+            strict=True,
+        )
+        # The change of roll is enclosed before it has a symbol: phi's is the same.
+        change = _ordered(self._range(moves[0]))
+        if not ((roll + change).largest < LARGEST_ANGLE).all():
+            raise Unbounded(ROLLED)
+        lift = loop.lift(k)
+        feed = secant_change(state[PHI], roll, moves[0], change)
+        phi = pieces.fresh(combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED), PHI)
+        extra = combined((1.0, extra), (1.0, moves[1]), (lift, feed)).widened(COMPUTED)
+        extra = pieces.fresh(extra, EXTRA_LIFT)
+        integrals = [
+            pieces.fresh(form.widened(COMPUTED), PHI_INTEGRAL + i)
+            for i, form in enumerate(integrals)
+        ]
+        bounds, chi, gamma = self._fly(k, state, errors, phi, extra, lift)
+        pieces.put([chi, gamma, phi, extra, *integrals, *errors])
+        return Bounds(bounds, np.array(held))
+
+    def _range(self, form: Form) -> Interval:
+        values, pieces = self.pieces.plain_range(form), self.pieces
+        if pieces.constrained:
+            other = pieces.constrained_range(form, self.plan.multipliers(pieces, form))
+            values = Interval(
+                np.maximum(values.low, other.low), np.minimum(values.high, other.high)
+            )
+        return values
+
+    def _angle(self, form: Form, name: str) -> Interval:
+        values = _ordered(self._range(form))
+        if not (values.largest < LARGEST_ANGLE).all():
+            raise Unbounded(f"{name} cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg")
+        return values
+
+    def _errors(self, k: int, state: Sequence[Form]) -> list[Form]:
+        chi_err = combined((-1.0, state[CHI]), shift=self.loop.chi_ref[k])
+        turns = np.round(chi_err.coefficients[:, 0] / math.tau)
+        chi_err = combined((1.0, chi_err), shift=-turns * math.tau)
+        if not (self._range(chi_err).largest < math.pi).all():
+            raise Unbounded("the course error can pass half a turn")
+        return [chi_err, combined((-1.0, state[GAMMA]), shift=self.loop.gamma_ref[k])]
+
+    def _extra_lift(self, k: int, state: Sequence[Form], roll: Interval) -> Form:
+        """The load-factor command beyond the feed-forward of this sample's reference."""
+        moved = self.loop.lift(k) - self.loop.lift(k - 1)
+        if moved == 0.0:
+            return state[EXTRA_LIFT]
+        return combined((1.0, state[EXTRA_LIFT]), (-moved, secant(state[PHI], roll)))
+
+    def _channels(
+        self,
+        k: int,
+        state: Sequence[Form],
+        errors: Sequence[Form],
+        roll: Interval,
+        extra: Form,
+    ) -> list[Channel]:
+        made = []
+        before = state[CHI_ERR], state[GAMMA_ERR]
+        for i, law in enumerate(self.loop.channels):
+            sums = (
+                []
+                if k == 0
+                else [*zip((*law.K_I_half, *law.K_I_half), (*errors, *before), strict=True)]
+            )
+            # The first sample adds nothing: there is no time before it.
+            increment = combined(*sums) if sums else combined((0.0, errors[0]))
+            force = extra if i else state[PHI]
+            x = combined(
+                *zip(law.K_P, errors, strict=True),
+                (1.0, state[PHI_INTEGRAL + i]),
+                (1.0, increment),
+                (-1.0, force),
+                shift=self.loop.planned[k, i],
+            )
+            lift = self.loop.lift(k) if i else 0.0
+            command, values = self._command(force, lift, state[PHI], roll)
+            above = self._excess(x, command, values, 1.0, law.upper, law.step_up)
+            below = self._excess(x, command, values, -1.0, -law.lower, -law.step_down)
+            made.append(Channel(x, increment, self._range(increment), above, below))
+        return made
+
+    def _command(
+        self, force: Form, lift: float, phi: Form, roll: Interval
+    ) -> tuple[Form, Interval]:
+        """The command in force and its values."""
+        if lift == 0.0:
+            return force, self._range(force)
+        one = Interval.point(np.ones_like(roll.low))
+        values = self._range(force) + one / cosine(roll) * lift
+        return combined((1.0, force), (lift, secant(phi, roll))), values
+
+    def _excess(
+        self, x: Form, command: Form, values: Interval, side: float, limit: float, step: float
+    ) -> Excess | None:
+        if math.isinf(limit) and math.isinf(step):
+            return None
+        if math.isinf(step):
+            form = combined((side, x), (side, command), shift=-limit)
+            return Excess(form, self._range(form))
+        terms = [(side, x)]
+        if not math.isinf(limit):
+            # What the range leaves of the step: all of it, unless the command is near its end.
+            near = values * side + (step - limit)
+            if (near.high > 0.0).any():
+                close = combined((side, command), shift=step - limit)
+                near = _ordered(near)
+                terms.append((1.0, positive_part(close, near, self.plan.slope(near))))
+        form = combined(*terms, shift=-step)
+        return Excess(form, self._range(form))
+
+    def _empty(self, channels: Sequence[Channel]) -> Flags:
+        empty = np.zeros(len(self.pieces), dtype=bool)
+        for channel in channels:
+            for excess in (channel.above, channel.below):
+                if excess is not None:
+                    empty |= excess.values.low > excess.values.high
+            empty |= channel.by.low > channel.by.high
+        return empty
+
+    def _split(self, cut: Cut) -> None:
+        """Below and above `cut.at`: a flight is in one of the two."""
+        which, pieces = np.flatnonzero(cut.which), self.pieces
+        form, values = cut.excess
+        count = len(pieces)
+        pieces.split(which)
+        both = [
+            np.concatenate([one, one[which]]) for one in (form.coefficients, form.err, form.size)
+        ]
+        at = np.where(cut.which, cut.at, values.high)
+        to = Interval(
+            np.concatenate([values.low, at[which]]), np.concatenate([at, values.high[which]])
+        )
+        parts = np.concatenate([which, count + np.arange(len(which))])
+        rows = np.concatenate([cut.row, cut.row[which]])
+        pieces.constrain(parts, rows[parts], Form(*both), to)
+
+    def _limited(self, channel: Channel, integral: Form) -> tuple[Form, Form, bool]:
+        """How the command moves, its integral after the sample, and whether a limit can hold it."""
+        moves, kept, held = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)], False
+        for side, excess in ((1.0, channel.above), (-1.0, channel.below)):
+            if excess is None or not (excess.values.high > 0.0).any():
+                continue
+            held = True
+            values = excess.values
+            moves.append((-side, positive_part(excess.form, values, self.plan.slope(values))))
+            by = channel.by * side
+            if self.loop.conditional and (by.high > 0.0).any():
+                increment = combined((side, channel.increment))
+                slopes = self.plan.plane(values, by)
+                refused = let_through(excess.form, values, increment, by, slopes)
+                kept.append((-side, refused))
+        return combined(*moves), combined(*kept), held
+
+    def _fly(
+        self,
+        k: int,
+        state: Sequence[Form],
+        errors: Sequence[Form],
+        phi: Form,
+        extra: Form,
+        lift: float,
+    ) -> tuple[FloatArray, Form, Form]:
+        r"""The kinematic law over a sample; see docs/tube.md for the remainder.
+
+        With y = gamma(t) - gamma and ``f = (g/V)(n_z cos(phi) - cos(gamma)) + d``, d the middle of
+        the disturbance, ``y(h) = h f + (h^2/2)(g/V) sin(gamma) f + R`` where ``|R|`` is at most
+        ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``.
+        """
+        pieces, loop, h, rate = self.pieces, self.loop, self.loop.dt, self.loop.g_over_v
+        roll, climb = self._angle(phi, "roll"), self._angle(state[GAMMA], "the flight-path angle")
+        d = Interval(loop.d_low[k], loop.d_high[k])
+        d_middle, d_radius = d.middle, d.radius
+        chi = combined(
+            (1.0, state[CHI]), (h * rate, tangent(phi, roll)), shift=h * d_middle[0]
+        ).widened(h * d_radius[0] * UP + COMPUTED)
+        extra_range = _ordered(self._range(extra))
+        lifted = product(extra, extra_range, cosine_of(phi, roll), cosine(roll))
+        f = combined(
+            (rate, lifted),
+            (-rate, cosine_of(state[GAMMA], climb)),
+            shift=rate * lift + d_middle[1],
+        )
+        f_range = _ordered(self._range(f))
+        fastest = f_range.largest + d_radius[1]
+        farthest = h * fastest * math.exp(rate * h) * UP
+        slope = sine(climb)
+        bend = 0.5 * h * h * rate
+        rest = (
+            bend * (rate * farthest * (1.0 + 0.5 * farthest) + d_radius[1])
+            + 0.5 * rate * h * farthest * farthest
+            + h * d_radius[1]
+            + bend * slope.radius * f_range.largest
+        )
+        gamma = combined((1.0, state[GAMMA]), (h + bend * slope.middle, f)).widened(
+            rest * UP + COMPUTED
+        )
+        # Between samples a flight leaves the straight line by a quarter of h times the spread of
+        # its rate: of d alone for the course.
+        margins = np.array(
+            [
+                0.5 * h * d_radius[0],
+                0.5 * h * (d_radius[1] + rate * float(farthest.max())),
+                0.0,
+                0.0,
+            ]
+        )
+        feed = Interval.point(np.full(len(pieces), lift)) / cosine(roll)
+        ranges = [*map(self._range, errors), roll, extra_range + feed]
+        bounds = np.array([(_ordered(one).low.min(), _ordered(one).high.max()) for one in ranges])
+        bounds += margins[:, np.newaxis] * [-UP, UP]
+        return bounds, pieces.fresh(chi, CHI), pieces.fresh(gamma, GAMMA)
+
+
+def _ordered(values: Interval) -> Interval:
+    """`values` where they are a range; of a piece without flights any range will do."""
+    return Interval(np.minimum(values.low, values.high), np.maximum(values.low, values.high))

@@ -1,0 +1,160 @@
+"""Choosing an enclosure: slopes, splits and symbols to give up. Nothing here is trusted."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.tube.forms import Form, Indices, Pieces
+from flighttune.tube.interval import Interval
+from flighttune.tube.sample import (
+    CHI_ERR,
+    EXTRA_LIFT,
+    FRESH_SYMBOLS,
+    GAMMA_ERR,
+    STATES,
+    Channel,
+    Cut,
+    SampledLoop,
+)
+
+SPARE = 10 * FRESH_SYMBOLS
+"""Symbols given up at a time."""
+
+GRID = np.linspace(0.0, 1.0, 21)
+"""Slopes tried for `let_through`."""
+
+WEIGHT = {EXTRA_LIFT: 0.5, CHI_ERR: 0.1, GAMMA_ERR: 0.1}
+"""What a unit of a row costs when symbols are given up; 1 for the others."""
+
+CONSTRAINT_WEIGHT = 0.02
+
+
+class Search:
+    """A `Plan` that looks for a narrow enclosure and writes down what it chose.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+    tolerance : float
+        Pieces are split where a limit may or may not hold a command, if both sides are larger than
+        twice this part of what the command can move in a sample.
+    most : int
+        Pieces from which on none is split.
+    """
+
+    def __init__(self, loop: SampledLoop, *, tolerance: float, most: int) -> None:
+        self._scales = [_scale(law.lower, law.upper, law.step_up) for law in loop.channels]
+        self._tolerance, self._most = tolerance, most
+        self.chosen: list[npt.NDArray[np.float32]] = []
+
+    def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
+        """By least squares: the part of the form that the constraints explain."""
+        q = pieces.values[:, pieces.rows :, 1:]
+        gram = q @ q.transpose(0, 2, 1)
+        ridge = 1e-6 * np.maximum(gram.diagonal(0, 1, 2), 1e-20)[:, :, np.newaxis]
+        gram = gram + ridge * np.eye(q.shape[1])
+        found = np.linalg.solve(gram, q @ form.coefficients[:, 1:, np.newaxis])
+        return self._record(found[:, :, 0])
+
+    def slope(self, values: Interval) -> FloatArray:
+        """The chord's."""
+        low, high = values.low, values.high
+        rise = np.maximum(high, 0.0) - np.maximum(low, 0.0)
+        return self._record(rise / np.maximum(high - low, 1e-300))
+
+    def plane(self, beyond: Interval, by: Interval) -> FloatArray:
+        """The best on a grid."""
+        y = _corners(beyond, by)
+        j = _corners(by, beyond)
+        y, j = np.repeat(y, len(j), axis=0), np.tile(j, (len(y), 1))
+        truth = np.minimum(np.maximum(y, 0.0), np.maximum(j, 0.0))
+        in_y, in_j = (one.ravel()[:, np.newaxis, np.newaxis] for one in np.meshgrid(GRID, GRID))
+        errors = np.ptp(truth - in_y * y - in_j * j, axis=1)
+        best = errors.argmin(axis=0)
+        return self._record(np.stack([in_y[best, 0, 0], in_j[best, 0, 0]]))
+
+    def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
+        """Split at the first limit that some flights of a piece clearly meet, some clearly not."""
+        if len(pieces) < self._most:
+            for i, channel in enumerate(channels):
+                for side, excess in ((1.0, channel.above), (-1.0, channel.below)):
+                    if excess is None:
+                        continue
+                    # Beyond the limit by more than the increment, the integral stands still too.
+                    at = np.maximum((channel.by * side).high, 0.0)
+                    values = excess.values
+                    smaller = np.minimum(values.high - at, at - values.low)
+                    which = smaller > 2.0 * self._tolerance * self._scales[i]
+                    if which.any():
+                        row = _row_to_replace(pieces, excess.form)
+                        self._record(np.array([1.0, i, side]))
+                        self._record(which)
+                        at = self._record(at)
+                        self._record(row)
+                        return Cut(excess, which, at, row)
+        self._record(np.zeros(3))
+        return None
+
+    def pairs(self, pieces: Pieces) -> Indices:
+        """Neighbours in time of the same kind where they are alike, else what is small."""
+        found = _alike(pieces, pieces.used + SPARE + pieces.values.shape[1] - pieces.capacity)
+        self._record(np.array([float(len(found))]))
+        self._record(found)
+        return found
+
+    def _record(self, values: npt.ArrayLike) -> FloatArray:
+        # Single precision: any number will do, so it may as well be a short one.
+        rounded = np.asarray(values, dtype=np.float32)
+        self.chosen.append(rounded.ravel())
+        return rounded.astype(float)
+
+
+def _scale(lower: float, upper: float, step: float) -> float:
+    return step if np.isfinite(step) else 0.01 * min(upper - lower, 1e3)
+
+
+def _corners(one: Interval, other: Interval) -> FloatArray:
+    kinks = (np.clip(v, one.low, one.high) for v in (0.0, other.low, other.high))
+    return np.array([one.low, one.high, *kinks])
+
+
+def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
+    """A free row of the constraints, or the one that says most nearly what the new one will."""
+    q = pieces.values[:, pieces.rows :, 1:]
+    g = form.coefficients[:, 1:]
+    size = np.linalg.norm(q, axis=2) * np.linalg.norm(g, axis=1)[:, np.newaxis]
+    alike = np.abs((q @ g[:, :, np.newaxis])[:, :, 0]) / np.maximum(size, 1e-300)
+    return np.where(size == 0.0, 2.0, alike).argmax(axis=1)
+
+
+def _alike(pieces: Pieces, need: int) -> Indices:
+    n, weights = pieces.used, np.full(pieces.values.shape[1], CONSTRAINT_WEIGHT)
+    weights[:STATES] = [WEIGHT.get(row, 1.0) for row in range(STATES)]
+    g = pieces.values[:, :, 1 : 1 + n] * weights[np.newaxis, :, np.newaxis]
+    alone = np.abs(g).sum(axis=1).max(axis=0)
+    order = np.argsort(pieces.kind[:n], kind="stable")
+    same = pieces.kind[order[:-1]] == pieces.kind[order[1:]]
+    first, second = order[:-1][same], order[1:][same]
+    a, b = g[:, :, first], g[:, :, second]
+    apart = np.minimum(*(np.abs(one).sum(axis=1).max(axis=0) for one in (a - b, a + b)))
+    costs = np.concatenate([alone, apart])
+    partner = np.concatenate([np.full(n, -1), second])
+    symbol = np.concatenate([np.arange(n), first])
+    return np.array(list(_cheapest(costs, symbol, partner, need)), dtype=np.intp).reshape(-1, 2)
+
+
+def _cheapest(
+    costs: FloatArray, symbol: Indices, partner: Indices, need: int
+) -> Iterator[tuple[int, int]]:
+    taken: set[int] = set()
+    for one in np.argsort(costs, kind="stable"):
+        if need <= 0:
+            return
+        a, b = int(symbol[one]), int(partner[one])
+        if a in taken or b in taken:
+            continue
+        taken.update({a, b} - {-1})
+        need -= 1
+        yield a, b

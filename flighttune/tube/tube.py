@@ -1,0 +1,115 @@
+"""The set of all errors that the flights of a scenario can have."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from flighttune.control.gains import PIGains
+from flighttune.scenario.schema import Scenario
+from flighttune.tube.problem import TubeProblem, tube_problem
+from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set
+from flighttune.tube.sample import Enclosure, Unbounded
+from flighttune.tube.search import Search
+
+
+def tube(
+    scenario: Scenario,
+    gains: PIGains,
+    *,
+    plant: str | None = None,
+    start: float = 0.0,
+    disturbance: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Tube:
+    """Enclose all flights of a scenario: the controller as it flies, with all its limits.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    gains : PIGains
+    plant : str, optional
+        Label of a plant; by default the first whose flights can be enclosed.
+    start : float, rad
+        Course and flight-path angle start within this of the scenario's.
+    disturbance : float, rad/s, optional
+        The disturbance of each rate is within this of zero, in any shape; by default within the
+        amplitudes of the scenario's sinusoid, or zero.
+    progress : callable, optional
+        Called with the part of the time that is enclosed, 0 to 1.
+
+    Returns
+    -------
+    Tube
+
+    Raises
+    ------
+    InputError
+        If a value cannot be used, or the tube does not know the law.
+    """
+    problem = tube_problem(scenario, gains, plant=plant, start=start, disturbance=disturbance)
+    return enclosed(problem, progress=progress)
+
+
+def enclosed(
+    problem: TubeProblem,
+    *,
+    attempts: Sequence[Settings] = (),
+    progress: Callable[[float], None] | None = None,
+) -> Tube:
+    """The tube of a problem: with few pieces where that is enough, else with many.
+
+    Parameters
+    ----------
+    problem : TubeProblem
+    attempts : sequence of Settings
+        Tried one after the other until the set is bounded; by default two.
+    progress : callable, optional
+        As of `tube`.
+    """
+    best: Tube | None = None
+    for settings in attempts or _attempts(problem):
+        found = _attempt(problem, settings, progress)
+        if found.status == "bounded":
+            return found
+        if best is None or len(found.t) > len(best.t):
+            best = found
+    assert best is not None
+    return best
+
+
+def _attempts(problem: TubeProblem) -> list[Settings]:
+    disturbed = bool((problem.d_low < problem.d_high).any())
+    sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
+    symbols = 660 if disturbed else 200
+    # Splitting costs time for every piece: of a box of starts only where it must be.
+    few, many = (1 if sides > 1 else 48), sides * sides + 100
+    return [
+        Settings(sides, symbols, tolerance, most) for tolerance, most in ((0.5, few), (0.2, many))
+    ]
+
+
+def _attempt(
+    problem: TubeProblem, settings: Settings, progress: Callable[[float], None] | None
+) -> Tube:
+    loop, t = problem.loop(), problem.t
+    search = Search(loop, tolerance=settings.tolerance, most=settings.most)
+    enclosure = Enclosure(loop, first_set(problem, settings), search)
+    found, reason = [], ""
+    for k in range(len(t)):
+        try:
+            found.append(enclosure.sample(k))
+        except Unbounded as stop:
+            reason = f"{stop} from t = {t[k]:.2f} s on"
+            break
+        if progress is not None and k % 50 == 0:
+            progress(k / len(t))
+    return Tube(
+        problem=problem,
+        status="unbounded" if reason else "bounded",
+        reason=reason,
+        t=t[: len(found)],
+        bounds=np.array([one.ranges for one in found]).reshape(-1, len(QUANTITIES), 2),
+        held=np.array([one.held for one in found], dtype=bool).reshape(-1, 2),
+        settings=settings,
+        chosen=np.concatenate(search.chosen).astype(np.float32),
+    )

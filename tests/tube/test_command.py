@@ -1,0 +1,111 @@
+"""`flighttune tube` and `verify` of its file, as a user meets them."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from tests.commands import flighttune
+
+SHORT = """
+title = "a short turn"
+
+[flight]
+V_a_mps    = 25.0
+chi_deg    = 20.0
+duration_s = {duration}
+
+[reference]
+chi_deg   = 0.0
+gamma_deg = 0.0
+
+[limits]
+phi_deg        = [-45.0, 45.0]
+phi_rate_dps   = 30.0
+n_z            = [-2.1, 2.1]
+n_z_rate_per_s = 1.0
+
+[controller]
+feed_forward = true
+
+[[plant]]
+kind = "kinematic"
+{more}
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    def write(more="", duration=0.6):
+        path = tmp_path / "short.toml"
+        path.write_text(SHORT.format(more=more, duration=duration))
+        return path
+
+    return write
+
+
+def test_a_tube_is_found_written_and_verified(scenario, tmp_path):
+    proof = tmp_path / "proof.npz"
+    arguments = scenario(), "--start-deg", "1", "--disturbance", "0.005", "--out", proof
+
+    stdout, _ = flighttune("tube", *arguments, "--json")
+
+    found = json.loads(stdout)
+    assert found["status"] == "bounded"
+    assert found["inside"] is True
+    assert found["reason"] == ""
+    assert found["half_width_deg"]["chi"]["max"] >= 1.0
+    assert found["limits_can_hold"]["phi_cmd"][0][0] == 0.0
+    assert {"model", "handed_over_s", "seconds"} <= found.keys()
+    signals = pd.read_parquet(found["signals"])
+    assert {"t", "chi_err_low", "gamma_err_high", "phi_cmd_low", "n_z_cmd_high"} <= set(signals)
+    assert (signals["chi_err_low"] < signals["chi_err_high"]).all()
+    valid, _ = flighttune("verify", proof, "--json")
+    assert json.loads(valid)["valid"] is True
+
+
+def test_a_tube_is_said_in_words(scenario, tmp_path):
+    stdout, _ = flighttune("tube", scenario(), "--out", tmp_path / "proof.npz")
+
+    assert "a limit can hold phi_cmd: 0.00" in stdout
+    assert "verify" in stdout
+
+
+def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario, tmp_path):
+    # The disturbance alone turns the path upright in half a second.
+    out = tmp_path / "proof.npz"
+    arguments = scenario(), "--disturbance", "4", "--out", out
+
+    stdout, stderr = flighttune("tube", *arguments, "--json", status=1)
+
+    found = json.loads(stdout)
+    assert found["status"] == "unbounded"
+    assert "t = " in found["reason"]
+    assert found["reason"] in stderr
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "more", "what"),
+    [
+        (["--disturbance", "-1"], "", "`disturbance` must be positive, got -1 rad/s"),
+        (["--disturbance", "nan"], "", "`disturbance` must be positive"),
+        (["--start-deg", "-2"], "", "`start` must lie in 0..45 deg, got -2 deg"),
+        (["--plant", "jsbsim:x"], "", "`plant` must be one of kinematic"),
+        (["--out", "proof.json"], "", "--out must end in .npz"),
+        ([], "[wind]\nspeed_mps = 3.0\nfrom_deg = 0.0", "`wind` must not"),
+        ([], "[sensors]\nchi_bias_deg = 1.0", "`sensors` must not"),
+        (["--plant", "point_mass"], '[[plant]]\nkind = "point_mass"', "must be of kind kinematic"),
+        (
+            ["--disturbance", "0.01"],
+            "[disturbance]\nchi_amplitude = 0.1\nchi_omega_rad_s = 1.0",
+            "at least that of the scenario's",
+        ),
+    ],
+)
+def test_what_no_tube_is_known_for_is_refused_in_one_line(scenario, arguments, more, what):
+    stdout, stderr = flighttune("tube", scenario(more), *arguments, status=2)
+
+    assert stdout == ""
+    assert what in stderr
+    assert stderr.count("\n") == 1

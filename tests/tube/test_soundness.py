@@ -1,0 +1,155 @@
+"""No flight leaves a tube: gains, limits, references and rates as hypothesis finds them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flighttune.control.gains import PIGains
+from flighttune.plants.base import FlightCondition
+from flighttune.scenario import scenario_from
+from flighttune.simulate.batch import Flights, fly_sampled
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.tube.problem import tube_problem
+from flighttune.tube.result import QUANTITIES, Settings
+from flighttune.tube.tube import enclosed
+from flighttune.units import DEG
+
+FLIGHTS = 64
+FEW_PIECES = [Settings(sides=2, symbols=150, tolerance=0.5, most=12)]
+
+
+def made_up(
+    chi_err_deg=60.0,
+    gamma_deg=45.0,
+    gamma_ref_deg=15.0,
+    roll_deg=45.0,
+    roll_dps=30.0,
+    n_z_max=2.1,
+    n_z_per_s=1.0,
+    rate_hz=50.0,
+    duration_s=1.6,
+    anti_windup="conditional",
+    feed_forward=True,
+    ramp_dps=None,
+):
+    gamma_ref = gamma_ref_deg
+    if ramp_dps is not None:
+        gamma_ref = [{"shape": "ramp", "start_s": 0.2, "rate_dps": ramp_dps, "duration_s": 1.0}]
+    return scenario_from(
+        {
+            "title": "made up",
+            "flight": {
+                "V_a_mps": 25.0,
+                "chi_deg": chi_err_deg,
+                "gamma_deg": gamma_deg,
+                "duration_s": duration_s,
+            },
+            "reference": {"chi_deg": 0.0, "gamma_deg": gamma_ref},
+            "limits": {
+                "phi_deg": [-roll_deg, roll_deg],
+                "phi_rate_dps": roll_dps,
+                "n_z": [-n_z_max, n_z_max],
+                "n_z_rate_per_s": n_z_per_s,
+            },
+            "controller": {
+                "rate_hz": rate_hz,
+                "anti_windup": anti_windup,
+                "feed_forward": feed_forward,
+            },
+            "plant": [{"kind": "kinematic"}],
+        }
+    )
+
+
+def flown(scenario, gains, start, disturbance, seed):
+    """Signals of flights from random starts in the set, under random sinusoids within the bound."""
+    rng = np.random.default_rng(seed)
+    condition, dt = scenario.condition, 1.0 / scenario.controller.rate_hz
+    t = np.arange(round(scenario.flight.duration_s / dt) + 1) * dt
+    corners = rng.choice([-1.0, 1.0], (FLIGHTS, 2)) * rng.choice([1.0, rng.random()], (FLIGHTS, 2))
+    sizes = disturbance * rng.choice([-1.0, 1.0], (FLIGHTS, 2))
+    omegas = rng.choice([0.0, 0.5, 2.0, 20.0], (FLIGHTS, 2))
+    flights = Flights.of(
+        gains,
+        condition=[
+            FlightCondition(
+                V_a=condition.V_a,
+                chi=condition.chi + start * a,
+                gamma=condition.gamma + start * b,
+                n_z=condition.n_z_start,
+            )
+            for a, b in corners
+        ],
+        ref=np.stack(scenario.followed().sampled(t), axis=1),
+        limits=scenario.limits.limits(),
+        disturbance=[
+            Sinusoid(chi_amplitude=a, chi_omega=u, gamma_amplitude=b, gamma_omega=v)
+            for (a, b), (u, v) in zip(sizes, omegas, strict=True)
+        ],
+    )
+    return fly_sampled(
+        flights,
+        dt=dt,
+        duration=scenario.flight.duration_s,
+        anti_windup=scenario.controller.anti_windup,
+        feed_forward=scenario.controller.feed_forward,
+        trajectories=True,
+    )
+
+
+def outside(found, result):
+    """How far any flight is outside, rad and 1."""
+    signals = np.stack([result.signal(name) for name in QUANTITIES], axis=2)[:, : len(found.t)]
+    low, high = np.moveaxis(found.bounds, 2, 0)
+    return float(np.nanmax(np.maximum(low - signals, signals - high)))
+
+
+GAIN = st.floats(0.3, 4.0)
+CROSS = st.floats(-0.8, 0.8)
+
+
+@st.composite
+def problems(draw):
+    scenario = made_up(
+        chi_err_deg=draw(st.floats(-170.0, 170.0)),
+        gamma_deg=draw(st.floats(-40.0, 50.0)),
+        gamma_ref_deg=draw(st.floats(-20.0, 30.0)),
+        roll_deg=draw(st.floats(10.0, 60.0)),
+        roll_dps=draw(st.floats(5.0, 200.0)),
+        n_z_max=draw(st.floats(1.2, 3.0)),
+        n_z_per_s=draw(st.floats(0.3, 20.0)),
+        rate_hz=draw(st.sampled_from([20.0, 50.0, 100.0])),
+        anti_windup=draw(st.sampled_from(["conditional", "none"])),
+        feed_forward=draw(st.booleans()),
+        ramp_dps=draw(st.one_of(st.none(), st.floats(-8.0, 8.0))),
+    )
+    gains = PIGains(
+        K_P=np.array([[draw(GAIN), draw(CROSS)], [draw(CROSS), draw(GAIN)]]),
+        K_I=np.array([[draw(GAIN), draw(CROSS)], [draw(CROSS), draw(GAIN)]]),
+    )
+    disturbance = draw(st.sampled_from([0.0, 0.002, 0.02]))
+    start = draw(st.sampled_from([0.0, 0.2, 2.0])) * DEG
+    return scenario, gains, start, disturbance
+
+
+def check(case, seed):
+    scenario, gains, start, disturbance = case
+    problem = tube_problem(scenario, gains, start=start, disturbance=disturbance or None)
+    found = enclosed(problem, attempts=FEW_PIECES)
+    if len(found.t):
+        assert outside(found, flown(scenario, gains, start, disturbance, seed)) <= 0.0
+
+
+@pytest.mark.slow
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(case=problems(), seed=st.integers(0, 2**32 - 1))
+def test_no_flight_leaves_the_tube(case, seed):
+    check(case, seed)
+
+
+@pytest.mark.soak
+@settings(max_examples=300, deadline=None)
+@given(case=problems(), seed=st.integers(0, 2**32 - 1))
+def test_no_flight_leaves_the_tube_in_many_cases(case, seed):
+    check(case, seed)
