@@ -307,11 +307,12 @@ class Scenario(Table):
         """
         f = self.flight
         if self.reference.shape == "feasible":
-            return feasible_reference(self._manoeuvre())
+            return feasible_reference(self.manoeuvre)
         return self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
 
-    def _manoeuvre(self) -> Manoeuvre:
-        """What is flown with shape feasible, within the limits less the margin.
+    @property
+    def manoeuvre(self) -> Manoeuvre:
+        """The change that a reference of shape feasible makes, within the limits less the margin.
 
         The limits are those of the scenario and of all its aircraft; the lag is that of the first
         plant. Below the airspeed an aircraft is designed for its largest load factor falls with the
