@@ -9,7 +9,16 @@ from reprlib import Repr
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-UNION_TAGS = {"step", "ramp", "doublet", "str", "float", "constrained-float", "GainsTable"}
+UNION_TAGS = {
+    "step",
+    "ramp",
+    "doublet",
+    "str",
+    "float",
+    "constrained-float",
+    "GainsTable",
+    "LawTable",
+}
 """How pydantic names the member of a union that it tried, among the keys of a problem."""
 
 MAX_LISTED = 5

@@ -168,7 +168,7 @@ def certificate_tables(certificate: Certificate) -> Tables:
         "units": UNITS,
         "model": _matrices(model)
         | {name: list(getattr(model, name)) for name in ("states", "inputs", "errors")},
-        "gains": gains.as_lists(),
+        "gains": {"K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist()},
         "evidence": {
             "Q": certificate.Q.tolist(),
             "W": None if certificate.W is None else certificate.W.tolist(),

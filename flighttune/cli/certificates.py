@@ -58,13 +58,14 @@ def certify(
 
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
-    model = loaded.linear_model()
+    rates = chosen.law == "exact"
+    model = loaded.linear_model(rates=rates)
     found = indicators(closed_loop(model, chosen))
-    scaling = tuning_scaling(loaded)
+    scaling = tuning_scaling(loaded, rates=rates)
     in_tune = None if scaling is None else indicators(closed_loop(model, chosen), scaling=scaling)
     made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d)
     identified = loaded.tuning.model == "identified"
-    largest = largest_certified(loaded, chosen) if envelope and not identified else None
+    largest = largest_certified(loaded, chosen) if envelope and not (identified or rates) else None
     if out is not None and made.certificate is not None:
         from flighttune.certificates import save_certificate
 
@@ -97,6 +98,8 @@ def certify(
             )
         yield from margins_text(margins)
         where = "at every condition identified" if identified else "over the envelope"
+        if rates and not identified:
+            where = "over any envelope: the error dynamics of the exact law are the same everywhere"
         yield _certification_text(made, where if envelope else "at the trim")
         if out is not None and made.certificate is not None:
             yield f"certificate: {out}   (check it with: flighttune verify {out})"

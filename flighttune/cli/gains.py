@@ -66,6 +66,7 @@ def frontier(
     as_json: JsonOption = False,
 ) -> None:
     """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains."""
+    from flighttune.control.exact_law import command_gains, rate_gains
     from flighttune.control.gains import paper_family
     from flighttune.flight.outer_loop import gain_set, tuning_problem
     from flighttune.scenario import load_scenario
@@ -74,8 +75,14 @@ def frontier(
     from flighttune.whole_file import whole_file
 
     loaded = load_scenario(scenario)
-    own = {name: gain_set(loaded, name) for name in loaded.gain_names}
-    marked = {**paper_family(), **{name: gains for name, gains in own.items() if gains is not None}}
+    mapped = rate_gains if loaded.for_rates else command_gains
+    flight = loaded.flight
+    known = {**paper_family(), **{name: gain_set(loaded, name) for name in loaded.gain_names}}
+    marked = {
+        name: mapped(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
+        for name, gains in known.items()
+        if gains is not None
+    }
     found = frontier_table(tuning_problem(loaded), points=points, marked=marked)
     folder = out or Path("runs") / Path(scenario).stem
     csv, png = folder / "frontier.csv", folder / "frontier.png"
@@ -112,9 +119,10 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
         changed = scenario.tuning.model_copy(update={"method": method})
         scenario = scenario.model_copy(update={"tuning": changed})
     result = tune_scenario(scenario)
-    model = scenario.linear_model()
+    rates = scenario.for_rates
+    model = scenario.linear_model(rates=rates)
     margins = margins_of(model, result.gains) if result.status == "optimal" else None
-    scaling = tuning_scaling(scenario)
+    scaling = tuning_scaling(scenario, rates=rates)
     n, _, p = model.shape
     why = diagnosis(tuning_problem(scenario)) if result.status == "infeasible" else None
     answer = {

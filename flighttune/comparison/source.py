@@ -88,16 +88,21 @@ def _flown(place: str, choice: str) -> tuple[Run, ...]:
     scenario = load_scenario(place)
     if choice:
         file = Path(choice)
+        law = scenario.laws[0]
         entry: str | GainsTable = choice
         if file.suffix.lower() in GAINS_FILES:
             gains = load_gains(file)
             entry = GainsTable(name=file.stem, **gains.as_lists())
+            law, _ = scenario.law_of(f"{gains.law}:")
         else:
-            given = [g for g in scenario.gains if isinstance(g, GainsTable) and g.name == choice]
-            entry = given[0] if given else choice
-        name = entry if isinstance(entry, str) else entry.name
-        expected = [table for table in scenario.expect if table.gains in (None, name)]
-        scenario = scenario.model_copy(update={"gains": [entry], "expect": expected})
+            law, own = scenario.law_of(choice)
+            given = [g for g in scenario.gains if isinstance(g, GainsTable) and g.name == own]
+            entry = given[0] if given else own
+        own = entry if isinstance(entry, str) else entry.name
+        expected = [
+            table for table in scenario.expect if table.gains in (None, *law.names_of([own]))
+        ]
+        scenario = scenario.model_copy(update={"law": [law], "gains": [entry], "expect": expected})
     try:
         return fly(scenario).runs
     except InputError as error:

@@ -263,6 +263,7 @@ class _Gains(_Table):
     name: str
     K_P: list[list[float]]
     K_I: list[list[float]]
+    law: str | None = None
 
 
 class _Lag(_Table):
@@ -368,7 +369,7 @@ def load_conformance(path: str | Path) -> Conformance:
     return Conformance(
         aircraft=read.aircraft,
         gains_name=read.gains.name,
-        gains=PIGains(K_P=np.array(read.gains.K_P), K_I=np.array(read.gains.K_I)),
+        gains=PIGains.from_lists(read.gains.K_P, read.gains.K_I, read.gains.law),
         model=ConformantModel.of(read.model.model_dump()),
         boxes=boxes,
         epsilon=read.epsilon,

@@ -9,7 +9,7 @@ import numpy as np
 
 from flighttune.arrays import check_positive
 from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import RATES, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import (
@@ -23,9 +23,6 @@ from flighttune.units import G_PAPER, wrap_angle
 
 Priority: TypeAlias = Literal["gamma", "chi"]
 
-RATES = ("chi_dot", "gamma_dot")
-"""What gains of this law act on: the rates wanted, in place of roll and load factor."""
-
 RATE_SIGNALS: Mapping[str, str] = MappingProxyType(
     {"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"}
 )
@@ -35,6 +32,21 @@ LIFT_FLOOR = 0.1
 
 BRAKING = 0.5
 """Part of the load factor's rate limit with which the path angle is caught."""
+
+
+class ExactOptions(NamedTuple):
+    """What `ExactLaw` does where both lifts cannot be had; see there.
+
+    Attributes
+    ----------
+    priority : {"gamma", "chi"}
+    lift_floor : float
+    braking : float or None
+    """
+
+    priority: Priority = "gamma"
+    lift_floor: float = LIFT_FLOOR
+    braking: float | None = BRAKING
 
 
 class RateLaw(NamedTuple):
@@ -119,7 +131,7 @@ class ExactLaw:
         Errors, commands after and before the limits, and integrals in rad/s.
     signals : mapping of str to str
         Recorded: ``chi_dot_integral`` and ``gamma_dot_integral``, the parts of the rates wanted
-        that come from the integrators.
+        that come from the integrators at the next sample.
 
     Raises
     ------
@@ -218,9 +230,8 @@ class ExactLaw:
         reference : ReferenceSample
         """
         state = self.state
-        before = tuple(state.integral)
         exact_step(self._law, state, reference, measured[:2], measured.V_a)
-        return (*state.u, *before)
+        return (*state.u, *state.integral)
 
 
 def rate_model() -> LinearModel:

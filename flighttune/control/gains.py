@@ -2,11 +2,19 @@
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.errors import ShapeError
+
+COMMANDS = ("phi", "n_z")
+"""What gains of the paper's law act on."""
+
+RATES = ("chi_dot", "gamma_dot")
+"""What gains of the exact law act on: the rates wanted, in place of roll and load factor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,7 +35,7 @@ class PIGains:
 
     K_P: FloatArray
     K_I: FloatArray
-    inputs: tuple[str, ...] = ("phi", "n_z")
+    inputs: tuple[str, ...] = COMMANDS
     errors: tuple[str, ...] = ("chi", "gamma")
 
     def __post_init__(self) -> None:
@@ -58,9 +66,28 @@ class PIGains:
         """The stacked gain (K_P, K_I), shape (m, 2 p)."""
         return np.hstack([self.K_P, self.K_I])
 
-    def as_lists(self) -> dict[str, list[list[float]]]:
-        """``K_P`` and ``K_I`` as nested lists, as files and ``--json`` have them."""
-        return {"K_P": self.K_P.tolist(), "K_I": self.K_I.tolist()}
+    @property
+    def law(self) -> str:
+        """Whose they are: ``exact`` where they act on rates, else ``paper``."""
+        return "exact" if self.inputs == RATES else "paper"
+
+    def as_lists(self) -> dict[str, Any]:
+        """``K_P`` and ``K_I`` as nested lists, as files and ``--json`` have them.
+
+        With ``law`` where they are those of the exact law.
+        """
+        law = {"law": self.law} if self.inputs == RATES else {}
+        return {"K_P": self.K_P.tolist(), "K_I": self.K_I.tolist(), **law}
+
+    @classmethod
+    def from_lists(
+        cls, K_P: npt.ArrayLike, K_I: npt.ArrayLike, law: str | None = None
+    ) -> "PIGains":
+        """The gains that `as_lists` wrote."""
+        inputs = RATES if law == "exact" else COMMANDS
+        return cls(
+            K_P=read_only_matrix("K_P", K_P), K_I=read_only_matrix("K_I", K_I), inputs=inputs
+        )
 
 
 PAPER_GAINS = PIGains(

@@ -157,6 +157,14 @@ class InnerLag:
             lagged = lagged / (1.0 + s * self.lag)
         return np.exp(-s * self.delay) * lagged
 
+    @property
+    def whole(self) -> float:
+        """By how much the response to a ramp is late in the end, s: all lags and the delay."""
+        lag = 1.0 / self.natural_frequency
+        if self.order > 1:
+            lag *= 2.0 * self.damping
+        return self.delay + lag + (self.lag if self.order == 3 else 0.0)
+
     def delayed(self, seconds: float) -> "InnerLag":
         """The same lag with `seconds` more of delay."""
         return replace(self, delay=self.delay + seconds)

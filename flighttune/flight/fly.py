@@ -11,20 +11,21 @@ from typing import Protocol
 
 import pandas as pd
 
+from flighttune.control.exact_law import ExactLaw, acts_on_rates
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import TrimError
 from flighttune.flight.expectations import missed_expectations
-from flighttune.flight.outer_loop import gain_set, tune_scenario
+from flighttune.flight.outer_loop import gain_sets
 from flighttune.metrics import metric_tables
 from flighttune.plants.air_path import AirPathPlant
 from flighttune.plants.base import Plant
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.wind import WIND, WindRecord
 from flighttune.scenario.aircraft_check import check_aircraft
-from flighttune.scenario.schema import TUNED, Scenario
+from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import Provenance, Run, RunStatus
@@ -146,16 +147,13 @@ def fly(
         If an aircraft cannot be built.
     """
     check_aircraft(scenario, scenario.title)
-    tuning = tune_scenario(scenario) if TUNED in scenario.gains else None
-    names = scenario.gain_names
-    gain_sets = {name: gain_set(scenario, name, tuning) for name in names}
-    model = scenario.linear_model()
-    indicators_of = {
-        name: indicators(closed_loop(model, gains))
-        for name, gains in gain_sets.items()
-        if gains is not None
-    }
-    runs = _flights(scenario, gain_sets, progress, observer)
+    sets, tuning = gain_sets(scenario)
+    indicators_of = {}
+    for name, gains in sets.items():
+        if gains is not None and scenario.law_of(name)[0].kind != "python":
+            model = scenario.linear_model(rates=acts_on_rates(gains))
+            indicators_of[name] = indicators(closed_loop(model, gains))
+    runs = _flights(scenario, sets, progress, observer)
     return FlownScenario.of(scenario, runs, MappingProxyType(indicators_of), tuning)
 
 
@@ -218,7 +216,7 @@ def steered(plant: Plant, scenario: Scenario) -> Plant:
 
 def _flights(
     scenario: Scenario,
-    gain_sets: Mapping[str, PIGains | None],
+    sets: Mapping[str, PIGains | None],
     progress: Progress | None,
     observer: Observer | None,
 ) -> tuple[Run, ...]:
@@ -227,7 +225,7 @@ def _flights(
     source = scenario.wind_source
     runs: dict[tuple[str, str], Run] = {}
     for plant in order:
-        for name, gains in gain_sets.items():
+        for name, gains in sets.items():
             if observer is not None and observer.stopped and gains is not None:
                 reason = "the flights were stopped before this one began"
                 run = _unflown(scenario, plant.label, name, gains, "interrupted", reason)
@@ -243,7 +241,7 @@ def _flights(
                     observer=observer,
                 )
             runs[plant.label, name] = run
-    return tuple(runs[plant.label, name] for plant in scenario.plant for name in gain_sets)
+    return tuple(runs[plant.label, name] for plant in scenario.plant for name in sets)
 
 
 def fly_alone(
@@ -348,16 +346,10 @@ def fly_once(
         reason = "tuning found no gains that meet the constraints"
         return _unflown(scenario, plant_label, gains_name, None, "no_gains", reason)
     started = time.perf_counter()
-    settings, duration = scenario.controller, scenario.flight.duration_s
-    controller = MimoPI(
-        gains,
-        scenario.limits.limits().within(plant.limits) if limits is None else limits,
-        dt=1.0 / settings.rate_hz,
-        anti_windup=settings.anti_windup,
-        tracking_time=settings.tracking_time_s,
-        schedule_speed=scenario.flight.V_a_mps if settings.schedule else None,
-        feed_forward=settings.feed_forward,
-    )
+    duration = scenario.flight.duration_s
+    if limits is None:
+        limits = scenario.limits.limits().within(plant.limits)
+    controller = controller_of(scenario, gains_name, gains, limits)
     label = f"{plant_label} / {gains_name}"
     try:
         signals, stop = simulate(
@@ -379,6 +371,44 @@ def fly_once(
         status="completed" if stop is None else stop.status,
         reason="" if stop is None else stop.reason,
         provenance=_provenance(scenario, plant_label, gains_name, gains, wall_s),
+    )
+
+
+def controller_of(
+    scenario: Scenario, gains_name: str, gains: PIGains, limits: Limits
+) -> MimoPI | ExactLaw:
+    """A fresh controller of a scenario, in limits.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its laws, controller settings and gravity.
+    gains_name : str
+        ``LAW:GAINS``, or of gains with the paper's law; gains that act on rates fly the exact law.
+    gains : PIGains
+    limits : Limits
+        Of the commands.
+    """
+    settings = scenario.controller
+    if not acts_on_rates(gains):
+        return MimoPI(
+            gains,
+            limits,
+            dt=1.0 / settings.rate_hz,
+            anti_windup=settings.anti_windup,
+            tracking_time=settings.tracking_time_s,
+            schedule_speed=scenario.flight.V_a_mps if settings.schedule else None,
+            feed_forward=settings.feed_forward,
+        )
+    law, _ = scenario.law_of(gains_name if ":" in gains_name else "exact:")
+    return ExactLaw(
+        gains,
+        limits,
+        dt=1.0 / settings.rate_hz,
+        anti_windup=settings.anti_windup,
+        tracking_time=settings.tracking_time_s,
+        g=scenario.flight.g_mps2,
+        **law.exact_options()._asdict(),
     )
 
 

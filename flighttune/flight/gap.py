@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
@@ -139,7 +140,9 @@ def explain_gap(
         status="not_flown",
         reason=f"{aircraft.label}: {aircraft.status}: {aircraft.reason}",
         runs=(aircraft,),
-        indicators=indicators(closed_loop(scenario.kinematic_model(), gains)),
+        indicators=indicators(
+            closed_loop(scenario.kinematic_model(rates=acts_on_rates(gains)), gains)
+        ),
     )
 
 
@@ -177,13 +180,20 @@ def explain_flight(
         status="cut_short" if early else "explained",
         reason=f"{early[0].label}: {early[0].reason}" if early else "",
         runs=(*ladder.runs[:-1], with_mismatch(top, found, check)),
-        indicators=indicators(closed_loop(scenario.kinematic_model(), gains)),
+        indicators=indicators(
+            closed_loop(scenario.kinematic_model(rates=acts_on_rates(gains)), gains)
+        ),
         ladder=ladder,
         mismatch=found,
         check=check,
         verdict=check and check.verdict(),
         free=check and free_flight(check),
     )
+
+
+def _indicators(scenario: Scenario, gains: PIGains) -> Indicators:
+    """R_K and I_K on the law that the gains are of."""
+    return indicators(closed_loop(scenario.kinematic_model(rates=acts_on_rates(gains)), gains))
 
 
 def with_mismatch(run: Run, found: Mismatch, check: FlightCheck | None) -> Run:

@@ -7,6 +7,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.certificates import Certification, certify
 from flighttune.control.envelope import Envelope
+from flighttune.control.exact_law import acts_on_rates, command_gains, rate_gains
 from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, ScenarioError
@@ -23,8 +24,14 @@ from flighttune.tuning.tune import tune
 from flighttune.units import wrap_angle
 
 
-def tuning_problem(scenario: Scenario) -> TuningProblem:
+def tuning_problem(scenario: Scenario, *, rates: bool | None = None) -> TuningProblem:
     """The optimisation model for a scenario, on the model that its [tuning] names.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    rates : bool, optional
+        Of the exact law; by default where that is the scenario's first.
 
     Returns
     -------
@@ -38,24 +45,32 @@ def tuning_problem(scenario: Scenario) -> TuningProblem:
     feed-forward is not counted.
     """
     settings = scenario.tuning
+    rates = scenario.for_rates if rates is None else rates
     if settings.model == "identified":
-        return identified_problems(scenario)[0]
-    return _problem(scenario, scenario.linear_model(), tuning_scaling(scenario), settings.I_star)
+        return identified_problems(scenario, rates=rates)[0]
+    scaling = tuning_scaling(scenario, rates=rates)
+    return _problem(scenario, scenario.linear_model(rates=rates), scaling, settings.I_star)
 
 
-def tuning_scaling(scenario: Scenario) -> FloatArray | None:
+def tuning_scaling(scenario: Scenario, *, rates: bool = False) -> FloatArray | None:
     """Units of state in which R_K is maximised, shape (n + p,); None where they are plain.
 
-    Of the first condition where [tuning] says ``robust``.
+    Of the first condition where [tuning] says ``robust``; with `rates` for the exact law.
     """
     settings = scenario.tuning
     if settings.model == "identified":
-        return scenario.identified_models()[0].scaling
+        return scenario.identified_models(rates=rates)[0].scaling
     return None if settings.state_scaling is None else np.array(settings.state_scaling)
 
 
-def identified_problems(scenario: Scenario) -> tuple[TuningProblem, ...]:
+def identified_problems(scenario: Scenario, *, rates: bool = False) -> tuple[TuningProblem, ...]:
     """The problems whose smallest R_K the gains named ``tuned_identified`` maximise.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    rates : bool
+        Of the exact law instead of the paper's.
 
     Returns
     -------
@@ -69,7 +84,8 @@ def identified_problems(scenario: Scenario) -> tuple[TuningProblem, ...]:
         If there is no identified model.
     """
     return tuple(
-        _problem(scenario, one.model, one.scaling, math.inf) for one in scenario.identified_models()
+        _problem(scenario, one.model, one.scaling, math.inf)
+        for one in scenario.identified_models(rates=rates)
     )
 
 
@@ -93,7 +109,9 @@ def _problem(
     )
 
 
-def tune_scenario(scenario: Scenario, model: TuningModel | None = None) -> TuningResult:
+def tune_scenario(
+    scenario: Scenario, model: TuningModel | None = None, *, rates: bool | None = None
+) -> TuningResult:
     """The gains named ``tuned`` of a scenario, and how they were found.
 
     Parameters
@@ -102,6 +120,8 @@ def tune_scenario(scenario: Scenario, model: TuningModel | None = None) -> Tunin
     model : "kinematic" or "identified", optional
         By default what the scenario's [tuning] says. On the identified model each channel is tuned
         by itself, for the smallest R_K over the models of `identified_problems`.
+    rates : bool, optional
+        For the exact law; by default where that is the scenario's first.
 
     Raises
     ------
@@ -109,9 +129,32 @@ def tune_scenario(scenario: Scenario, model: TuningModel | None = None) -> Tunin
         If an identified model is needed and missing.
     """
     settings = scenario.tuning
+    rates = scenario.for_rates if rates is None else rates
     if (model or settings.model) == "identified":
-        return tune_worst_case(identified_problems(scenario), starts=settings.starts)
-    return tune(tuning_problem(scenario), method=settings.method, starts=settings.starts)
+        return tune_worst_case(identified_problems(scenario, rates=rates), starts=settings.starts)
+    problem = tuning_problem(scenario, rates=rates)
+    return tune(problem, method=settings.method, starts=settings.starts)
+
+
+def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
+    """Every gain set of a scenario by name, and how those named ``tuned`` were found.
+
+    Returns
+    -------
+    sets : dict of str to PIGains or None
+        None where tuning found none.
+    tuning : TuningResult or None
+        For the first law, where the scenario asks for it.
+    """
+    tunings: dict[bool, TuningResult] = {}
+    if TUNED in scenario.gains:
+        for rates in dict.fromkeys(law.acts_on_rates for law in scenario.laws):
+            tunings[rates] = tune_scenario(scenario, rates=rates)
+    sets = {}
+    for name in scenario.gain_names:
+        law, _ = scenario.law_of(name)
+        sets[name] = gain_set(scenario, name, tunings.get(law.acts_on_rates))
+    return sets, tunings.get(scenario.for_rates)
 
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
@@ -123,7 +166,8 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
         Whose gain sets and tuning problem are meant.
     name : str
         ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains given as
-        numbers.
+        numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the law,
+        others are mapped to it (`rate_gains`).
     tuning : TuningResult, optional
         Result for ``tuned``; found anew by default.
 
@@ -137,20 +181,26 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     InputError
         If there are no such gains.
     """
-    given = {e.name: e.gains() for e in scenario.gains if isinstance(e, GainsTable)}
-    if name in given:
-        return given[name]
-    if name == TUNED:
-        tuning = tune_scenario(scenario) if tuning is None else tuning
+    law, own = scenario.law_of(name)
+    rates = law.acts_on_rates
+    if own in (TUNED, TUNED_IDENTIFIED):
+        if own == TUNED_IDENTIFIED:
+            tuning = tune_scenario(scenario, "identified", rates=rates)
+        elif tuning is None:
+            tuning = tune_scenario(scenario, rates=rates)
         return tuning.gains if tuning.status == "optimal" else None
-    if name == TUNED_IDENTIFIED:
-        tuning = tune_scenario(scenario, "identified")
-        return tuning.gains if tuning.status == "optimal" else None
-    known = paper_family()
-    if name not in known:
-        names = [TUNED, *known, *given, TUNED_IDENTIFIED]
+    only_exact = all(one.acts_on_rates for one in scenario.laws)
+    given = {
+        e.name: e.gains("exact" if only_exact else "paper")
+        for e in scenario.gains
+        if isinstance(e, GainsTable)
+    }
+    known = {**paper_family(), **given}
+    if own not in known:
+        names = [TUNED, *known, TUNED_IDENTIFIED]
         raise InputError(f"`gains` must be one of {', '.join(names)}, got {name!r}.")
-    return known[name]
+    V_a, g = scenario.flight.V_a_mps, scenario.flight.g_mps2
+    return (rate_gains if rates else command_gains)(known[own], V_a=V_a, g=g)
 
 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
@@ -215,11 +265,13 @@ def certify_scenario(
     """
     if L_d is None and scenario.disturbance is not None:
         L_d = scenario.disturbance.sinusoid().rate_bound or None
+    rates = acts_on_rates(gains)
     identified = envelope and scenario.tuning.model == "identified"
-    ranges = trim_and_envelope(scenario)[1] if envelope and not identified else None
-    everywhere = _identified_everywhere(scenario) if identified else ()
+    # The error dynamics of the exact law are one linear model over any envelope.
+    ranges = trim_and_envelope(scenario)[1] if envelope and not (identified or rates) else None
+    everywhere = _identified_everywhere(scenario, rates=rates) if identified else ()
     return certify(
-        scenario.linear_model(),
+        scenario.linear_model(rates=rates),
         gains,
         envelope=ranges,
         g=None if ranges is None else scenario.flight.g_mps2,
@@ -249,15 +301,15 @@ def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
     InputError, ScenarioError
         If there is no identified model, or the conditions have lags of different order.
     """
-    models = _identified_everywhere(scenario)
+    models = _identified_everywhere(scenario, rates=acts_on_rates(gains))
     loops = [scaled(closed_loop(one.model, gains), one.scaling) for one in models]
     return common_Q(np.array(loops))
 
 
-def _identified_everywhere(scenario: Scenario) -> tuple[DesignModel, ...]:
+def _identified_everywhere(scenario: Scenario, *, rates: bool) -> tuple[DesignModel, ...]:
     """The identified models of every condition of the file, all of one order."""
     everywhere = scenario.tuning.model_copy(update={"robust": True})
-    models = scenario.model_copy(update={"tuning": everywhere}).identified_models()
+    models = scenario.model_copy(update={"tuning": everywhere}).identified_models(rates=rates)
     orders = sorted({len(one.model.states) for one in models})
     if len(orders) > 1:
         raise InputError(

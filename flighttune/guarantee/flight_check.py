@@ -160,7 +160,7 @@ def flight_check(run: Run) -> FlightCheck | None:
     if not set(NEEDED) <= set(signals) or not np.isfinite(signals[list(NEEDED)].to_numpy()).all():
         return None
     try:
-        loop, found = certified_loop(law.model(), gains), mismatch(run)
+        loop, found = certified_loop(law.model(gains), gains), mismatch(run)
     except InputError:  # a first reference at the vertical, gains of other channels
         return None
     return loop and check_against(run, loop, found)

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.control.exact_law import acts_on_rates, rate_model
+from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
 from flighttune.plants.point_mass import turn_rates
@@ -25,19 +27,23 @@ class Law(NamedTuple):
     gamma: float
     g: float
 
-    def model(self) -> LinearModel:
-        """The law linearised.
+    def model(self, gains: PIGains) -> LinearModel:
+        """The error dynamics that gains act on: those of the exact law, or the law linearised.
 
         Raises
         ------
         InputError
             If there is no such flight condition.
         """
+        if acts_on_rates(gains):
+            return rate_model()
         return kinematic_model(V_a=self.V_a, gamma=self.gamma, g=self.g)
 
 
 def law_of(run: Run) -> Law | None:
-    """The law that a flight is compared with; None where its scenario gives no airspeed.
+    """The law that a flight is compared with.
+
+    None where its scenario gives no airspeed, or a law of the user's was flown.
 
     Parameters
     ----------
@@ -45,6 +51,8 @@ def law_of(run: Run) -> Law | None:
         Of a scenario with ``V_a_mps`` in its table ``flight``.
     """
     flight = run.provenance.scenario.get("flight") or {}
+    if run.provenance.law_kind == "python":
+        return None
     if "V_a_mps" not in flight or "gamma_ref" not in run.signals or not len(run.signals):
         return None
     gamma = float(run.signals["gamma_ref"].iloc[0])
@@ -52,10 +60,20 @@ def law_of(run: Run) -> Law | None:
 
 
 def flies_the_law(run: Run) -> bool:
-    """Whether the plant of a run is the law itself, undisturbed: its mismatch is rounding."""
+    """Whether the plant of a run is the law itself, undisturbed: its mismatch is rounding.
+
+    The paper's law is so of the kinematic plant, the exact law of the point mass without lag.
+    """
     disturbances = ("disturbance", "wind", "gust", "turbulence")
     undisturbed = not any(run.provenance.scenario.get(name) for name in disturbances)
-    return undisturbed and run.provenance.plant.partition(":")[0] == "kinematic"
+    plant = "point_mass" if inverts_the_point_mass(run) else "kinematic"
+    return undisturbed and run.provenance.plant.partition(":")[0] == plant
+
+
+def inverts_the_point_mass(run: Run) -> bool:
+    """Whether a run flew the exact law."""
+    gains = run.provenance.gains
+    return gains is not None and acts_on_rates(gains)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,13 +139,19 @@ def mismatch(run: Run) -> Mismatch:
     if law is None:
         raise InputError(f"`run` must be of a scenario with an airspeed, got {run.label}.")
     V_a, _, g = law
-    t = run.t
+    exact, t = inverts_the_point_mass(run), run.t
     dt = np.diff(t)[:, None]
     rates = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
     phi, n_z = (signals[name].to_numpy()[:-1] for name in ("phi_cmd", "n_z_cmd"))
-    chi_dot, gamma_dot = turn_rates(V_a, 0.0, phi, n_z, g=g)
     level = np.cos(signals["gamma"].to_numpy())
     level = 0.5 * (level[:-1] + level[1:])
+    if exact:
+        # The law inverts the point mass at the airspeed flown: what it wanted is what that gives.
+        speed = signals["V_a"].to_numpy()[:-1]
+        chi_dot, gamma_dot = turn_rates(speed, 0.0, phi, n_z, law="exact", g=g)
+        chi_dot, V_a = chi_dot / level, speed
+    else:
+        chi_dot, gamma_dot = turn_rates(V_a, 0.0, phi, n_z, g=g)
     # turn_rates is asked at gamma = 0, whose cosine is replaced by the mean over the interval
     d = rates - np.column_stack([chi_dot, gamma_dot + g / V_a * (1.0 - level)])
     return Mismatch(t=t[:-1], rates=rates, d=d, d_dot=np.diff(d, axis=0) / dt[:-1])

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from flighttune.arrays import FloatArray
+from flighttune.control.exact_law import rate_model
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
@@ -96,6 +97,11 @@ class IdentifiedAircraft:
         return min(self.conditions, key=distance)
 
 
+LAGS_PER_ERROR = 3.0
+"""Lags of its channel over which an error of the exact law counts as much as its rate, 1/s:
+design/exact_gains.md."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignModel:
     """The chi/gamma law behind an identified inner loop: what gains are designed on.
@@ -124,6 +130,7 @@ def design_model(
     gamma: float | None = None,
     hold: float = 0.0,
     schedule_speed: float | None = None,
+    rates: bool = False,
 ) -> DesignModel:
     """Return the plant of the outer loop: the chi/gamma law behind the identified inner loop.
 
@@ -139,6 +146,11 @@ def design_model(
     schedule_speed : float, m/s, optional
         Airspeed for which gains that grow with airspeed are given: the inputs of the law are then
         scaled by ``V_a / schedule_speed``, which is the same loop.
+    rates : bool
+        Of the exact law, whose inputs are the rates wanted: their response has the lag of roll and
+        of load factor. Airspeed, climb and schedule make no difference, and each error is measured
+        in units of `LAGS_PER_ERROR` times the whole lag of its channel, so that gains go with one
+        over that lag on any aircraft.
 
     Returns
     -------
@@ -155,6 +167,11 @@ def design_model(
     if schedule_speed is not None:
         law = replace(law, B=law.B * (V_a / schedule_speed))
     lags = [lag.delayed(hold) for lag in condition.lags]
+    if rates:
+        law = rate_model()
+        scaling = inner_loop_scaling(law, lags)
+        scaling[-len(lags) :] = [LAGS_PER_ERROR * lag.whole for lag in lags]
+        return DesignModel(model=with_inner_loop(law, lags), scaling=scaling, V_a=V_a, gamma=gamma)
     return DesignModel(
         model=with_inner_loop(law, lags),
         scaling=inner_loop_scaling(law, lags),

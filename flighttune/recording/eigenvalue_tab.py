@@ -9,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flighttune.arrays import FloatArray
+from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.guarantee.mismatch import law_of
@@ -83,7 +84,7 @@ def frozen_loop(run: Run) -> FrozenLoop | None:
     if law is None or gains is None:
         return None
     try:
-        trim = np.linalg.eigvals(closed_loop(law.model(), gains))
+        trim = np.linalg.eigvals(closed_loop(law.model(gains), gains))
     except InputError:
         return None
     kept = evenly(len(signals), most=LINEARISED)
@@ -98,8 +99,11 @@ def frozen_loop(run: Run) -> FrozenLoop | None:
     B = np.zeros((len(V_a), 2, 2))
     B[:, 0, 0], B[:, 1, 0], B[:, 1, 1] = -1.0 / np.cos(phi) ** 2, n_z * np.sin(phi), -np.cos(phi)
     B *= (law.g / V_a)[:, None, None]
+    pull = law.g / V_a * np.sin(gamma)
+    if acts_on_rates(gains):  # the same loop all along
+        B[:], pull = -np.eye(2), np.zeros_like(V_a)
     A_K[:, :2, :2], A_K[:, :2, 2:], A_K[:, 2:, :2] = B @ gains.K_P, B @ gains.K_I, np.eye(2)
-    A_K[:, 1, 1] += law.g / V_a * np.sin(gamma)
+    A_K[:, 1, 1] += pull
     t = run.t[kept][usable]
     return FrozenLoop(
         t=t, eigenvalues=np.linalg.eigvals(A_K).astype(complex), trim=trim.astype(complex)

@@ -60,7 +60,8 @@ def load_gains(path: str | Path) -> PIGains:
     Parameters
     ----------
     path : path-like
-        A file with ``K_P`` and ``K_I``, each two rows (phi, n_z) of two numbers (chi, gamma);
+        A file with ``K_P`` and ``K_I``, each two rows (phi, n_z) of two numbers (chi, gamma), and
+        ``law = "exact"`` where the rows are rates;
         other keys (as `tune --json` writes them) are passed over.
 
     Returns
@@ -75,7 +76,7 @@ def load_gains(path: str | Path) -> PIGains:
     """
     path = Path(path)
     tables = json_tables(path) if path.suffix.lower() == ".json" else toml_tables(path)
-    kept = {key: tables[key] for key in ("K_P", "K_I") if key in tables}
+    kept = {key: tables[key] for key in ("K_P", "K_I", "law") if key in tables}
     return validated(GainsTable, {"name": "file", **kept}, str(path)).gains()
 
 

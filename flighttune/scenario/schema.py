@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -12,6 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.control.envelope import Envelope
+from flighttune.control.exact_law import rate_model
 from flighttune.control.gains import PIGains, paper_family
 from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
 from flighttune.control.limits import Limits
@@ -37,6 +38,7 @@ from flighttune.quantities import (
 )
 from flighttune.scenario.tables import (
     INPUTS,
+    LAWS,
     TUNED,
     TUNED_IDENTIFIED,
     Airspeeds,
@@ -45,6 +47,8 @@ from flighttune.scenario.tables import (
     Ground,
     GustTable,
     Inclinations,
+    Laws,
+    LawTable,
     LoadFactors,
     Name,
     PlantTable,
@@ -58,6 +62,7 @@ from flighttune.scenario.tables import (
     TurbulenceTable,
     WindTable,
     check_air,
+    law_named,
 )
 from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
 from flighttune.simulate.reference import Reference
@@ -142,11 +147,16 @@ class EnvelopeTable(Table):
 
 
 class GainsTable(Table):
-    """Gains given as numbers: rows phi, n_z; columns chi, gamma."""
+    """Gains given as numbers: rows phi, n_z (or their rates); columns chi, gamma.
+
+    ``law`` says whose they are: the paper's, or the exact law's in 1/s and 1/s^2. By default the
+    exact law's where the scenario flies no other, else the paper's. Other laws get them mapped.
+    """
 
     name: Name
     K_P: GainMatrix
     K_I: GainMatrix
+    law: Literal["paper", "exact"] | None = None
 
     @field_validator("K_P", "K_I")
     @classmethod
@@ -155,9 +165,9 @@ class GainsTable(Table):
             raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
         return value
 
-    def gains(self) -> PIGains:
-        """The gains as a value."""
-        return PIGains(K_P=np.array(self.K_P), K_I=np.array(self.K_I))
+    def gains(self, law: str = "paper") -> PIGains:
+        """The gains as a value; `law` is whose they are where the table does not say."""
+        return PIGains.from_lists(self.K_P, self.K_I, self.law or law)
 
 
 class Scenario(Table):
@@ -167,6 +177,7 @@ class Scenario(Table):
     verifies: str = ""
     source: str = ""
     seed: Seed = 0
+    law: Laws | None = None
     gains: list[str | GainsTable] = Field(default_factory=lambda: ["paper", TUNED], min_length=1)
     flight: FlightTable
     reference: ReferenceTable
@@ -183,6 +194,18 @@ class Scenario(Table):
     plant: Annotated[list[PlantTable], Field(min_length=1)]
 
     @model_validator(mode="after")
+    def _laws_fit(self) -> "Scenario":
+        laws = [law.name for law in self.laws]
+        if len(set(laws)) < len(laws):
+            raise ValueError(f"`law` must not name anything twice, got {', '.join(laws)}")
+        if self.tuning.input_limits and any(law.acts_on_rates for law in self.laws):
+            raise ValueError(
+                "`input_limits` of [tuning] must be absent with the exact law: its gains act on "
+                "rates, not on roll and load factor"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
         names = self.gain_names
         known = [TUNED, *paper_family(), TUNED_IDENTIFIED]
@@ -191,7 +214,7 @@ class Scenario(Table):
                 raise ValueError(
                     f"`gains` must name {', '.join(known)} or give K_P and K_I, got {entry!r}"
                 )
-        if TUNED_IDENTIFIED in names or self.tuning.model == "identified":
+        if TUNED_IDENTIFIED in self.gains or self.tuning.model == "identified":
             self._identified()
         for key, labels in (("gains", names), ("plant", [p.label for p in self.plant])):
             if len(set(labels)) < len(labels):
@@ -256,9 +279,44 @@ class Scenario(Table):
         )
 
     @property
-    def gain_names(self) -> tuple[str, ...]:
-        """Names of the gain sets, in order."""
+    def laws(self) -> tuple[LawTable, ...]:
+        """The laws flown, in order; the paper's by default."""
+        return tuple(self.law or (law_named("paper"),))
+
+    @property
+    def own_gain_names(self) -> tuple[str, ...]:
+        """Names of the gain sets as ``gains`` lists them, in order."""
         return tuple(entry if isinstance(entry, str) else entry.name for entry in self.gains)
+
+    @property
+    def gain_names(self) -> tuple[str, ...]:
+        """Names of the gain sets flown, law by law: as listed with the paper's, else LAW:GAINS."""
+        return tuple(name for law in self.laws for name in law.names_of(self.own_gain_names))
+
+    def law_of(self, name: str) -> tuple[LawTable, str]:
+        """The law that flies a gain set, and the gain set as ``gains`` lists it.
+
+        Parameters
+        ----------
+        name : str
+            One of `gain_names`. A law that the scenario does not name but can (``exact:tuned``) is
+            meant as it is by default; without a law it is the paper's, or the only one there is.
+        """
+        law, colon, own = name.rpartition(":")
+        known = {one.name: one for one in self.laws}
+        if not colon:
+            law = "paper" if "paper" in known or len(known) > 1 else next(iter(known))
+        if law not in known and law not in LAWS:
+            raise InputError(
+                f"`gains` must name a law of {', '.join({**known, **dict.fromkeys(LAWS)})} before "
+                f"the colon, got {name!r}."
+            )
+        return known.get(law) or law_named(law), own
+
+    @property
+    def for_rates(self) -> bool:
+        """Whether the first law is the exact one, so that gains are tuned for it by default."""
+        return self.laws[0].acts_on_rates
 
     @property
     def windy(self) -> bool:
@@ -379,8 +437,13 @@ class Scenario(Table):
             )
         return source
 
-    def identified_models(self) -> tuple[DesignModel, ...]:
+    def identified_models(self, *, rates: bool = False) -> tuple[DesignModel, ...]:
         """The law behind the identified inner loop and half a sample of delay.
+
+        Parameters
+        ----------
+        rates : bool
+            Of the exact law instead of the paper's.
 
         Returns
         -------
@@ -399,25 +462,31 @@ class Scenario(Table):
         if self.tuning.robust:
             speed = V_a if self.controller.schedule else None
             return tuple(
-                design_model(condition, g=g, hold=hold, schedule_speed=speed)
+                design_model(condition, g=g, hold=hold, schedule_speed=speed, rates=rates)
                 for condition in identified.conditions
             )
         nearest = identified.nearest(V_a, gamma)
-        return (design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold),)
+        return (design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold, rates=rates),)
 
-    def kinematic_model(self) -> LinearModel:
-        """The kinematic law alone, about wings-level flight on the first reference."""
+    def kinematic_model(self, *, rates: bool = False) -> LinearModel:
+        """The kinematic law alone, about wings-level flight on the first reference.
+
+        With `rates` the error dynamics of the exact law, which are the same anywhere.
+        """
+        if rates:
+            return rate_model()
         f = self.flight
         return kinematic_model(V_a=f.V_a_mps, gamma=self.followed().initial[1], g=f.g_mps2)
 
-    def linear_model(self) -> LinearModel:
+    def linear_model(self, *, rates: bool = False) -> LinearModel:
         """The model that [tuning] names, about wings-level flight on the first reference.
 
-        Of an identified aircraft that is the first condition where [tuning] says ``robust``.
+        Of an identified aircraft that is the first condition where [tuning] says ``robust``. With
+        `rates` it is that of the exact law.
         """
         if self.tuning.model == "identified":
-            return self.identified_models()[0].model
-        model = self.kinematic_model()
+            return self.identified_models(rates=rates)[0].model
+        model = self.kinematic_model(rates=rates)
         if self.tuning.lag_rad_s is not None:
             model = with_input_lag(model, self.tuning.lag_rad_s)
         if self.tuning.sample_delay:

@@ -1,15 +1,16 @@
 """The tables of a scenario file: units at the end of each key, values in SI by a method."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.control.exact_law import ExactOptions, Priority
 from flighttune.control.inner_loop import InnerLag
 from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
@@ -95,7 +96,9 @@ Inclinations: TypeAlias = Annotated[list[Inclination], *RisingPair]
 class Table(BaseModel):
     """A table of the file: unknown keys are refused, and it does not change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, validate_by_name=True, serialize_by_alias=True
+    )
 
 
 class StepTable(Table):
@@ -316,6 +319,81 @@ class PlantTable(Table):
             order=1 if damping is None else 2,
             damping=1.0 if damping is None else damping,
         )
+
+
+LawKind: TypeAlias = Literal["paper", "exact", "python"]
+LAWS: tuple[str, ...] = ("paper", "exact")
+"""Laws that a scenario can name without a table."""
+
+
+class LawTable(Table):
+    """``[[law]]``: what turns errors into commands.
+
+    ``paper`` is the paper's law, ``exact`` the inversion of the point mass, ``python`` a class of
+    the user's: ``class`` in the file ``module``, made with ``parameters``. ``sha256`` is that of
+    the file as it was when the scenario was read.
+    """
+
+    name: Name
+    kind: LawKind
+    priority: Priority | None = None
+    lift_floor: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    braking: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    module: Annotated[str, Field(min_length=1)] | None = None
+    class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
+    parameters: dict[str, Any] | None = None
+    sha256: str | None = None
+
+    @model_validator(mode="after")
+    def _keys_of_the_kind(self) -> "LawTable":
+        own = {
+            "exact": {"priority", "lift_floor", "braking"},
+            "python": {"module", "class_", "parameters", "sha256"},
+        }
+        for kind, keys in own.items():
+            given = sorted(keys & self.model_fields_set)
+            if given and self.kind != kind:
+                key = given[0].removesuffix("_")
+                raise ValueError(f"`{key}` of [[law]] must be given with kind {kind} only")
+        if (self.module is None) != (self.class_ is None):
+            raise ValueError("`module` and `class` of [[law]] must be given together")
+        if self.name in LAWS and self.name != self.kind:
+            raise ValueError(f"`name` of [[law]] must not be {self.name!r} with kind {self.kind}")
+        return self
+
+    @property
+    def acts_on_rates(self) -> bool:
+        """Whether its gains are those of the exact law, in 1/s and 1/s^2."""
+        return self.kind == "exact"
+
+    def exact_options(self) -> ExactOptions:
+        """What the exact law does where limits are met; defaults where the table does not say."""
+        given = {name: getattr(self, name) for name in ExactOptions._fields}
+        return ExactOptions(**{name: value for name, value in given.items() if value is not None})
+
+    def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
+        """Names of gain sets flown with this law: as they are with the paper's, else LAW:GAINS."""
+        return tuple(gains) if self.name == "paper" else tuple(f"{self.name}:{n}" for n in gains)
+
+
+def law_named(name: str) -> LawTable:
+    """One of `LAWS` as it is by default."""
+    return LawTable.model_validate({"name": name, "kind": name})
+
+
+def _law_tables(value: object) -> object:
+    """Names of laws among tables, or one name alone, as tables."""
+    if isinstance(value, str):
+        value = [value]
+    if not isinstance(value, list):
+        return value
+    for law in value:
+        if isinstance(law, str) and law not in LAWS:
+            raise ValueError(f"`law` must name {' or '.join(LAWS)}, got {law!r}")
+    return [law_named(law) if isinstance(law, str) else law for law in value]
+
+
+Laws: TypeAlias = Annotated[list[LawTable], Field(min_length=1), BeforeValidator(_law_tables)]
 
 
 class SensorsTable(Table):

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, Floats, check_positive
+from flighttune.control.exact_law import ExactOptions
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import AntiWindup, check_anti_windup, integral_time
@@ -54,6 +55,8 @@ class Flights:
         Rows lower, upper, rate_lower, rate_upper; infinite for no limit.
     waves : ndarray, shape (N, 4), rad/s
         Disturbance: chi_amplitude, chi_omega, gamma_amplitude, gamma_omega.
+    ref_rates : ndarray, shape of `ref`, rad/s
+        Rates of the reference, which the exact law follows; zero by default.
 
     Raises
     ------
@@ -72,9 +75,12 @@ class Flights:
     ref: FloatArray
     bounds: FloatArray
     waves: FloatArray
+    ref_rates: FloatArray | None = None
 
     def __post_init__(self) -> None:
         flights = len(np.asarray(self.K))
+        if self.ref_rates is None:
+            object.__setattr__(self, "ref_rates", np.zeros_like(self.ref, dtype=float))
         shapes = {
             "K": (flights, 2, 4),
             "start": (flights, 5),
@@ -93,6 +99,10 @@ class Flights:
         r = self.ref.shape
         if not (len(r) == 3 and r[0] in (1, flights) and r[1] >= 1 and r[2] == 2):
             raise ShapeError(f"`ref` must have shape ({flights} or 1, k or 1, 2), got {r}.")
+        if np.shape(self.ref_rates) != r:
+            raise ShapeError(
+                f"`ref_rates` must have the shape of `ref`, {r}, got {np.shape(self.ref_rates)}."
+            )
         if not np.all(self.start[:, 4] > 0.0):
             raise InputError(f"`V_a` must be positive, got {self.start[:, 4].min():g} m/s.")
         if not np.all(np.abs(self.start[:, 1:3]) < math.pi / 2):
@@ -113,6 +123,7 @@ class Flights:
         ref: npt.ArrayLike,
         limits: Limits | Iterable[Limits] | None = None,
         disturbance: Sinusoid | Iterable[Sinusoid] | None = None,
+        ref_rates: npt.ArrayLike | None = None,
     ) -> "Flights":
         """Flights from one or many of each: whatever is single serves all of them.
 
@@ -122,6 +133,8 @@ class Flights:
             One, or N of them; no limits and no disturbance by default.
         ref : array_like, shape (2,), (k, 2) or (N, k or 1, 2), rad
             Constant course and flight-path angle, or one a sample, for all or for each.
+        ref_rates : array_like, shape of `ref`, rad/s, optional
+            Their rates, which the exact law follows.
 
         Raises
         ------
@@ -148,7 +161,8 @@ class Flights:
             followed = followed.reshape(1, -1, 2)
         flights = max(len(followed), *map(len, rows.values()))
         arrays = {name: _repeated(name, values, flights) for name, values in rows.items()}
-        return cls(ref=followed, **arrays)
+        rates = None if ref_rates is None else np.asarray(ref_rates, float).reshape(followed.shape)
+        return cls(ref=followed, ref_rates=rates, **arrays)
 
 
 class BatchResult(NamedTuple):
@@ -200,13 +214,17 @@ class Settings(NamedTuple):
     tracking_gain: FloatArray
     per_speed: FloatArray
     g: FloatArray
+    exact: bool
+    course_first: bool
+    lift_floor: float
+    braking: float
 
 
 _FlightArrays = namedtuple("_FlightArrays", Flights.__slots__)
 """The arrays of `Flights`, as the kernel takes them."""
 
 
-def fly_sampled(
+def fly_sampled(  # noqa: PLR0913
     flights: Flights,
     *,
     dt: float,
@@ -219,6 +237,7 @@ def fly_sampled(
     sensors: Sequence[Sensors] | None = None,
     trajectories: bool = False,
     g: Floats = G_PAPER,
+    exact: ExactOptions | None = None,
     threads: int | None = None,
 ) -> BatchResult:
     """Fly the discrete controller on the kinematic plant, every flight as `simulate` would.
@@ -245,6 +264,9 @@ def fly_sampled(
         Keep all signals over time: 112 bytes a sample and flight.
     g : float or array_like, shape (N,), m/s^2
         Acceleration of gravity.
+    exact : ExactOptions, optional
+        Fly the exact law: gains are then in 1/s and 1/s^2, and neither schedule nor feed-forward
+        has a meaning; its integrals (rad/s) stand in ``phi_integral`` and ``n_z_integral``.
     threads : int, optional
         Threads to use; by default one a core. The results do not depend on it.
 
@@ -263,8 +285,8 @@ def fly_sampled(
 
     Notes
     -----
-    The controller is `pi_step`, the function of `MimoPI` itself, compiled. The first call in a new
-    installation compiles for some seconds; the result is kept on disk.
+    The controller is `pi_step` or `exact_step`, the function of the law itself, compiled. The first
+    call in a new installation compiles for some seconds; the result is kept on disk.
     """
     check_positive(dt=dt, tracking_time=tracking_time)
     check_anti_windup(anti_windup)
@@ -282,6 +304,7 @@ def fly_sampled(
         per_speed = 1.0 / _one_each(flights, "schedule_speed", schedule_speed)
     if anti_windup == "back_calculation":
         tracking_gain = dt / np.maximum(_tracking_times(flights, tracking_time), dt)
+    options = exact or ExactOptions()
     settings = Settings(
         conditional=anti_windup == "conditional",
         wrapped=wrapped,
@@ -292,6 +315,10 @@ def fly_sampled(
         tracking_gain=tracking_gain,
         per_speed=per_speed,
         g=_one_each(flights, "g", g),
+        exact=exact is not None,
+        course_first=options.priority == "chi",
+        lift_floor=options.lift_floor,
+        braking=options.braking or math.inf,
     )
     arrays = _FlightArrays(*(getattr(flights, name) for name in Flights.__slots__))
     result = BatchResult(

@@ -15,7 +15,8 @@ from numba import njit
 from numba.extending import register_jitable
 
 from flighttune import units
-from flighttune.control import limits, mimo_pi
+from flighttune.control import exact_law, limits, mimo_pi
+from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
 from flighttune.plants import point_mass
 from flighttune.plants.point_mass import LOST
@@ -26,7 +27,10 @@ from flighttune.units import wrap_angle
 SOURCES = (
     Path(__file__),
     Path(__file__).with_name("batch.py"),
-    *(Path(str(module.__file__)) for module in (limits, measures, mimo_pi, point_mass, units)),
+    *(
+        Path(str(module.__file__))
+        for module in (exact_law, limits, measures, mimo_pi, point_mass, units)
+    ),
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
 
@@ -38,6 +42,7 @@ register_jitable(limits.limit_command)
 register_jitable(measures._first_below)
 register_jitable(measures._step_measures)
 register_jitable(error_measures)
+exact_step = register_jitable(inline="always")(exact_law.exact_step)
 pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
 
 
@@ -96,7 +101,9 @@ def _fly(i, sensor_errors, flights, settings, t, rows):
     """Fly one flight into `rows`; return its number of samples and how it ended."""
     chi, gamma, phi, n_z, V_a = flights.start[i]
     ref, wave, g_over_v = _reference(flights, i), flights.waves[i], settings.g[i] / V_a
+    ref_rates = flights.ref_rates[i if len(flights.ref_rates) > 1 else 0]
     law, state = _law(i, flights, settings), _state(phi, n_z)
+    rate_law = _rate_law(i, flights, settings)
     u, true_error = state.u, np.zeros(2)
     # The clock is summed as that of the plant is, so that both see the same disturbance.
     clock, disturbance = 0.0, _disturbance(wave, 0.0)
@@ -107,8 +114,12 @@ def _fly(i, sensor_errors, flights, settings, t, rows):
         if len(sensor_errors):
             y = chi + sensor_errors[k, 0], gamma + sensor_errors[k, 1]
             speed = V_a + sensor_errors[k, 2]
-        lift_ff = math.cos(gamma_ref) / math.cos(u[0]) if settings.feed_forward else 0.0
-        pi_step(law, state, (chi_ref, gamma_ref), y, (0.0, lift_ff), speed)
+        if settings.exact:
+            rate = ref_rates[k if len(ref_rates) > 1 else 0]
+            exact_step(rate_law, state, (chi_ref, gamma_ref, rate[0], rate[1]), y, speed)
+        else:
+            lift_ff = math.cos(gamma_ref) / math.cos(u[0]) if settings.feed_forward else 0.0
+            pi_step(law, state, (chi_ref, gamma_ref), y, (0.0, lift_ff), speed)
         true_error[0] = wrap_angle(chi_ref - chi) if settings.wrapped else chi_ref - chi
         true_error[1] = gamma_ref - gamma
         turn, lift = g_over_v * math.tan(u[0]), u[1] * math.cos(u[0])
@@ -149,6 +160,28 @@ def _law(i, flights, settings):
         settings.tracking_gain[i],
         settings.per_speed[i],
     )
+
+
+@njit
+def _rate_law(i, flights, settings):
+    K, bounds, dt = flights.K[i], flights.bounds[i], settings.dt
+    return RateLaw(
+        ((K[0, 0], K[0, 1]), (K[1, 0], K[1, 1])),
+        ((K[0, 2] * dt, K[0, 3] * dt), (K[1, 2] * dt, K[1, 3] * dt)),
+        (_reach(0, bounds, dt), _reach(1, bounds, dt)),
+        settings.wrapped,
+        settings.conditional,
+        settings.tracking_gain[i],
+        1.0 / settings.g[i],
+        settings.lift_floor,
+        2.0 * settings.braking * min(bounds[3, 1], -bounds[2, 1]),
+        settings.course_first,
+    )
+
+
+@njit
+def _reach(j, bounds, dt):
+    return bounds[0, j], bounds[1, j], bounds[2, j] * dt, bounds[3, j] * dt
 
 
 @njit

@@ -24,7 +24,8 @@ _SIGNALS_BY_UNIT = {
     "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle",
     "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down",
     "m": "north east down h",
-    "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma",
+    "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral "
+    "gamma_dot_integral",
     "N": "thrust",
 }
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
@@ -71,6 +72,18 @@ class Provenance:
     seed: int
     versions: Mapping[str, str]
     wall_s: float
+
+    @property
+    def law_kind(self) -> str:
+        """Kind of the law flown: ``paper``, ``exact`` or ``python``."""
+        law, colon, _ = self.gains_name.rpartition(":")
+        given = self.scenario.get("law") or ()
+        for table in () if isinstance(given, str) else given:
+            if isinstance(table, Mapping) and table.get("name") == law:
+                return str(table.get("kind"))
+        if not colon:
+            return "paper" if self.gains is None else self.gains.law
+        return law if law in ("paper", "exact") else "python"
 
     @property
     def aircraft(self) -> str | None:

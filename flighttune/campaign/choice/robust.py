@@ -217,6 +217,8 @@ def tune_robust(
         If the cluster is gone.
     """
     settings = settings or RobustSettings()
+    if any(law.name != "paper" for law in campaign.nominal.laws):
+        raise InputError("`law` must be the paper's alone for gains to be chosen by a campaign.")
     if settings.plants:
         campaign = on_plants(campaign, settings.plants)
     candidates = frontier_candidates(campaign.nominal, settings.candidates)

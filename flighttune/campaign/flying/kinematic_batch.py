@@ -12,7 +12,13 @@ from flighttune.guarantee.ultimate_set import UltimateSet
 from flighttune.metrics import METRICS
 from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
-from flighttune.scenario.tables import DisturbanceTable, PlantTable, ReferenceTable, SensorsTable
+from flighttune.scenario.tables import (
+    DisturbanceTable,
+    LawTable,
+    PlantTable,
+    ReferenceTable,
+    SensorsTable,
+)
 from flighttune.simulate.batch import SIGNALS, BatchResult, Flights, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 
@@ -25,7 +31,7 @@ ROLLED = 1
 KNOWN: Mapping[type, frozenset[str]] = {
     table: frozenset(names.split())
     for table, names in {
-        Scenario: "title verifies source seed gains flight reference limits controller tuning "
+        Scenario: "title verifies source seed law gains flight reference limits controller tuning "
         "disturbance sensors envelope expect plant",
         FlightTable: "V_a_mps h_m chi_deg gamma_deg phi_deg n_z duration_s ground_m g_mps2",
         ReferenceTable: "chi_deg gamma_deg",
@@ -63,7 +69,7 @@ class FlightResult(NamedTuple):
     certified: str | None
 
 
-def batchable(scenario: Scenario, table: PlantTable) -> bool:
+def batchable(scenario: Scenario, table: PlantTable, law: LawTable | None = None) -> bool:
     """Whether the flight of a plant in a scenario can be flown in a batch.
 
     It is one of the paper's law, and nothing in the scenario is unknown to the batch.
@@ -74,8 +80,11 @@ def batchable(scenario: Scenario, table: PlantTable) -> bool:
         Of a draw.
     table : PlantTable
         The plant.
+    law : LawTable, optional
+        The paper's by default.
     """
-    if table.kind != "kinematic" or not _knows(table):
+    of_the_user = law is not None and law.kind == "python"
+    if table.kind != "kinematic" or of_the_user or not _knows(table):
         return False
     names = ("flight", "reference", "limits", "controller", "disturbance", "sensors")
     parts = (getattr(scenario, name) for name in names)
@@ -88,7 +97,7 @@ def _knows(table: Any) -> bool:
 
 
 def fly_batch(
-    scenarios: Sequence[Scenario], gains: PIGains, claim: UltimateSet | None
+    scenarios: Sequence[Scenario], law: LawTable, gains: PIGains, claim: UltimateSet | None
 ) -> list[FlightResult | None]:
     """Fly one gain set of the kinematic law in many scenarios.
 
@@ -96,6 +105,8 @@ def fly_batch(
     ----------
     scenarios : sequence of Scenario
         `batchable` ones.
+    law : LawTable
+        The paper's or the exact law.
     gains : PIGains
     claim : UltimateSet or None
         Checked in each flight.
@@ -116,7 +127,7 @@ def fly_batch(
         for start in range(0, len(members), FLOWN_TOGETHER):
             together = members[start : start + FLOWN_TOGETHER]
             for i, result in zip(
-                together, _fly([scenarios[i] for i in together], gains, claim), strict=True
+                together, _fly([scenarios[i] for i in together], law, gains, claim), strict=True
             ):
                 results[i] = result
     return results
@@ -129,17 +140,19 @@ def _moving(scenario: Scenario) -> bool:
 
 
 def _fly(
-    scenarios: Sequence[Scenario], gains: PIGains, claim: UltimateSet | None
+    scenarios: Sequence[Scenario], law: LawTable, gains: PIGains, claim: UltimateSet | None
 ) -> Iterator[FlightResult | None]:
     """Flights with the same controller, duration and kinds of inputs."""
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
     at = t if _moving(scenarios[0]) else np.zeros(1)
+    references = [scenario.followed() for scenario in scenarios]
     flights = Flights.of(
         [gains] * len(scenarios),
         condition=[scenario.condition for scenario in scenarios],
-        ref=np.array([np.column_stack(scenario.followed().sampled(at)) for scenario in scenarios]),
+        ref=np.array([np.column_stack(one.sampled(at)) for one in references]),
+        ref_rates=np.array([np.column_stack(one.rates(at)) for one in references]),
         limits=[scenario.limits.limits() for scenario in scenarios],  # the plant itself has none
         disturbance=[
             scenario.disturbance.sinusoid() if scenario.disturbance else Sinusoid()
@@ -157,6 +170,7 @@ def _fly(
         sensors=[one.sensors.sensors(one.seed) for one in scenarios if one.sensors is not None],
         trajectories=True,
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
+        exact=law.exact_options() if law.kind == "exact" else None,
         threads=1,
     )
     columns = {name: values.tolist() for name, values in _measured(flights, batch).items()}

@@ -16,6 +16,7 @@ from flighttune.campaign.flying.columns import RESIDUALS, row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
+from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.expectations import missed
@@ -120,8 +121,9 @@ def warm_up(plan: Plan) -> None:
     for group in plan.groups:
         gains = plan.gain_sets[group.gains]
         with suppress(FlightTuneError):
-            if gains is not None and batchable(scenario, plant_table(scenario, group.plant)):
-                fly_batch([scenario], gains, None)
+            law, _ = scenario.law_of(group.gains)
+            if gains is not None and batchable(scenario, plant_table(scenario, group.plant), law):
+                fly_batch([scenario], law, gains, None)
             fly_group(plan, scenario, group)
     with suppress(FlightTuneError):
         claims(plan)
@@ -144,7 +146,8 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
         for run in of_draw:
             group, scenarios[run] = plan.group_of(run), scenario
             table = plant_table(scenario, group.plant)
-            if plan.gain_sets[group.gains] is not None and batchable(scenario, table):
+            law, _ = scenario.law_of(group.gains)
+            if plan.gain_sets[group.gains] is not None and batchable(scenario, table, law):
                 batches.setdefault(group, []).append(run)
                 continue
             begins(run)
@@ -186,7 +189,8 @@ def _fly_together(
     began = time.perf_counter()
     gains = plan.gain_sets[group.gains]
     assert gains is not None
-    batch = fly_batch(list(scenarios.values()), gains, claim)
+    law, _ = plan.scenario.law_of(group.gains)
+    batch = fly_batch(list(scenarios.values()), law, gains, claim)
     each = (time.perf_counter() - began) / len(scenarios)
     return {
         run: _outcome(scenario, group, result, each)
@@ -249,7 +253,7 @@ def _indicators(
     plan: Plan, runs: Sequence[int], scenarios: Mapping[int, Scenario]
 ) -> dict[int, tuple[float | None, float | None]]:
     """R_K and I_K of the linear loop of each run that has gains and a scenario."""
-    models: dict[tuple[float, ...], LinearModel] = {}
+    models: dict[tuple[float | str, ...], LinearModel] = {}
     loops: dict[tuple[float | str, ...], FloatArray] = {}
     keys: dict[int, tuple[float | str, ...]] = {}
     for run in runs:
@@ -257,15 +261,18 @@ def _indicators(
         gains = plan.gain_sets[name]
         if gains is None or run not in scenarios:
             continue
+        if scenarios[run].law_of(name)[0].kind == "python":
+            continue
         scenario = scenarios[run]
         flight, controller = scenario.flight, scenario.controller
         _, gamma = scenario.followed().initial
         # what the linear model of a draw depends on; all else in it is not dispersed
-        model = (flight.V_a_mps, gamma, flight.g_mps2, controller.rate_hz, controller.schedule)
+        at = (flight.V_a_mps, gamma, flight.g_mps2, controller.rate_hz, controller.schedule)
+        model = (*at, gains.law)
         keys[run] = (*model, name)
         if keys[run] not in loops:
             if model not in models:
-                models[model] = scenario.linear_model()
+                models[model] = scenario.linear_model(rates=acts_on_rates(gains))
             loops[keys[run]] = closed_loop(models[model], gains)
     found: dict[tuple[float | str, ...], tuple[float | None, float | None]] = {}
     for size in {A_K.shape for A_K in loops.values()}:

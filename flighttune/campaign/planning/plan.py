@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
@@ -18,12 +17,12 @@ from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.conformance.boxes import ResidualSummary
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
-from flighttune.flight.outer_loop import gain_set, tune_scenario
+from flighttune.flight.outer_loop import gain_sets
 from flighttune.quantities import Matrix
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.load import validated
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, Table
+from flighttune.scenario.tables import Table
 
 VERSION = 1
 """Of the form of a plan as plain values; another is refused."""
@@ -296,7 +295,7 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     """
     scenario = campaign.nominal
     names = scenario.gain_names
-    tuning = tune_scenario(scenario) if TUNED in names else None
+    sets, _ = gain_sets(scenario)
     windy = campaign.central.windy
     plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
     groups = tuple(Group(plant.label, name) for plant in plants for name in names)
@@ -305,7 +304,7 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     aircraft = {plant.aircraft for plant in plants if plant.aircraft is not None}
     return Plan(
         campaign=campaign,
-        gain_sets={name: gain_set(scenario, name, tuning) for name in names},
+        gain_sets=sets,
         groups=groups,
         runs=runs,
         aircraft={name: files_hash(name) for name in sorted(aircraft)},
@@ -320,6 +319,7 @@ class _GroupTable(Table):
 class _MatricesTable(Table):
     K_P: Matrix
     K_I: Matrix
+    law: str | None = None
 
 
 class _PlanTables(Table):
@@ -360,7 +360,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
     return Plan(
         campaign=Campaign.of(read.campaign, nominal=read.nominal, central=read.central),
         gain_sets={
-            name: None if one is None else PIGains(K_P=np.array(one.K_P), K_I=np.array(one.K_I))
+            name: None if one is None else PIGains.from_lists(one.K_P, one.K_I, one.law)
             for name, one in read.gains.items()
         },
         groups=tuple(Group(one.plant, one.gains) for one in read.groups),

@@ -1,0 +1,181 @@
+"""Scenarios that fly more than the paper's law: names, gains, files, and what is held of them."""
+
+import numpy as np
+import pytest
+
+from flighttune.control.exact_law import rate_gains
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import ScenarioError
+from flighttune.flight.fly import fly
+from flighttune.flight.outer_loop import certify_scenario, gain_set, tune_scenario
+from flighttune.flight.refly import refly
+from flighttune.guarantee.flight_check import flight_check
+from flighttune.metrics import METRICS
+from flighttune.recording.parquet import read_run, write_run
+from flighttune.scenario import load_gains, scenario_from
+
+ENVELOPE = {
+    "V_a_mps": [20.0, 30.0],
+    "gamma_deg": [-20.0, 45.0],
+    "phi_deg": [-45.0, 45.0],
+    "n_z": [0.5, 2.1],
+}
+TRIAL = {"name": "trial", "K_P": [[1.41, 0.0], [0.0, 1.22]], "K_I": [[0.73, 0.0], [0.0, 0.77]]}
+ROUNDING = 1e-12
+
+
+def scenario(**tables):
+    return scenario_from(
+        {
+            "title": "several laws",
+            "law": ["paper", "exact"],
+            "gains": ["paper"],
+            "flight": {"V_a_mps": 25.0, "duration_s": 3.0},
+            "reference": {
+                "chi_deg": [{"shape": "ramp", "start_s": 0.5, "duration_s": 1.0, "rate_dps": 8.0}],
+                "gamma_deg": 4.0,
+            },
+            "plant": [{"kind": "kinematic"}, {"kind": "point_mass"}],
+        }
+        | tables
+    )
+
+
+def test_runs_with_the_papers_law_keep_their_names_and_others_say_law_and_gains():
+    flown = fly(scenario())
+
+    assert [run.label for run in flown.runs] == [
+        "kinematic / paper",
+        "kinematic / exact:paper",
+        "point_mass / paper",
+        "point_mass / exact:paper",
+    ]
+    assert [run.provenance.law_kind for run in flown.runs] == ["paper", "exact"] * 2
+    assert set(flown.indicators) == {"paper", "exact:paper"}
+
+
+def test_a_scenario_of_the_papers_law_alone_has_the_same_hash_as_ever():
+    tables = scenario().as_dict()
+    without = {key: value for key, value in tables.items() if key != "law"}
+
+    assert "law" not in scenario_from(without).as_dict()
+
+
+def test_gains_of_the_papers_law_are_mapped_and_tuned_ones_are_those_of_the_law():
+    mapped = gain_set(scenario(), "exact:paper")
+    own = scenario(law="exact", gains=["tuned"])
+
+    assert mapped == rate_gains(PAPER_GAINS, V_a=25.0)
+    assert gain_set(own, "exact:tuned") == tune_scenario(own).gains
+    assert tune_scenario(own).gains.law == "exact"
+    assert tune_scenario(own).I_K <= 5.0 + 1e-6
+
+
+def test_numbers_are_in_the_units_of_the_law_that_flies_or_that_the_table_names():
+    alone = gain_set(scenario(law="exact", gains=[TRIAL]), "exact:trial")
+    beside = gain_set(scenario(gains=[TRIAL]), "exact:trial")
+    named = scenario(gains=[{**TRIAL, "law": "exact"}])
+
+    assert alone.K_P[0, 0] == 1.41
+    assert beside.K_P[0, 0] == pytest.approx(1.41 * 9.81 / 25.0)
+    assert gain_set(named, "exact:trial").K_P[0, 0] == 1.41
+    assert gain_set(named, "trial").K_P[0, 0] == pytest.approx(1.41 * 25.0 / 9.81)
+
+
+def test_a_gains_file_says_whose_it_is(tmp_path):
+    file = tmp_path / "gains.toml"
+    file.write_text(
+        'law = "exact"\nK_P = [[1.4, 0.0], [0.0, 1.2]]\nK_I = [[0.7, 0.0], [0.0, 0.7]]\n'
+    )
+
+    assert load_gains(file).law == "exact"
+    assert load_gains(file).inputs == ("chi_dot", "gamma_dot")
+
+
+def test_a_run_of_the_exact_law_is_read_and_flown_again_to_the_bit(tmp_path):
+    tables = [{"name": "slow", "kind": "exact", "lift_floor": 0.3, "priority": "chi"}]
+    run = fly(scenario(law=tables)).runs[0]
+    write_run(run, tmp_path / "run.parquet")
+    again = read_run(tmp_path / "run.parquet")
+
+    assert again.label == "kinematic / slow:paper"
+    assert again.provenance.gains == run.provenance.gains
+    assert [one.difference for one in refly([again])] == [None]
+
+
+def test_the_exact_law_on_the_point_mass_is_its_linear_loop():
+    run = fly(scenario(gains=[{**TRIAL, "law": "exact"}])).runs[-1]
+    check = flight_check(run)
+
+    assert run.label == "point_mass / exact:trial"
+    assert check is not None
+    assert check.of_the_law
+    assert not check.broken.any()
+
+
+def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
+    both = scenario(envelope=ENVELOPE)
+    exact, paper = (gain_set(both, name) for name in ("exact:paper", "paper"))
+
+    everywhere = certify_scenario(both, exact, envelope=True)
+    at_trim = certify_scenario(both, exact)
+
+    assert everywhere.status == "certified"
+    assert everywhere.certificate.claim.rate == at_trim.certificate.claim.rate
+    assert certify_scenario(both, paper, envelope=True).status != "certified"
+
+
+def test_an_expectation_may_name_law_and_gains():
+    tables = [{"gains": "exact:paper", "at_most": {"chi": {"ITAE": 0.0}}}]
+    missed = fly(scenario(expect=tables)).missed
+
+    assert len(missed) == 2
+    assert all("exact:paper" in sentence for sentence in missed)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"law": "best"}, "`law` must name paper or exact, got 'best'"),
+        ({"law": []}, "`law` must have at least 1 item"),
+        ({"law": ["exact", "exact"]}, "`law` must not name anything twice"),
+        (
+            {"law": [{"name": "a", "kind": "paper", "braking": 0.5}]},
+            "`braking` of .* kind exact only",
+        ),
+        ({"law": [{"name": "a", "kind": "exact", "priority": "n_z"}]}, "`priority` must be"),
+        ({"law": [{"name": "a", "kind": "exact", "module": "x.py"}]}, "`module` of .* kind python"),
+        ({"law": [{"name": "exact", "kind": "paper"}]}, "`name` of .* must not be 'exact'"),
+        ({"law": [{"name": "a", "kind": "exact", "rate": 2.0}]}, "`rate` is not a known key"),
+        ({"tuning": {"input_limits": True}}, "`input_limits` of .* absent with the exact law"),
+        ({"expect": [{"gains": "exact:K1", "status": "completed"}]}, "`gains` of .* 'exact:K1'"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_by_key(change, said):
+    with pytest.raises(ScenarioError, match=said):
+        scenario(**change)
+
+
+@pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation", "none"])
+def test_the_batch_flies_the_exact_law_as_the_single_run_does(anti_windup):
+    from flighttune.campaign.flying.kinematic_batch import batchable, fly_batch
+
+    limits = {"phi_deg": [-20.0, 20.0], "phi_rate_dps": 15.0, "n_z_rate_per_s": 0.3}
+    law = [{"name": "e", "kind": "exact", "braking": 0.2, "lift_floor": 0.5}]
+    sensors = {"chi_noise_sd_deg": 0.3, "V_a_bias_mps": 1.0}
+    for plain in (
+        scenario(law=law, limits=limits, controller={"anti_windup": anti_windup}, sensors=sensors),
+        scenario(law="exact", gains=[TRIAL], flight={"V_a_mps": 30.0, "duration_s": 3.0}),
+    ):
+        (run, *_), table = fly(plain).runs, plain.laws[0]
+        alone = fly(plain).metrics_of(run)
+        assert batchable(plain, plain.plant[0], table)
+
+        (together,) = fly_batch([plain], table, run.provenance.gains, None)
+
+        for channel in ("chi", "gamma"):
+            for name in METRICS:
+                assert together.measured[channel][name] == pytest.approx(
+                    alone[channel][name], rel=1e-9, abs=ROUNDING, nan_ok=True
+                ), name
+    assert np.isfinite(alone["chi"]["ITAE"])
