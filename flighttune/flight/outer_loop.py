@@ -183,18 +183,18 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     """
     law, own = scenario.law_of(name)
     rates = law.acts_on_rates
-    if own in (TUNED, TUNED_IDENTIFIED):
-        if own == TUNED_IDENTIFIED:
-            tuning = tune_scenario(scenario, "identified", rates=rates)
-        elif tuning is None:
-            tuning = tune_scenario(scenario, rates=rates)
-        return tuning.gains if tuning.status == "optimal" else None
     only_exact = all(one.acts_on_rates for one in scenario.laws)
     given = {
         e.name: e.gains("exact" if only_exact else "paper")
         for e in scenario.gains
         if isinstance(e, GainsTable)
     }
+    if own in (TUNED, TUNED_IDENTIFIED) and own not in given:
+        if own == TUNED_IDENTIFIED:
+            tuning = tune_scenario(scenario, "identified", rates=rates)
+        elif tuning is None:
+            tuning = tune_scenario(scenario, rates=rates)
+        return tuning.gains if tuning.status == "optimal" else None
     known = {**paper_family(), **given}
     if own not in known:
         names = [TUNED, *known, TUNED_IDENTIFIED]

@@ -66,8 +66,10 @@ def flies_the_law(run: Run) -> bool:
     """
     disturbances = ("disturbance", "wind", "gust", "turbulence")
     undisturbed = not any(run.provenance.scenario.get(name) for name in disturbances)
-    plant = "point_mass" if inverts_the_point_mass(run) else "kinematic"
-    return undisturbed and run.provenance.plant.partition(":")[0] == plant
+    kind = run.provenance.plant.partition(":")[0]
+    if not undisturbed or kind not in ("kinematic", "point_mass"):
+        return False
+    return inverts_the_point_mass(run) == (kind == "point_mass")
 
 
 def inverts_the_point_mass(run: Run) -> bool:

@@ -24,8 +24,7 @@ _SIGNALS_BY_UNIT = {
     "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle",
     "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down",
     "m": "north east down h",
-    "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral "
-    "gamma_dot_integral",
+    "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral gamma_dot_integral",
     "N": "thrust",
 }
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}

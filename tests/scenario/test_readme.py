@@ -39,7 +39,7 @@ def keys_of(model, table):
     for key, field in model.model_fields.items():
         held = leaves(field.annotation)
         if not all(is_table(leaf) or leaf is types.NoneType for leaf in held):
-            yield table, key, field
+            yield table, field.alias or key, field
         for part in filter(is_table, held):
             yield from keys_of(part, key if table == "(top)" else f"{table}.{key}")
 

@@ -44,7 +44,10 @@ def scenario_of_run(plan: Plan, run: int) -> Scenario:
     tables = scenario.as_dict()
     labels = [table.label for table in scenario.plant]
     tables["plant"] = [tables["plant"][labels.index(one.plant)] for one in flying]
-    tables["gains"] = [_as_numbers(plan, group)]
+    law, own = scenario.law_of(group.gains)
+    if scenario.law is not None:
+        tables["law"] = [law.model_dump(exclude_none=True)]
+    tables["gains"] = [_as_numbers(plan, group, own)]
     tables["title"] = f"{scenario.title}, run {run}"
     tables["expect"] = [
         table
@@ -136,11 +139,11 @@ def _same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
-def _as_numbers(plan: Plan, group: Group) -> dict[str, Any]:
+def _as_numbers(plan: Plan, group: Group, own: str) -> dict[str, Any]:
     gains = plan.gain_sets[group.gains]
     if gains is None:
         raise InputError(
             f"`gains` must have been found to fly, got none for {group.gains}: its tuning problem "
             "is infeasible."
         )
-    return {"name": group.gains, **gains.as_lists()}
+    return {"name": own, **gains.as_lists()}

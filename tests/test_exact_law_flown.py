@@ -1,0 +1,88 @@
+"""The exact law with gains of `tune` on the identified aircraft, beside the paper's law."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_tuned_on_identified import NOTHING_ASKED, UNUSED, manoeuvre
+
+from flighttune.control.exact_law import rate_model
+from flighttune.control.linear_model import closed_loop
+from flighttune.flight.fly import fly
+from flighttune.flight.outer_loop import certify_scenario, identified_problems, tune_scenario
+from flighttune.scenario import load_scenario, scenario_from
+from flighttune.theory.indicators import indicators
+
+pytestmark = pytest.mark.slow
+
+PAGE = (Path(__file__).parents[1] / "docs/exact_law.md").read_text(encoding="utf-8")
+WORST, MEAN = 0.9, 0.65
+"""Largest ITAE, and its geometric mean, over that of `tuned_identified` with the paper's law."""
+HALF_OF_THE_LAST_DIGIT = 0.0051
+FIVE = ("paper_identified", "level_turn", "turbulent_climb", "gust_in_turn", "crosswind_course")
+
+
+def ratios(scenario):
+    """ITAE of course and path angle with the exact law, over that with the paper's."""
+    tables = scenario.as_dict() | {"law": ["paper", "exact"], "gains": ["tuned_identified"]}
+    tables["plant"] = [plant for plant in tables["plant"] if plant["kind"] == "jsbsim"]
+    tables.pop("expect", None)
+    flown = fly(scenario_from(tables))
+    assert [run.status for run in flown.runs] == ["completed", "completed"]
+    paper, exact = (flown.metrics.loc[run.label]["ITAE"] for run in flown.runs)
+    return (exact / paper.clip(lower=NOTHING_ASKED)).to_numpy()
+
+
+@pytest.fixture(scope="module")
+def five():
+    return {name: ratios(load_scenario(name)) for name in FIVE}
+
+
+def test_every_channel_of_the_five_scenarios_is_better(five):
+    both = np.array([*five.values()])
+
+    assert both.max() <= WORST
+    assert np.exp(np.log(both).mean()) <= MEAN
+
+
+def test_the_table_of_the_page_is_what_is_flown(five):
+    for name, found in five.items():
+        (cells,) = re.findall(rf"^\| `{name}` \|(.*)\|$", PAGE, re.MULTILINE)
+        assert [float(cell) for cell in cells.split("|")] == pytest.approx(
+            found, abs=HALF_OF_THE_LAST_DIGIT
+        ), name
+
+
+@pytest.mark.parametrize("name", UNUSED)
+def test_better_on_manoeuvres_not_used(name):
+    assert ratios(manoeuvre(UNUSED[name])).max() < 1.0
+
+
+@pytest.mark.parametrize("name", ["c172_cruise_turn", "jet_pull_up"])
+def test_better_on_other_aircraft(name):
+    assert ratios(load_scenario(name)).max() < WORST
+
+
+def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
+    """R_K is maximised in units in which the problem is the same for any lag of one shape."""
+    scenario = manoeuvre(UNUSED["left"], law="exact")
+    gains = tune_scenario(scenario, "identified").gains
+    (problem,) = identified_problems(scenario, rates=True)
+    lags = problem.scaling[-2:]
+
+    assert gains.law == "exact"
+    assert np.count_nonzero(gains.K_P) == 2
+    assert np.diag(gains.K_P) * lags == pytest.approx([0.79, 0.79], abs=0.06)
+    assert np.diag(gains.K_I) * lags**2 == pytest.approx([0.23, 0.23], abs=0.03)
+
+
+def test_one_certificate_holds_at_every_condition_identified_at_once():
+    scenario = manoeuvre(UNUSED["left"], law="exact", tuning={"model": "identified"})
+    gains = tune_scenario(scenario).gains
+
+    found = certify_scenario(scenario, gains, envelope=True, L_d=0.015)
+
+    assert found.status == "certified"
+    assert found.certificate.claim.rate > 0.0
+    assert indicators(closed_loop(rate_model(), gains)).status == "stable"
