@@ -12,10 +12,17 @@ from flighttune.errors import InputError
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.feasible import FeasibleReference
+from flighttune.tube.lag import SampledLag
 from flighttune.tube.sample import SampledLoop
 
-ENCLOSED = ("kinematic",)
-"""Kinds of plants whose flights can be enclosed."""
+MODELS = {
+    "kinematic": "the paper's law",
+    "point_mass": "the exact point mass",
+    "point_mass_lag": "the exact point mass behind lags",
+}
+"""Kinds of plants whose flights can be enclosed, in words."""
+
+ENCLOSED = tuple(MODELS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,7 +76,7 @@ class TubeProblem:
     @property
     def model(self) -> str:
         """What flies, in words."""
-        return f"{self.plant}: the paper's law, sampled and limited"
+        return MODELS[_enclosed(self.scenario, self.plant).kind]
 
     @property
     def t(self) -> FloatArray:
@@ -91,6 +98,7 @@ class TubeProblem:
     def loop(self) -> SampledLoop:
         """The loop as it flies: the numbers of the controller and of the plant themselves."""
         scenario, controller = self.scenario, self.controller()
+        table = _enclosed(scenario, self.plant)
         flight, condition, reference = scenario.flight, scenario.condition, scenario.followed()
         chi_ref, gamma_ref = reference.sampled(self.t)
         planned = np.zeros((len(self.t), 2))
@@ -109,6 +117,8 @@ class TubeProblem:
             d_low=self.d_low,
             d_high=self.d_high,
             start=(condition.chi, condition.gamma, condition.phi, condition.n_z_start),
+            exact=table.kind != "kinematic",
+            lags=tuple(SampledLag.of(lag, controller.dt) for lag in table.lags() or ()),
         )
 
 

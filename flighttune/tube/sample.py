@@ -35,19 +35,29 @@ from flighttune.tube.functions import (
     tangent,
 )
 from flighttune.tube.interval import LARGEST_ANGLE, Interval, cosine, sine
+from flighttune.tube.lag import SampledLag
+from flighttune.tube.point_mass import Moved, point_mass_sample
 
 CHI, GAMMA, PHI, EXTRA_LIFT, PHI_INTEGRAL, N_Z_INTEGRAL, CHI_ERR, GAMMA_ERR = range(8)
 """Rows of the state; the errors are those of the sample before."""
 
 STATES = 8
 
-FRESH_SYMBOLS = 6
+N_Z = STATES
+"""Kind of the symbol of a load-factor command that passes a lag."""
+
+FRESH_SYMBOLS = 7
 """Symbols that a sample adds."""
 
 COMPUTED = 1e-11
 """More than a sample of a computed flight differs from the exact one, rad and 1: the classical
 Runge-Kutta rule over 0.02 s and some rounding."""
 
+
+CLIMB = "the flight-path angle"
+
+STEEPEST = math.radians(85.0)
+"""Largest flight-path angle of the exact point mass, which has no course at 90 deg."""
 
 ROLLED = f"roll cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg"
 
@@ -79,6 +89,10 @@ class SampledLoop:
         Between which the disturbance of the two rates is from a sample to the next.
     start : tuple of float, length 4
         Course, flight-path angle, roll and load factor in the middle of the starts.
+    exact : bool
+        Whether the point mass turns by its lift, instead of by the paper's law.
+    lags : tuple of SampledLag, length 0 or 2
+        Of roll and load factor; only of the exact point mass.
     """
 
     channels: tuple[ChannelLaw, ...]
@@ -92,6 +106,18 @@ class SampledLoop:
     d_low: FloatArray
     d_high: FloatArray
     start: tuple[float, float, float, float]
+    exact: bool = False
+    lags: tuple[SampledLag, ...] = ()
+
+    @property
+    def rows(self) -> int:
+        """Rows of the state: `STATES`, then the lags, then the commands still to take effect."""
+        return STATES + sum(lag.order + lag.older + 1 for lag in self.lags)
+
+    @property
+    def seen(self) -> int:
+        """Row of the roll that the controller sees."""
+        return STATES if self.lags else PHI
 
     def lift(self, k: int) -> float:
         """``cos(gamma_ref)`` of the feed-forward at sample k; 0 without one."""
@@ -175,10 +201,17 @@ def start_set(
     chi, gamma, phi, n_z = loop.start
     edges = np.linspace(-within_start, within_start, pieces + 1)
     middles, radius = 0.5 * (edges[1:] + edges[:-1]), within_start / pieces * UP
-    centres = np.zeros((pieces * pieces, STATES))
+    centres = np.zeros((pieces * pieces, loop.rows))
     centres[:, CHI] = chi + np.repeat(middles, pieces)
     centres[:, GAMMA] = gamma + np.tile(middles, pieces)
     centres[:, PHI] = phi
+    row = STATES
+    for lag, value in zip(loop.lags, (phi, n_z), strict=False):
+        centres[:, row : row + lag.order] = value * lag.rest
+        row += lag.order
+    for lag, value in zip(loop.lags, (phi, n_z), strict=False):
+        centres[:, row : row + lag.older + 1] = value
+        row += lag.older + 1
     made = Pieces(centres, constraints, capacity)
     state = made.forms()
     at = Interval.point(np.full(len(centres), phi))
@@ -187,6 +220,8 @@ def start_set(
     state[EXTRA_LIFT] = combined((1.0, state[EXTRA_LIFT]), shift=extra.middle).widened(extra.radius)
     for row in (CHI, GAMMA):
         state[row] = made.fresh(state[row].widened(radius + COMPUTED), row)
+    for row in range(STATES, loop.rows):
+        state[row] = state[row].widened(COMPUTED)
     made.put(state)
     return made
 
@@ -219,7 +254,7 @@ class Enclosure:
         while True:
             state = pieces.forms()
             errors = self._errors(k, state)
-            roll = self._angle(state[PHI], "roll")
+            roll = self._angle(state[loop.seen], "roll")
             extra = self._extra_lift(k, state, roll)
             channels = self._channels(k, state, errors, roll, extra)
             empty = self._empty(channels)
@@ -234,21 +269,25 @@ class Enclosure:
             *(self._limited(c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
             strict=True,
         )
-        # The change of roll is enclosed before it has a symbol: phi's is the same.
-        change = _ordered(self._range(moves[0]))
-        if not ((roll + change).largest < LARGEST_ANGLE).all():
-            raise Unbounded(ROLLED)
-        lift = loop.lift(k)
-        feed = secant_change(state[PHI], roll, moves[0], change)
-        phi = pieces.fresh(combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED), PHI)
-        extra = combined((1.0, extra), (1.0, moves[1]), (lift, feed)).widened(COMPUTED)
-        extra = pieces.fresh(extra, EXTRA_LIFT)
+        phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
+        phi = pieces.fresh(phi, PHI)
+        extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
         integrals = [
             pieces.fresh(form.widened(COMPUTED), PHI_INTEGRAL + i)
             for i, form in enumerate(integrals)
         ]
-        bounds, chi, gamma = self._fly(k, state, errors, phi, extra, lift)
-        pieces.put([chi, gamma, phi, extra, *integrals, *errors])
+        # Of this sample, before the rows are overwritten by the next one's.
+        error_ranges = [*map(self._range, errors)]
+        fly = self._point_mass if loop.exact else self._paper_law
+        flown = fly(k, state, phi, extra, roll)
+        pieces.put([flown.chi, flown.gamma, phi, flown.extra, *integrals, *errors, *flown.lags])
+        ranges = [*map(_ordered, (*error_ranges, *flown.commands))]
+        bounds = np.array([(one.low.min(), one.high.max()) for one in ranges])
+        # Between samples a flight leaves the straight line by at most a quarter of the sample time
+        # times how far apart its rate can be.
+        margin = 0.25 * loop.dt * flown.spread * UP
+        bounds[:2, 0] -= margin
+        bounds[:2, 1] += margin
         return Bounds(bounds, np.array(held))
 
     def _range(self, form: Form) -> Interval:
@@ -279,7 +318,7 @@ class Enclosure:
         moved = self.loop.lift(k) - self.loop.lift(k - 1)
         if moved == 0.0:
             return state[EXTRA_LIFT]
-        return combined((1.0, state[EXTRA_LIFT]), (-moved, secant(state[PHI], roll)))
+        return combined((1.0, state[EXTRA_LIFT]), (-moved, secant(state[self.loop.seen], roll)))
 
     def _channels(
         self,
@@ -308,21 +347,21 @@ class Enclosure:
                 shift=self.loop.planned[k, i],
             )
             lift = self.loop.lift(k) if i else 0.0
-            command, values = self._command(force, lift, state[PHI], roll)
+            command, values = self._command(force, lift, state[self.loop.seen], roll)
             above = self._excess(x, command, values, 1.0, law.upper, law.step_up)
             below = self._excess(x, command, values, -1.0, -law.lower, -law.step_down)
             made.append(Channel(x, increment, self._range(increment), above, below))
         return made
 
     def _command(
-        self, force: Form, lift: float, phi: Form, roll: Interval
+        self, force: Form, lift: float, seen: Form, roll: Interval
     ) -> tuple[Form, Interval]:
         """The command in force and its values."""
         if lift == 0.0:
             return force, self._range(force)
         one = Interval.point(np.ones_like(roll.low))
         values = self._range(force) + one / cosine(roll) * lift
-        return combined((1.0, force), (lift, secant(phi, roll))), values
+        return combined((1.0, force), (lift, secant(seen, roll))), values
 
     def _excess(
         self, x: Form, command: Form, values: Interval, side: float, limit: float, step: float
@@ -386,23 +425,29 @@ class Enclosure:
                 kept.append((-side, refused))
         return combined(*moves), combined(*kept), held
 
-    def _fly(
-        self,
-        k: int,
-        state: Sequence[Form],
-        errors: Sequence[Form],
-        phi: Form,
-        extra: Form,
-        lift: float,
-    ) -> tuple[FloatArray, Form, Form]:
-        r"""The kinematic law over a sample; see docs/tube.md for the remainder.
+    def _relative(self, extra: Form, lift: float, seen: Form, roll: Interval, after: Form) -> Form:
+        """What the load factor has beyond the feed-forward of the roll seen next."""
+        if lift:
+            change = combined((1.0, after), (-1.0, seen))
+            by = _ordered(self._range(change))
+            if not ((roll + by).largest < LARGEST_ANGLE).all():
+                raise Unbounded(ROLLED)
+            extra = combined((1.0, extra), (lift, secant_change(seen, roll, change, by)))
+        return self.pieces.fresh(extra, EXTRA_LIFT)
+
+    def _paper_law(
+        self, k: int, state: Sequence[Form], phi: Form, extra: Form, roll: Interval
+    ) -> "Flown":
+        r"""The paper's law over a sample; docs/tube.md derives the remainder.
 
         With y = gamma(t) - gamma and ``f = (g/V)(n_z cos(phi) - cos(gamma)) + d``, d the middle of
         the disturbance, ``y(h) = h f + (h^2/2)(g/V) sin(gamma) f + R`` where ``|R|`` is at most
         ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``.
         """
         pieces, loop, h, rate = self.pieces, self.loop, self.loop.dt, self.loop.g_over_v
-        roll, climb = self._angle(phi, "roll"), self._angle(state[GAMMA], "the flight-path angle")
+        lift = loop.lift(k)
+        extra = self._relative(extra, lift, state[PHI], roll, phi)
+        roll, climb = self._angle(phi, "roll"), self._angle(state[GAMMA], CLIMB)
         d = Interval(loop.d_low[k], loop.d_high[k])
         d_middle, d_radius = d.middle, d.radius
         chi = combined(
@@ -429,21 +474,86 @@ class Enclosure:
         gamma = combined((1.0, state[GAMMA]), (h + bend * slope.middle, f)).widened(
             rest * UP + COMPUTED
         )
-        # Between samples a flight leaves the straight line by a quarter of h times the spread of
-        # its rate: of d alone for the course.
-        margins = np.array(
-            [
-                0.5 * h * d_radius[0],
-                0.5 * h * (d_radius[1] + rate * float(farthest.max())),
-                0.0,
-                0.0,
-            ]
-        )
         feed = Interval.point(np.full(len(pieces), lift)) / cosine(roll)
-        ranges = [*map(self._range, errors), roll, extra_range + feed]
-        bounds = np.array([(_ordered(one).low.min(), _ordered(one).high.max()) for one in ranges])
-        bounds += margins[:, np.newaxis] * [-UP, UP]
-        return bounds, pieces.fresh(chi, CHI), pieces.fresh(gamma, GAMMA)
+        spread = 2.0 * np.array([d_radius[0], d_radius[1] + rate * float(farthest.max())])
+        return Flown(
+            chi=pieces.fresh(chi, CHI),
+            gamma=pieces.fresh(gamma, GAMMA),
+            extra=extra,
+            lags=[],
+            commands=[roll, extra_range + feed],
+            spread=spread,
+        )
+
+    def _point_mass(
+        self, k: int, state: Sequence[Form], phi: Form, extra: Form, roll: Interval
+    ) -> "Flown":
+        """The exact point mass, behind lags if there are any."""
+        pieces, loop, lift = self.pieces, self.loop, self.loop.lift(k)
+        seen = state[loop.seen]
+        n_z = combined((1.0, extra), (lift, secant(seen, roll))) if lift else extra
+        n_z = pieces.fresh(n_z.widened(COMPUTED), N_Z)
+        commands = [_ordered(self._range(one)) for one in (phi, n_z)]
+        rolled, loaded = (Moved(*one) for one in zip((phi, n_z), commands, strict=True))
+        lags: list[Form] = []
+        if loop.lags:
+            (rolled, loaded), lags = self._behind_lags(state, (phi, n_z))
+        if not (rolled.values.largest < LARGEST_ANGLE).all():
+            raise Unbounded(ROLLED)
+        climb = self._angle(state[GAMMA], CLIMB)
+        if not (climb.largest < STEEPEST).all():
+            raise Unbounded(f"{CLIMB} cannot be kept inside {math.degrees(STEEPEST):.0f} deg")
+        d = Interval(loop.d_low[k], loop.d_high[k])
+        chi, gamma, spread = point_mass_sample(
+            state[CHI], state[GAMMA], climb, (rolled, loaded), d, h=loop.dt, g_over_v=loop.g_over_v
+        )
+        return Flown(
+            chi=pieces.fresh(chi.widened(COMPUTED), CHI),
+            gamma=pieces.fresh(gamma.widened(COMPUTED), GAMMA),
+            extra=self._relative(extra, lift, seen, roll, lags[0] if lags else phi),
+            lags=lags,
+            commands=commands,
+            spread=spread,
+        )
+
+    def _behind_lags(
+        self, state: Sequence[Form], commands: Sequence[Form]
+    ) -> tuple[list[Moved], list[Form]]:
+        """Roll and load factor flown, and the rows of the lags and of the commands under way."""
+        rows = iter(state[STATES:])
+        lags = self.loop.lags
+        states = [[next(rows) for _ in range(lag.order)] for lag in lags]
+        queues = [[next(rows) for _ in range(lag.older + 1)] for lag in lags]
+        flown, after, under_way = [], [], []
+        for lag, y, queue, command in zip(lags, states, queues, commands, strict=True):
+            given = [command, *queue]
+            inputs = [*y, given[lag.older + 1], given[lag.older]]
+            after += [
+                combined(*zip(row, inputs, strict=True)).widened(COMPUTED) for row in lag.transition
+            ]
+            mean = combined(*zip(lag.mean, inputs, strict=True)).widened(COMPUTED)
+            ranges = [_ordered(self._range(one)) for one in inputs]
+            in_force = ranges[-2].hull(ranges[-1])
+            values = lag.values_within(ranges[: lag.order], in_force, self.loop.dt)
+            if values is None:
+                raise Unbounded("a lag moves too far in a sample to be enclosed")
+            flown.append(Moved(mean, values))
+            under_way += given[:-1]
+        return flown, [*after, *under_way]
+
+
+class Flown(NamedTuple):
+    """A set one sample later, and the values of the two commands in between.
+
+    `spread` is how far apart the rates of a flight can be within the sample, rad/s.
+    """
+
+    chi: Form
+    gamma: Form
+    extra: Form
+    lags: list[Form]
+    commands: list[Interval]
+    spread: FloatArray
 
 
 def _ordered(values: Interval) -> Interval:

@@ -13,7 +13,6 @@ from flighttune.tube.sample import (
     EXTRA_LIFT,
     FRESH_SYMBOLS,
     GAMMA_ERR,
-    STATES,
     Channel,
     Cut,
     SampledLoop,
@@ -131,7 +130,7 @@ def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
 
 def _alike(pieces: Pieces, need: int) -> Indices:
     n, weights = pieces.used, np.full(pieces.values.shape[1], CONSTRAINT_WEIGHT)
-    weights[:STATES] = [WEIGHT.get(row, 1.0) for row in range(STATES)]
+    weights[: pieces.rows] = [WEIGHT.get(row, 1.0) for row in range(pieces.rows)]
     g = pieces.values[:, :, 1 : 1 + n] * weights[np.newaxis, :, np.newaxis]
     alone = np.abs(g).sum(axis=1).max(axis=0)
     order = np.argsort(pieces.kind[:n], kind="stable")

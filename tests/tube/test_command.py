@@ -95,7 +95,11 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
         (["--out", "proof.json"], "", "--out must end in .npz"),
         ([], "[wind]\nspeed_mps = 3.0\nfrom_deg = 0.0", "`wind` must not"),
         ([], "[sensors]\nchi_bias_deg = 1.0", "`sensors` must not"),
-        (["--plant", "point_mass"], '[[plant]]\nkind = "point_mass"', "must be of kind kinematic"),
+        (
+            ["--plant", "jsbsim:aerosonde"],
+            '[[plant]]\nkind = "jsbsim"\naircraft = "aerosonde"',
+            "must be of kind kinematic",
+        ),
         (
             ["--disturbance", "0.01"],
             "[disturbance]\nchi_amplitude = 0.1\nchi_omega_rad_s = 1.0",

@@ -1,0 +1,162 @@
+r"""The exact point mass over one sample, for a whole set of flights.
+
+The rates ``(g/V) n_z sin(phi)/cos(gamma)`` and ``(g/V)(n_z cos(phi) - cos(gamma))`` are linear in
+(phi, n_z, gamma) about the middle of all values of the sample, plus a remainder of second order.
+The linear part needs the means of the three over the sample. Those of roll and load factor are
+known; that of gamma is ``gamma + (h/2) G + e``, G the mean of its rate and ``|e|`` at most h/4
+times how far apart the rate can be, because e is the integral of ``(h/2 - t)/h`` times what the
+rate differs from its mean.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.tube.forms import UP, Form, combined
+from flighttune.tube.interval import Interval, cosine, sine, within
+
+
+class Moved(NamedTuple):
+    """A quantity over a sample: its mean as a form, and all its values."""
+
+    mean: Form
+    values: Interval
+
+
+Point = tuple[Interval, Interval, Interval]
+"""Roll, load factor and flight-path angle."""
+
+
+def point_mass_sample(
+    chi: Form,
+    gamma: Form,
+    climb: Interval,
+    flown: tuple[Moved, Moved],
+    d: Interval,
+    *,
+    h: float,
+    g_over_v: float,
+) -> tuple[Form, Form, FloatArray]:
+    """Course and flight-path angle one sample later.
+
+    Parameters
+    ----------
+    chi, gamma : Form, rad
+    climb : Interval, rad
+        Values of gamma.
+    flown : tuple of Moved, rad and 1
+        Roll and load factor.
+    d : Interval, shape (2,), rad/s
+        The disturbances.
+    h : float, s
+    g_over_v : float, 1/s
+
+    Returns
+    -------
+    chi, gamma : Form, rad
+    spread : ndarray, shape (2,), rad/s
+        How far apart a rate can be within the sample.
+    """
+    phi, n_z = flown
+    d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
+    start_rate = _climb_rate((phi.values, n_z.values, climb)) * g_over_v + d_gamma
+    # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
+    path = climb + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
+    values = phi.values, n_z.values, path
+    rate = _climb_rate(values) * g_over_v + d_gamma
+    apart = h * 0.5 * rate.radius * UP
+    means = phi.mean, n_z.mean, gamma
+    turning, turn_bend = _mean_rate((_turn_rate, _turn_slopes, _turn_rest), values, means, g_over_v)
+    climbing, bend = _mean_rate((_climb_rate, _climb_slopes, _climb_rest), values, means, g_over_v)
+    climbing = combined((1.0, climbing), shift=d_gamma.middle).widened(
+        d_gamma.radius + np.abs(bend) * apart * UP
+    )
+    climbing = combined((1.0 / (1.0 - 0.5 * h * bend), climbing))
+    turning = combined((1.0, turning), (0.5 * h * turn_bend, climbing), shift=d_chi.middle).widened(
+        d_chi.radius + np.abs(turn_bend) * apart * UP
+    )
+    turn = _turn_rate(values) * g_over_v + d_chi
+    spread = 2.0 * np.array([turn.radius.max(), rate.radius.max()])
+    return combined((1.0, chi), (h, turning)), combined((1.0, gamma), (h, climbing)), spread
+
+
+def _mean_rate(
+    law: tuple[
+        Callable[[Point], Interval],
+        Callable[[Point], Point],
+        Callable[[Point, list[FloatArray]], Interval],
+    ],
+    values: Point,
+    means: tuple[Form, Form, Form],
+    g_over_v: float,
+) -> tuple[Form, FloatArray]:
+    """Linear part and remainder of a rate with gamma at its start, and its slope in gamma.
+
+    `law` is the rate over g/V, its slopes, and its remainder of second order.
+    """
+    rate, slopes, rest = law
+    middles = [one.middle for one in values]
+    roll, load, path = (Interval.point(middle) for middle in middles)
+    at = roll, load, path
+    radii = [(one - middle).largest for one, middle in zip(values, middles, strict=True)]
+    exact_slopes = [one * g_over_v for one in slopes(at)]
+    numbers = [one.middle for one in exact_slopes]
+    left = rate(at) * g_over_v + rest(values, radii) * g_over_v
+    for exact, number, middle, radius in zip(exact_slopes, numbers, middles, radii, strict=True):
+        left = left - Interval.point(number) * middle + (exact - number) * within(radius)
+    form = combined(*zip(numbers, means, strict=True), shift=left.middle).widened(left.radius)
+    return form, numbers[2]
+
+
+def _turn_rate(at: Point) -> Interval:
+    phi, n_z, gamma = at
+    return n_z * sine(phi) / cosine(gamma)
+
+
+def _turn_slopes(at: Point) -> Point:
+    phi, n_z, gamma = at
+    c = cosine(gamma)
+    return (
+        n_z * cosine(phi) / c,
+        sine(phi) / c,
+        n_z * sine(phi) * sine(gamma) / (c * c),
+    )
+
+
+def _turn_rest(at: Point, radii: list[FloatArray]) -> Interval:
+    phi, n_z, gamma = at
+    s, c, up, level = sine(phi), cosine(phi), sine(gamma), cosine(gamma)
+    a, b, e = radii
+    return (
+        -(n_z * s / level) * _half_square(a)
+        + n_z * s * (up * up + 1.0) / (level * level * level) * _half_square(e)
+        + (c / level) * within(a * b * UP)
+        + (n_z * c * up / (level * level)) * within(a * e * UP)
+        + (s * up / (level * level)) * within(b * e * UP)
+    )
+
+
+def _climb_rate(at: Point) -> Interval:
+    phi, n_z, gamma = at
+    return n_z * cosine(phi) - cosine(gamma)
+
+
+def _climb_slopes(at: Point) -> Point:
+    phi, n_z, gamma = at
+    return -(n_z * sine(phi)), cosine(phi), sine(gamma)
+
+
+def _climb_rest(at: Point, radii: list[FloatArray]) -> Interval:
+    phi, n_z, gamma = at
+    a, b, e = radii
+    return (
+        -(n_z * cosine(phi)) * _half_square(a)
+        + cosine(gamma) * _half_square(e)
+        + sine(phi) * within(a * b * UP)
+    )
+
+
+def _half_square(radius: FloatArray) -> Interval:
+    return Interval(np.zeros_like(radius), 0.5 * radius * radius * UP)
