@@ -16,6 +16,7 @@ from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
 from flighttune.cli.report import report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, fail
+from flighttune.cli.streams import StandardStreams
 from flighttune.cli.tube import tube
 from flighttune.cli.worst import worst
 from flighttune.errors import FlightTuneError
@@ -61,6 +62,15 @@ def _options(
 
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
+    streams = StandardStreams()
+    try:
+        _run()
+    finally:
+        if why := streams.failure():
+            fail(f"standard output must be writable, got {why}.", COULD_NOT_RUN)
+
+
+def _run() -> None:
     try:
         app()
     except FlightTuneError as error:

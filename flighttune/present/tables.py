@@ -50,9 +50,10 @@ class Table:
 
         console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False)
         table = RichTable()
-        for i, heading in enumerate(self.head):
-            cells = [row[i] for row in self.rows]
-            numbers = bool(cells) and all(map(_is_number, cells))
+        head, *rows = ([_printed(cell) for cell in row] for row in (self.head, *self.rows))
+        for i, heading in enumerate(head):
+            cells = [row[i] for row in rows]
+            numbers = bool(cells) and all(_is_number(row[i]) for row in self.rows)
             whole = numbers or i == 0
             table.add_column(
                 Text(heading),
@@ -60,7 +61,7 @@ class Table:
                 no_wrap=whole,
                 min_width=max(map(len, (heading, *cells))) if whole else None,
             )
-        for row in self.rows:
+        for row in rows:
             table.add_row(*map(Text, row))
         # Rich would cut the columns that must stay whole rather than exceed the console.
         unlimited = console.options.update(max_width=UNLIMITED)
@@ -84,6 +85,12 @@ class Table:
         rule = ["---", *["---:"] * (len(self.head) - 1)]
         cells = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in self.rows]
         return "\n".join(f"| {' | '.join(line)} |" for line in [self.head, rule, *cells])
+
+
+def _printed(text: str) -> str:
+    """`text` as standard output has it: in an encoding without ``χ`` it may take more room."""
+    encoding = sys.stdout.encoding or "utf-8"
+    return text.encode(encoding, sys.stdout.errors or "strict").decode(encoding)
 
 
 def _is_number(cell: str) -> bool:
