@@ -82,9 +82,11 @@ class WorstSettings:
         where the campaign or scenario has demands with bounds, else ``chi.ITAE``.
     gains, plant : str or None
         By default ``tuned_identified`` or the first gain set, and the first plant.
+    completed : bool
+        Look among flights flown to their end alone; else one that is not is worse than all others.
     start_deg, disturbance : float, deg and rad/s
-        Of a scenario: how far the start may be off, and the largest amplitude of a disturbance of
-        the two rates.
+        Of a scenario: how far the start may be off, and the largest amplitude of square waves that
+        disturb the two rates.
     seed : int
         Of the search.
     """
@@ -93,6 +95,7 @@ class WorstSettings:
     metric: str | None = None
     gains: str | None = None
     plant: str | None = None
+    completed: bool = False
     start_deg: float = 0.0
     disturbance: float = 0.0
     seed: int = 1
@@ -462,8 +465,9 @@ class _Search:
 
     pool: WorkerPool
 
-    def __init__(self, plan: Plan, metric: str) -> None:
+    def __init__(self, plan: Plan, metric: str, *, completed: bool = False) -> None:
         self._plan, self.metric, self.flights = plan, metric, 0
+        self._failed = -FAILED if completed else FAILED
         self.worst: dict[str, Any] = {"value": -math.inf}
 
     @classmethod
@@ -485,7 +489,7 @@ class _Search:
         plan = replace(
             plan, groups=(group,), gain_sets={group.gains: plan.gain_sets[group.gains]}, runs=1
         )
-        return cls(plan, settings.metric or _metric_of(plan, group))
+        return cls(plan, settings.metric or _metric_of(plan, group), completed=settings.completed)
 
     @property
     def dimension(self) -> int:
@@ -514,6 +518,7 @@ class _Search:
         def keep(rows: pa.Table) -> None:
             for row in rows.to_pylist():
                 value = value_of(row, self.metric, self._plan.scenario)
+                value = self._failed if value >= FAILED else value
                 found[row["run"]] = value
                 if value > self.worst["value"]:
                     self.worst = {**row, "value": value}
@@ -605,22 +610,22 @@ def _is_scenario(source: str) -> bool:
 def _of_scenario(scenario: Scenario, name: str, settings: WorstSettings) -> Campaign:
     """Starts and disturbances of one plant of a scenario, all equally likely."""
     labels = [table.label for table in scenario.plant]
-    plant = settings.plant or labels[0]
+    plant, tables = settings.plant or labels[0], scenario.as_dict()
     if plant in labels:  # another plant may not stand the disturbance; `_chosen` refuses no plant
-        tables = scenario.as_dict()
         tables["plant"] = [tables["plant"][labels.index(plant)]]
         tables["expect"] = [one for one in tables["expect"] if one.get("plant") in (None, plant)]
-        scenario = scenario_from(tables)
     ranges: dict[str, tuple[float, float, str]] = {}
     if settings.start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):
             ranges[key] = (-settings.start_deg, settings.start_deg, "adds")
     if settings.disturbance:
         for channel in ("chi", "gamma"):
-            ranges[f"disturbance.{channel}_amplitude"] = (
-                -settings.disturbance, settings.disturbance, "sets",
-            )  # fmt: skip
+            size = settings.disturbance
+            ranges[f"disturbance.{channel}_amplitude"] = (-size, size, "sets")
             ranges[f"disturbance.{channel}_omega_rad_s"] = (*FREQUENCIES, "sets")
+            ranges[f"disturbance.{channel}_phase_deg"] = (-180.0, 180.0, "sets")
+        tables["disturbance"] = {"wave": "square"}
+    scenario = scenario_from(tables)
     table = CampaignTable.model_validate(
         {
             "title": f"worst of {name}",

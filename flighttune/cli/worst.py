@@ -42,12 +42,15 @@ def worst(
     plant: Annotated[
         str | None, Option(help="Label of the plant as `fly` prints it [default: the first].")
     ] = None,
+    completed: Annotated[
+        bool, Option("--completed", help="Look among flights that were flown to their end alone.")
+    ] = False,
     start_deg: Annotated[
         float, Option(help="Largest error of course and path angle at a scenario's start.")
     ] = 0.0,
     disturbance: Annotated[
         float,
-        Option(help="Largest amplitude of a sinusoid of a scenario's two rates, rad/s."),
+        Option(help="Largest disturbance of a scenario's two rates, a square wave, rad/s."),
     ] = 0.0,
     rare: Annotated[
         bool, Option("--rare", help="Estimate the probability of a miss by subset simulation.")
@@ -81,6 +84,7 @@ def worst(
         metric=metric,
         gains=gains,
         plant=plant,
+        completed=completed,
         start_deg=start_deg,
         disturbance=disturbance,
         seed=seed,
@@ -124,7 +128,7 @@ def _text(found: "WorstFlight", written: Path, ratios: dict[str, float] | None) 
         f"distribution: {number(found.first)}"
     )
     for key, value in found.drawn.items():
-        yield f"  {key} = {value if isinstance(value, str) else number(value, '.6g')}"
+        yield f"  {key} = {number(value, '.6g') if isinstance(value, float) else value}"
     yield (
         f"{number(found.distance)} standard deviations from the median, of the "
         f"{number(found.radius)} that hold 99.9 % of the distribution"

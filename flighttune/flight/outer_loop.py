@@ -264,7 +264,8 @@ def certify_scenario(
         If `L_d` is not positive, or the conditions identified have lags of different order.
     """
     if L_d is None and scenario.disturbance is not None:
-        L_d = scenario.disturbance.sinusoid().rate_bound or None
+        bound = scenario.disturbance.sinusoid().rate_bound
+        L_d = bound if 0.0 < bound < math.inf else None
     rates = acts_on_rates(gains)
     identified = envelope and scenario.tuning.model == "identified"
     # The error dynamics of the exact law are one linear model over any envelope.

@@ -514,12 +514,18 @@ class TurbulenceTable(Table):
 
 
 class DisturbanceTable(Table):
-    """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s."""
+    """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s.
+
+    A square wave switches between the amplitudes where the sinusoid changes its sign.
+    """
 
     chi_amplitude: OscillationRate = 0.0
     chi_omega_rad_s: Oscillation = 0.0
     gamma_amplitude: OscillationRate = 0.0
     gamma_omega_rad_s: Oscillation = 0.0
+    wave: Literal["square"] | None = None
+    chi_phase_deg: Angle | None = None
+    gamma_phase_deg: Angle | None = None
     as_wind: bool = False
     path: Literal["ground", "air"] = "ground"
 
@@ -532,6 +538,9 @@ class DisturbanceTable(Table):
                     f"`{channel}_omega_rad_s` must be positive with as_wind: a constant rate takes "
                     "a wind that grows without end"
                 )
+        for key in ("wave", "chi_phase_deg", "gamma_phase_deg"):
+            if self.as_wind and getattr(self, key) is not None:
+                raise ValueError(f"`{key}` must be absent with as_wind: the wind is that of a sine")
         if self.path == "air" and not self.as_wind:
             raise ValueError('`path` must be "ground" without as_wind, got "air"')
         return self
@@ -543,6 +552,9 @@ class DisturbanceTable(Table):
             chi_omega=self.chi_omega_rad_s,
             gamma_amplitude=self.gamma_amplitude,
             gamma_omega=self.gamma_omega_rad_s,
+            chi_phase=(self.chi_phase_deg or 0.0) * DEG,
+            gamma_phase=(self.gamma_phase_deg or 0.0) * DEG,
+            square=self.wave == "square",
         )
 
 

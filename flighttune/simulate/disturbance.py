@@ -8,7 +8,7 @@ from flighttune.plants.weather import OscillatingWind
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sinusoid:
-    """``d_chi = a_chi sin(omega_chi t), d_gamma = a_gamma cos(omega_gamma t)``.
+    """``d_chi = a_chi sin(omega_chi t), d_gamma = a_gamma cos(omega_gamma t)``, or their signs.
 
     Attributes
     ----------
@@ -16,6 +16,11 @@ class Sinusoid:
         Amplitudes a_chi, a_gamma.
     chi_omega, gamma_omega : float, rad/s
         Angular frequencies.
+    chi_phase, gamma_phase : float, rad
+        Added to the arguments.
+    square : bool
+        Take the amplitude with the sign of the sinusoid: the worst disturbance of a size switches
+        between its bounds.
 
     Notes
     -----
@@ -27,13 +32,17 @@ class Sinusoid:
     chi_omega: float = 0.0
     gamma_amplitude: float = 0.0
     gamma_omega: float = 0.0
+    chi_phase: float = 0.0
+    gamma_phase: float = 0.0
+    square: bool = False
 
     def __call__(self, t: float) -> tuple[float, float]:
         """Return (d_chi, d_gamma) in rad/s at time `t` in s."""
-        return (
-            self.chi_amplitude * math.sin(self.chi_omega * t),
-            self.gamma_amplitude * math.cos(self.gamma_omega * t),
-        )
+        chi = math.sin(self.chi_omega * t + self.chi_phase)
+        gamma = math.cos(self.gamma_omega * t + self.gamma_phase)
+        if self.square:
+            chi, gamma = math.copysign(1.0, chi), math.copysign(1.0, gamma)
+        return self.chi_amplitude * chi, self.gamma_amplitude * gamma
 
     def as_wind(self, V_a: float, chi: float, gamma: float) -> OscillatingWind:
         """Oscillating wind that turns a path through the air at these rates, to first order.
@@ -73,11 +82,14 @@ class Sinusoid:
     def rate_bound(self) -> float:
         """L_d: bound of the norm of the derivative, rad/s^2.
 
-        With one frequency it is the larger amplitude times the frequency (the derivatives are a
-        quarter period apart), else the norm of both products.
+        With one frequency and no phase it is the larger amplitude times the frequency (the
+        derivatives are a quarter period apart), else the norm of both products. A square wave has
+        none: it is infinite.
         """
         products = self.chi_amplitude * self.chi_omega, self.gamma_amplitude * self.gamma_omega
-        if abs(self.chi_omega) == abs(self.gamma_omega):
+        if self.square and any(products):
+            return math.inf
+        if abs(self.chi_omega) == abs(self.gamma_omega) and self.chi_phase == self.gamma_phase:
             return max(map(abs, products))
         return math.hypot(*products)
 

@@ -6,6 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 from commands import answer, flighttune
 from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
@@ -162,11 +163,36 @@ def test_the_margin_is_that_of_the_nearest_demand():
     assert value_of(row, "chi.ITAE", plan.scenario) == 0.3
 
 
+def test_flights_that_end_early_are_the_worst_or_left_out():
+    plan = small_plan()
+    rows = [("completed", 0.5), ("diverged", 0.1), ("completed", 0.7)]
+
+    def fly_rows(plan, gaps, keep, doing):
+        keep(
+            pa.table(
+                {
+                    "run": range(3),
+                    "status": [status for status, _ in rows],
+                    "chi.ITAE": [value for _, value in rows],
+                }
+            )
+        )
+        return True
+
+    for completed, worst in ((False, 1), (True, 2)):
+        search = worst_module._Search(plan, "chi.ITAE", completed=completed)
+        search.pool = mock.Mock(fly_rows=fly_rows)
+        found = search.values(worst_module.Draws(np.zeros((3, 2)), np.arange(3)))
+        assert np.argmax(found) == worst
+        assert search.worst["run"] == worst
+
+
 def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
     plan = planned("paper", WorstSettings(start_deg=5.0, disturbance=0.01))
 
     assert {"flight.chi_deg", "disturbance.gamma_amplitude"} <= set(plan.keys)
     assert [table.label for table in plan.scenario.plant] == ["kinematic"]
+    assert plan.scenario.disturbance.wave == "square"
 
 
 def test_the_ratio_of_a_tube_is_its_half_width_over_the_distance_from_its_middle(tmp_path):

@@ -43,3 +43,14 @@ def test_the_papers_disturbance_has_the_rate_bound_of_its_table():
     assert sinusoid.rate_bound == pytest.approx(0.015)
     assert sinusoid(0.0) == pytest.approx((0.0, 0.1))
     assert sinusoid(math.pi / 0.3) == pytest.approx((0.1, 0.0), abs=1e-12)
+
+
+def test_a_square_wave_has_the_sign_of_the_sinusoid_and_its_amplitude():
+    shape = {"chi_amplitude": 0.1, "chi_omega": 2.0, "chi_phase": 0.3, "gamma_amplitude": -0.2}
+    sine, square = Sinusoid(**shape), Sinusoid(**shape, square=True)
+
+    for t in np.linspace(0.0, 6.0, 50):
+        assert square(t)[0] == math.copysign(0.1, math.sin(2.0 * t + 0.3))
+        assert square(t)[1] == sine(t)[1] == -0.2  # a cosine that stands at 1
+    assert square.rate_bound == math.inf
+    assert Sinusoid(square=True).rate_bound == 0.0
