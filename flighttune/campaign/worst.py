@@ -17,11 +17,13 @@ from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
 from flighttune.campaign.engine.cluster import INSTALL, cluster
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.campaign.flying.columns import TUBE_SHARE
 from flighttune.campaign.flying.refly import scenario_of_run
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.plan import Group, Plan, plan_campaign
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CampaignTable
+from flighttune.campaign.planning.tube_bounds import TubeBounds
 from flighttune.errors import InputError
 from flighttune.scenario.load import load_scenario, scenario_from
 from flighttune.scenario.schema import Scenario
@@ -31,6 +33,9 @@ from flighttune.units import DEG
 
 MARGIN = "margin"
 """Metric: how far a flight is beyond the nearest demand, as a share of the bound; 0 meets it."""
+
+TUBE = "tube"
+"""Metric: distance of the errors from the middle of a tube in half widths; 1 leaves it."""
 
 REGION = 0.999
 """Share of the stated distribution inside the region searched."""
@@ -79,7 +84,10 @@ class WorstSettings:
         Flights at most.
     metric : str or None
         Column of a campaign's rows, such as ``chi.ITAE``, or ``margin``; by default the margin
-        where the campaign or scenario has demands with bounds, else ``chi.ITAE``.
+        where the campaign or scenario has demands with bounds, else ``chi.ITAE``. With a tube it
+        is ``tube``.
+    tube : TubeBounds or None
+        What flights shall come near to.
     gains, plant : str or None
         By default ``tuned_identified`` or the first gain set, and the first plant.
     completed : bool
@@ -93,6 +101,7 @@ class WorstSettings:
 
     budget: int = 2000
     metric: str | None = None
+    tube: TubeBounds | None = None
     gains: str | None = None
     plant: str | None = None
     completed: bool = False
@@ -103,6 +112,8 @@ class WorstSettings:
     def __post_init__(self) -> None:
         if self.budget < POPULATION:
             raise InputError(f"`budget` must be at least {POPULATION} flights, got {self.budget}.")
+        if self.tube is not None and self.metric is not None:
+            raise InputError("`metric` must not be given with a tube: it is the distance from it.")
         if self.metric not in (None, MARGIN, *MEASURES):
             raise InputError(
                 f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {self.metric!r}."
@@ -487,9 +498,14 @@ class _Search:
                 "or --disturbance."
             )
         plan = replace(
-            plan, groups=(group,), gain_sets={group.gains: plan.gain_sets[group.gains]}, runs=1
+            plan,
+            groups=(group,),
+            gain_sets={group.gains: plan.gain_sets[group.gains]},
+            runs=1,
+            tube=settings.tube,
         )
-        return cls(plan, settings.metric or _metric_of(plan, group), completed=settings.completed)
+        metric = TUBE if plan.tube else settings.metric or _metric_of(plan, group)
+        return cls(plan, metric, completed=settings.completed)
 
     @property
     def dimension(self) -> int:
@@ -538,14 +554,15 @@ def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
     row : mapping
         Of a campaign.
     metric : str
-        A column, or ``margin``.
+        A column, ``margin`` or ``tube``.
     scenario : Scenario
         With the demands.
     """
     if row["status"] != "completed":
         return FAILED
     if metric != MARGIN:
-        return FAILED if row[metric] is None else float(row[metric])
+        found = row[TUBE_SHARE if metric == TUBE else metric]
+        return FAILED if found is None else float(found)
     beyond = [
         sense * (_in_unit_of(name, row[f"{subject}.{in_rad(name)}"]) - bound) / (abs(bound) or 1.0)
         for table in scenario.expect
@@ -653,45 +670,3 @@ def _chosen(plan: Plan, settings: WorstSettings) -> Group:
 
 def _named(scenario: Scenario, title: str) -> Scenario:
     return scenario.model_copy(update={"title": f"the worst flight found of: {title}"})
-
-
-def tube_ratio(path: str | Path, scenario: Scenario) -> dict[str, float]:
-    """Largest half width of a tube over the largest distance of a flight from its middle.
-
-    Parameters
-    ----------
-    path : path-like
-        Parquet file over ``t`` (s) with ``chi_err_low``, ``chi_err_high`` and those of gamma (rad).
-    scenario : Scenario
-        Of one flight, which is flown.
-
-    Returns
-    -------
-    dict of str to float
-        ``chi`` and ``gamma``, 1.
-
-    Raises
-    ------
-    InputError
-        If the file does not hold a tube.
-    """
-    import pandas as pd
-
-    from flighttune.flight.fly import fly
-
-    try:
-        tube = pd.read_parquet(path)
-        tube = tube.set_index("t") if "t" in tube else tube
-        bounds = {
-            name: (tube[f"{name}_err_low"], tube[f"{name}_err_high"]) for name in ("chi", "gamma")
-        }
-    except (OSError, KeyError, ValueError) as error:
-        raise InputError(f"{path}: must hold the signals of a tube, got {error}.") from error
-    signals = fly(scenario).runs[0].signals
-    t, at = (one.index.to_numpy(dtype=float) for one in (signals, tube))
-    ratios = {}
-    for name, (low, high) in bounds.items():
-        middle = np.interp(t, at, 0.5 * (low + high).to_numpy())
-        away = np.abs(signals[f"{name}_err"].to_numpy() - middle)
-        ratios[name] = float(0.5 * np.max(high - low) / np.max(away))
-    return ratios

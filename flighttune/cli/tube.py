@@ -22,7 +22,9 @@ def tube(
     gains: GainsOption = None,
     plant: Annotated[
         str | None,
-        Option(help="Label of the plant as `fly` prints it [default: the first that is no aircraft]."),
+        Option(
+            help="Label of the plant as `fly` prints it [default: the first that is no aircraft]."
+        ),
     ] = None,
     start_deg: Annotated[
         float, Option(help="Distance of the start from the scenario's, course and path angle, deg.")

@@ -14,6 +14,7 @@ from flighttune.cli.show import INTERRUPTED, emit, fail, pick
 from flighttune.present.numbers import number
 
 if TYPE_CHECKING:
+    from flighttune.campaign.planning.tube_bounds import TubeBounds
     from flighttune.campaign.worst import RareMiss, WorstFlight
 
 GONE = "interrupted, nothing is written"
@@ -61,7 +62,10 @@ def worst(
     seed: Annotated[int, Option(help="Of the search.", min=0)] = 1,
     tube: Annotated[
         Path | None,
-        Option(help="Signals of a tube (Parquet); prints the ratio of its width to the flight."),
+        Option(
+            help="Signals of a tube (Parquet): search for the flight nearest to leaving it, and "
+            "print how many times wider it is."
+        ),
     ] = None,
     out: Annotated[
         Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
@@ -76,12 +80,15 @@ def worst(
     """
     check_ending(out, ".toml")
     from flighttune.campaign.engine.cluster import check_installed
-    from flighttune.campaign.worst import WorstSettings, find_worst, rare_miss, tube_ratio
+    from flighttune.campaign.worst import WorstSettings, find_worst, rare_miss
+    from flighttune.flight.fly import fly
 
     check_installed()
+    bounds = None if tube is None else TubeBounds.read(tube)
     settings = WorstSettings(
         budget=budget,
         metric=metric,
+        tube=bounds,
         gains=gains,
         plant=plant,
         completed=completed,
@@ -103,7 +110,7 @@ def worst(
         fail(f"{source}: {GONE}", INTERRUPTED)
     written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
     _write(found, written)
-    ratios = None if tube is None else tube_ratio(tube, found.scenario)
+    ratios = None if bounds is None else bounds.ratios(fly(found.scenario).runs[0])
     answer = {
         **pick(found, "metric value first flights distance radius status missed drawn"),
         **pick(found.group, "plant gains"),

@@ -1,5 +1,6 @@
 """The worst flight and rare misses: against closed forms, and on small campaigns of the law."""
 
+import json
 import math
 from contextlib import contextmanager
 from unittest import mock
@@ -14,6 +15,7 @@ from scipy.stats import chi2, norm
 
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.tube_bounds import TubeBounds
 from flighttune.campaign.worst import (
     WorstSettings,
     find_worst,
@@ -22,7 +24,6 @@ from flighttune.campaign.worst import (
     region_radius,
     search_worst,
     subset_simulation,
-    tube_ratio,
     value_of,
 )
 from flighttune.errors import InputError
@@ -195,20 +196,49 @@ def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
     assert plan.scenario.disturbance.wave == "square"
 
 
-def test_the_ratio_of_a_tube_is_its_half_width_over_the_distance_from_its_middle(tmp_path):
-    scenario = small_plan().scenario_of(2)
-    signals = fly(scenario).runs[0].signals
+def tube_around(signals, path, below=0.03, above=0.01):
     tube = pd.DataFrame({"t": signals.index.to_numpy()})
-    for name in ("chi", "gamma"):
-        error = signals[f"{name}_err"].to_numpy()
-        tube[f"{name}_err_low"], tube[f"{name}_err_high"] = error - 0.03, error + 0.01
-    tube.to_parquet(tmp_path / "tube.parquet")
+    for name in ("chi_err", "gamma_err"):
+        middle = signals[name].to_numpy()
+        tube[f"{name}_low"], tube[f"{name}_high"] = middle - below, middle + above
+    tube.to_parquet(path)
+    return TubeBounds.read(path)
 
-    ratios = tube_ratio(tmp_path / "tube.parquet", scenario)
 
-    assert ratios == pytest.approx({"chi": 2.0, "gamma": 2.0})  # 0.02 wide, 0.01 away
-    with pytest.raises(InputError, match="must hold the signals of a tube"):
-        tube_ratio(tmp_path / "nothing.parquet", scenario)
+def test_a_flight_beside_the_middle_of_a_tube(tmp_path):
+    (run,) = fly(small_plan().scenario_of(2)).runs
+
+    tube = tube_around(run.signals, tmp_path / "tube.parquet")
+
+    # 0.02 half wide, and 0.01 away from its middle
+    assert tube.ratios(run) == pytest.approx({"chi": 2.0, "gamma": 2.0})
+    assert tube.share(run) == pytest.approx(0.5)
+    again = TubeBounds.of(json.loads(json.dumps(tube.as_dict())))
+    assert again.share(run) == tube.share(run)
+
+
+def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
+    """Starts are up to 40 deg apart and the tube is 20 deg wide either side of north."""
+    plan = small_plan()
+    (run,) = fly(plan.scenario_of(2)).runs
+    signals = pd.DataFrame({"chi_err": 0.0, "gamma_err": 0.0}, index=run.signals.index)
+    width = np.radians(20.0)
+    tube = tube_around(signals, tmp_path / "tube.parquet", below=width, above=width)
+    with flown_here(plan):
+        found = find_worst("campaign", WorstSettings(budget=96, tube=tube))
+
+    assert found.metric == "tube"
+    assert 1.7 < found.value <= 2.0 * (1.0 + SAME)  # the start itself, 40 of 20 deg
+
+
+@pytest.mark.parametrize("columns", [{"t": [0.0]}, {"t": [0.0], "chi_err_low": [0.0]}])
+def test_a_file_without_a_tube_is_refused(tmp_path, columns):
+    pd.DataFrame(columns).to_parquet(tmp_path / "tube.parquet")
+
+    with pytest.raises(InputError, match=r"tube.parquet: must hold the signals of a tube"):
+        TubeBounds.read(tmp_path / "tube.parquet")
+    with pytest.raises(InputError, match=r"nothing.parquet: must hold the signals of a tube"):
+        TubeBounds.read(tmp_path / "nothing.parquet")
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,10 @@ RESIDUALS = ("residual_low", "residual_high")
 """Columns of a plan that asks for residual rates: chi and gamma, window by window."""
 
 
+TUBE_SHARE = "tube_share"
+"""Column of a plan with a tube: distance from its middle in half widths, the largest."""
+
+
 def row_schema(plan: Plan) -> pa.Schema:
     """The schema of the rows of a plan.
 
@@ -73,6 +77,7 @@ def row_schema(plan: Plan) -> pa.Schema:
             *(_field(name, pa.float64(), unit_of(*name.split("."))) for name in MEASURES),
             *(_field(name, kind, unit) for name, (kind, unit) in AFTER.items()),
             *(_field(name, pa.list_(pa.float64()), "rad/s") for name in residuals),
+            *(_field(name, pa.float64(), "1") for name in (TUBE_SHARE,) if plan.tube),
         ]
     )
 

@@ -12,7 +12,7 @@ import pyarrow as pa
 from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.alone import fly_group, plant_table
 from flighttune.campaign.flying.claim import claims
-from flighttune.campaign.flying.columns import RESIDUALS, row_schema
+from flighttune.campaign.flying.columns import RESIDUALS, TUBE_SHARE, row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
@@ -147,7 +147,8 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
             group, scenarios[run] = plan.group_of(run), scenario
             table = plant_table(scenario, group.plant)
             law, _ = scenario.law_of(group.gains)
-            if plan.gain_sets[group.gains] is not None and batchable(scenario, table, law):
+            known = plan.gain_sets[group.gains] is not None and plan.tube is None
+            if known and batchable(scenario, table, law):
                 batches.setdefault(group, []).append(run)
                 continue
             begins(run)
@@ -175,11 +176,13 @@ def _fly_alone(
     result = FlightResult(
         run.status, run.reason, measures(run), None if claim is None else claim.outcome(run)
     )
-    columns = _outcome(scenario, group, result, time.perf_counter() - began)
-    if plan.residuals is None or run.status != "completed":
-        return columns
-    extremes = plan.residuals.of_flight(run, scenario.condition)
-    return {**columns, **dict(zip(RESIDUALS, (one.ravel() for one in extremes), strict=True))}
+    columns = dict(_outcome(scenario, group, result, time.perf_counter() - began))
+    if run.status == "completed" and plan.residuals is not None:
+        extremes = plan.residuals.of_flight(run, scenario.condition)
+        columns |= zip(RESIDUALS, (one.ravel() for one in extremes), strict=True)
+    if run.status == "completed" and plan.tube is not None:
+        columns[TUBE_SHARE] = plan.tube.share(run)
+    return columns
 
 
 def _fly_together(

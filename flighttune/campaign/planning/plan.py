@@ -14,6 +14,7 @@ from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.planning.draws import SEED, cycle, drawn, factors
 from flighttune.campaign.planning.places import Place, dispersed_places, with_drawn
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
+from flighttune.campaign.planning.tube_bounds import TubeBounds
 from flighttune.conformance.boxes import ResidualSummary
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
@@ -77,6 +78,8 @@ class Plan:
         nothing.
     given : tuple of mapping, or None
         Draws in place of those of the design, each as `values_of` returns it.
+    tube : TubeBounds or None
+        What rows have the nearness of the flight to; all are flown one by one then.
 
     Raises
     ------
@@ -91,6 +94,7 @@ class Plan:
     aircraft: Mapping[str, str] = field(default_factory=dict)
     residuals: ResidualSummary | None = None
     given: tuple[Mapping[str, Any], ...] | None = None
+    tube: TubeBounds | None = None
 
     def __post_init__(self) -> None:
         if self.runs < 1:
@@ -239,6 +243,7 @@ class Plan:
                 "central": _plain(self.campaign.central),
                 **({"residuals": self.residuals.as_dict()} if self.residuals else {}),
                 **({"given": [dict(one) for one in self.given]} if self.given else {}),
+                **({"tube": self.tube.as_dict()} if self.tube else {}),
             }
         )
 
@@ -335,6 +340,7 @@ class _PlanTables(Table):
     central: Scenario
     residuals: dict[str, Any] | None = None
     given: list[dict[str, Any]] | None = None
+    tube: dict[str, Any] | None = None
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
@@ -368,6 +374,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         aircraft=read.aircraft,
         residuals=None if read.residuals is None else ResidualSummary.of(read.residuals),
         given=None if read.given is None else tuple(read.given),
+        tube=None if read.tube is None else TubeBounds.of(read.tube),
     )
 
 

@@ -1,0 +1,99 @@
+"""Bounds of a tube over time, and how near a flight comes to them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+from flighttune.simulate.run import Run
+
+ERRORS = ("chi_err", "gamma_err")
+
+NARROWEST = 1e-9
+"""Half width (rad) below which a tube counts as that wide: it may begin at a point."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TubeBounds:
+    """What the errors of a flight are enclosed by.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,), s
+    low, high : ndarray, shape (n, 2), rad
+        Of the errors of course and flight-path angle.
+    """
+
+    t: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def read(cls, path: str | Path) -> "TubeBounds":
+        """The bounds in the signals of a tube.
+
+        Parameters
+        ----------
+        path : path-like
+            Parquet file over ``t`` (s) with ``chi_err_low``, ``chi_err_high`` and those of gamma
+            (rad).
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or holds no such bounds.
+        """
+        try:
+            table = pq.read_table(path)
+            low, high = (
+                np.column_stack([table[f"{name}_{end}"].to_numpy() for name in ERRORS])
+                for end in ("low", "high")
+            )
+            t = table["t"].to_numpy()
+        except (OSError, KeyError, pa.ArrowException) as error:
+            why = " ".join(str(error).split())
+            raise InputError(f"{path}: must hold the signals of a tube, got {why}.") from error
+        if not (len(t) and (high >= low).all()):
+            raise InputError(f"{path}: must hold lower bounds below upper ones, got others.")
+        return cls(t=t, low=low, high=high)
+
+    def distances(self, run: Run) -> FloatArray:
+        """Distance of the errors of a flight from the middle of the tube, shape (samples, 2)."""
+        t = run.signals.index.to_numpy(dtype=float)
+        middle = 0.5 * (self.low + self.high)
+        return np.column_stack(
+            [
+                np.abs(run.signals[name].to_numpy() - np.interp(t, self.t, column))
+                for name, column in zip(ERRORS, middle.T, strict=True)
+            ]
+        )
+
+    def share(self, run: Run) -> float:
+        """Largest distance of a flight from the middle in half widths: it leaves the tube at 1."""
+        t = run.signals.index.to_numpy(dtype=float)
+        half = 0.5 * (self.high - self.low)
+        widths = np.column_stack([np.interp(t, self.t, column) for column in half.T])
+        return float(np.max(self.distances(run) / np.maximum(widths, NARROWEST)))
+
+    def ratios(self, run: Run) -> dict[str, float]:
+        """Largest half width over the largest distance of a flight from the middle, by channel."""
+        half, away = 0.5 * (self.high - self.low), self.distances(run)
+        return {
+            name.removesuffix("_err"): float(half[:, i].max() / away[:, i].max())
+            for i, name in enumerate(ERRORS)
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """The bounds as plain values; `of` reads them."""
+        return {name: getattr(self, name).tolist() for name in ("t", "low", "high")}
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "TubeBounds":
+        """The bounds that `as_dict` wrote."""
+        return cls(**{name: np.array(values[name]) for name in ("t", "low", "high")})
