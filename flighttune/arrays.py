@@ -33,14 +33,18 @@ def check_finite(unit: str = "", **values: npt.ArrayLike) -> None:
             raise InputError(f"`{name}` must be finite, got {value} {unit}".rstrip() + ".")
 
 
-def read_only_matrix(name: str, value: npt.ArrayLike) -> FloatArray:
-    """Return `value` as a finite, read-only copy with two axes."""
-    return _read_only(name, value, axes=2)
+def read_only_matrix(
+    name: str, value: npt.ArrayLike, shape: tuple[int, int] | None = None
+) -> FloatArray:
+    """Return `value` as a finite, read-only copy with two axes, of `shape` if given."""
+    return _read_only(name, value, shape, axes=2)
 
 
-def read_only_vector(name: str, value: npt.ArrayLike) -> FloatArray:
-    """Return `value` as a finite, read-only copy with one axis."""
-    return _read_only(name, value, axes=1)
+def read_only_vector(
+    name: str, value: npt.ArrayLike, shape: tuple[int] | None = None
+) -> FloatArray:
+    """Return `value` as a finite, read-only copy with one axis, of `shape` if given."""
+    return _read_only(name, value, shape, axes=1)
 
 
 def square_matrices(name: str, value: npt.ArrayLike) -> FloatArray:
@@ -53,10 +57,14 @@ def square_matrices(name: str, value: npt.ArrayLike) -> FloatArray:
     return matrices
 
 
-def _read_only(name: str, value: npt.ArrayLike, *, axes: int) -> FloatArray:
+def _read_only(
+    name: str, value: npt.ArrayLike, shape: tuple[int, ...] | None, *, axes: int
+) -> FloatArray:
     array = np.array(value, dtype=float)
     if array.ndim != axes:
         raise ShapeError(f"`{name}` must have {axes} axes, got shape {array.shape}.")
+    if shape is not None and array.shape != shape:
+        raise ShapeError(f"`{name}` must have shape {shape}, got {array.shape}.")
     if not np.isfinite(array).all():
         raise InputError(f"`{name}` must be finite, got {array.tolist()}.")
     array.flags.writeable = False

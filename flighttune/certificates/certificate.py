@@ -9,7 +9,7 @@ from flighttune.arrays import FloatArray, check_positive, read_only_matrix
 from flighttune.control.envelope import Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LAW_NAMES, LinearModel
-from flighttune.errors import InputError, ShapeError
+from flighttune.errors import InputError
 from flighttune.present.numbers import matrix, number
 from flighttune.present.tables import Table
 
@@ -113,11 +113,7 @@ class Certificate:
         n, _, p = self.model.shape
         for name in ("Q", "W"):
             if getattr(self, name) is not None:
-                matrix = read_only_matrix(name, getattr(self, name))
-                if matrix.shape != (n + p, n + p):
-                    raise ShapeError(
-                        f"`{name}` must have shape {(n + p, n + p)}, got {matrix.shape}."
-                    )
+                matrix = read_only_matrix(name, getattr(self, name), (n + p, n + p))
                 object.__setattr__(self, name, matrix)
         given = [self.claim.radius is None, self.W is None, self.multiplier is None]
         if len(set(given)) > 1:

@@ -28,16 +28,18 @@ AircraftArgument = Annotated[
 HeightOption = Annotated[float, Option("--h", help="Height above sea level in m.")]
 
 
+def _airspeeds(default: str) -> Any:
+    return Option("--V-a", help=f"Airspeed in m/s; repeatable [default: {default}].")
+
+
+def _path_angles(default: str) -> Any:
+    return Option("--gamma", help=f"Flight-path angle in deg; repeatable [default: {default}].")
+
+
 def trim(
     aircraft: AircraftArgument,
-    V_a: Annotated[
-        list[float] | None,
-        Option("--V-a", help="Airspeed in m/s; repeatable [default: six over the envelope]."),
-    ] = None,
-    gamma: Annotated[
-        list[float] | None,
-        Option("--gamma", help="Flight-path angle in deg; repeatable [default: -10 to 45]."),
-    ] = None,
+    V_a: Annotated[list[float] | None, _airspeeds("six over the envelope")] = None,
+    gamma: Annotated[list[float] | None, _path_angles("-10 to 45")] = None,
     phi: Annotated[float, Option("--phi", help="Bank angle in deg.")] = 0.0,
     h: HeightOption = 1000.0,
     as_json: JsonOption = False,
@@ -107,14 +109,8 @@ def design(
 
 def identify(
     aircraft: AircraftArgument,
-    V_a: Annotated[
-        list[float] | None,
-        Option("--V-a", help="Airspeed in m/s; repeatable [default: that of the design]."),
-    ] = None,
-    gamma: Annotated[
-        list[float] | None,
-        Option("--gamma", help="Flight-path angle in deg; repeatable [default: 0]."),
-    ] = None,
+    V_a: Annotated[list[float] | None, _airspeeds("that of the design")] = None,
+    gamma: Annotated[list[float] | None, _path_angles("0")] = None,
     h: HeightOption = 1000.0,
     seed: Annotated[int, Option(help="Seed of the excitation.", min=0)] = 0,
     out: Annotated[

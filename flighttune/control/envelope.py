@@ -18,7 +18,7 @@ import numpy as np
 from flighttune.arrays import FloatArray, check_positive, read_only_vector
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LAW_NAMES, LinearModel, closed_loop
-from flighttune.errors import InputError, ShapeError
+from flighttune.errors import InputError
 from flighttune.units import DEG
 
 ENTRIES = ("a", "b1", "b2", "b3")
@@ -125,9 +125,7 @@ class JacobianHull:
 
     def __post_init__(self) -> None:
         for name in ("lower", "upper"):
-            ends = read_only_vector(name, getattr(self, name))
-            if ends.shape != (len(ENTRIES),):
-                raise ShapeError(f"`{name}` must have shape ({len(ENTRIES)},), got {ends.shape}.")
+            ends = read_only_vector(name, getattr(self, name), (len(ENTRIES),))
             object.__setattr__(self, name, ends)
         if not (self.lower <= self.upper).all():
             raise InputError(

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, read_only_matrix
-from flighttune.errors import ShapeError
 
 COMMANDS = ("phi", "n_z")
 """What gains of the paper's law act on."""
@@ -41,12 +40,7 @@ class PIGains:
     def __post_init__(self) -> None:
         shape = len(self.inputs), len(self.errors)
         for name in ("K_P", "K_I"):
-            gain = read_only_matrix(name, getattr(self, name))
-            if gain.shape != shape:
-                raise ShapeError(
-                    f"`{name}` must have shape {shape} (inputs, errors), got {gain.shape}."
-                )
-            object.__setattr__(self, name, gain)
+            object.__setattr__(self, name, read_only_matrix(name, getattr(self, name), shape))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PIGains):

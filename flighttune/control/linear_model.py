@@ -36,10 +36,7 @@ class LinearModel:
     def __post_init__(self) -> None:
         n, m, p = len(self.states), len(self.inputs), len(self.errors)
         for name, shape in (("A", (n, n)), ("B", (n, m)), ("C", (p, n))):
-            matrix = read_only_matrix(name, getattr(self, name))
-            if matrix.shape != shape:
-                raise ShapeError(f"`{name}` must have shape {shape}, got {matrix.shape}.")
-            object.__setattr__(self, name, matrix)
+            object.__setattr__(self, name, read_only_matrix(name, getattr(self, name), shape))
 
     @property
     def names(self) -> tuple[tuple[str, ...], ...]:

@@ -178,9 +178,7 @@ def state_scaling(scaling: npt.ArrayLike | None, n: int) -> FloatArray:
     ShapeError, InputError
         If it does not have n entries, or one is not positive.
     """
-    scale = read_only_vector("scaling", np.ones(n) if scaling is None else scaling)
-    if scale.shape != (n,):
-        raise ShapeError(f"`scaling` must have shape ({n},), got {scale.shape}.")
+    scale = read_only_vector("scaling", np.ones(n) if scaling is None else scaling, (n,))
     if not (scale > 0.0).all():
         raise InputError(f"`scaling` must be positive, got {scale.tolist()}.")
     return scale

@@ -92,10 +92,7 @@ class TuningProblem:
             raise ShapeError(f"`limits` must have {m} channels, got {limits.lower.size}.")
         if self.x_0 is None:
             raise InputError("`x_0` must be given with `limits`.")
-        x_0 = read_only_vector("x_0", self.x_0)
-        if x_0.shape != (p,):
-            raise ShapeError(f"`x_0` must have shape ({p},), got {x_0.shape}.")
-        object.__setattr__(self, "x_0", x_0)
+        object.__setattr__(self, "x_0", read_only_vector("x_0", self.x_0, (p,)))
 
     @property
     def gain_bounds(self) -> tuple[FloatArray, FloatArray]:

@@ -97,12 +97,7 @@ def run_campaign(
     return CampaignOutcome(
         dataset=str(out),
         planned=plan.runs,
-        runs=tally.runs,
-        completed=tally.completed,
-        failed=tally.failed,
-        crashed=tally.crashed,
-        succeeded=tally.succeeded,
-        statuses=dict(sorted(tally.statuses.items())),
+        **tally.counts(),
         flown=pool.flown,
         kept=len(dataset.kept),
         wall_s=wall,

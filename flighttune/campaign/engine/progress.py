@@ -40,6 +40,12 @@ class Tally:
         """All others: they ended early, never began, or took too long."""
         return self.runs - self.completed - self.crashed
 
+    def counts(self) -> dict[str, Any]:
+        """All counts by name, as `CampaignOutcome` has them."""
+        names = ("runs", "completed", "failed", "crashed", "succeeded")
+        counts = {name: getattr(self, name) for name in names}
+        return {**counts, "statuses": dict(sorted(self.statuses.items()))}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignProgress:
