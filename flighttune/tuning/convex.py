@@ -109,4 +109,5 @@ def state_feedback(
         return None
     if problem.status not in ("optimal", "optimal_inaccurate"):
         return None
-    return np.linalg.solve(W.value, Y.value.T).T / scale
+    found_W, found_Y = (np.asarray(one.value, dtype=float) for one in (W, Y))
+    return np.linalg.solve(found_W, found_Y.T).T / scale
