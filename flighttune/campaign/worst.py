@@ -43,6 +43,12 @@ REGION = 0.999
 POPULATION = 32
 """Flights of a generation: enough to keep workers busy."""
 
+SEEDS_EVERY = 6
+"""Every so many generations the worst draw so far is flown with other seeds."""
+
+SPREAD = 0.5
+"""First step of a search about the worst draw so far, in standard deviations."""
+
 FAILED = 1e3
 """Value of a flight that was not flown to its end, beyond all others."""
 
@@ -224,8 +230,8 @@ def find_worst(
     -----
     Evolution strategy with covariance matrix adaptation [1]_ on the normal scores of the dispersed
     keys, from their distribution itself. The region is the ball that holds `REGION` of them; a
-    point outside is moved to its surface. Chance (turbulence, noise) is that of the worst flight of
-    the first generation.
+    point outside is moved to its surface. Chance (turbulence, noise) is that of the worst flight so
+    far; every `SEEDS_EVERY` generations that flight is flown with other seeds.
 
     References
     ----------
@@ -344,25 +350,31 @@ def search_worst(
         return None
     at = int(np.argmax(found))
     best, chance, worst, spent = z[at], int(seeds[at]), float(found[at]), POPULATION
-    first, restarts = worst, 0
+    first, strategy, generation = worst, None, 0
     while spent + POPULATION <= budget:
-        strategy = cma.CMAEvolutionStrategy(
-            best, 0.5, {"popsize": POPULATION, "seed": seed + restarts + 1, "verbose": -9}
-        )
-        while spent + POPULATION <= budget and not strategy.stop():
+        generation += 1
+        if generation % SEEDS_EVERY == 0:  # other chance for the worst so far
+            z = asked = np.tile(best, (POPULATION, 1))
+            seeds = rng.integers(0, 2**31, POPULATION)
+        else:
+            if strategy is None or strategy.stop():
+                settings = {"popsize": POPULATION, "seed": seed + generation, "verbose": -9}
+                strategy = cma.CMAEvolutionStrategy(best, SPREAD, settings)
             asked = np.array(strategy.ask())
-            z = inside(asked)
-            found = values(Draws(z, np.full(len(z), chance)))
-            if found is None:
-                return None
-            spent += len(z)
+            z, seeds = inside(asked), np.full(POPULATION, chance)
+        found = values(Draws(z, seeds))
+        if found is None:
+            return None
+        spent += POPULATION
+        if generation % SEEDS_EVERY and strategy is not None:
             # What lies outside is worth as much as its point on the surface, and less the further.
             over = np.linalg.norm(asked - z, axis=1)
             strategy.tell(list(asked), (-found + (1e-3 + np.std(found)) * over**2).tolist())
-            at = int(np.argmax(found))
-            if found[at] > worst:
-                best, worst = z[at], float(found[at])
-        restarts += 1
+        at = int(np.argmax(found))
+        if found[at] > worst:
+            best, worst = z[at], float(found[at])
+            if seeds[at] != chance:
+                chance, strategy = int(seeds[at]), None
     return best, chance, first
 
 

@@ -9,6 +9,7 @@ from unittest import mock
 import numpy as np
 import pyarrow as pa
 import pytest
+from campaigns import write_campaign
 from commands import answer, flighttune
 from dispersed import AEROSONDE, TURBULENCE, WIND, plan_of, tables_of, uniform
 
@@ -279,3 +280,15 @@ def test_the_command_writes_what_it_says(tmp_path):
     assert said["outside"] == 0
     written = load_conformance(said["out"])
     assert said["boxes"]["d_chi_rad_s"][0] == [written.boxes.low[0, 0], written.boxes.high[0, 0]]
+
+
+@pytest.mark.slow
+def test_workers_fly_what_is_learned_and_counted(tmp_path):
+    still = write_campaign(tmp_path, runs=20, law=False, wind="")
+    options = ("--epsilon", 0.5, "--confidence", 0.75, "--attempts", 4, "--workers", 1)
+
+    said = answer("conform", still, *options, "--out", tmp_path / "boxes.json")
+
+    assert said["attempts"][0]["learned"] == 10  # 20 runs are 10 draws of two gain sets
+    assert said["status"] == "counted"
+    assert load_conformance(said["out"]).air == "calm"
