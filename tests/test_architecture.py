@@ -1,4 +1,4 @@
-"""Imports point one way, between rooms and inside them; heavy libraries stay behind one door."""
+"""Imports point one way, between packages and inside them; heavy libraries stay behind one door."""
 
 import ast
 import re
@@ -61,7 +61,7 @@ def test_no_module_is_reached_from_its_own_imports():
     assert circle_of(IMPORTS) is None
 
 
-@pytest.mark.parametrize("depth", [1, 2], ids=["rooms", "folders of rooms"])
+@pytest.mark.parametrize("depth", [1, 2], ids=["packages", "folders of packages"])
 def test_folders_import_each_other_one_way(depth):
     graph = defaultdict(set)
     for module, imports in IMPORTS.items():
@@ -71,7 +71,7 @@ def test_folders_import_each_other_one_way(depth):
 
 
 def rows_of_the_map():
-    """The rooms that the README lists, lowest first; those of one row do not import each other."""
+    """Packages in the README, lowest first; those of one row do not import each other."""
     block = (ROOT / "README.md").read_text(encoding="utf-8").split("```\nflighttune/\n")[1]
     for line in block.split("\n```")[0].splitlines():
         if re.match(r"  \w", line):
@@ -79,15 +79,15 @@ def rows_of_the_map():
 
 
 def test_the_map_in_the_readme_names_every_room_and_imports_point_up_the_list():
-    rank = {room: row for row, rooms in enumerate(rows_of_the_map()) for room in rooms}
+    rank = {package: row for row, packages in enumerate(rows_of_the_map()) for package in packages}
     names = {folder_of(module, 1).removeprefix("flighttune.") for module in MODULES}
     assert set(rank) == names
     for module, imports in IMPORTS.items():
         own = rank[folder_of(module, 1).removeprefix("flighttune.")]
         for other in imports:
-            room = folder_of(other, 1).removeprefix("flighttune.")
-            if not module.startswith(f"flighttune.{room}"):
-                assert rank[room] < own or own == rank[room] == 0, f"{module} imports {other}"
+            package = folder_of(other, 1).removeprefix("flighttune.")
+            if not module.startswith(f"flighttune.{package}"):
+                assert rank[package] < own or own == rank[package] == 0, f"{module} imports {other}"
 
 
 @pytest.mark.parametrize("library", ONLY_IN)
