@@ -14,7 +14,6 @@ from flighttune.cli.show import INTERRUPTED, emit, fail, pick
 from flighttune.present.numbers import number
 
 if TYPE_CHECKING:
-    from flighttune.campaign.planning.tube_bounds import TubeBounds
     from flighttune.campaign.worst import RareMiss, WorstFlight
 
 GONE = "interrupted, nothing is written"
@@ -80,6 +79,7 @@ def worst(
     """
     check_ending(out, ".toml")
     from flighttune.campaign.engine.cluster import check_installed
+    from flighttune.campaign.planning.tube_bounds import TubeBounds
     from flighttune.campaign.worst import WorstSettings, find_worst, rare_miss
     from flighttune.flight.fly import fly
 

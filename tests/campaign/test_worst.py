@@ -240,7 +240,14 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     with flown_here(plan):
         found = find_worst("campaign", WorstSettings(budget=96, tube=tube))
 
-    assert found.metric == "tube"
+        said = answer(
+            "worst", "campaign", "--budget", 32, "--tube", tmp_path / "tube.parquet", "--out",
+            tmp_path / "worst.toml",
+        )  # fmt: skip
+
+    assert said["metric"] == found.metric == "tube"
+    # 20 deg of half width over the largest distance, the same number as the share's inverse
+    assert min(said["ratio"].values()) == pytest.approx(1.0 / said["value"], rel=1e-6)
     assert 1.7 < found.value <= 2.0 * (1.0 + SAME)  # the start itself, 40 of 20 deg
 
 
