@@ -4,7 +4,7 @@ import codecs
 import io
 import os
 import sys
-from typing import Any
+from typing import Any, BinaryIO, cast
 
 WORDS = "flighttune.words"
 """Name of the error handler that writes what an encoding lacks in ASCII."""
@@ -58,12 +58,13 @@ class StandardStreams:
             return None
         stream.flush()
         descriptor = _Descriptor(stream.fileno(), "wb", closefd=False)
+        unbuffered = stream.write_through  # python -u
         wrapped = io.TextIOWrapper(
-            io.BufferedWriter(descriptor),
+            cast("BinaryIO", descriptor if unbuffered else io.BufferedWriter(descriptor)),
             encoding=stream.encoding,
             errors=WORDS,
             line_buffering=stream.line_buffering,
-            write_through=stream.write_through,
+            write_through=unbuffered,
         )
         setattr(sys, name, wrapped)
         return descriptor
