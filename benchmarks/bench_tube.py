@@ -51,7 +51,7 @@ def flown(found, count, rng):
     x = np.array(loop.start[:2])[:, np.newaxis] + problem.start * edge * rng.choice(
         [-1.0, 1.0], (2, count)
     )
-    u = np.repeat(np.array(loop.start[2:])[:, np.newaxis], count, axis=1)
+    u = np.stack([np.full(count, loop.start[2]), np.cos(x[1]) / np.cos(loop.start[2])])
     integral, before, d = np.zeros((2, count)), None, None
     hold = rng.choice(HOLDS, count)
     shift, bang = rng.integers(0, hold), rng.random(count) < 0.7

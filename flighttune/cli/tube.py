@@ -36,6 +36,10 @@ def tube(
             "amplitudes of the scenario's sinusoid, or none]."
         ),
     ] = None,
+    conformance: Annotated[
+        Path | None,
+        Option(help="File of `flighttune conform`: the tube is of its aircraft, in its boxes."),
+    ] = None,
     out: Annotated[
         Path | None, Option("--out", help="Proof file (.npz) to write; `verify` checks it.")
     ] = None,
@@ -47,6 +51,7 @@ def tube(
     """
     import time
 
+    from flighttune.conformance import load_conformance
     from flighttune.scenario import load_scenario
     from flighttune.tube.flights import flights_inside
     from flighttune.tube.proof import save_tube
@@ -64,6 +69,7 @@ def tube(
             plant=plant,
             start=start_deg * DEG,
             disturbance=disturbance,
+            conformance=conformance and load_conformance(conformance),
             progress=progress and (lambda part: progress(f"tube {name}", part)),
         )
     inside = flights_inside(found)

@@ -28,12 +28,7 @@ def _flights(tube: Tube) -> Iterator[pd.DataFrame]:
     (table,) = (one for one in scenario.plant if one.label == problem.plant)
     corners = {(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}
     for chi, gamma in sorted(corners):
-        start = replace(
-            condition,
-            chi=condition.chi + chi,
-            gamma=condition.gamma + gamma,
-            n_z=condition.n_z_start,
-        )
+        start = replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma)
         signals, _ = simulate(
             plant_of(table, scenario),
             problem.controller(),

@@ -1,12 +1,16 @@
 """What a tube is asked about: a scenario's flights, from where, and under which disturbances."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.conformance import Conformance
 from flighttune.control.gains import PIGains
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError
 from flighttune.scenario.schema import Scenario
@@ -19,10 +23,9 @@ MODELS = {
     "kinematic": "the paper's law",
     "point_mass": "the exact point mass",
     "point_mass_lag": "the exact point mass behind lags",
+    "jsbsim": "the exact point mass behind the identified lag",
 }
 """Kinds of plants whose flights can be enclosed, in words."""
-
-ENCLOSED = tuple(MODELS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,6 +43,15 @@ class TubeProblem:
     d_low, d_high : ndarray, shape (k, 2), rad/s
         Between which the disturbance of the course and of the flight-path-angle rate is, in any
         shape, from each of the k samples to the next.
+    reference : ndarray, shape (k, 4), rad, rad, rad, 1
+        Course and flight-path angle to follow, and the commands planned for them; zeros where none
+        are.
+    limits : Limits
+        Of the commands.
+    lags : tuple of InnerLag, length 0 or 2
+        Of roll and load factor.
+    basis : str
+        On what the disturbance of an aircraft rests; empty for other plants.
     """
 
     scenario: Scenario
@@ -48,6 +60,10 @@ class TubeProblem:
     start: float
     d_low: FloatArray
     d_high: FloatArray
+    reference: FloatArray
+    limits: Limits
+    lags: tuple[InnerLag, ...] = ()
+    basis: str = ""
 
     def __post_init__(self) -> None:
         _check_known(self.scenario, self.plant)
@@ -55,41 +71,45 @@ class TubeProblem:
             raise InputError(
                 f"`start` must lie in 0..45 deg, got {math.degrees(self.start):g} deg."
             )
-        for name in ("d_low", "d_high"):
-            object.__setattr__(self, name, read_only_matrix(name, getattr(self, name)))
-        shape = (len(self.t), 2)
-        if self.d_low.shape != shape or self.d_high.shape != shape:
-            raise InputError(
-                f"`d_low` and `d_high` must have shape {shape}, a row a sample, got "
-                f"{self.d_low.shape} and {self.d_high.shape}."
-            )
+        k = len(self.t)
+        for name, columns in (("d_low", 2), ("d_high", 2), ("reference", 4)):
+            given = read_only_matrix(name, getattr(self, name))
+            if given.shape != (k, columns):
+                raise InputError(f"`{name}` must have shape {(k, columns)}, got {given.shape}.")
+            object.__setattr__(self, name, given)
         if not (self.d_low <= self.d_high).all():
             raise InputError("`d_low` must not be above `d_high`.")
-        loop = self.loop()
-        for i, law in enumerate(loop.channels):
-            if not law.lower <= loop.start[2 + i] <= law.upper:
+        condition = self.scenario.condition
+        ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
+        for name, law, starts in zip(
+            ("phi_deg", "n_z"),
+            self.controller().law.channels,
+            ([condition.phi], [condition.n_z_start, *(one.n_z_start for one in ends)]),
+            strict=True,
+        ):
+            if not law.lower <= min(starts) <= max(starts) <= law.upper:
                 raise InputError(
-                    f"`{('phi_deg', 'n_z')[i]}` of [flight] must start inside its range, "
-                    f"got {loop.start[2 + i]:g} outside {law.lower:g}..{law.upper:g} (rad, 1)."
+                    f"`{name}` of [flight] must start inside its range, got {min(starts):g} to "
+                    f"{max(starts):g} outside {law.lower:g}..{law.upper:g} (rad, 1)."
                 )
 
     @property
     def model(self) -> str:
         """What flies, in words."""
-        return MODELS[_enclosed(self.scenario, self.plant).kind]
+        kind = MODELS[plant_table(self.scenario, self.plant).kind]
+        return f"{kind}; {self.basis}" if self.basis else kind
 
     @property
     def t(self) -> FloatArray:
         """Times of the samples, s."""
-        dt = 1.0 / self.scenario.controller.rate_hz
-        return np.arange(round(self.scenario.flight.duration_s / dt) + 1, dtype=np.float64) * dt
+        return sample_times(self.scenario)
 
     def controller(self) -> MimoPI:
         """A controller that has not flown."""
         settings = self.scenario.controller
         return MimoPI(
             self.gains,
-            self.scenario.limits.limits(),
+            self.limits,
             dt=1.0 / settings.rate_hz,
             anti_windup=settings.anti_windup,
             feed_forward=settings.feed_forward,
@@ -97,28 +117,26 @@ class TubeProblem:
 
     def loop(self) -> SampledLoop:
         """The loop as it flies: the numbers of the controller and of the plant themselves."""
-        scenario, controller = self.scenario, self.controller()
-        table = _enclosed(scenario, self.plant)
-        flight, condition, reference = scenario.flight, scenario.condition, scenario.followed()
-        chi_ref, gamma_ref = reference.sampled(self.t)
-        planned = np.zeros((len(self.t), 2))
-        of_commands = isinstance(reference, FeasibleReference)
-        if of_commands and controller.feed_forward:
-            planned = reference.commands(self.t)
+        controller, flight, condition = (
+            self.controller(),
+            self.scenario.flight,
+            self.scenario.condition,
+        )
+        planned = self.reference[:, 2:]
         return SampledLoop(
             channels=controller.law.channels,
             conditional=controller.law.conditional,
-            feed_forward=controller.feed_forward and not of_commands,
+            feed_forward=controller.feed_forward and not planned.any(),
             planned=planned,
             dt=controller.dt,
             g_over_v=flight.g_mps2 / flight.V_a_mps,
-            chi_ref=chi_ref,
-            gamma_ref=gamma_ref,
+            chi_ref=self.reference[:, 0],
+            gamma_ref=self.reference[:, 1],
             d_low=self.d_low,
             d_high=self.d_high,
-            start=(condition.chi, condition.gamma, condition.phi, condition.n_z_start),
-            exact=table.kind != "kinematic",
-            lags=tuple(SampledLag.of(lag, controller.dt) for lag in table.lags() or ()),
+            start=(condition.chi, condition.gamma, condition.phi, condition.n_z),
+            exact=plant_table(self.scenario, self.plant).kind != "kinematic",
+            lags=tuple(SampledLag.of(lag, controller.dt) for lag in self.lags),
         )
 
 
@@ -129,6 +147,7 @@ def tube_problem(
     plant: str | None = None,
     start: float = 0.0,
     disturbance: float | None = None,
+    conformance: Conformance | None = None,
 ) -> TubeProblem:
     """The flights of a scenario on one of its plants.
 
@@ -137,18 +156,94 @@ def tube_problem(
     scenario : Scenario
     gains : PIGains
     plant : str, optional
-        Label of a plant; by default the first whose flights can be enclosed.
+        Label of a plant; by default the first aircraft with a conformance, else the first plant
+        that is none.
     start : float, rad
         Course and flight-path angle start within this of the scenario's.
     disturbance : float, rad/s, optional
         The disturbance of each rate is within this of zero, in any shape; by default within the
         amplitudes of the scenario's sinusoid, or zero.
+    conformance : Conformance, optional
+        Of an aircraft: its model flies, under every disturbance in its boxes.
 
     Raises
     ------
     InputError
         If a value cannot be used, or the tube does not know the law.
     """
+    kinds = ("jsbsim",) if conformance else tuple(kind for kind in MODELS if kind != "jsbsim")
+    table = plant_table(scenario, plant, kinds)
+    _check_known(scenario, table.label)
+    t = sample_times(scenario)
+    reference = scenario.followed()
+    followed = np.zeros((len(t), 4))
+    followed[:, :2] = np.stack(reference.sampled(t), axis=1)
+    if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
+        followed[:, 2:] = reference.commands(t)
+    limits, lags, basis = scenario.limits.limits(), table.lags() or (), ""
+    if table.aircraft is None:
+        d_high = _within(scenario, disturbance, len(t))
+        d_low = -d_high
+    else:
+        if conformance is None:
+            raise InputError(
+                f"`conformance` must be given for the tube of an aircraft, got {table.label} "
+                "without: `flighttune conform` makes one."
+            )
+        if disturbance is not None:
+            raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
+        if scenario.controller.feed_forward and not followed[:, 2:].any():
+            raise InputError(
+                "`feed_forward` must be off, or [reference] of shape feasible, for the tube of an "
+                "aircraft: no box is known for the roll that the feed-forward sees."
+            )
+        conformance.check(scenario, table, gains)
+        if not conformance.holds:
+            raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
+        limits = limits.within(load_aircraft(table.aircraft).limits.limits())
+        lags, basis = conformance.model.lags, conformance.sentence
+        low, high = conformance.boxes.over(t, followed[:, 0], followed[:, 1])
+        d_low, d_high = (np.concatenate([one, one[-1:]]) for one in (low, high))
+    return TubeProblem(
+        scenario=scenario,
+        gains=gains,
+        plant=table.label,
+        start=start,
+        d_low=d_low,
+        d_high=d_high,
+        reference=followed,
+        limits=limits,
+        lags=lags,
+        basis=basis,
+    )
+
+
+def sample_times(scenario: Scenario) -> FloatArray:
+    """Times of the samples of the controller, s."""
+    dt = 1.0 / scenario.controller.rate_hz
+    return np.arange(round(scenario.flight.duration_s / dt) + 1, dtype=np.float64) * dt
+
+
+def plant_table(
+    scenario: Scenario, plant: str | None, kinds: tuple[str, ...] = tuple(MODELS)
+) -> PlantTable:
+    """The plant of a label; without one the first of one of `kinds`.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    for table in scenario.plant:
+        if table.label == plant or (plant is None and table.kind in kinds):
+            return table
+    known = ", ".join(table.label for table in scenario.plant)
+    wanted = f"of kind {' or '.join(kinds)}" if plant is None else f"one of {known}"
+    raise InputError(f"`plant` must be {wanted} for this tube, got {plant or known}.")
+
+
+def _within(scenario: Scenario, disturbance: float | None, samples: int) -> FloatArray:
+    """Upper bounds of a disturbance that is within as much of zero, shape (samples, 2)."""
     table = scenario.disturbance
     flown = (0.0, 0.0) if table is None else (table.chi_amplitude, table.gamma_amplitude)
     if disturbance is not None and not (math.isfinite(disturbance) and disturbance > 0.0):
@@ -158,31 +253,12 @@ def tube_problem(
             f"`disturbance` must be at least that of the scenario's [disturbance], "
             f"{max(map(abs, flown)):g} rad/s, got {disturbance:g} rad/s."
         )
-    samples = round(scenario.flight.duration_s * scenario.controller.rate_hz) + 1
-    within = np.abs(flown) if disturbance is None else np.full(2, disturbance)
-    high = np.tile(within, (samples, 1))
-    label = _enclosed(scenario, plant).label
-    return TubeProblem(
-        scenario=scenario, gains=gains, plant=label, start=start, d_low=-high, d_high=high
-    )
-
-
-def _enclosed(scenario: Scenario, plant: str | None) -> PlantTable:
-    for table in scenario.plant:
-        if table.label == plant or (plant is None and table.kind in ENCLOSED):
-            return table
-    known = ", ".join(table.label for table in scenario.plant)
-    wanted = f"of kind {' or '.join(ENCLOSED)}" if plant is None else f"one of {known}"
-    raise InputError(f"`plant` must be {wanted} for a tube, got {plant or known}.")
+    return np.tile(np.abs(flown) if disturbance is None else np.full(2, disturbance), (samples, 1))
 
 
 def _check_known(scenario: Scenario, plant: str) -> None:
     """Refuse what no set is known for."""
-    table = _enclosed(scenario, plant)
-    if table.kind not in ENCLOSED:
-        raise InputError(
-            f"`plant` must be of kind {' or '.join(ENCLOSED)} for a tube, got {table.label}."
-        )
+    plant_table(scenario, plant)
     swings = scenario.disturbance is not None and scenario.disturbance.as_wind
     for key, given in (("sensors", scenario.sensors), ("wind", scenario.windy or swings)):
         if given:

@@ -3,6 +3,7 @@
 import json
 import zipfile
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.scenario.load import scenario_from
 from flighttune.theory.certificate import Check, Verification
@@ -21,6 +24,8 @@ from flighttune.whole_file import whole_file
 
 FORMAT = "flighttune tube 1"
 """Readers refuse what they do not know."""
+
+LIMITS = ("lower", "upper", "rate_lower", "rate_upper")
 
 LOOSER = 1e-9
 """By how much, rad and 1, the bounds in a file are wider than proven: another machine may add up
@@ -57,6 +62,8 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         "gains": problem.gains.as_lists(),
         "plant": problem.plant,
         "start_rad": problem.start,
+        "lags": [asdict(lag) for lag in problem.lags],
+        "basis": problem.basis,
         "settings": tube.settings._asdict(),
     }
     with whole_file(Path(path)) as part, part.open("wb") as file:
@@ -65,6 +72,8 @@ def save_tube(tube: Tube, path: str | Path) -> None:
             claim=np.array(json.dumps(claim)),
             d_low=problem.d_low,
             d_high=problem.d_high,
+            reference=problem.reference,
+            limits=np.array([getattr(problem.limits, name) for name in LIMITS]),
             bounds=tube.bounds + np.array([-LOOSER, LOOSER]),
             held=tube.held,
             chosen=tube.chosen,
@@ -112,6 +121,10 @@ def _tube_from(arrays: dict[str, Any]) -> Tube:
         start=float(claim["start_rad"]),
         d_low=arrays["d_low"],
         d_high=arrays["d_high"],
+        reference=arrays["reference"],
+        limits=Limits(**dict(zip(LIMITS, arrays["limits"], strict=True))),
+        lags=tuple(InnerLag(**lag) for lag in claim["lags"]),
+        basis=str(claim["basis"]),
     )
     bounds, held, chosen = (np.asarray(arrays[name]) for name in ("bounds", "held", "chosen"))
     shapes = (len(problem.t), len(QUANTITIES), 2), (len(problem.t), 2)

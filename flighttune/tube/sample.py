@@ -88,7 +88,8 @@ class SampledLoop:
     d_low, d_high : ndarray, shape (k, 2), rad/s
         Between which the disturbance of the two rates is from a sample to the next.
     start : tuple of float, length 4
-        Course, flight-path angle, roll and load factor in the middle of the starts.
+        Course, flight-path angle, roll and load factor in the middle of the starts; without a load
+        factor it is that of steady flight at the path angle of each start.
     exact : bool
         Whether the point mass turns by its lift, instead of by the paper's law.
     lags : tuple of SampledLag, length 0 or 2
@@ -105,7 +106,7 @@ class SampledLoop:
     gamma_ref: FloatArray
     d_low: FloatArray
     d_high: FloatArray
-    start: tuple[float, float, float, float]
+    start: tuple[float, float, float, float | None]
     exact: bool = False
     lags: tuple[SampledLag, ...] = ()
 
@@ -205,23 +206,31 @@ def start_set(
     centres[:, CHI] = chi + np.repeat(middles, pieces)
     centres[:, GAMMA] = gamma + np.tile(middles, pieces)
     centres[:, PHI] = phi
-    row = STATES
-    for lag, value in zip(loop.lags, (phi, n_z), strict=False):
-        centres[:, row : row + lag.order] = value * lag.rest
-        row += lag.order
-    for lag, value in zip(loop.lags, (phi, n_z), strict=False):
-        centres[:, row : row + lag.older + 1] = value
-        row += lag.older + 1
     made = Pieces(centres, constraints, capacity)
     state = made.forms()
-    at = Interval.point(np.full(len(centres), phi))
-    feed_forward = Interval.point(np.full(len(centres), loop.lift(0))) / cosine(at)
-    extra = Interval.point(np.full(len(centres), n_z)) - feed_forward
-    state[EXTRA_LIFT] = combined((1.0, state[EXTRA_LIFT]), shift=extra.middle).widened(extra.radius)
     for row in (CHI, GAMMA):
         state[row] = made.fresh(state[row].widened(radius + COMPUTED), row)
-    for row in range(STATES, loop.rows):
-        state[row] = state[row].widened(COMPUTED)
+    at = Interval.point(np.full(len(centres), phi))
+    if n_z is None:
+        steady = Interval.point(np.ones(len(centres))) / cosine(at)
+        level = cosine_of(state[GAMMA], made.plain_range(state[GAMMA]))
+        load = combined((steady.middle, level)).widened(steady.radius + COMPUTED)
+    else:
+        load = combined((0.0, state[GAMMA]), shift=n_z).widened(COMPUTED)
+    feed_forward = Interval.point(np.full(len(centres), loop.lift(0))) / cosine(at)
+    state[EXTRA_LIFT] = combined((1.0, load), shift=-feed_forward.middle).widened(
+        feed_forward.radius
+    )
+    at_rest = state[PHI], load
+    row = STATES
+    for lag, value in zip(loop.lags, at_rest, strict=False):
+        for share in lag.rest:
+            state[row] = combined((share, value)).widened(COMPUTED)
+            row += 1
+    for lag, value in zip(loop.lags, at_rest, strict=False):
+        for _ in range(lag.older + 1):
+            state[row] = value
+            row += 1
     made.put(state)
     return made
 

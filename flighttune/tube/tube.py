@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from flighttune.conformance import Conformance
 from flighttune.control.gains import PIGains
 from flighttune.scenario.schema import Scenario
 from flighttune.tube.problem import TubeProblem, tube_problem
@@ -19,6 +20,7 @@ def tube(
     plant: str | None = None,
     start: float = 0.0,
     disturbance: float | None = None,
+    conformance: Conformance | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Tube:
     """Enclose all flights of a scenario: the controller as it flies, with all its limits.
@@ -28,12 +30,15 @@ def tube(
     scenario : Scenario
     gains : PIGains
     plant : str, optional
-        Label of a plant; by default the first whose flights can be enclosed.
+        Label of a plant; by default the first aircraft with a conformance, else the first plant
+        that is none.
     start : float, rad
         Course and flight-path angle start within this of the scenario's.
     disturbance : float, rad/s, optional
         The disturbance of each rate is within this of zero, in any shape; by default within the
         amplitudes of the scenario's sinusoid, or zero.
+    conformance : Conformance, optional
+        Of an aircraft: its model flies, under every disturbance in its boxes.
     progress : callable, optional
         Called with the part of the time that is enclosed, 0 to 1.
 
@@ -46,7 +51,14 @@ def tube(
     InputError
         If a value cannot be used, or the tube does not know the law.
     """
-    problem = tube_problem(scenario, gains, plant=plant, start=start, disturbance=disturbance)
+    problem = tube_problem(
+        scenario,
+        gains,
+        plant=plant,
+        start=start,
+        disturbance=disturbance,
+        conformance=conformance,
+    )
     return enclosed(problem, progress=progress)
 
 

@@ -98,7 +98,7 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
         (
             ["--plant", "jsbsim:aerosonde"],
             '[[plant]]\nkind = "jsbsim"\naircraft = "aerosonde"',
-            "must be of kind kinematic",
+            "`conformance` must be given",
         ),
         (
             ["--disturbance", "0.01"],

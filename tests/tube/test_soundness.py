@@ -16,7 +16,7 @@ from flighttune.tube.tube import enclosed
 from flighttune.units import DEG
 
 FLIGHTS = 64
-FEW_PIECES = [Settings(sides=2, symbols=150, tolerance=0.5, most=8)]
+FEW_PIECES = [Settings(sides=2, symbols=120, tolerance=0.5, most=6)]
 
 
 def made_up(
@@ -28,7 +28,7 @@ def made_up(
     n_z_max=2.1,
     n_z_per_s=1.0,
     rate_hz=50.0,
-    duration_s=1.2,
+    duration_s=0.8,
     anti_windup="conditional",
     feed_forward=True,
     ramp_dps=None,
@@ -77,7 +77,6 @@ def flown(scenario, gains, start, disturbance, seed):
                 V_a=condition.V_a,
                 chi=condition.chi + start * a,
                 gamma=condition.gamma + start * b,
-                n_z=condition.n_z_start,
             )
             for a, b in corners
         ],
@@ -142,7 +141,7 @@ def check(case, seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=5, deadline=None, derandomize=True)
 @given(case=problems(), seed=st.integers(0, 2**32 - 1))
 def test_no_flight_leaves_the_tube(case, seed):
     check(case, seed)
