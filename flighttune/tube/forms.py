@@ -105,6 +105,8 @@ class Pieces:
     ----------
     values : ndarray, shape (P, rows + constraints, 1 + capacity)
     err : ndarray, shape (P, rows + constraints)
+    constrained : bool
+        Whether there is a constraint.
     used : int
         Symbols in use.
     kind : ndarray of int, shape (capacity,)
@@ -116,6 +118,7 @@ class Pieces:
         self.values = np.zeros((P, self.rows + constraints, 1 + capacity))
         self.values[:, : self.rows, 0] = centres
         self.err = np.zeros(self.values.shape[:2])
+        self.constrained = False
         self.used, self.kind = 0, np.zeros(capacity, dtype=int)
 
     def __len__(self) -> int:
@@ -149,11 +152,6 @@ class Pieces:
         radius = (absolute_sum(form.coefficients[:, 1:]) + form.err) * UP + TINY
         return Interval.point(form.coefficients[:, 0]) + within(radius)
 
-    @property
-    def constrained(self) -> bool:
-        """Whether there is a constraint."""
-        return bool(self.values[:, self.rows :, :].any())
-
     def constrained_range(self, form: Form, multipliers: FloatArray) -> Interval:
         """The values of a form where every constraint q holds.
 
@@ -178,6 +176,7 @@ class Pieces:
 
     def constrain(self, which: Indices, row: Indices, form: Form, to: Interval) -> None:
         """Take up that `form` is inside `to` in the pieces `which`, in constraint row `row`."""
+        self.constrained = True
         middle, radius = to.middle, to.radius
         scale = 1.0 / radius
         q = combined((scale, form), shift=-middle * scale)

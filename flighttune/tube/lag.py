@@ -12,8 +12,17 @@ from flighttune.theory.exact import Rationals, exact, identity
 from flighttune.tube.interval import Interval
 
 LEAST_TERMS = 12
-PICARD = 60
+PICARD = 30
 """Boxes tried for the values within a sample."""
+
+ROUNDING = 1e-13
+"""Outdoes the rounding of a sum of a dozen products, relative to the sum of their sizes."""
+
+WIDER = 0.05
+"""Part of its width by which a box is widened before it is tried again."""
+
+SHORT = 3.0
+"""Steps within a sample, times the sample time and the norm of A."""
 
 REMAINDER = Fraction(1, 10**22)
 """Bound on what the exponential series leaves out."""
@@ -76,39 +85,79 @@ class SampledLag:
         """State at rest under the command 1."""
         return np.asarray(-np.linalg.solve(self.A, self.B), dtype=float)
 
-    def values_within(self, state: list[Interval], command: Interval, h: float) -> Interval | None:
+    def values_within(
+        self, state: list[Interval], end: Interval, command: Interval, h: float
+    ) -> Interval | None:
         """All values of the response over a sample; None if they cannot be told.
 
-        A box Y that contains ``y + [0, h] (A Y + B u)`` contains the states of the whole sample:
-        Picard's operator maps the curves in it into itself.
+        Parameters
+        ----------
+        state : list of Interval, length n
+            At the start.
+        end : Interval
+            The response at the end.
+        command : Interval
+            Those in force within the sample.
+        h : float, s
+
+        Notes
+        -----
+        The response leaves the straight line from start to end by at most h/4 times how far apart
+        its rate can be. The rate is bounded by a box Y of states with ``y + [0, t] (A Y + B u)``
+        inside Y: Picard's operator maps the curves in it into itself. There is such a box where t
+        times the norm of A is well below 1, so a sample is taken in some steps.
         """
-        time = Interval(np.zeros_like(command.low), np.full_like(command.low, h))
-        box = state
+        low, high = (np.stack([getattr(one, name) for one in state]) for name in ("low", "high"))
+        steps = math.ceil(SHORT * h * float(np.abs(self.A).sum(axis=1).max()))
+        t = h / steps * (1.0 + ROUNDING)
+        slowest, fastest = np.full_like(low[0], np.inf), np.full_like(low[0], -np.inf)
+        for _ in range(steps):
+            box = self._box(low, high, command, t)
+            if box is None:
+                return None
+            slow, fast = self._rates(*box, command)
+            slowest, fastest = np.minimum(slowest, slow[0]), np.maximum(fastest, fast[0])
+            low, high = box
+        margin = 0.25 * h * (fastest - slowest) * (1.0 + ROUNDING)
+        both = state[0].hull(end)
+        return both + Interval(-margin, margin)
+
+    def _box(
+        self, low: FloatArray, high: FloatArray, command: Interval, t: float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """A box of all states up to `t` (s), from a box of them."""
+        box = low, high
         for _ in range(PICARD):
-            moved = []
-            for own, row, b in zip(state, self.A.tolist(), self.B.tolist(), strict=True):
-                rate = command * b
-                for a, other in zip(row, box, strict=True):
-                    rate = rate + other * a
-                moved.append(own + time * rate)
-            if all(_inside(one, other) for one, other in zip(moved, box, strict=True)):
-                return moved[0]
-            box = [_wider(one.hull(other)) for one, other in zip(moved, box, strict=True)]
+            slow, fast = self._rates(*box, command)
+            size = ROUNDING * (np.abs(low) + np.abs(high) + t * (np.abs(slow) + np.abs(fast)))
+            moved = (
+                low + np.minimum(t * slow, 0.0) - size,
+                high + np.maximum(t * fast, 0.0) + size,
+            )
+            if (moved[0] >= box[0]).all() and (moved[1] <= box[1]).all():
+                return moved
+            margin = WIDER * (moved[1] - moved[0]) + 1e-9
+            box = np.minimum(moved[0], box[0]) - margin, np.maximum(moved[1], box[1]) + margin
         return None
+
+    def _rates(
+        self, low: FloatArray, high: FloatArray, command: Interval
+    ) -> tuple[FloatArray, FloatArray]:
+        """Values of ``A Y + B u``."""
+        up, down = np.maximum(self.A, 0.0), np.minimum(self.A, 0.0)
+        B = self.B[:, np.newaxis]
+        ends = B * command.low, B * command.high
+        size = np.maximum(np.abs(low), np.abs(high))
+        rounding = ROUNDING * (np.abs(self.A) @ size + np.abs(B) * command.largest)
+        return (
+            up @ low + down @ high + np.minimum(*ends) - rounding,
+            up @ high + down @ low + np.maximum(*ends) + rounding,
+        )
 
     @property
     def order(self) -> int:
         """States of the lag."""
         return len(self.B)
-
-
-def _inside(inner: Interval, outer: Interval) -> bool:
-    return bool(((inner.low >= outer.low) & (inner.high <= outer.high)).all())
-
-
-def _wider(values: Interval) -> Interval:
-    margin = 0.02 * (values.high - values.low) + 1e-9
-    return Interval(values.low - margin, values.high + margin)
 
 
 def _exponential(M: Rationals, t: Fraction) -> Rationals:

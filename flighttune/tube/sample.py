@@ -49,6 +49,10 @@ N_Z = STATES
 FRESH_SYMBOLS = 7
 """Symbols that a sample adds."""
 
+TAKE_UP = 25
+"""Samples after which errors without a symbol get one: until then they only add up, and what the
+loop would take away of them grows."""
+
 COMPUTED = 1e-11
 """More than a sample of a computed flight differs from the exact one, rad and 1: the classical
 Runge-Kutta rule over 0.02 s and some rounding."""
@@ -258,7 +262,7 @@ class Enclosure:
             If an angle leaves the range in which the functions are enclosed.
         """
         pieces, loop = self.pieces, self.loop
-        if pieces.used + FRESH_SYMBOLS > pieces.capacity:
+        if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % TAKE_UP == TAKE_UP - 1:
             pieces.reduce(self.plan.pairs(pieces))
         while True:
             state = pieces.forms()
@@ -537,16 +541,17 @@ class Enclosure:
         for lag, y, queue, command in zip(lags, states, queues, commands, strict=True):
             given = [command, *queue]
             inputs = [*y, given[lag.older + 1], given[lag.older]]
-            after += [
+            moved = [
                 combined(*zip(row, inputs, strict=True)).widened(COMPUTED) for row in lag.transition
             ]
             mean = combined(*zip(lag.mean, inputs, strict=True)).widened(COMPUTED)
-            ranges = [_ordered(self._range(one)) for one in inputs]
-            in_force = ranges[-2].hull(ranges[-1])
-            values = lag.values_within(ranges[: lag.order], in_force, self.loop.dt)
+            ranges = [_ordered(self._range(one)) for one in (*inputs, moved[0])]
+            in_force = ranges[lag.order].hull(ranges[lag.order + 1])
+            values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
             if values is None:
                 raise Unbounded("a lag moves too far in a sample to be enclosed")
             flown.append(Moved(mean, values))
+            after += moved
             under_way += given[:-1]
         return flown, [*after, *under_way]
 

@@ -44,6 +44,7 @@ def scenario(tmp_path):
     return write
 
 
+@pytest.mark.slow
 def test_a_tube_is_found_written_and_verified(scenario, tmp_path):
     proof = tmp_path / "proof.npz"
     arguments = scenario(), "--start-deg", "1", "--disturbance", "0.005", "--out", proof
@@ -71,6 +72,7 @@ def test_a_tube_is_said_in_words(scenario, tmp_path):
     assert "verify" in stdout
 
 
+@pytest.mark.slow
 def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario, tmp_path):
     # The disturbance alone turns the path upright in half a second.
     out = tmp_path / "proof.npz"

@@ -1,5 +1,7 @@
 """A lag sampled exactly, against the matrix exponential of SciPy and its own step response."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -59,13 +61,21 @@ def test_values_within_a_sample_contain_the_response_and_little_more(lag):
     start = [Interval(np.array([-0.1]), np.array([0.1])) for _ in range(sampled.order)]
     command = Interval(np.array([0.9]), np.array([1.0]))
 
-    values = sampled.values_within(start, command, DT)
-
     A, B = lag.undelayed
+    still = sampled.rest
+    # At the end the response is the first row of exp(A h) times the distance from rest, plus rest.
+    ends = [
+        (still * u + expm(A * DT) @ (np.array(y) - still * u))[0]
+        for u in (0.9, 1.0)
+        for y in product((-0.1, 0.1), repeat=sampled.order)
+    ]
+    end = Interval(np.array([min(ends)]), np.array([max(ends)]))
+
+    values = sampled.values_within(start, end, command, DT)
+
     rng = np.random.default_rng(5)
     for _ in range(200):
         y, u, t = rng.uniform(-0.1, 0.1, sampled.order), rng.uniform(0.9, 1.0), rng.uniform(0, DT)
-        still = sampled.rest * u
-        response = (still + expm(A * t) @ (y - still))[0]
+        response = (still * u + expm(A * t) @ (y - still * u))[0]
         assert values.low[0] <= response <= values.high[0]
     assert values.high[0] - values.low[0] <= 0.2 + 3.0 * DT * (np.abs(A[0]).sum() + B[0])

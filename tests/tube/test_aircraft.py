@@ -1,0 +1,99 @@
+"""An aircraft's tube: its conformant model under every disturbance in the boxes."""
+
+import numpy as np
+import pytest
+
+from flighttune.aircraft.aircraft import files_hash
+from flighttune.conformance import Conformance, ConformantModel, RateBoxes, Windows
+from flighttune.conformance.file import Attempt, Distribution, flown_values
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.errors import InputError
+from flighttune.identify.file import load_identified
+from flighttune.scenario import scenario_from
+from flighttune.tube.flights import flights_inside
+from flighttune.tube.proof import save_tube, verify_tube
+from flighttune.tube.tube import tube
+from tests.tube.test_soundness import made_up
+
+WIDE = 0.05
+"""Half width of the boxes, rad/s: the Aerosonde leaves over a tenth of it in gentle flight."""
+
+
+def flight(**changes):
+    values = {"feed_forward": False, "chi_err_deg": 4.0, "gamma_deg": 0.0, "gamma_ref_deg": 0.0}
+    scenario = made_up(**{**values, **changes}).as_dict()
+    scenario["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
+    return scenario_from(scenario)
+
+
+def conformance(scenario, outside=0, half_width=WIDE):
+    condition = load_identified("aerosonde").nearest(scenario.flight.V_a_mps, 0.0)
+    windows = Windows.covering("time", scenario.flight.duration_s)
+    high = np.full((windows.count, 2), half_width)
+    return Conformance(
+        aircraft="aerosonde",
+        gains_name="paper",
+        gains=PAPER_GAINS,
+        model=ConformantModel(
+            V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2, lags=condition.lags
+        ),
+        boxes=RateBoxes(windows=windows, low=-high, high=high),
+        epsilon=0.01,
+        confidence=0.999,
+        attempts=(Attempt(learned=10, counted=797, outside=outside),),
+        distribution=Distribution(
+            title="made up",
+            air="calm",
+            fixed=flown_values(scenario, scenario.plant[0]),
+            dispersed={},
+        ),
+        sha256={"aircraft": files_hash("aerosonde"), "identified": "", "campaign": ""},
+    )
+
+
+@pytest.mark.slow
+def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path):
+    scenario = flight()
+
+    found = tube(scenario, PAPER_GAINS, conformance=conformance(scenario))
+
+    assert found.status == "bounded"
+    assert flights_inside(found)
+    assert "probability at most 0.01" in found.model
+    save_tube(found, tmp_path / "tube.npz")
+    assert verify_tube(tmp_path / "tube.npz").valid
+
+
+@pytest.mark.slow
+def test_wider_boxes_make_a_wider_tube():
+    scenario = flight(duration_s=0.3)
+
+    narrow, wide = (
+        tube(scenario, PAPER_GAINS, conformance=conformance(scenario, half_width=width))
+        for width in (0.5 * WIDE, WIDE)
+    )
+
+    # Both bounds move by what a constant disturbance does, which is proportional to it.
+    ratio = wide.half_widths[-1, :2] / narrow.half_widths[-1, :2]
+    assert ratio == pytest.approx([2.0, 2.0], rel=0.02)
+
+
+def test_what_the_boxes_say_nothing_about_is_refused():
+    scenario = flight()
+    known = conformance(scenario)
+    other = PIGains(K_P=2.0 * PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
+
+    with pytest.raises(InputError, match="`K_P` must be that of paper"):
+        tube(scenario, other, conformance=known)
+    with pytest.raises(InputError, match=r"`flight.chi_deg` must be 4.0, got 5.0"):
+        tube(flight(chi_err_deg=5.0), PAPER_GAINS, conformance=known)
+    with pytest.raises(InputError, match="conformance: must hold"):
+        tube(scenario, PAPER_GAINS, conformance=conformance(scenario, outside=2))
+    with pytest.raises(InputError, match="`feed_forward` must be off"):
+        tube(flight(feed_forward=True), PAPER_GAINS, conformance=known)
+    with pytest.raises(InputError, match="`disturbance` must not be given"):
+        tube(scenario, PAPER_GAINS, conformance=known, disturbance=0.1)
+    with pytest.raises(InputError, match="`conformance` must be given"):
+        tube(scenario, PAPER_GAINS, plant="jsbsim:aerosonde")
+    with pytest.raises(InputError, match="of kind jsbsim"):
+        tube(made_up(), PAPER_GAINS, conformance=known)
