@@ -230,7 +230,7 @@ class ExactLaw:
         reference : ReferenceSample
         """
         state = self.state
-        exact_step(self._law, state, reference, measured[:2], measured.V_a)
+        exact_step(self._law, state, reference[:4], measured[:2], measured.V_a)
         return (*state.u, *state.integral)
 
 

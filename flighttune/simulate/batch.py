@@ -99,10 +99,9 @@ class Flights:
         r = self.ref.shape
         if not (len(r) == 3 and r[0] in (1, flights) and r[1] >= 1 and r[2] == 2):
             raise ShapeError(f"`ref` must have shape ({flights} or 1, k or 1, 2), got {r}.")
-        if np.shape(self.ref_rates) != r:
-            raise ShapeError(
-                f"`ref_rates` must have the shape of `ref`, {r}, got {np.shape(self.ref_rates)}."
-            )
+        rates = np.asarray(self.ref_rates)
+        if rates.shape != r:
+            raise ShapeError(f"`ref_rates` must have the shape of `ref`, {r}, got {rates.shape}.")
         if not np.all(self.start[:, 4] > 0.0):
             raise InputError(f"`V_a` must be positive, got {self.start[:, 4].min():g} m/s.")
         if not np.all(np.abs(self.start[:, 1:3]) < math.pi / 2):
