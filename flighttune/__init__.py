@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flighttune.campaign import Campaign, Plan, load_campaign, plan_campaign, run_campaign
     from flighttune.certificates import (
         Certificate,
         certify,
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     )
     from flighttune.control.exact_law import ExactLaw, command_gains, rate_gains
     from flighttune.control.gains import PAPER_GAINS, PIGains
+    from flighttune.control.inner_loop import InnerLag
     from flighttune.control.limits import CommandLimiter, Limits
     from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
     from flighttune.control.mimo_pi import MimoPI
@@ -31,18 +33,21 @@ if TYPE_CHECKING:
     from flighttune.flight.fly import FlownScenario, fly
     from flighttune.flight.gap import Gap, explain_gap
     from flighttune.flight.outer_loop import certify_scenario, tune_scenario, tuning_problem
+    from flighttune.flight.refly import refly
     from flighttune.identify.file import load_identified, save_identified
     from flighttune.identify.identify import identify_aircraft
     from flighttune.metrics import channel_metrics, flight_metrics
-    from flighttune.plants.base import Plant, Stop
+    from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
     from flighttune.plants.jsbsim.plant import JSBSimPlant
+    from flighttune.plants.lagged import LaggedPlant
     from flighttune.plants.point_mass import PointMassPlant
+    from flighttune.plants.sensors import Sensors
     from flighttune.recording.load import Recording, load_recording
     from flighttune.recording.record import record
     from flighttune.report.page import Report, write_report
     from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
     from flighttune.simulate.reference import Reference
-    from flighttune.simulate.run import Run
+    from flighttune.simulate.run import Provenance, Run
     from flighttune.theory.indicators import Indicators, indicators, indicators_batch
     from flighttune.tuning.problem import TuningProblem
     from flighttune.tuning.result import TuningResult
@@ -51,6 +56,13 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "campaign": (
+        "Campaign",
+        "Plan",
+        "load_campaign",
+        "plan_campaign",
+        "run_campaign",
+    ),
     "certificates": (
         "Certificate",
         "certify",
@@ -78,6 +90,7 @@ _HOMES = {
         "PAPER_GAINS",
         "PIGains",
     ),
+    "control.inner_loop": ("InnerLag",),
     "control.limits": (
         "CommandLimiter",
         "Limits",
@@ -102,6 +115,7 @@ _HOMES = {
         "tune_scenario",
         "tuning_problem",
     ),
+    "flight.refly": ("refly",),
     "identify.file": (
         "load_identified",
         "save_identified",
@@ -112,11 +126,14 @@ _HOMES = {
         "flight_metrics",
     ),
     "plants.base": (
+        "COMMON_SIGNALS",
         "Plant",
         "Stop",
     ),
     "plants.jsbsim.plant": ("JSBSimPlant",),
+    "plants.lagged": ("LaggedPlant",),
     "plants.point_mass": ("PointMassPlant",),
+    "plants.sensors": ("Sensors",),
     "recording.load": (
         "Recording",
         "load_recording",
@@ -133,7 +150,10 @@ _HOMES = {
         "scenario_from",
     ),
     "simulate.reference": ("Reference",),
-    "simulate.run": ("Run",),
+    "simulate.run": (
+        "Provenance",
+        "Run",
+    ),
     "theory.indicators": (
         "Indicators",
         "indicators",
@@ -146,6 +166,8 @@ _HOMES = {
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "COMMON_SIGNALS",
+    "Campaign",
     "Certificate",
     "CommandLimiter",
     "Comparison",
@@ -156,7 +178,9 @@ __all__ = [
     "FlownScenario",
     "Gap",
     "Indicators",
+    "InnerLag",
     "JSBSimPlant",
+    "LaggedPlant",
     "LawSetup",
     "Limits",
     "LinearModel",
@@ -164,14 +188,17 @@ __all__ = [
     "MimoPI",
     "PAPER_GAINS",
     "PIGains",
+    "Plan",
     "Plant",
     "PointMassPlant",
+    "Provenance",
     "Recording",
     "Reference",
     "ReferenceSample",
     "Report",
     "Run",
     "Scenario",
+    "Sensors",
     "Stop",
     "TuningProblem",
     "TuningResult",
@@ -188,13 +215,17 @@ __all__ = [
     "indicators",
     "indicators_batch",
     "kinematic_model",
+    "load_campaign",
     "load_certificate",
     "load_gains",
     "load_identified",
     "load_recording",
     "load_scenario",
+    "plan_campaign",
     "rate_gains",
     "record",
+    "refly",
+    "run_campaign",
     "save_certificate",
     "save_identified",
     "scenario_from",

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted((ROOT / "scenarios").glob("*.py"))
-LONGEST_SCRIPT = 40
+LONGEST_SCRIPT = 60
 LAST_DIGIT = 0.006
 
 

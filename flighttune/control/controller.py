@@ -68,7 +68,8 @@ class Measured(NamedTuple):
     position : tuple of three floats, m
         North, east and down from the start.
     wind : tuple of three floats or None, m/s
-        Velocity of the air, north, east and down; None if the plant does not show it.
+        Velocity of the air, north, east and down; None if the plant does not show it, or `chi` and
+        `gamma` are those of the path through the air.
     """
 
     chi: float

@@ -27,6 +27,9 @@ RATE_SIGNALS: Mapping[str, str] = MappingProxyType(
     {"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"}
 )
 
+LEAST_SPEED = 0.2
+"""Share of the airspeed below which the law takes no speed over ground to be."""
+
 LIFT_FLOOR = 0.1
 """Least vertical lift for which the roll command is computed, in weights."""
 
@@ -230,8 +233,41 @@ class ExactLaw:
         reference : ReferenceSample
         """
         state = self.state
-        exact_step(self._law, state, reference[:4], measured[:2], measured.V_a)
+        exact_step(self._law, state, reference[:4], measured[:2], turning_speed(measured))
         return (*state.u, *state.integral)
+
+
+def turning_speed(measured: Measured) -> float:
+    """Speed that turns lift into rates of course and path angle, m/s: the airspeed in still air.
+
+    Parameters
+    ----------
+    measured : Measured
+        With wind the course is that over ground: lift turns the velocity over ground, and only the
+        part of it across that velocity does.
+
+    Returns
+    -------
+    float
+        ``V_g / cos(delta)``, delta the angle between the velocities over ground and through the
+        air; the airspeed where no wind is known, or the path flown is that through the air.
+
+    Notes
+    -----
+    With u the direction over ground and w the wind, ``|V_g u - w| = V_a``.
+    """
+    V_a, wind = measured.V_a, measured.wind
+    if wind is None:
+        return V_a
+    level = math.cos(measured.gamma)
+    north, east = level * math.cos(measured.chi), level * math.sin(measured.chi)
+    along = wind[0] * north + wind[1] * east - wind[2] * math.sin(measured.gamma)
+    across = wind[0] ** 2 + wind[1] ** 2 + wind[2] ** 2 - along**2
+    ahead = V_a * V_a - across
+    if ahead <= 0.0:  # a wind that no heading holds this course in
+        return V_a
+    ahead = math.sqrt(ahead)
+    return max(along + ahead, LEAST_SPEED * V_a) * V_a / ahead
 
 
 def rate_model() -> LinearModel:

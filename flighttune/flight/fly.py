@@ -3,6 +3,7 @@
 import platform
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -11,14 +12,16 @@ from typing import Protocol
 
 import pandas as pd
 
+from flighttune.control.controller import LawSetup
 from flighttune.control.exact_law import ExactLaw, acts_on_rates
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import closed_loop
+from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import TrimError
 from flighttune.flight.expectations import missed_expectations
 from flighttune.flight.outer_loop import gain_sets
+from flighttune.flight.own import LawMaker, Own, PlantMaker, with_own
 from flighttune.metrics import metric_tables
 from flighttune.plants.air_path import AirPathPlant
 from flighttune.plants.base import Plant
@@ -27,6 +30,7 @@ from flighttune.plants.wind import WIND, WindRecord
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
+from flighttune.simulate.guarded import GuardedLaw, LawError
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import Provenance, Run, RunStatus
 from flighttune.theory.indicators import Indicators, indicators
@@ -121,14 +125,24 @@ class Observer(Protocol):
 
 
 def fly(
-    scenario: Scenario, *, progress: Progress | None = None, observer: Observer | None = None
+    scenario: Scenario,
+    *,
+    laws: Mapping[str, LawMaker] | None = None,
+    plants: Mapping[str, PlantMaker] | None = None,
+    progress: Progress | None = None,
+    observer: Observer | None = None,
 ) -> FlownScenario:
-    """Fly every gain set of a scenario on each of its plants.
+    """Fly every gain set of a scenario by each of its laws on each of its plants.
 
     Parameters
     ----------
     scenario : Scenario
         What to fly.
+    laws : mapping of str to callable, optional
+        Laws of your own by name, flown besides those of the scenario: each is called with a
+        `LawSetup` for every flight and returns a `Controller`.
+    plants : mapping of str to callable, optional
+        Plants of your own by label: each is called for every flight and returns a `Plant`.
     progress : callable, optional
         Called with how far each run is.
     observer : Observer, optional
@@ -136,28 +150,75 @@ def fly(
     Returns
     -------
     FlownScenario
-        With one run a plant and gain set. A run that diverged, left the envelope, hit the ground or
-        could not start says so in its status and reason.
+        With one run a plant, law and gain set. A run that diverged, left the envelope, hit the
+        ground, could not start, or whose law failed says so in its status and reason.
 
     Raises
     ------
     ScenarioError
-        If an aircraft does not exist, or the start or limits of the scenario lie outside it.
+        If an aircraft does not exist, the start or limits of the scenario lie outside it, or a file
+        of a law or plant cannot be loaded.
     PlantError
         If an aircraft cannot be built.
     """
+    scenario, own = with_own(scenario, laws, plants)
     check_aircraft(scenario, scenario.title)
     sets, tuning = gain_sets(scenario)
     indicators_of = {}
     for name, gains in sets.items():
-        if gains is not None and scenario.law_of(name)[0].kind != "python":
-            model = scenario.linear_model(rates=acts_on_rates(gains))
-            indicators_of[name] = indicators(closed_loop(model, gains))
-    runs = _flights(scenario, sets, progress, observer)
+        linear = None if gains is None else linear_loop(scenario, name, gains, own)
+        if linear is not None:
+            indicators_of[name] = indicators(closed_loop(*linear))
+    runs = _flights(scenario, sets, own, progress, observer)
     return FlownScenario.of(scenario, runs, MappingProxyType(indicators_of), tuning)
 
 
-def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = None) -> Plant:
+def linear_loop(
+    scenario: Scenario, name: str, gains: PIGains, own: Own
+) -> tuple[LinearModel, PIGains] | None:
+    """The linear model that a law acts on, and its gains.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    name : str
+        Of the gain set, with its law.
+    gains : PIGains
+    own : Own
+        Laws of the user's: what their ``linear()`` returns is taken.
+
+    Returns
+    -------
+    model : LinearModel
+    gains : PIGains
+        None of both where a law of the user's has no linear model.
+    """
+    law, _ = scenario.law_of(name)
+    if law.kind != "python":
+        return scenario.linear_model(rates=acts_on_rates(gains)), gains
+    limits = scenario.limits.limits()
+    with suppress(LawError):
+        return own.law(law, law_setup(scenario, gains, limits)).linear()
+    return None
+
+
+def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
+    """What a law of the user's is made with."""
+    return LawSetup(
+        dt=1.0 / scenario.controller.rate_hz,
+        limits=limits,
+        gains=gains,
+        g=scenario.flight.g_mps2,
+        scenario=scenario.as_dict(),
+    )
+
+
+def plant_of(
+    table: PlantTable,
+    scenario: Scenario,
+    wind: WindRecord | None = None,
+    own: Own | None = None,
+) -> Plant:
     """A fresh plant of a scenario, ready to start.
 
     Parameters
@@ -168,6 +229,8 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         Its weather, seed and rates.
     wind : WindRecord, optional
         What a plant that is no aircraft flies in; still air by default.
+    own : Own, optional
+        Plants of the user's; by default those of the files that the scenario names.
 
     Raises
     ------
@@ -176,6 +239,8 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
     PlantError
         If the aircraft cannot be built.
     """
+    if table.kind == "python":
+        return (own or with_own(scenario)[1]).plant(table)
     if table.aircraft is None:
         return PointMassPlant(
             table.lags(),
@@ -217,6 +282,7 @@ def steered(plant: Plant, scenario: Scenario) -> Plant:
 def _flights(
     scenario: Scenario,
     sets: Mapping[str, PIGains | None],
+    own: Own,
     progress: Progress | None,
     observer: Observer | None,
 ) -> tuple[Run, ...]:
@@ -237,6 +303,7 @@ def _flights(
                     gains,
                     name,
                     wind_run=runs[source.label, name] if source and replays else None,
+                    own=own,
                     progress=progress,
                     observer=observer,
                 )
@@ -251,6 +318,7 @@ def fly_alone(
     gains_name: str,
     *,
     wind_run: Run | None = None,
+    own: Own | None = None,
     progress: Progress | None = None,
     observer: Observer | None = None,
 ) -> Run:
@@ -267,6 +335,8 @@ def fly_alone(
     wind_run : Run, optional
         The flight of the same gains whose wind a plant that is no aircraft replays; without one it
         flies in the steady wind of the scenario.
+    own : Own, optional
+        Laws and plants of the user's; by default those of the files that the scenario names.
     progress, observer
         As of `fly`.
 
@@ -279,14 +349,21 @@ def fly_alone(
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         return _unflown(scenario, table.label, gains_name, gains, wind_run.status, reason)
+    own = with_own(scenario)[1] if own is None else own
     wind = _steady_wind(scenario)
     if wind_run is not None and len(wind_run.signals):
         wind = wind_met(wind_run)
-    plant = plant_of(table, scenario, wind)
+    plant = plant_of(table, scenario, wind, own)
     if observer is not None:
         plant = observer.watch(plant, f"{table.label} / {gains_name}")
     return fly_once(
-        scenario, plant, gains, plant_label=table.label, gains_name=gains_name, progress=progress
+        scenario,
+        plant,
+        gains,
+        plant_label=table.label,
+        gains_name=gains_name,
+        own=own,
+        progress=progress,
     )
 
 
@@ -313,6 +390,7 @@ def fly_once(
     plant_label: str,
     gains_name: str,
     limits: Limits | None = None,
+    own: Own | None = None,
     progress: Progress | None = None,
 ) -> Run:
     """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
@@ -328,6 +406,8 @@ def fly_once(
         Names in the run's label.
     limits : Limits, optional
         Of the commands; by default those of the scenario and of the plant.
+    own : Own, optional
+        Laws of the user's; by default those of the files that the scenario names.
     progress : callable, optional
         Called with how far the run is.
 
@@ -349,7 +429,17 @@ def fly_once(
     duration = scenario.flight.duration_s
     if limits is None:
         limits = scenario.limits.limits().within(plant.limits)
-    controller = controller_of(scenario, gains_name, gains, limits)
+    law, _ = scenario.law_of(gains_name) if ":" in gains_name else (None, "")
+    controller: MimoPI | ExactLaw | GuardedLaw
+    if law is not None and law.kind == "python":
+        made_with, gains = gains, None  # what it flies by is its own
+        try:
+            own = with_own(scenario)[1] if own is None else own
+            controller = own.law(law, law_setup(scenario, made_with, limits))
+        except LawError as error:
+            return _unflown(scenario, plant_label, gains_name, None, "law_failed", str(error))
+    else:
+        controller = controller_of(scenario, gains_name, gains, limits)
     label = f"{plant_label} / {gains_name}"
     try:
         signals, stop = simulate(

@@ -8,6 +8,7 @@ import numpy as np
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
 from flighttune.flight.fly import Progress, fly, library_versions
+from flighttune.flight.own import LawMaker, PlantMaker
 from flighttune.scenario import scenario_from
 from flighttune.simulate.run import Run
 
@@ -63,13 +64,21 @@ class Reflight:
     versions: Mapping[str, tuple[str, str]]
 
 
-def refly(runs: Sequence[Run], *, progress: Progress | None = None) -> tuple[Reflight, ...]:
+def refly(
+    runs: Sequence[Run],
+    *,
+    laws: Mapping[str, LawMaker] | None = None,
+    plants: Mapping[str, PlantMaker] | None = None,
+    progress: Progress | None = None,
+) -> tuple[Reflight, ...]:
     """Fly runs again from the scenario and seed in their provenance.
 
     Parameters
     ----------
     runs : sequence of Run
         Runs of one scenario, as `load_recording` returns them.
+    laws, plants : mapping of str to callable, optional
+        As of `fly`, where the runs were flown with them.
     progress : callable, optional
         Called with how far each run is.
 
@@ -98,7 +107,7 @@ def refly(runs: Sequence[Run], *, progress: Progress | None = None) -> tuple[Ref
                 f"{run.label}: the run must be one of its scenario ({', '.join(known)}) "
                 "to be flown again."
             )
-    again = fly(scenario, progress=progress)
+    again = fly(scenario, laws=laws, plants=plants, progress=progress)
     return tuple(
         Reflight(
             recorded=run,

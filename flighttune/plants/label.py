@@ -7,6 +7,8 @@ from typing import Any
 def plant_label(kind: str, aircraft: str | None = None, name: str | None = None) -> str:
     """Label of a plant: ``kind``, ``kind:aircraft``, and ``:name`` behind it where it has one.
 
+    A plant of the user's is called by its name alone.
+
     Parameters
     ----------
     kind : str
@@ -16,6 +18,8 @@ def plant_label(kind: str, aircraft: str | None = None, name: str | None = None)
     name : str, optional
         What tells it from another plant of the same kind and aircraft.
     """
+    if kind == "python" and name:
+        return name
     return ":".join(part for part in (kind, aircraft, name) if part)
 
 

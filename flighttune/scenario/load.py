@@ -1,6 +1,7 @@
 """Files to values, and what is wrong with them in one line that names file and key."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -37,10 +38,25 @@ def load_scenario(path: str | Path) -> Scenario:
         exist or cannot start where it shall, or a model named in [tuning] cannot be read.
     """
     path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
-    scenario = validated(Scenario, toml_tables(path), str(path))
+    scenario = validated(Scenario, _with_modules(toml_tables(path), path), str(path))
     check_aircraft(scenario, str(path))
     check_identified(scenario, str(path))
     return scenario
+
+
+def _with_modules(tables: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Tables whose `module` files are found beside the scenario, with the hash of each."""
+    for key in ("law", "plant"):
+        for table in tables[key] if isinstance(tables.get(key), list) else ():
+            module = table.get("module") if isinstance(table, dict) else None
+            if not isinstance(module, str):
+                continue
+            file = path.parent / module
+            if not file.is_file():
+                raise ScenarioError(f"{path}: [[{key}]] `module` must be a file, got {module!r}.")
+            table["module"] = str(file)
+            table.setdefault("sha256", sha256(file.read_bytes()).hexdigest())
+    return tables
 
 
 def scenario_from(tables: dict[str, Any]) -> Scenario:

@@ -263,12 +263,13 @@ class PlantTable(Table):
     """``[[plant]]``: what flies.
 
     ``kinematic`` is the paper's law, ``point_mass`` the exact point mass, ``point_mass_lag`` the
-    same behind the lag of an inner loop, ``jsbsim`` an aircraft of six degrees of freedom. A
-    channel's lag is of first order, or of second order where a damping ratio is given. A name tells
-    a plant from another one of the same kind and aircraft.
+    same behind the lag of an inner loop, ``jsbsim`` an aircraft of six degrees of freedom,
+    ``python`` a class of the user's: ``class`` in the file ``module``. A channel's lag is of first
+    order, or of second order where a damping ratio is given. A name tells a plant from another one
+    of the same kind and aircraft.
     """
 
-    kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim"]
+    kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim", "python"]
     aircraft: AircraftName | None = None
     name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
@@ -279,6 +280,10 @@ class PlantTable(Table):
     n_z_lag_rad_s: Bandwidth | None = None
     n_z_damping: Damping | None = None
     n_z_delay_s: Delay | None = None
+    module: Annotated[str, Field(min_length=1)] | None = None
+    class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
+    parameters: dict[str, Any] | None = None
+    sha256: str | None = None
 
     @model_validator(mode="after")
     def _aircraft_of_jsbsim(self) -> "PlantTable":
@@ -290,9 +295,21 @@ class PlantTable(Table):
         return self
 
     @model_validator(mode="after")
+    def _class_of_python(self) -> "PlantTable":
+        own = self.kind == "python"
+        given = sorted(self.model_fields_set & {"module", "class_", "parameters", "sha256"})
+        if given and not own:
+            raise ValueError(f"`{given[0].removesuffix('_')}` must be given with kind python only")
+        if own and self.name is None:
+            raise ValueError("`name` must be given with kind python")
+        if (self.module is None) != (self.class_ is None):
+            raise ValueError("`module` and `class` of [[plant]] must be given together")
+        return self
+
+    @model_validator(mode="after")
     def _lag_of_point_mass(self) -> "PlantTable":
         lagged = self.kind == "point_mass_lag"
-        given = self.model_fields_set - {"kind", "aircraft", "name", "throttle_max", "airframe"}
+        given = {key for key in self.model_fields_set if key.startswith(("roll_", "n_z_"))}
         if given and not lagged:
             raise ValueError(f"`{min(given)}` must be given with kind point_mass_lag only")
         for key in ("roll_lag_rad_s", "n_z_lag_rad_s"):

@@ -2,15 +2,17 @@
 
 import math
 import time
-import traceback
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from flighttune.control.controller import Controller, FlightCondition, Measured, ReferenceSample
 from flighttune.control.exact_law import ExactLaw
+from flighttune.control.gains import PIGains
 from flighttune.control.limits import CommandLimiter, Limits
+from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError
+from flighttune.plants.guarded import failure
 
 BEHIND = 5.0
 """By how much the steps of a law may take longer than the flight they fly, s."""
@@ -109,11 +111,22 @@ class GuardedLaw:
             )
         return (*self._limits.limit(*values[:2]), *values[2:])
 
+    def linear(self) -> tuple[LinearModel, PIGains] | None:
+        """Model and gains of the law, as its ``linear`` returns them; None where it has none.
+
+        Raises
+        ------
+        LawError
+            If it raises.
+        """
+        linear = getattr(self._law, "linear", None)
+        try:
+            return None if linear is None else linear()
+        except Exception as error:
+            raise self._failed(error, 0.0) from error
+
     def _failed(self, error: Exception, t: float) -> LawError:
-        frames = traceback.extract_tb(error.__traceback__)
-        line = f" (line {frames[-1].lineno} of {frames[-1].name})" if len(frames) > 1 else ""
-        said = " ".join(str(error).split())
-        return LawError(f"{self._name} at t = {t:.2f} s: {type(error).__name__}: {said}{line}")
+        return LawError(failure(self._name, error, t))
 
 
 def limited_law(law: Controller, limits: Limits | None) -> LimitedLaw:

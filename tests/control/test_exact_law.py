@@ -5,9 +5,17 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.optimize import fsolve
 
 from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
-from flighttune.control.exact_law import RATES, ExactLaw, command_gains, rate_gains, rate_model
+from flighttune.control.exact_law import (
+    RATES,
+    ExactLaw,
+    command_gains,
+    rate_gains,
+    rate_model,
+    turning_speed,
+)
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import closed_loop, kinematic_model
@@ -99,6 +107,27 @@ def test_a_ramp_is_followed_without_error():
     assert signals["chi"].iloc[-1] == pytest.approx(0.15 * 8.0, abs=1e-6)
     assert np.abs(signals["chi_err"]).max() < 1e-3
     assert np.abs(signals["gamma_err"]).max() < 1e-3
+
+
+@pytest.mark.parametrize("wind", [(8.0, 0.0, 0.0), (-8.0, 3.0, 1.0), (0.0, 9.0, -1.0)])
+def test_over_ground_too_lift_turns_at_the_rates_wanted(wind):
+    """Newton over ground: lift stands across the velocity through the air, gravity down."""
+    V_a, chi, gamma, rate = 25.0, 0.4, 0.1, 0.2
+    here = seen(chi, gamma, V_a)._replace(wind=wind)
+    speed = turning_speed(here)
+    u = np.array([np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)])
+    V_g = fsolve(lambda v: np.linalg.norm(v * u - wind) - V_a, V_a)[0]
+    air = (V_g * u - wind) / V_a
+    side = np.array([-np.sin(chi), np.cos(chi), 0.0])
+    across_air = np.cross([0.0, 0.0, 1.0], air) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], air))
+    force = speed * np.cos(gamma) * rate  # m/s^2, horizontal lift that the law asks for
+
+    turned = force * across_air @ side / (V_g * np.cos(gamma))
+
+    assert turned == pytest.approx(rate, rel=0.02)  # delta in the horizontal and in space
+    assert speed == pytest.approx(V_g / (air @ u), rel=1e-12)
+    assert turning_speed(seen(chi, gamma, V_a)) == V_a
+    assert turning_speed(seen(V_a=V_a)._replace(wind=(0.0, 40.0, 0.0))) == V_a
 
 
 def test_where_roll_is_limited_the_load_factor_keeps_the_vertical():

@@ -243,6 +243,7 @@ class _Server:
             from flighttune.aircraft.aircraft import files_hash
             from flighttune.campaign.flying.rows import warm_up
             from flighttune.campaign.planning.plan import plan_from
+            from flighttune.flight.own import with_own
 
             plan = plan_from(json.loads(text))
             if self._plan is not None and plan.sha256 == self._plan.sha256:
@@ -253,6 +254,7 @@ class _Server:
                     raise PlantError(
                         f"the files of aircraft {name} must be those it was planned with"
                     )
+            with_own(plan.scenario)
             warm_up(plan)
             self._text, self._plan = text, plan
         assert self._plan is not None

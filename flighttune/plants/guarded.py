@@ -1,0 +1,101 @@
+"""A plant of the user's in the loop: where it fails the flight ends, in one line."""
+
+import math
+import traceback
+
+from flighttune.control.controller import FlightCondition
+from flighttune.errors import FlightTuneError, InputError, TrimError
+from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
+
+
+def failure(name: str, error: Exception, t: float | None) -> str:
+    """What raised, when and why, in one line.
+
+    Parameters
+    ----------
+    name : str
+        Of the law or plant.
+    error : Exception
+    t : float or None, s
+        Time of the flight, if one had begun.
+    """
+    frames = traceback.extract_tb(error.__traceback__)
+    line = f" (line {frames[-1].lineno} of {frames[-1].name})" if len(frames) > 1 else ""
+    at = "" if t is None else f" at t = {t:.2f} s"
+    return f"{name}{at}: {type(error).__name__}: {' '.join(str(error).split())}{line}"
+
+
+class GuardedPlant:
+    """A plant that ends the flight, in one line, where it raises or shows what is no signal.
+
+    Parameters
+    ----------
+    plant : Plant
+    name : str
+        In messages.
+
+    Attributes
+    ----------
+    kind, signals, limits
+        Those of the plant.
+
+    Raises
+    ------
+    InputError
+        If the signals do not begin with `COMMON_SIGNALS`.
+    """
+
+    def __init__(self, plant: Plant, name: str) -> None:
+        self._plant, self._name = plant, name
+        self.kind, self.signals, self.limits = plant.kind, tuple(plant.signals), plant.limits
+        if self.signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
+            raise InputError(f"`signals` must begin with {COMMON_SIGNALS}, got {self.signals}.")
+        self._t, self._stop, self._last = 0.0, None, ()
+
+    def start(self, condition: FlightCondition) -> None:
+        """Start the plant.
+
+        Raises
+        ------
+        TrimError
+            If it cannot, for whatever reason.
+        """
+        self._t, self._stop, self._last = 0.0, None, ()
+        try:
+            self._plant.start(condition)
+        except FlightTuneError:
+            raise
+        except Exception as error:
+            raise TrimError(failure(self._name, error, 0.0)) from error
+
+    def observe(self) -> tuple[float, ...]:
+        """Return the values of `signals`; the last ones where there are none, and end the flight.
+
+        Raises
+        ------
+        TrimError
+            If there are none at the start.
+        """
+        try:
+            seen = tuple(map(float, self._plant.observe()))
+            if len(seen) != len(self.signals) or not all(map(math.isfinite, seen)):
+                raise ValueError(f"`observe` must return {len(self.signals)} finite numbers")
+        except Exception as error:
+            reason = failure(self._name, error, self._t)
+            if not self._last:
+                raise TrimError(reason) from error
+            self._stop = Stop("plant_failed", reason)
+            return self._last
+        self._last = seen
+        return seen
+
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+        """Fly on; return why the flight ended, if it did."""
+        if self._stop is not None:
+            return self._stop
+        try:
+            stop = self._plant.advance(phi_cmd, n_z_cmd, duration)
+        except Exception as error:
+            return Stop("plant_failed", failure(self._name, error, self._t))
+        self._t += duration
+        return stop

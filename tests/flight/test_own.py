@@ -1,0 +1,263 @@
+"""Laws and plants of a user's own, from Python and from files."""
+
+import json
+import textwrap
+
+import numpy as np
+import pytest
+from plain_members import Glider, Proportional
+
+from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, record
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign, plan_from
+from flighttune.control.controller import FlightCondition
+from flighttune.errors import ScenarioError
+from flighttune.flight.fly import fly
+from flighttune.flight.own import with_own
+from flighttune.flight.refly import refly
+from flighttune.guarantee.flight_check import flight_check
+from flighttune.recording.load import load_recording
+from flighttune.scenario import load_scenario, scenario_from
+
+SCENARIO = """
+    title = "own"
+    gains = ["paper"]
+
+    [[law]]
+    name = "mine"
+    kind = "python"
+    module = "my_law.py"
+    class = "Mine"
+    parameters = { gain = 1.5 }
+
+    [flight]
+    V_a_mps = 25.0
+    duration_s = 2.0
+
+    [reference]
+    chi_deg = 10.0
+    gamma_deg = 0.0
+
+    [[plant]]
+    kind = "point_mass"
+"""
+LAW = """
+    import math
+
+    class Mine:
+        signals = {}
+
+        def __init__(self, setup, gain=1.0):
+            self.dt, self.gain = setup.dt, gain
+
+        def start(self, condition):
+            pass
+
+        def step(self, measured, reference, t):
+            return self.gain * (reference.chi - measured.chi), math.cos(measured.gamma)
+"""
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "own.toml").write_text(textwrap.dedent(SCENARIO))
+    (tmp_path / "my_law.py").write_text(textwrap.dedent(LAW))
+    return tmp_path
+
+
+@pytest.fixture
+def scenario():
+    return scenario_from(
+        {
+            "title": "own",
+            "gains": ["paper"],
+            "flight": {"V_a_mps": 25.0, "duration_s": 2.0},
+            "reference": {"chi_deg": 10.0, "gamma_deg": 0.0},
+            "limits": {"phi_deg": [-20.0, 20.0]},
+            "plant": [{"kind": "kinematic"}],
+        }
+    )
+
+
+def mine(_):
+    return Proportional()
+
+
+def test_own_laws_and_plants_fly_beside_those_of_the_scenario(scenario):
+    flown = fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
+
+    assert [run.label for run in flown.runs] == [
+        "kinematic / paper",
+        "kinematic / mine:paper",
+        "glider / paper",
+        "glider / mine:paper",
+    ]
+    assert {run.status for run in flown.runs} == {"completed"}
+    own = flown.runs[1]
+    assert own.provenance.law_kind == "python"
+    assert own.provenance.gains is None
+    assert np.rad2deg(own.signals["phi_cmd"].abs().max()) <= 20.0 + 1e-9
+    assert flight_check(own) is None
+    assert set(flown.indicators) == {"paper"}
+
+
+def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp_path):
+    flown = fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
+    record(flown, tmp_path / "out")
+    again = load_recording(tmp_path / "out").runs
+
+    reflown = refly(again, laws={"mine": mine}, plants={"glider": Glider})
+    assert [one.difference for one in reflown] == [None] * 4
+    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: .* from Python, `laws="):
+        refly(again)
+
+
+def test_a_law_with_a_linear_model_has_indicators(scenario):
+    class Linear(Proportional):
+        def linear(self):
+            from flighttune.control.exact_law import rate_gains, rate_model
+            from flighttune.control.gains import PAPER_GAINS
+
+            return rate_model(), rate_gains(PAPER_GAINS, V_a=25.0)
+
+    flown = fly(scenario, laws={"mine": lambda _: Linear()})
+
+    # at gamma = 0 that is the loop of the paper's law
+    assert flown.indicators["mine:paper"].R_K == pytest.approx(flown.indicators["paper"].R_K)
+
+
+def test_a_law_that_cannot_be_made_ends_its_own_flights_alone(scenario):
+    def broken(_):
+        raise KeyError("no model")
+
+    flown = fly(scenario, laws={"mine": broken})
+
+    assert [run.status for run in flown.runs] == ["completed", "law_failed"]
+    assert flown.runs[1].reason.startswith("law mine at t = 0.00 s: KeyError: 'no model'")
+
+
+def test_a_law_of_another_sample_time_is_said_so(scenario):
+    changed = scenario_from(scenario.as_dict() | {"controller": {"rate_hz": 100.0}})
+
+    (_, run) = fly(changed, laws={"mine": mine}).runs
+
+    assert "`dt` must be that of the flight, 0.01 s, got 0.02" in run.reason
+
+
+class Falls(Glider):
+    def advance(self, phi_cmd, n_z_cmd, duration):
+        if self.chi > 0.05:
+            raise RuntimeError("wing off")
+        return super().advance(phi_cmd, n_z_cmd, duration)
+
+
+class Blind(Glider):
+    def observe(self):
+        seen = super().observe()
+        return seen if self.chi < 0.05 else (np.nan, *seen[1:])
+
+
+class Short(Glider):
+    def observe(self):
+        return (0.0,)
+
+
+@pytest.mark.parametrize(
+    ("plant", "status", "said"),
+    [
+        (Falls, "plant_failed", "RuntimeError: wing off"),
+        (Blind, "plant_failed", "`observe` must return 8 finite numbers"),
+        (Short, "no_trim", "`observe` must return 8 finite numbers"),
+    ],
+)
+def test_a_plant_that_fails_ends_its_flight_in_one_line(scenario, plant, status, said):
+    (_, run) = fly(scenario, plants={"mine": plant}).runs
+
+    assert run.status == status
+    assert said in run.reason
+    assert run.reason.startswith("plant mine at t = ")
+    assert (len(run.signals) > 2) == (status == "plant_failed")
+
+
+def test_a_file_names_a_class_and_its_parameters_and_the_recording_knows_its_hash(files):
+    scenario = load_scenario(files / "own.toml")
+    flown = fly(scenario)
+    (run,) = flown.runs
+
+    assert run.label == "point_mass / mine:paper"
+    assert run.signals["phi_cmd"].iloc[0] == pytest.approx(1.5 * np.deg2rad(10.0))
+    (table,) = run.provenance.scenario["law"]
+    assert len(table["sha256"]) == 64
+    assert table["class"] == "Mine"
+    assert [one.difference for one in refly(flown.runs)] == [None]
+
+
+def test_a_file_that_is_gone_or_changed_is_refused(files):
+    scenario = load_scenario(files / "own.toml")
+    law = files / "my_law.py"
+    law.write_text(law.read_text() + "\n# changed\n")
+
+    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module` must be the file that"):
+        fly(scenario)
+    law.unlink()
+    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module` must be a file"):
+        fly(scenario)
+    with pytest.raises(ScenarioError, match=r"own.toml: \[\[law\]\] `module` must be a file"):
+        load_scenario(files / "own.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("class Other: pass", "AttributeError"), ("import nothing_of_that_name", "ModuleNotFoundE")],
+)
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(files, text, said):
+    (files / "my_law.py").write_text(text)
+
+    with pytest.raises(ScenarioError, match=said) as error:
+        fly(load_scenario(files / "own.toml"))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"plant": [{"kind": "python"}]}, "`name` must be given with kind python"),
+        ({"plant": [{"kind": "kinematic", "module": "x.py"}]}, "`module` must .* kind python"),
+        ({"plant": [{"kind": "python", "name": "x", "module": "x.py"}]}, "`module` and `class`"),
+        ({"law": [{"name": "x", "kind": "python", "class": "X"}]}, "`module` and `class`"),
+    ],
+)
+def test_tables_that_say_half_are_refused_by_key(scenario, change, said):
+    with pytest.raises(ScenarioError, match=said):
+        scenario_from(scenario.as_dict() | change)
+
+
+def test_a_campaign_knows_the_hash_and_refuses_another_file(files):
+    (files / "c.toml").write_text(
+        f'title = "c"\nscenario = {json.dumps(str(files / "own.toml"))}\nruns = 2\n'
+        '[[disperse]]\nkey = "flight.V_a_mps"\ndistribution = "normal"\nmean = 25.0\nsd = 0.5\n'
+    )
+    plan = plan_campaign(load_campaign(files / "c.toml"))
+    again = plan_from(json.loads(json.dumps(plan.as_dict())))
+
+    assert again.sha256 == plan.sha256
+    with_own(again.scenario)
+    (files / "my_law.py").write_text("# nothing")
+    with pytest.raises(ScenarioError, match="must be the file that was planned"):
+        with_own(again.scenario)
+
+
+def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
+    lags = (
+        InnerLag(order=2, natural_frequency=8.0, damping=0.6, delay=0.03),
+        InnerLag(order=1, natural_frequency=10.0),
+    )
+    plants = PointMassPlant(lags), LaggedPlant(PointMassPlant(), lags)
+    for plant in plants:
+        plant.start(FlightCondition(V_a=25.0))
+        for k in range(100):
+            plant.advance(0.5 if k < 50 else -0.2, 1.2, 0.02)
+
+    alone, around = (np.array(plant.observe()[:2]) for plant in plants)
+    assert plants[1].signals[: len(COMMON_SIGNALS)] == COMMON_SIGNALS
+    assert around == pytest.approx(alone, abs=1e-5)
