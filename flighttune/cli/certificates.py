@@ -22,6 +22,8 @@ EIGENVALUES_A_LINE = 4
 
 if TYPE_CHECKING:
     from flighttune.certificates import Certificate, Certification, Claim
+    from flighttune.control.gains import PIGains
+    from flighttune.scenario import Scenario
     from flighttune.theory.indicators import Indicators
 
 
@@ -58,6 +60,9 @@ def certify(
 
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
+    if ":" in name and loaded.law_of(name)[0].kind == "python":
+        _certify_own(loaded, name, chosen, L_d=L_d, out=out, as_json=as_json)
+        return
     rates = chosen.law == "exact"
     model = loaded.linear_model(rates=rates)
     found = indicators(closed_loop(model, chosen))
@@ -223,6 +228,41 @@ def _claim_text(certificate: "Certificate") -> str:
         f"stays below {claim.L_d:.6g}"
     )
     return f"s'Qs falls at {claim.rate:.6g} 1/s{radius}; {where}"
+
+
+def _certify_own(
+    scenario: "Scenario",
+    name: str,
+    gains: "PIGains",
+    *,
+    L_d: float | None,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """A law of the user's, on the linear model that it gives itself."""
+    from flighttune.certificates import certify as certify_model
+    from flighttune.certificates import save_certificate
+    from flighttune.control.linear_model import closed_loop
+    from flighttune.flight.fly import linear_loop
+    from flighttune.flight.own import with_own
+    from flighttune.theory.indicators import indicators
+
+    linear = linear_loop(scenario, name, gains, with_own(scenario)[1])
+    if linear is None:
+        fail(f"{name}: the law must have `linear()` to be certified, got none.", NO)
+    found = indicators(closed_loop(*linear))
+    made = certify_model(*linear, L_d=L_d, scenario_sha256=scenario.sha256)
+    if out is not None and made.certificate is not None:
+        save_certificate(made.certificate, out)
+    answer = {
+        **pick(found, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
+        "gains": name,
+        "certificate": _certification_json(made, out),
+    }
+    lines = [*_indicators_text(name, found), _certification_text(made, "on its own linear model")]
+    emit(answer, lines, as_json=as_json)
+    if made.status != "certified":
+        fail(f"{name}: {made.reason}", NO)
 
 
 def _indicators_text(name: str, found: "Indicators") -> Iterator[Table | str]:

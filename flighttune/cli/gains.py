@@ -77,7 +77,14 @@ def frontier(
     loaded = load_scenario(scenario)
     mapped = rate_gains if loaded.for_rates else command_gains
     flight = loaded.flight
-    known = {**paper_family(), **{name: gain_set(loaded, name) for name in loaded.gain_names}}
+    known = {
+        **paper_family(),
+        **{
+            name: gain_set(loaded, name)
+            for name in loaded.gain_names
+            if loaded.law_of(name)[0].kind != "python"
+        },
+    }
     marked = {
         name: mapped(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
         for name, gains in known.items()
