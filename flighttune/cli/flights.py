@@ -146,9 +146,18 @@ def list_shipped(as_json: JsonOption = False) -> None:
 
 def view(
     path: Annotated[Path, Argument(metavar="PATH", help="A recording, or the folder of one.")],
+    port: Annotated[
+        int | None,
+        Option(
+            min=1,
+            max=65534,
+            help="Serve it to a browser at this port, its data at the next one; both go through a "
+            "tunnel [default: a window; without a screen, a browser at free ports].",
+        ),
+    ] = None,
 ) -> None:
     """Open a recording in the Rerun viewer."""
-    _open(path)
+    _open(path, port=port)
 
 
 def _heading(path: Path) -> dict[str, str]:
@@ -157,15 +166,18 @@ def _heading(path: Path) -> dict[str, str]:
     return {"name": path.stem, "title": tables["title"], "verifies": tables.get("verifies", "")}
 
 
-def _open(path: Path) -> None:
+def _open(path: Path, *, port: int | None = None) -> None:
     from flighttune.recording.viewer import view as open_viewer
 
     with (
         raise_on_interrupt(),
-        open_viewer(_recording_in(path)) as viewer,
+        open_viewer(_recording_in(path), port=port) as viewer,
         suppress(KeyboardInterrupt),
     ):
-        if viewer.url:
+        if port is not None:
+            tunnel = " ".join(f"-L {one}:127.0.0.1:{one}" for one in (port, port + 1))
+            say(f"open {viewer.url} in a browser, from elsewhere after: ssh {tunnel} HOST")
+        elif viewer.url:
             say(f"no screen here; open {viewer.url} in a browser on this machine, Ctrl-C ends it")
         viewer.wait()
 

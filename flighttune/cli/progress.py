@@ -1,9 +1,9 @@
-"""While a command runs: a bar where someone watches, lines elsewhere; Ctrl-C and SIGTERM."""
+"""While a command runs: a bar where someone watches, lines elsewhere; Ctrl-C, SIGTERM, SIGHUP."""
 
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from types import FrameType
 from typing import Any
@@ -12,7 +12,12 @@ from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgre
 from flighttune.cli.show import tell
 
 LINE_EVERY_S = 10.0
-SIGNALS = signal.SIGINT, signal.SIGTERM
+SIGNALS = [
+    signal.Signals[name]
+    for name in ("SIGINT", "SIGTERM", "SIGHUP")
+    if name in signal.Signals.__members__
+]
+"""Ctrl-C, the end that a system asks for, and that of the terminal; Windows has no SIGHUP."""
 
 
 @contextmanager
@@ -140,40 +145,50 @@ def duration(seconds: float) -> str:
 
 @contextmanager
 def stop_on_interrupt(stop: Callable[[], object]) -> Iterator[None]:
-    """Call `stop` at the first Ctrl-C or SIGTERM of the block; a second one ends the command.
+    """Call `stop` at the first of `SIGNALS` in the block; a second one ends the command.
 
     Parameters
     ----------
     stop : callable
         Called from the signal handler: it only asks for the end, and returns at once.
     """
+    before = _handlers()
 
     def handle(_number: int, _frame: FrameType | None) -> None:
-        _restore(before)
+        _install(before)
         stop()
 
-    before = [signal.getsignal(number) for number in SIGNALS]
-    for number in SIGNALS:
-        signal.signal(number, handle)
+    _install(dict.fromkeys(before, handle))
     try:
         yield
     finally:
-        _restore(before)
+        _install(before)
 
 
 @contextmanager
 def raise_on_interrupt() -> Iterator[None]:
-    """Raise KeyboardInterrupt at SIGTERM too, so that what the block opened is closed.
+    """Raise KeyboardInterrupt at each of `SIGNALS`, so that what the block opened is closed.
 
     Shells start commands in the background with SIGINT ignored; in the block it is not.
     """
-    before = [signal.signal(number, signal.default_int_handler) for number in SIGNALS]
+    before = _handlers()
+    _install(dict.fromkeys(before, signal.default_int_handler))
     try:
         yield
     finally:
-        _restore(before)
+        _install(before)
 
 
-def _restore(handlers: list[Any]) -> None:
-    for number, handler in zip(SIGNALS, handlers, strict=True):
+def _handlers() -> dict[signal.Signals, Any]:
+    """Present handlers of the signals that are to be handled: nohup wants SIGHUP to be ignored."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    return {
+        number: handler
+        for number, handler in before.items()
+        if number.name != "SIGHUP" or handler != signal.SIG_IGN
+    }
+
+
+def _install(handlers: Mapping[signal.Signals, Any]) -> None:
+    for number, handler in handlers.items():
         signal.signal(number, handler)

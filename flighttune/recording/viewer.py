@@ -10,8 +10,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from flighttune.errors import RecordingError
+from flighttune.errors import InputError, RecordingError
 from flighttune.recording.run_columns import check_recording, executable
+from flighttune.whole_file import reason_of
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 LOCAL = "127.0.0.1"
@@ -28,13 +29,41 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
+def _check_free(*ports: int) -> None:
+    for port in ports:
+        with socket.socket() as probe:
+            # As the viewer does it: a connection closed a minute ago is no obstacle.
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((LOCAL, port))
+            except OSError as error:
+                raise InputError(
+                    f"`port` must be free and the one behind it too, got {port}: "
+                    f"{reason_of(error)}."
+                ) from error
+
+
 def stream_url(port: int) -> str:
     """Where a viewer with its data server on `port` takes a stream."""
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
+def tied(command: list[str]) -> list[str]:
+    """A command that, on Linux, ends with the thread that starts it, however that ends."""
+    if sys.platform != "linux":
+        return command
+    program = (
+        "import ctypes, os, signal, sys; "
+        "ctypes.CDLL(None).prctl(1, signal.SIGKILL); "  # 1: PR_SET_PDEATHSIG, kept by exec
+        "os.execv(sys.argv[1], sys.argv[1:])"
+    )
+    return [sys.executable, "-ISc", program, *command]
+
+
 class ViewerProcess:
     """A running viewer that listens on this machine only.
+
+    On Linux it ends with the thread that started it, even if that is killed.
 
     Parameters
     ----------
@@ -68,7 +97,7 @@ class ViewerProcess:
         self.url = url
         # A file, because a pipe that nobody reads would block the viewer when it is full.
         self._output = tempfile.TemporaryFile()  # noqa: SIM115
-        command = [str(executable()), "--port", str(port), "--bind", LOCAL, *arguments]
+        command = tied([str(executable()), "--port", str(port), "--bind", LOCAL, *arguments])
         self._process = subprocess.Popen(
             command,
             env={**os.environ, **(environment or {})},
@@ -141,7 +170,7 @@ class ViewerProcess:
         self.close()
 
 
-def view(path: str | Path, *, web: bool | None = None) -> ViewerProcess:
+def view(path: str | Path, *, web: bool | None = None, port: int | None = None) -> ViewerProcess:
     """Open a recording in the viewer.
 
     Parameters
@@ -151,6 +180,8 @@ def view(path: str | Path, *, web: bool | None = None) -> ViewerProcess:
     web : bool, optional
         Serve it to a browser instead of opening a window; by default where there is no screen.
         It is served on this machine only and needs no network.
+    port : int, optional
+        Serve it to a browser at this port, and its data at the next one; otherwise free ones.
 
     Returns
     -------
@@ -163,8 +194,13 @@ def view(path: str | Path, *, web: bool | None = None) -> ViewerProcess:
     RecordingError
         If `path` is not a recording, a window is asked for where there is no screen, or the viewer
         does not start.
+    InputError
+        If `port` or the next one is taken.
     """
     check_recording(path)
+    if port is not None:
+        _check_free(port, port + 1)
+        return _viewer(str(Path(path).resolve()), web=True, ports=(port, port + 1))
     if web is False and not has_screen():
         names = ", ".join(DISPLAYS)
         raise RecordingError(
@@ -194,11 +230,12 @@ def waiting_viewer(*, web: bool | None = None) -> ViewerProcess:
     return _viewer("--hide-welcome-screen", web=web)
 
 
-def _viewer(argument: str, *, web: bool | None) -> ViewerProcess:
-    port = free_port()
+def _viewer(
+    argument: str, *, web: bool | None, ports: tuple[int, int] | None = None
+) -> ViewerProcess:
+    web_port, port = ports or (free_port(), free_port())
     if web is False or (web is None and has_screen()):
         return ViewerProcess([argument], port=port)
-    web_port = free_port()
     return ViewerProcess(
         ["--serve-web", "--web-viewer-port", str(web_port), argument],
         port=port,

@@ -6,6 +6,8 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
+import time
 import urllib.request
 from contextlib import suppress
 from pathlib import Path
@@ -13,10 +15,13 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flighttune.errors import RecordingError
-from flighttune.recording.viewer import DISPLAYS, ViewerProcess, free_port, has_screen, view
+from flighttune.errors import InputError, RecordingError
+from flighttune.recording.viewer import DISPLAYS, ViewerProcess, free_port, has_screen, tied, view
 
 pytestmark = pytest.mark.slow
+
+LONGEST_S = 120.0
+BACKGROUND = ["/bin/sh", "-c", '"$@" & wait', "sh"]
 
 
 @pytest.fixture
@@ -75,28 +80,89 @@ def listening(port):
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
+def ports_printed(process):
+    """Ports in the first line that `flighttune view` prints; it is killed if it prints none."""
+    watchdog = threading.Timer(LONGEST_S, process.kill)
+    watchdog.start()
+    try:
+        line = process.stdout.readline()
+    finally:
+        watchdog.cancel()
+    return [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", line)]
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGTERM to catch")
 @pytest.mark.usefixtures("without_screen")
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("shell", [[], ["sh", "-c", '"$@" & wait', "sh"]], ids=["", "background"])
+@pytest.mark.parametrize("number", ["SIGTERM", "SIGINT", "SIGHUP"])
+@pytest.mark.parametrize("shell", [[], BACKGROUND], ids=["", "background"])
 def test_a_command_that_is_ended_leaves_no_viewer_behind(recording, number, shell):
-    command = [*shell, sys.executable, "-u", "-m", "flighttune", "view", str(recording)]
+    # Tied, so that no viewer stays where the tests themselves are ended.
+    command = tied([sys.executable, "-u", "-m", "flighttune", "view", str(recording)])
+    command = tied([*shell, *command]) if shell else command
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, text=True, start_new_session=True
     ) as running:
         try:
-            said = running.stdout.readline()
-            ports = [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", said)]
+            ports = ports_printed(running)
             before = [listening(port) for port in ports]
             (viewing,) = psutil.Process(running.pid).children() if shell else [running]
-            viewing.send_signal(number)
-            assert running.wait(timeout=20.0) == 0
+            viewing.send_signal(signal.Signals[number])
+            assert running.wait(timeout=LONGEST_S) == 0
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(running.pid, signal.SIGKILL)
 
     assert before == [True, True]
     assert not any(listening(port) for port in ports)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a viewer is tied to its parent on Linux only")
+@pytest.mark.usefixtures("without_screen")
+def test_a_command_that_is_killed_leaves_no_viewer_behind(recording):
+    command = tied([sys.executable, "-u", "-m", "flighttune", "view", str(recording)])
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        ports = ports_printed(running)
+        viewers = psutil.Process(running.pid).children()
+        before = [listening(port) for port in ports]
+        running.kill()
+    end = time.monotonic() + LONGEST_S
+    while any(listening(port) for port in ports) and time.monotonic() < end:
+        time.sleep(0.05)
+    after = [listening(port) for port in ports]
+    for viewer in viewers:
+        with suppress(psutil.NoSuchProcess):
+            viewer.kill()
+
+    assert before == [True, True]
+    assert after == [False, False]
+
+
+@pytest.mark.usefixtures("without_screen")
+def test_a_port_that_is_taken_is_refused(recording):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        taken = probe.getsockname()[1]
+        for port in (taken, taken - 1):
+            with pytest.raises(InputError, match=rf"`port` must be free .* got ({taken}|{port}): "):
+                view(recording, port=port)
+
+
+def test_the_page_is_served_at_the_port_and_its_data_at_the_next_one(recording, monkeypatch):
+    started = []
+    monkeypatch.setattr("flighttune.recording.viewer._check_free", lambda *ports: None)
+    monkeypatch.setattr(
+        "flighttune.recording.viewer.ViewerProcess",
+        lambda arguments, **options: started.append((arguments, options)),
+    )
+    monkeypatch.setenv("DISPLAY", ":0")  # a port is for a browser also where there is a screen
+
+    view(recording, port=9190)
+
+    ((arguments, options),) = started
+    assert arguments[:3] == ["--serve-web", "--web-viewer-port", "9190"]
+    assert options["port"] == 9191
+    assert options["url"].startswith("http://127.0.0.1:9190/?url=")
+    assert options["url"].endswith("127.0.0.1%3A9191%2Fproxy")
 
 
 ANY_ADDRESS = {"00000000", "0" * 32}
