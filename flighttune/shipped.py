@@ -1,10 +1,14 @@
 """Where the aircraft, scenarios and campaigns that come with flighttune lie."""
 
+import os
 from pathlib import Path
 
 from flighttune.errors import InputError
 
 _PACKAGE = Path(__file__).resolve().parent
+
+TRUST_AIRCRAFT = "FLIGHTTUNE_TRUST_AIRCRAFT"
+"""Set in the environment of a process that may be ended by an aircraft's files."""
 
 
 def aircraft_names() -> tuple[str, ...]:
@@ -22,6 +26,12 @@ def campaign_files() -> dict[str, Path]:
     """Return the files of the shipped campaigns by name (without ``.toml``), sorted."""
     folder = _shipped_folder("scenarios") / "campaigns"
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def is_trusted(folder: Path) -> bool:
+    """Whether JSBSim may load an aircraft's folder in this process: a shipped one, or any."""
+    ours = _shipped_folder("aircraft").resolve()
+    return TRUST_AIRCRAFT in os.environ or folder.resolve().parent == ours
 
 
 def aircraft_folder(name: str) -> Path:

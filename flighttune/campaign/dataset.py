@@ -1,6 +1,7 @@
 """A campaign on disk: ``campaign.json``, one Parquet file per chunk of runs, and kept signals.
 
-Any reader of Parquet can read ``runs/`` at any time: a file that is there is complete.
+Any reader of Parquet can read ``runs/`` at any time: a file that is there is complete. What is
+written is hashed: the plan in ``campaign.json``, a file of rows in its name.
 """
 
 import hashlib
@@ -19,9 +20,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flighttune.campaign.planning.plan import Plan, plan_from
-from flighttune.errors import OutputError, RecordingError
+from flighttune.errors import OutputError, RecordingError, ScenarioError
+from flighttune.scenario.load import validated
+from flighttune.scenario.tables import Table
+from flighttune.table_file import json_tables
 
-FORMAT = 1
+FORMAT = 2
 CAMPAIGN = "campaign.json"
 RUNS, SIGNALS = "runs", "signals"
 WRITING = ".writing"
@@ -33,7 +37,7 @@ NOT_REPRODUCIBLE = ("wall_s",)
 NO_SIGNALS = ("crashed", "timed_out", "invalid", "no_gains", "no_trim")
 """Statuses of runs without a time history."""
 
-_PART = re.compile(r"part-(\d+)-(\d+)\.parquet")
+_PART = re.compile(r"part-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
 _SIGNALS = re.compile(r"run-(\d+)\.parquet")
 
 
@@ -47,6 +51,31 @@ class Span(NamedTuple):
     def runs(self) -> int:
         """How many there are."""
         return self.end - self.first
+
+
+class Part(NamedTuple):
+    """A file of rows, by its name.
+
+    Attributes
+    ----------
+    span : Span
+        The runs in it.
+    digest : str
+        First quarter of the SHA-256 of the file, in hexadecimal digits.
+    """
+
+    span: Span
+    digest: str
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return f"part-{self.span.first:010d}-{self.span.end:010d}-{self.digest}.parquet"
+
+    @classmethod
+    def holding(cls, span: Span, data: bytes) -> "Part":
+        """The part of a span of runs whose file has these bytes."""
+        return cls(span, hashlib.sha256(data).hexdigest()[:16])
 
 
 def missing(present: Iterable[Span], runs: int) -> tuple[Span, ...]:
@@ -77,22 +106,28 @@ class Dataset:
         self.folder, self.plan, self.versions = Path(folder), plan, dict(versions)
 
     @property
-    def spans(self) -> tuple[Span, ...]:
-        """Runs of each file that is there, in order.
+    def parts(self) -> tuple[Part, ...]:
+        """The files of rows that are there, in order of their runs.
 
         Raises
         ------
         RecordingError
             If two files hold the same run.
         """
-        spans = sorted(Span(int(one[1]), int(one[2])) for one in self._matches(RUNS, _PART))
-        for one, other in pairwise(spans):
-            if other.first < one.end:
+        found = self._matches(RUNS, _PART)
+        parts = sorted(Part(Span(int(one[1]), int(one[2])), one[3]) for one in found)
+        for one, other in pairwise(parts):
+            if other.span.first < one.span.end:
                 raise RecordingError(
-                    f"{self.folder / RUNS}: a run must be in one file, got run {other.first} "
-                    f"in {_part_name(one)} and {_part_name(other)}."
+                    f"{self.folder / RUNS}: a run must be in one file, got run {other.span.first} "
+                    f"in {one.name} and {other.name}."
                 )
-        return tuple(spans)
+        return tuple(parts)
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """Runs of each file that is there, in order; RecordingError as `parts`."""
+        return tuple(part.span for part in self.parts)
 
     @property
     def kept(self) -> tuple[int, ...]:
@@ -101,43 +136,41 @@ class Dataset:
 
     def write_plan(self) -> None:
         """Write ``campaign.json``; this and the other methods that write raise OutputError."""
-        text = {"format": FORMAT, "versions": self.versions, "plan": self.plan.as_dict()}
-        self._write(CAMPAIGN, (json.dumps(text, indent=1) + "\n").encode())
+        tables = {"format": FORMAT, "versions": self.versions, "plan": self.plan.as_dict()}
+        text = json.dumps({**tables, "sha256": _digest_of(tables)}, indent=1)
+        self._write(CAMPAIGN, f"{text}\n".encode())
 
     def write_part(self, rows: pa.Table) -> None:
         """Write the rows of a span of runs, in order of `run`."""
         runs = rows.column("run")
-        span = Span(runs[0].as_py(), runs[-1].as_py() + 1)
-        self._write(f"{RUNS}/{_part_name(span)}", parquet_bytes(rows))
+        span, data = Span(runs[0].as_py(), runs[-1].as_py() + 1), parquet_bytes(rows)
+        self._write(f"{RUNS}/{Part.holding(span, data).name}", data)
 
-    def read_part(self, span: Span, columns: Sequence[str] | None = None) -> pa.Table:
+    def read_part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
         """The rows of one file.
 
         Raises
         ------
         RecordingError
-            If the file is damaged or does not hold these runs, each once.
+            If the file is not the one that was written, to the bit.
         """
-        path = self.folder / RUNS / _part_name(span)
+        path = self.folder / RUNS / part.name
         wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
         try:
-            data = pa.BufferReader(path.read_bytes())
-            file = pq.ParquetFile(data, page_checksum_verification=True)
-            # a thread of Arrow that releases our bytes while Python exits would crash the process
-            rows = file.read(wanted, use_threads=False)
-            sound = np.array_equal(rows.column("run").to_numpy(), np.arange(*span))
-        except (pa.ArrowException, OSError, KeyError) as error:
-            raise RecordingError(f"{path}: is damaged: {error}.") from error
-        if not sound:
+            data = path.read_bytes()
+        except OSError as error:
+            raise RecordingError(f"{path}: must be readable, got: {error.strerror}.") from error
+        if Part.holding(part.span, data) != part:
             raise RecordingError(
-                f"{path}: must hold the runs {span.first} to {span.end - 1}, each once and in "
-                "order."
+                f"{path}: is damaged or was changed: it must have the hash in its name; "
+                "`campaign run --resume` flies its runs again."
             )
-        return rows
+        # a thread of Arrow that releases our bytes while Python exits would crash the process
+        return pq.ParquetFile(pa.BufferReader(data)).read(wanted, use_threads=False)
 
-    def remove_part(self, span: Span) -> None:
-        """Remove the file of a span of runs."""
-        self._remove(f"{RUNS}/{_part_name(span)}")
+    def remove_part(self, part: Part) -> None:
+        """Remove a file of rows."""
+        self._remove(f"{RUNS}/{part.name}")
 
     def tables(self, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
         """The rows, file by file in order of `run`.
@@ -147,8 +180,8 @@ class Dataset:
         RecordingError
             If a file is damaged.
         """
-        for span in self.spans:
-            yield self.read_part(span, columns)
+        for part in self.parts:
+            yield self.read_part(part, columns)
 
     def rows(self, columns: Sequence[str] | None = None) -> pa.Table:
         """All rows that are there, in order of `run`.
@@ -240,6 +273,13 @@ def parquet_bytes(rows: pa.Table) -> bytes:
     return sink.getvalue().to_pybytes()
 
 
+class _CampaignFile(Table):
+    format: int
+    versions: dict[str, str]
+    plan: dict[str, Any]
+    sha256: str
+
+
 def open_dataset(folder: str | Path) -> Dataset:
     """The campaign in a folder.
 
@@ -250,20 +290,26 @@ def open_dataset(folder: str | Path) -> Dataset:
     Raises
     ------
     RecordingError
-        If the folder holds no campaign, or one written by a newer flighttune.
+        If the folder holds no campaign, one that was changed, or one of another layout.
     """
     path = Path(folder) / CAMPAIGN
     if not path.exists():
         raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
     try:
-        text: dict[str, Any] = json.loads(path.read_bytes())
-        if text["format"] > FORMAT:
-            raise RecordingError(f"{path}: layout must be {FORMAT} or older, got {text['format']}.")
-        return Dataset(folder, plan_from(text["plan"]), text["versions"])
-    except RecordingError:
-        raise
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise RecordingError(f"{path}: must describe a campaign, got: {error}.") from error
+        tables = json_tables(path)
+        if tables.get("format") != FORMAT:
+            raise RecordingError(
+                f"{path}: `format` must be {FORMAT}, got {tables.get('format')!r:.20}: fly the "
+                "campaign again with this version."
+            )
+        file = validated(_CampaignFile, tables, str(path))
+        if tables.pop("sha256") != _digest_of(tables):
+            raise RecordingError(
+                f"{path}: must be as it was written, but its hash differs: fly the campaign again."
+            )
+        return Dataset(folder, plan_from(file.plan, str(path)), file.versions)
+    except ScenarioError as error:
+        raise RecordingError(str(error)) from error
 
 
 def dataset_hash(folder: str | Path) -> str:
@@ -303,8 +349,9 @@ def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
     yield column.fill_null(pa.scalar(zero, column.type)).to_numpy().tobytes()
 
 
-def _part_name(span: Span) -> str:
-    return f"part-{span.first:010d}-{span.end:010d}.parquet"
+def _digest_of(tables: Mapping[str, Any]) -> str:
+    """Hash of what ``campaign.json`` says beside it, however it is spaced."""
+    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 
 def _signals_name(run: int) -> str:

@@ -193,6 +193,7 @@ def run(
         cost, count = campaign_cost(plan), workers or cores()
         emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count), as_json=as_json)
         return
+    from flighttune.campaign.dataset import CAMPAIGN
     from flighttune.campaign.engine.engine import run_campaign
 
     try:
@@ -207,6 +208,8 @@ def run(
                 observer=observer,
             )
     except (CampaignError, OutputError) as error:
+        if not (Path(folder) / CAMPAIGN).exists():
+            raise
         raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
     emit(done.as_dict(), _outcome_text(done), as_json=as_json)
     if done.interrupted:
@@ -321,9 +324,9 @@ def _findings_text(found: "Findings", page: Path | None) -> Iterator[Table | str
 
 
 def _row(dataset: "Dataset", run: int) -> dict[str, Any]:
-    for span in dataset.spans:
-        if span.first <= run < span.end:
-            return dataset.read_part(span).slice(run - span.first, 1).to_pylist()[0]
+    for part in dataset.parts:
+        if part.span.first <= run < part.span.end:
+            return dataset.read_part(part).slice(run - part.span.first, 1).to_pylist()[0]
     raise RecordingError(
         f"{dataset.folder}: `run` must be one that was flown, got {run} of {dataset.plan.runs}."
     )

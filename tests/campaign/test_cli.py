@@ -187,6 +187,15 @@ def test_what_is_no_address_is_one_line_and_leaves_no_folder(tmp_path, file, add
     assert not out.exists()
 
 
+def test_an_encrypted_address_takes_certificates(tmp_path, file):
+    out, address = tmp_path / "out", "tls://127.0.0.1:1"
+
+    _, error = flighttune("campaign", "run", file, "--out", out, "--scheduler", address, status=2)
+
+    assert f"`scheduler` {address} must have certificates: set ca-file, client.cert and" in error
+    assert not out.exists()
+
+
 def test_nobody_at_the_address_is_one_line(tmp_path, file):
     nobody = "tcp://127.0.0.1:1"
     with flying(file, "--out", tmp_path / "out", "--scheduler", nobody) as command:

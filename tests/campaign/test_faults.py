@@ -32,6 +32,7 @@ from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import CampaignError
+from flighttune.file_lock import SCRATCH, scratch_folder
 
 pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 
@@ -191,6 +192,9 @@ def test_the_main_process_killed_leaves_no_worker_and_whole_files(
         command.kill()
         wait_until(lambda: gone(below))
     assert 0 < len(rows_of(out)) < RUNS
+    assert list(tmp_path.glob(f"{SCRATCH}*"))
+    with scratch_folder(tmp_path) as scratch:  # as the next command has it
+        assert list(tmp_path.glob(f"{SCRATCH}*")) == [scratch]
 
     run_campaign(ours, out, scheduler=address, resume=True)
 

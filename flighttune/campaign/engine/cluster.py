@@ -6,7 +6,6 @@ import os
 import queue
 import signal
 import socket
-import tempfile
 import threading
 import time
 import uuid
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import urlsplit
 
 from flighttune.errors import CampaignError, InputError
+from flighttune.file_lock import scratch_folder
 from flighttune.simulate.batch import cores
 
 if TYPE_CHECKING:
@@ -102,6 +102,7 @@ def cluster(
     check_installed()
     if scheduler is not None:
         _host_and_port(scheduler)
+        _check_certificates(scheduler)
     with ExitStack() as stack:
 
         def start() -> Workers:
@@ -134,8 +135,8 @@ def _local(workers: int) -> "Iterator[Client]":
 
     with (
         _environment_kept(),
-        tempfile.TemporaryDirectory(prefix="flighttune-", ignore_cleanup_errors=True) as folder,
-        dask.config.set({**LOCAL, "temporary-directory": folder}),
+        scratch_folder() as folder,
+        dask.config.set({**LOCAL, "temporary-directory": str(folder)}),
     ):
         with _ctrl_c_blocked():
             made = LocalCluster(
@@ -144,7 +145,7 @@ def _local(workers: int) -> "Iterator[Client]":
                 host="127.0.0.1",
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,
-                local_directory=folder,
+                local_directory=str(folder),
             )
         with made, Client(made, set_as_default=False) as client:
             yield client
@@ -160,6 +161,23 @@ def _environment_kept() -> Iterator[None]:
         for name in os.environ.keys() - before.keys():
             del os.environ[name]
         os.environ.update(before)
+
+
+def _check_certificates(scheduler: str) -> None:
+    """Refuse an encrypted connection that dask's settings have no certificates for."""
+    from distributed.security import Security
+
+    if not scheduler.startswith("tls:"):
+        return
+    try:
+        found = Security().get_connection_args("client").get("ssl_context")
+    except OSError as error:  # of SSL too
+        raise InputError(f"`scheduler` {scheduler}: dask's certificates: {error}.") from error
+    if found is None:
+        raise InputError(
+            f"`scheduler` {scheduler} must have certificates: set ca-file, client.cert and "
+            "client.key of distributed.comm.tls in dask's settings."
+        )
 
 
 @contextmanager

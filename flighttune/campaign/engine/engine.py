@@ -183,7 +183,7 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
             f"{out}: must not hold a campaign, got one of {found.plan.runs} runs; go on with "
             "it by --resume, or give another --out."
         )
-    plan = plan.with_gains_of(found.plan)
+    plan = plan.with_tuned_gains_of(found.plan)
     changed = found.plan.with_runs(plan.runs).differences(plan)
     if changed:
         raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
@@ -214,10 +214,10 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
 def _counted(dataset: Dataset, hear: Callable[[str], None]) -> Tally:
     """Count what is there. Damaged files are removed, and their runs are missing then."""
     tally = Tally()
-    for span in dataset.spans:
+    for part in dataset.parts:
         try:
-            tally.add(dataset.read_part(span))
+            tally.add(dataset.read_part(part))
         except RecordingError as error:
-            hear(f"{error} Its runs are flown again.")
-            dataset.remove_part(span)
+            hear(str(error))
+            dataset.remove_part(part)
     return tally

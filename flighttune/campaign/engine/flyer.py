@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from flighttune.errors import FlightTuneError, PlantError
+from flighttune.shipped import TRUST_AIRCRAFT
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -95,7 +96,7 @@ class Flyer:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env={**os.environ, **dict.fromkeys(THREADS, "1")},
+            env={**os.environ, **dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1")},
         )
         assert self._process.stdout is not None
         reader = threading.Thread(

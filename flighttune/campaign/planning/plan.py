@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
@@ -19,17 +20,20 @@ from flighttune.conformance.boxes import ResidualSummary
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_sets
-from flighttune.quantities import Matrix
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.load import validated
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import Table
+from flighttune.scenario.schema import GainsTable, Scenario
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, Table
 
 VERSION = 1
 """Of the form of a plan as plain values; another is refused."""
 
 FOR_THE_READER = ("title", "verifies", "source")
 """Keys that change no row."""
+
+TUNED_SETS = TUNED, TUNED_IDENTIFIED
+TUNING_ROUNDING = 1e-6
+"""Share of the largest gain by which tuning the same problem twice may differ."""
 
 BLOCK = 1024
 """Draws that are made at a time where they are asked for one by one."""
@@ -140,13 +144,19 @@ class Plan:
         """The same plan for another number of flights."""
         return replace(self, runs=runs)
 
-    def with_gains_of(self, other: "Plan") -> "Plan":
-        """The same plan with the gains as `other` has them, where they are of the same names.
+    def with_tuned_gains_of(self, other: "Plan") -> "Plan":
+        """The same plan with tuned gains as `other` has them, where they are the same to rounding.
 
-        Tuning gives other last digits with another number of BLAS threads.
+        Tuning gives other last digits with another number of BLAS threads. Gains that are not tuned
+        stay: they are numbers of a file or of the paper.
         """
-        same = self.gain_sets.keys() == other.gain_sets.keys()
-        return replace(self, gain_sets=other.gain_sets) if same else self
+        gain_sets = dict(self.gain_sets)
+        for name, mine in self.gain_sets.items():
+            theirs, tuned = other.gain_sets.get(name), name.rpartition(":")[2] in TUNED_SETS
+            if tuned and mine is not None and theirs is not None:
+                close = TUNING_ROUNDING * np.abs(mine.K).max()
+                gain_sets[name] = theirs if np.allclose(mine.K, theirs.K, 0.0, close) else mine
+        return replace(self, gain_sets=gain_sets)
 
     def draw_of(self, run: int) -> int:
         """The draw that a run flies."""
@@ -299,14 +309,11 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
         If `runs` is not positive, or an identified model is needed and missing.
     """
     scenario = campaign.nominal
-    names = scenario.gain_names
     sets, _ = gain_sets(scenario)
-    windy = campaign.central.windy
-    plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
-    groups = tuple(Group(plant.label, name) for plant in plants for name in names)
+    groups = _groups(campaign)
     if runs is None:
         runs = campaign.runs or cycle(campaign) * len(groups)
-    aircraft = {plant.aircraft for plant in plants if plant.aircraft is not None}
+    aircraft = {plant.aircraft for plant in scenario.plant if plant.aircraft is not None}
     return Plan(
         campaign=campaign,
         gain_sets=sets,
@@ -316,15 +323,20 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     )
 
 
+def _groups(campaign: Campaign) -> tuple[Group, ...]:
+    """Plant by plant; in wind aircraft first, because the others replay what they met."""
+    scenario, windy = campaign.nominal, campaign.central.windy
+    plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
+    return tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)
+
+
 class _GroupTable(Table):
     plant: str
     gains: str
 
 
-class _MatricesTable(Table):
-    K_P: Matrix
-    K_I: Matrix
-    law: str | None = None
+class _MatricesTable(GainsTable):
+    name: str = "gains"
 
 
 class _PlanTables(Table):
@@ -363,13 +375,16 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
             f"{source}: `version` of a plan must be {VERSION}, got {tables.get('version')!r}."
         )
     read = validated(_PlanTables, _with_numbers(tables), source)
+    campaign = Campaign.of(read.campaign, nominal=read.nominal, central=read.central)
+    groups = tuple(Group(one.plant, one.gains) for one in read.groups)
+    if not groups or not {*groups} <= {*_groups(campaign)}:
+        raise ScenarioError(f"{source}: `groups` of a plan must be some of its scenario's.")
+    if not {group.gains for group in groups} <= {*read.gains}:
+        raise ScenarioError(f"{source}: `gains` of a plan must hold those of its groups.")
     return Plan(
-        campaign=Campaign.of(read.campaign, nominal=read.nominal, central=read.central),
-        gain_sets={
-            name: None if one is None else PIGains.from_lists(one.K_P, one.K_I, one.law)
-            for name, one in read.gains.items()
-        },
-        groups=tuple(Group(one.plant, one.gains) for one in read.groups),
+        campaign=campaign,
+        gain_sets={name: None if one is None else one.gains() for name, one in read.gains.items()},
+        groups=groups,
         runs=read.runs,
         aircraft=read.aircraft,
         residuals=None if read.residuals is None else ResidualSummary.of(read.residuals),

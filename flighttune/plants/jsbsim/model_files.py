@@ -6,11 +6,11 @@ control, and for an aircraft off the nominal. Shipped files are never written to
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
+from tempfile import gettempdir
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
@@ -30,6 +30,7 @@ from flighttune.aircraft.model_xml import (
 )
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.errors import PlantError
+from flighttune.file_lock import scratch_folder
 
 CONNECTIONS = ("output", "input")
 """Elements by which JSBSim opens files and sockets on its first evaluation."""
@@ -119,19 +120,16 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
 def _private_folder(name: str, text: str) -> Iterator[Path]:
     """A folder that holds one file; in memory where it can, so that no flight waits for a disk."""
     place = None if "TMPDIR" in os.environ else _memory()
-    folder: TemporaryDirectory[str] | None = None
-    try:
-        folder = TemporaryDirectory(prefix="flighttune-", dir=place, ignore_cleanup_errors=True)
-        (Path(folder.name) / name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        if folder is not None:
-            folder.cleanup()
-        where = place or gettempdir()
-        raise PlantError(
-            f"{where}: must take a folder for {name}, got {error.strerror}."
-        ) from error
-    with folder:
-        yield Path(folder.name)
+    with ExitStack() as stack:
+        try:
+            folder = stack.enter_context(scratch_folder(place))
+            (folder / name).write_text(text, encoding="utf-8")
+        except OSError as error:
+            where = place or gettempdir()
+            raise PlantError(
+                f"{where}: must take a folder for {name}, got {error.strerror}."
+            ) from error
+        yield folder
 
 
 def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str | None:
