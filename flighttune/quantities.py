@@ -15,10 +15,11 @@ NotNegative: TypeAlias = Annotated[Finite, Field(ge=0.0)]
 Airspeed: TypeAlias = Annotated[Finite, Field(ge=1.0, le=1000.0)]
 """m/s."""
 
-Wind: TypeAlias = Annotated[Finite, Field(ge=-200.0, le=200.0)]
+FASTEST_WIND = 200.0
+Wind: TypeAlias = Annotated[Finite, Field(ge=-FASTEST_WIND, le=FASTEST_WIND)]
 """m/s, or a deviation of airspeed; the fastest wind measured was 113 m/s."""
 
-WindSpeed: TypeAlias = Annotated[Finite, Field(ge=0.0, le=200.0)]
+WindSpeed: TypeAlias = Annotated[Finite, Field(ge=0.0, le=FASTEST_WIND)]
 """m/s, where the sign is that of another key."""
 
 Height: TypeAlias = Annotated[Finite, Field(ge=-500.0, le=30_000.0)]
@@ -67,7 +68,7 @@ Delay: TypeAlias = Annotated[NotNegative, Field(le=2.0)]
 Oscillation: TypeAlias = Annotated[NotNegative, Field(le=1000.0)]
 """rad/s."""
 
-OscillationRate: TypeAlias = Annotated[Finite, Field(ge=-10.0, le=10.0)]
+OscillationRate: TypeAlias = Annotated[Finite, Field(ge=-1e4, le=1e4)]
 """rad/s: amplitude of a disturbance of course or path-angle rate."""
 
 Factor: TypeAlias = Annotated[Finite, Field(ge=0.01, le=100.0)]

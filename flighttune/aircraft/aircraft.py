@@ -14,13 +14,25 @@ from pydantic import (
     Field,
     PrivateAttr,
     ValidationError,
-    model_validator,
 )
 
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import first_mistake
+from flighttune.quantities import (
+    Airspeed,
+    Angle,
+    Bandwidth,
+    Finite,
+    Gain,
+    Height,
+    LoadFactor,
+    NotNegative,
+    Positive,
+    PositiveRate,
+    TimeConstant,
+)
 from flighttune.shipped import aircraft_folder
 from flighttune.table_file import toml_tables
 
@@ -35,18 +47,24 @@ def _rising(interval: tuple[float, float]) -> tuple[float, float]:
     return interval
 
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[Finite, Field(gt=0.0)]
-FromDegrees = Annotated[Finite, AfterValidator(math.radians)]
-Interval = Annotated[tuple[Finite, Finite], AfterValidator(_rising)]
-IntervalFromDegrees = Annotated[tuple[FromDegrees, FromDegrees], AfterValidator(_rising)]
+FromDegrees = Annotated[Angle, AfterValidator(math.radians)]
+Settling = Annotated[NotNegative, Field(le=60.0)]
+Throttle = Annotated[Finite, Field(ge=0.0, le=1.0)]
+Rising = Field(strict=False), AfterValidator(_rising)  # an array of a file is no tuple
+Airspeeds = Annotated[tuple[Airspeed, Airspeed], *Rising]
+LoadFactors = Annotated[tuple[LoadFactor, LoadFactor], *Rising]
+Throttles = Annotated[tuple[Throttle, Throttle], *Rising]
+Angles = Annotated[tuple[FromDegrees, FromDegrees], *Rising]
 PropertyName = Annotated[str, Field(pattern=PROPERTY_NAME)]
+
+INNER_LOOP = "inner-loop/"
+"""What the properties of an aircraft begin with that are gains; each must have a value."""
 
 
 class AircraftTable(BaseModel):
     """A table of the file: unknown keys are refused, and it does not change."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
 class FlightEnvelope(AircraftTable):
@@ -62,16 +80,10 @@ class FlightEnvelope(AircraftTable):
         Load factor.
     """
 
-    alpha: IntervalFromDegrees = Field(alias="alpha_deg")
-    theta: IntervalFromDegrees = Field(alias="theta_deg")
-    V_a: Interval = Field(alias="V_a_mps")
-    n_z: Interval
-
-    @model_validator(mode="after")
-    def _flies_forward(self) -> Self:
-        if not self.V_a[0] > 1.0:
-            raise ValueError("`V_a_mps` must begin above 1 m/s")
-        return self
+    alpha: Angles = Field(alias="alpha_deg")
+    theta: Angles = Field(alias="theta_deg")
+    V_a: Airspeeds = Field(alias="V_a_mps")
+    n_z: LoadFactors
 
 
 class CommandLimits(AircraftTable):
@@ -89,10 +101,10 @@ class CommandLimits(AircraftTable):
         Its rate.
     """
 
-    phi: IntervalFromDegrees = Field(alias="phi_deg")
-    phi_rate: Annotated[Positive, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
-    n_z: Interval
-    n_z_rate: Positive = Field(alias="n_z_rate_per_s")
+    phi: Angles = Field(alias="phi_deg")
+    phi_rate: Annotated[PositiveRate, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
+    n_z: LoadFactors
+    n_z_rate: PositiveRate = Field(alias="n_z_rate_per_s")
 
     def limits(self) -> Limits:
         """Return the limits of (phi, n_z) for the controller."""
@@ -109,10 +121,10 @@ class CommandLimits(AircraftTable):
 class Actuators(AircraftTable):
     """Travel of surfaces (rad) and throttle (1), lower and upper stop."""
 
-    aileron: IntervalFromDegrees = Field(alias="aileron_deg")
-    elevator: IntervalFromDegrees = Field(alias="elevator_deg")
-    rudder: IntervalFromDegrees = Field(alias="rudder_deg")
-    throttle: Interval
+    aileron: Angles = Field(alias="aileron_deg")
+    elevator: Angles = Field(alias="elevator_deg")
+    rudder: Angles = Field(alias="rudder_deg")
+    throttle: Throttles
 
 
 class Channels(AircraftTable):
@@ -170,8 +182,8 @@ class Wrapping(AircraftTable):
         Time the engine takes from any state to a steady one; 0 where JSBSim knows the steady state.
     """
 
-    systems: tuple[str, ...]
-    engine_settles: Annotated[Finite, Field(ge=0.0)] = Field(alias="engine_settles_s", default=0.0)
+    systems: Annotated[tuple[str, ...], Field(strict=False, max_length=100)]
+    engine_settles: Settling = Field(alias="engine_settles_s", default=0.0)
 
 
 class Design(AircraftTable):
@@ -194,15 +206,17 @@ class Design(AircraftTable):
         Largest overshoot as a share of the step.
     """
 
-    V_a: Positive = Field(alias="V_a_mps")
-    h: Positive = Field(alias="h_m")
-    V_a_shown: tuple[Positive, ...] = Field(alias="V_a_shown_mps", min_length=1)
-    roll: Positive = Field(alias="roll_rad_s")
-    n_z: Positive = Field(alias="n_z_rad_s")
-    speed: Positive = Field(alias="speed_rad_s")
-    roll_error: Positive | None = Field(alias="roll_error_rad_s", default=None)
-    roll_t90: Positive = Field(alias="roll_t90_s")
-    n_z_t90: Positive = Field(alias="n_z_t90_s")
+    V_a: Airspeed = Field(alias="V_a_mps")
+    h: Height = Field(alias="h_m")
+    V_a_shown: tuple[Airspeed, ...] = Field(
+        strict=False, alias="V_a_shown_mps", min_length=1, max_length=20
+    )
+    roll: Bandwidth = Field(alias="roll_rad_s")
+    n_z: Bandwidth = Field(alias="n_z_rad_s")
+    speed: Bandwidth = Field(alias="speed_rad_s")
+    roll_error: Bandwidth | None = Field(alias="roll_error_rad_s", default=None)
+    roll_t90: TimeConstant = Field(alias="roll_t90_s")
+    n_z_t90: TimeConstant = Field(alias="n_z_t90_s")
     roll_overshoot: Positive
     n_z_overshoot: Positive
 
@@ -231,7 +245,7 @@ class AircraftConfig(AircraftTable):
 
     title: str
     source: str
-    model: Annotated[str, Field(pattern=r"^[\w.-]+$")]
+    model: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=80)]
     wrapping: Wrapping | None = None
     inner_loop_rate: Annotated[Finite, Field(ge=20.0, le=2000.0)] = Field(
         alias="inner_loop_rate_hz", default=200.0
@@ -243,7 +257,7 @@ class AircraftConfig(AircraftTable):
     channels: Channels
     limit_properties: LimitProperties
     design: Design | None = None
-    gains: dict[PropertyName, Finite]
+    gains: dict[PropertyName, Gain]
     _folder: Path = PrivateAttr()
     _off_nominal: OffNominal | None = PrivateAttr(default=None)
 

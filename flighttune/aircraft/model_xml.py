@@ -35,9 +35,15 @@ def read_xml(file: Path, what: str) -> ElementTree.Element:
         If it cannot be read.
     """
     try:
-        return ElementTree.parse(file).getroot()
+        root = ElementTree.parse(file).getroot()
+        text = ElementTree.tostring(root, encoding="unicode")
     except (OSError, ElementTree.ParseError) as error:
         raise PlantError(f"{what}: {error}.") from error
+    except RecursionError:
+        raise PlantError(f"{what}: {file} has too many elements inside each other.") from None
+    if "{{" in text:
+        raise PlantError(f"{what}: {file} must not hold two braces: they stand for our numbers.")
+    return root
 
 
 def placeholder(name: str, base: float = 1.0) -> str:

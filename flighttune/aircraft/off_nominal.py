@@ -87,5 +87,5 @@ class OffNominal:
 
     @property
     def scaled_coefficients(self) -> dict[str, float]:
-        """Factors other than 1 on single aerodynamic functions."""
-        return {name: factor for name, factor in self.coefficients if factor != 1.0}
+        """Factors on single aerodynamic functions, those of 1 too: each must have its function."""
+        return dict(self.coefficients)

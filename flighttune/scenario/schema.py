@@ -24,6 +24,7 @@ from flighttune.identify.model import DesignModel, design_model
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile
 from flighttune.quantities import (
+    FASTEST_WIND,
     STEEPEST_DEG,
     Airspeed,
     Course,
@@ -252,6 +253,20 @@ class Scenario(Table):
                 f"[reference] `gamma_deg` must stay within +-{STEEPEST_DEG:g} deg, "
                 f"got {gamma_deg:g} deg at t = {t:g} s"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _swings_as_air_does(self) -> "Scenario":
+        given = self.disturbance
+        for channel in ("chi", "gamma") if given and given.as_wind else ():
+            amplitude = abs(getattr(given, f"{channel}_amplitude"))
+            omega = getattr(given, f"{channel}_omega_rad_s")
+            wind = self.flight.V_a_mps * amplitude / omega if amplitude else 0.0
+            if wind > FASTEST_WIND:
+                raise ValueError(
+                    f"[disturbance] `{channel}_amplitude` must be that of a wind of at most "
+                    f"{FASTEST_WIND:g} m/s with as_wind, got one of {wind:.3g} m/s"
+                )
         return self
 
     @model_validator(mode="after")

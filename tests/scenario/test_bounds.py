@@ -43,6 +43,13 @@ BEYOND = [
     ({"gust": {**GUST, "length_m": 5e-324}}, r"\[gust\] `length_m` must be greater .* 0\.1,"),
     ({"wind": {**WINDY, "speed_mps": 1e308}}, r"\[wind\] `speed_mps` must be less .* 200,"),
     ({"disturbance": {"chi_omega_rad_s": 1e308}}, r"`chi_omega_rad_s` must be less .* 1000,"),
+    (
+        {
+            "disturbance": {"chi_amplitude": 1.0, "chi_omega_rad_s": 1e-300, "as_wind": True},
+            "plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}],
+        },
+        r"\[disturbance\] `chi_amplitude` must be that of a wind of at most 200 m/s .* 2\.5e\+301",
+    ),
     ({"sensors": {"chi_bias_deg": 1e308}}, r"\[sensors\] `chi_bias_deg` must be less .* 180,"),
     ({"gains": [{**GAINS, "K_I": [[1e308, 0.0], [0.0, 1.0]]}]}, r"`K_I` must be less than .* 1e"),
     ({"gains": [{**GAINS, "name": "x" * 240}]}, "`name` must be a name of at most 80 bytes"),

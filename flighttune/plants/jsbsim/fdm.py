@@ -16,6 +16,7 @@ from flighttune.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.log import one_line, quiet, silence
 from flighttune.plants.jsbsim.model_files import model_folders
+from flighttune.plants.jsbsim.trial import check_loads
 
 LAPSE_RATE = 0.0065
 SEA_LEVEL_TEMPERATURE = 288.15
@@ -72,6 +73,7 @@ class Fdm:
     """
 
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
+        check_loads(config)
         self.config = config
         self.ground = ground
         self._steps = steps
@@ -116,6 +118,12 @@ class Fdm:
     def engine_settles(self) -> float:
         """Time the engine takes to a steady state, s; 0 where JSBSim knows it at once."""
         return self.config.wrapping.engine_settles if self.config.wrapping else 0.0
+
+    def names(self, beginning: str) -> list[str]:
+        """Names of the properties that begin so."""
+        found = self._exec.query_property_catalog(beginning).splitlines()
+        names = (line.partition(" ")[0] for line in found)
+        return [name for name in names if name.startswith(beginning)]
 
     def reader(self, name: str) -> Callable[[], float]:
         """Return a function that reads the property `name` (JSBSim's units).
@@ -193,8 +201,7 @@ class Fdm:
         return Body(self.reader("inertia/weight-lbs")(), np.array(cg), inertia)
 
     def _unload(self) -> None:
-        for line in self._exec.query_property_catalog("").splitlines():
-            name = line.partition(" ")[0]
+        for name in self.names(""):
             if "inertia/pointmass-weight" in name or re.search(
                 r"/tank(\[\d+\])?/contents-lbs", name
             ):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
+from flighttune.aircraft.aircraft import INNER_LOOP, AircraftConfig, load_aircraft
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
@@ -228,6 +228,12 @@ class JSBSimPlant:
         }
         for name, value in settings.items():
             fdm.writer(name)(value)
+        missing = [name for name in fdm.names(INNER_LOOP) if name not in settings]
+        if missing:
+            raise PlantError(
+                f"{self.config.file}: [gains] `{missing[0]}` must be given: the aircraft "
+                "has no value of its own for it."
+            )
 
     def _engage(self, fdm: Fdm, condition: FlightCondition, steady_n_z: float) -> None:
         """Engage the inner loop without a bump: its first output comes off the trim."""

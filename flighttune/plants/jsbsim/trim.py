@@ -193,16 +193,21 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
             widths=problem.widths,
             enough=_SETTLED if fdm.engine_settles else 0.0,
         )
+    c = condition
+    none = (
+        f"{fdm.config.file}: no steady flight at V_a {c.V_a:g} m/s, h {c.h:g} m, "
+        f"gamma {c.gamma / DEG:g} deg, phi {c.phi / DEG:g} deg"
+    )
     if x is None:
-        x = problem.best_compromise(start)
+        try:
+            x = problem.best_compromise(start)
+        except ValueError as error:  # SciPy's, of forces that are not finite
+            raise TrimError(
+                f"{none}: the forces on the aircraft must be finite: {error}"
+            ) from error
     worst = float(np.max(np.abs(problem.residuals(x))))
     if not worst < _RESIDUAL_ALLOWED:
-        c = condition
-        raise TrimError(
-            f"{fdm.config.file}: no steady flight at V_a {c.V_a:g} m/s, h {c.h:g} m, "
-            f"gamma {c.gamma / DEG:g} deg, phi {c.phi / DEG:g} deg: "
-            f"{problem.obstacle(x)} (left over: {worst:.2g} g)."
-        )
+        raise TrimError(f"{none}: {problem.obstacle(x)} (left over: {worst:.2g} g).")
     return problem.state(x)
 
 
@@ -325,7 +330,8 @@ def pitch_attitude(gamma: float, phi: float, alpha: float, beta: float) -> float
     a = math.cos(alpha) * math.cos(beta)
     b = math.sin(phi) * math.sin(beta) + math.cos(phi) * math.sin(alpha) * math.cos(beta)
     climb = math.sin(gamma)
-    root = math.sqrt(a * a - climb * climb + b * b)
+    # Negative where no attitude has this climb: steep, with sideslip. The search leaves that again.
+    root = math.sqrt(max(0.0, a * a - climb * climb + b * b))
     return math.atan2(a * b + climb * root, a * a - climb * climb)
 
 

@@ -7,7 +7,8 @@ import threading
 import pytest
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError, PlantError, ScenarioError
+from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.errors import InputError, PlantError, ScenarioError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
@@ -281,7 +282,14 @@ def test_a_flight_leaves_no_files(tmp_path, monkeypatch):
         ("_dps   = 30.0", "_dps = nan", r"`limits\.phi_rate_dps` must .*, got nan"),
         ("_dps   = 30.0", '_dps = "fast"', r"`limits\.phi_rate_dps` must .*number.*, got 'fast'"),
         (r"\[-3.0, 4.0\]", "[4.0, -3.0]", r"`envelope\.n_z` must be \[lower, upper\] with .*"),
-        (r"\[15.0, 45.0\]", "[0.5, 45.0]", r"`envelope` `V_a_mps` must begin above 1 m/s.*"),
+        (r"\[15.0, 45.0\]", "[0.5, 45.0]", r"`envelope\.V_a_mps\.0` must .* equal to 1, got 0\.5"),
+        ("_dps   = 30.0", "_dps = true", r"`limits\.phi_rate_dps` must .*number, got True"),
+        (r"\[-45.0, 45.0\]", "[-45.0, 1e308]", r"`limits\.phi_deg\.1` must be less .* 180, got 1e"),
+        (
+            r"1\.96 ",
+            "1e308 ",
+            r"`gains\.inner-loop/roll/k_p` must be less than .* 1000000,",
+        ),
         ('"guidance/engaged"', '"guidance engaged"', r"`channels\.engaged` must match pattern.*"),
         ('title  = "', 'title = "\n', "the file must be valid TOML: "),
     ],
@@ -291,6 +299,40 @@ def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, repla
 
     with pytest.raises(ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
         JSBSimPlant(folder)
+    one_line_of(error)
+
+
+def test_a_gain_that_no_file_gives_is_missed(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", '"inner-loop/pitch/k_p" .*\n', "")
+
+    with pytest.raises(PlantError, match=r"aircraft\.toml: \[gains\] `inner-loop/pitch/k_p` must"):
+        started(folder)
+
+
+def test_forces_that_are_not_finite_are_no_steady_flight(changed_aircraft):
+    folder = changed_aircraft("aerosonde.xml", "<value> 0.023200", "<value> 1e308")
+
+    with pytest.raises(TrimError, match=r"aircraft\.toml: no steady flight at V_a 25 m/s"):
+        started(folder)
+
+
+def test_a_start_as_steep_as_there_is_one_has_no_steady_flight():
+    with pytest.raises(TrimError, match="gamma 89 deg"):
+        JSBSimPlant("aerosonde").start(FlightCondition(V_a=25.0, gamma=math.radians(89.0)))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<description> {{lift*1.0}} </description>", "must not hold two braces"),
+        ("<a>" * 50_000 + "</a>" * 50_000, "has too many elements inside each other"),
+    ],
+)
+def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, text, message):
+    folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{text}")
+
+    with pytest.raises(PlantError, match=rf"aerosonde\.xml {message}") as error:
+        JSBSimPlant(folder, off_nominal=OffNominal(lift=1.1))
     one_line_of(error)
 
 

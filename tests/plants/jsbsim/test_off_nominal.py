@@ -250,6 +250,7 @@ REFUSED = [
     ({"ixz": 12.0}, "aerosonde", r"`ixz_factor` must leave principal inertias"),
     ({"coefficients": (("Cm_alpa", 1.1),)}, "aerosonde", r"`coefficient_factors\.Cm_alpa` must .*"
      r"did you mean `Cm_alpha`\?"),
+    ({"coefficients": (("nope", 1.0),)}, "aerosonde", r"`coefficient_factors\.nope` must be a"),
     ({"coefficients": (("CLalpha", 1.1),)}, "c172p", r"`coefficient_factors\.CLalpha` must be a"),
 ]  # fmt: skip
 

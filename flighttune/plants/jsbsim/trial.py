@@ -1,0 +1,94 @@
+"""A first load of an aircraft's files in a process of its own: some make JSBSim end the process."""
+
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import NoReturn
+
+from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.errors import PlantError
+from flighttune.plants.jsbsim.model_files import model_folders
+from flighttune.shipped import is_trusted
+
+LONGEST_S = 60.0
+"""Time that JSBSim may take to load an aircraft; it takes a tenth of a second."""
+
+# JSBSim evaluates an aircraft once more when it frees it, and may end the process then: `_exit`.
+_PROGRAM = """
+import os, sys
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+except ImportError:
+    pass
+import jsbsim
+try:
+    fdm = jsbsim.FGFDMExec(sys.argv[1])
+    fdm.set_debug_level(0)
+    fdm.load_model_with_paths(*sys.argv[2:], False) and fdm.run_ic()
+except Exception:
+    pass
+os._exit(0)
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """Files of an aircraft: equal while they are the same."""
+
+    config: AircraftConfig = field(compare=False)
+    stamps: tuple[tuple[Path, int, int], ...]
+
+
+def check_loads(config: AircraftConfig) -> None:
+    """Refuse an aircraft whose files make JSBSim end the process.
+
+    Files that this process has not loaded yet are loaded by another one first, which takes about
+    0.3 s. Shipped aircraft are known to load.
+
+    Parameters
+    ----------
+    config : AircraftConfig
+
+    Raises
+    ------
+    PlantError
+        If JSBSim ends the process, or does not come to an end.
+    """
+    if is_trusted(config.folder) or not sys.executable:
+        return
+    found = sorted([config.file, *config.folder.rglob("*.xml")])
+    states = [(path, path.stat()) for path in found]
+    stamps = tuple((path, state.st_mtime_ns, state.st_size) for path, state in states)
+    how = _end_of_trial(_Files(config, stamps))
+    if how:
+        raise PlantError(f"{config.folder / config.model}.xml: JSBSim must load it, but {how}.")
+
+
+@lru_cache(maxsize=256)
+def _end_of_trial(files: _Files) -> str:
+    """How the process that loaded the files ended; empty where it ended as it should."""
+    config = files.config.with_off_nominal(None)
+    with model_folders(config, _unweighed) as folders:
+        paths = (config.folder, config.model, folders.model, folders.engines, folders.systems)
+        try:
+            code = subprocess.run(
+                [sys.executable, "-P", "-c", _PROGRAM, *map(str, paths)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                timeout=LONGEST_S,
+                check=False,
+            ).returncode
+        except subprocess.TimeoutExpired:
+            return f"it did not within {LONGEST_S:g} s"
+    if code >= 0:
+        return f"the process that tried ended with status {code}" if code else ""
+    return f"it ended the process that tried: {signal.Signals(-code).name}"
+
+
+def _unweighed(config: AircraftConfig) -> NoReturn:
+    raise AssertionError(f"{config.file}: the nominal aircraft needs no weighing")

@@ -1,0 +1,97 @@
+"""Aircraft files over which JSBSim ends the process: they cost one line."""
+
+import shutil
+import subprocess
+
+import pytest
+from commands import flighttune
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.errors import PlantError
+from flighttune.plants.jsbsim import trial
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.shipped import TRUST_AIRCRAFT, aircraft_folder, aircraft_names
+
+CRASHES = (
+    "<aerodynamics>",
+    '<aerodynamics><function name="aero/a"><property>aero/b</property></function>'
+    '<function name="aero/b"><property>aero/a</property></function>',
+)
+"""Two functions, each the value of the other: JSBSim calls them until its stack is full."""
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_trusted(monkeypatch):
+    monkeypatch.delenv(TRUST_AIRCRAFT)
+    trial._end_of_trial.cache_clear()
+
+
+@pytest.fixture
+def trials(monkeypatch):
+    """The trials of a test, which all end well."""
+    seen = []
+
+    def run(command, **_):
+        seen.append(command)
+        return subprocess.CompletedProcess(command, 0)
+
+    monkeypatch.setattr(trial.subprocess, "run", run)
+    return seen
+
+
+def test_a_model_that_crashes_jsbsim_is_one_line(changed_aircraft):
+    folder = changed_aircraft("aerosonde.xml", *CRASHES)
+
+    with pytest.raises(PlantError, match=r"aerosonde\.xml: JSBSim must load it, but .* SIGSEGV\."):
+        Fdm(load_aircraft(folder))
+
+
+@pytest.mark.parametrize("command", ["trim", "fly"])
+def test_a_command_ends_with_one_line_too(changed_aircraft, tmp_path, command):
+    folder = changed_aircraft("aerosonde.xml", *CRASHES)
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(
+        'title = "x"\ngains = ["paper"]\nflight = { V_a_mps = 25.0, duration_s = 0.1 }\n'
+        "reference = { chi_deg = 0.0, gamma_deg = 0.0 }\n"
+        f'[[plant]]\nkind = "jsbsim"\naircraft = "{folder}"\n'
+    )
+
+    out, err = flighttune(command, folder if command == "trim" else scenario, status=2)
+
+    assert out == ""
+    assert err.splitlines()[-1].endswith("ended the process that tried: SIGSEGV.")
+    assert "fault of flighttune" not in err
+
+
+def test_files_are_tried_once_and_again_when_they_change(trials, changed_aircraft):
+    config = load_aircraft(changed_aircraft("aerosonde.xml", "x", "x"))
+
+    Fdm(config)
+    Fdm(config)
+    assert len(trials) == 1
+
+    file = config.folder / "aerosonde.xml"
+    file.write_text(file.read_text() + "<!-- changed -->")
+    Fdm(config)
+    assert len(trials) == 2
+
+
+def test_shipped_aircraft_are_not_tried_and_copies_of_them_are(trials, tmp_path):
+    for name in aircraft_names():
+        Fdm(load_aircraft(name))
+    assert not trials
+
+    copy = tmp_path / "aircraft" / "aerosonde"
+    shutil.copytree(aircraft_folder("aerosonde"), copy)
+    Fdm(load_aircraft(copy))
+    assert len(trials) == 1
+
+
+def test_a_model_that_never_loads_is_given_up(monkeypatch, changed_aircraft):
+    def never(command, timeout, **_):
+        raise subprocess.TimeoutExpired(command, timeout)
+
+    monkeypatch.setattr(trial.subprocess, "run", never)
+
+    with pytest.raises(PlantError, match="JSBSim must load it, but it did not within 60 s"):
+        Fdm(load_aircraft(changed_aircraft("aerosonde.xml", "x", "x")))
