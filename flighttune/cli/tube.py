@@ -61,6 +61,10 @@ def tube(
     check_ending(out, ".npz")
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
+    if ":" in name and loaded.law_of(name)[0].kind == "python":
+        fail(
+            f"{scenario}: gains {name}: a tube must be of the paper's law, got one of your own.", NO
+        )
     began = time.perf_counter()
     with progress_bar() as progress:
         found = tube_of(

@@ -171,6 +171,10 @@ def tube_problem(
     InputError
         If a value cannot be used, or the tube does not know the law.
     """
+    if gains.law != "paper":
+        raise InputError(
+            "`gains` must be of the paper's law for a tube, got those of the exact law."
+        )
     kinds = ("jsbsim",) if conformance else tuple(kind for kind in MODELS if kind != "jsbsim")
     table = plant_table(scenario, plant, kinds)
     _check_known(scenario, table.label)
