@@ -644,8 +644,6 @@ def _of_scenario(scenario: Scenario, name: str, settings: WorstSettings) -> Camp
         tables["plant"] = [tables["plant"][labels.index(plant)]]
         tables["expect"] = [one for one in tables["expect"] if one.get("plant") in (None, plant)]
     ranges: dict[str, tuple[float, float, str]] = {}
-    # In force at the start, as in a tube of the scenario, and not that of each start's path angle.
-    tables["flight"]["n_z"] = scenario.condition.n_z_start
     if settings.start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):
             ranges[key] = (-settings.start_deg, settings.start_deg, "adds")

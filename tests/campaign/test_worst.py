@@ -207,7 +207,6 @@ def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
     assert {"flight.chi_deg", "disturbance.gamma_amplitude"} <= set(plan.keys)
     assert [table.label for table in plan.scenario.plant] == ["kinematic"]
     assert plan.scenario.disturbance.wave == "square"
-    assert plan.scenario.flight.n_z == pytest.approx(math.cos(math.radians(45.0)))
 
 
 def tube_around(signals, path, below=0.03, above=0.01):
