@@ -118,7 +118,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_other(at_trim, tmp_path, 
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", full_disk)
-    with pytest.raises(InputError, match=r"must be writable, got .*No space left"):
+    with pytest.raises(InputError, match=r"must be writable, got no space left"):
         save_certificate(at_trim, path)
 
     assert path.read_text() == "old"
