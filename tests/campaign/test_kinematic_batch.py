@@ -201,6 +201,9 @@ KEYS = {
     **{f"sensors.{name}": value for name, value in SENSORS.items()},
     "reference.chi_deg": 5.0,
     "reference.gamma_deg": 5.0,
+    "disturbance.wave": "square",
+    "disturbance.chi_phase_deg": 40.0,
+    "disturbance.gamma_phase_deg": 40.0,
     "disturbance.as_wind": True,
     "disturbance.path": "air",
     "wind.speed_mps": 9.0,
@@ -211,7 +214,7 @@ KEYS = {
 
 WITHOUT_EFFECT = {"flight.h_m", "flight.ground_m", "disturbance.as_wind", "disturbance.path"}
 OF_OTHERS = {
-    Scenario: {"title", "verifies", "source", "seed", "gains", "tuning", "envelope", "expect",
+    Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope", "expect",
                "plant", "gust", "turbulence"},
     WindTable: {"level"},
 }  # fmt: skip
