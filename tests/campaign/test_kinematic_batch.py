@@ -214,8 +214,8 @@ KEYS = {
 
 WITHOUT_EFFECT = {"flight.h_m", "flight.ground_m", "disturbance.as_wind", "disturbance.path"}
 OF_OTHERS = {
-    Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope", "expect",
-               "plant", "gust", "turbulence"},
+    Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope",
+               "expect", "plant", "gust", "turbulence"},
     WindTable: {"level"},
 }  # fmt: skip
 """What is not dispersed, or needs an aircraft."""
