@@ -20,7 +20,15 @@ def with_signal(run, **values):
 
 @pytest.mark.parametrize(
     "values",
-    [[-9.0, 9.0], [-2.0, 9.0], [0.11, 0.19], [1001.0, 1009.0], [-0.004, 0.0003], [3.0, 3.2]],
+    [
+        [-9.0, 9.0],
+        [-2.0, 9.0],
+        [0.11, 0.19],
+        [1001.0, 1009.0],
+        [-0.004, 0.0003],
+        [3.0, 3.2],
+        [1.22, 1.300665539522204],
+    ],
 )
 def test_an_axis_has_two_labels_and_all_values(four_runs, values):
     low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)])
