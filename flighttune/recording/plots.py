@@ -214,8 +214,8 @@ def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
 
 def _with_two_labels(low: float, high: float) -> tuple[float, float]:
     step = 10.0 ** math.ceil(math.log10((high - low) / MOST_LABELS))
-    # Counted in steps: 12 * 0.1 / 0.1 is above 12, so that an axis that begins there seems to have its
-    # first label at 13, and would be made to begin there again for ever.
+    # Counted in steps: 12 * 0.1 / 0.1 is above 12, so that an axis that begins there seems to have
+    # its first label at 13, and would be made to begin there again for ever.
     first, last = math.ceil(low / step), math.floor(high / step)
     while last - first < 1:
         above, below = (last + 1) * step, (first - 1) * step
