@@ -24,6 +24,7 @@ from flighttune.errors import OutputError, RecordingError, ScenarioError
 from flighttune.scenario.load import validated
 from flighttune.scenario.tables import Table
 from flighttune.table_file import json_tables
+from flighttune.whole_file import reason_of
 
 FORMAT = 2
 CAMPAIGN = "campaign.json"
@@ -159,7 +160,7 @@ class Dataset:
         try:
             data = path.read_bytes()
         except OSError as error:
-            raise RecordingError(f"{path}: must be readable, got: {error.strerror}.") from error
+            raise RecordingError(f"{path}: must be readable, got {reason_of(error)}.") from error
         if Part.holding(part.span, data) != part:
             raise RecordingError(
                 f"{path}: is damaged or was changed: it must have the hash in its name; "
@@ -225,14 +226,14 @@ class Dataset:
         except OSError as error:
             with suppress(OSError):
                 unfinished.unlink()
-            raise OutputError(f"{path}: must be writable, got: {error.strerror}.") from error
+            raise OutputError(f"{path}: must be writable, got {reason_of(error)}.") from error
 
     def _remove(self, name: str) -> None:
         path = self.folder / name
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(f"{path}: must be removable, got: {error.strerror}.") from error
+            raise OutputError(f"{path}: must be removable, got {reason_of(error)}.") from error
 
 
 def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:

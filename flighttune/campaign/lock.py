@@ -8,6 +8,7 @@ from pathlib import Path
 
 from flighttune.errors import InputError, OutputError
 from flighttune.file_lock import try_lock
+from flighttune.whole_file import reason_of
 
 LOCK = "campaign.lock"
 
@@ -35,7 +36,8 @@ def locked(folder: Path) -> Iterator[None]:
         if lock is None:
             raise InputError(f"{folder}: a campaign is being flown into it{_owner(path)}.")
     except OSError as error:
-        raise OutputError(f"{path}: must be writable and locked, got: {error.strerror}.") from error
+        got = reason_of(error)
+        raise OutputError(f"{path}: must be writable and locked, got {got}.") from error
     with suppress(OSError):  # who has it is said for the user's sake
         os.truncate(lock, 0)
         os.write(lock, f" by process {os.getpid()} on {socket.gethostname()}".encode())

@@ -209,7 +209,7 @@ def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed,
     options = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)}
     with flying(file, "--out", out, "--scheduler", address, **options) as command:
         assert command.wait(timeout=60) == 2
-        assert "must be writable, got: File too large; what has been" in last_line(command)
+        assert "must be writable, got file too large; what has been" in last_line(command)
     assert {path.name for path in out.iterdir()} <= {"campaign.json", "runs", ".writing"}
     assert not parts(out)
 
