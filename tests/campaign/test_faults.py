@@ -111,14 +111,17 @@ def test_a_run_that_ends_its_process_is_one_row(
 
 
 @pytest.mark.soak
-def test_a_run_that_never_ends_is_given_up(tmp_path, address):
-    key = "flight.duration_s"
+def test_a_run_that_takes_too_long_is_given_up(tmp_path, address):
+    key, longest = (
+        "flight.duration_s",
+        19_000.0,
+    )  # s, nearly the most samples that a flight may have
     ours = plan(
-        tmp_path, runs=16, top="time_limit_s = 2.0\ngains = ['paper']", wind="",
-        disperse=SPEED + CHOICE.format(key=key, values=[1.0, 1e6], weights=[0.9, 0.1]),
+        tmp_path, runs=16, law=False, top="time_limit_s = 2.0\ngains = ['paper']", wind="",
+        disperse=SPEED + CHOICE.format(key=key, values=[1.0, longest], weights=[0.9, 0.1]),
     )  # fmt: skip
     poison = runs_where(ours, key, lambda duration: duration > 1.0)
-    assert len(poison) == 2
+    assert 0 < len(poison) < ours.runs
 
     run_campaign(ours, tmp_path / "out", scheduler=address)
 
