@@ -39,6 +39,11 @@ def shown(key: str) -> str:
     return f"{key[:half]}...{key[-half:]}"
 
 
+def abridged(value: object) -> str:
+    """A value as a message repeats it: the middle of a long one is left out."""
+    return _ABRIDGED.repr(value)
+
+
 def joined(faults: Iterable[str]) -> str:
     """Faults as one line that ends in a full stop, or in the last one's question mark."""
     sentences = [fault.removesuffix(".") for fault in faults]
@@ -114,7 +119,7 @@ def _sentence(problem: ErrorDetails, model: type[BaseModel]) -> str:
         inside = f"[{shown('.'.join(keys))}] " if keys else ""
         return f"{inside}{message.removeprefix('Value error, ')}."  # ... the key in its own table
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        got = _ABRIDGED.repr(got)
+        got = abridged(got)
         return f"{table}`{key}` must have a `shape` of step, ramp or doublet, got {got}."
     return f"{table}`{key}` {_requirement(problem)}."
 
@@ -132,7 +137,7 @@ def _requirement(problem: ErrorDetails) -> str:
     message = message.split(" after validation")[0].replace("should", "must")
     if problem["type"] in ("model_type", "dict_type"):
         message = "must be a table"
-    return f"{message}, got {_ABRIDGED.repr(problem.get('input'))}"
+    return f"{message}, got {abridged(problem.get('input'))}"
 
 
 def _is_tag(part: str) -> bool:

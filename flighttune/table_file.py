@@ -19,6 +19,9 @@ DEEPEST = 32
 LONG_KEY = re.compile(r"(?:[\w\"'-]+[ \t]*\.[ \t]*){32}")
 """A dotted key of TOML that is deeper still; `tomllib` takes minutes for a thousand times that."""
 
+LONGEST_TEXT = 2000
+"""Characters of a text or a key."""
+
 MOST_BITS = 1023
 """Of an integer that is a float as well."""
 
@@ -92,20 +95,24 @@ def _impossible(tables: dict[str, Any]) -> Iterator[str]:
             yield f"`{shown(key)}` must not have more than {DEEPEST} tables inside each other"
         elif isinstance(value, dict):
             for name, item in value.items():
-                if not _encodes(name):
-                    yield f"`{shown(name)!a}` must be a key of Unicode characters"
+                if not _is_text(name):
+                    most = f"up to {LONGEST_TEXT} Unicode characters"
+                    yield f"`{shown(name)!a}` must be a key of {most}"
                 pending.append((f"{key}.{name}".removeprefix("."), item, depth + 1))
         elif isinstance(value, list):
             pending += [(f"{key}[{i}]", item, depth + 1) for i, item in enumerate(value)]
         elif isinstance(value, int) and value.bit_length() > MOST_BITS:
             yield f"`{shown(key)}` must be a number below 1e308, got an integer beyond it"
-        elif isinstance(value, str) and not _encodes(value):
-            yield f"`{shown(key)}` must be text of Unicode characters, got {value[:20]!a}"
+        elif isinstance(value, str) and not _is_text(value):
+            got = f"{shown(value)!a} of {len(value)}"
+            most = f"up to {LONGEST_TEXT} Unicode characters"
+            yield f"`{shown(key)}` must be text of {most}, got {got}"
 
 
-def _encodes(text: str) -> bool:
-    """Whether text can be written: JSON has escapes for halves of characters."""
-    return text.isascii() or not any("\ud800" <= character <= "\udfff" for character in text)
+def _is_text(text: str) -> bool:
+    """Whether text is short and can be written: JSON has escapes for halves of characters."""
+    halves = not text.isascii() and any("\ud800" <= one <= "\udfff" for one in text)
+    return len(text) <= LONGEST_TEXT and not halves
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -21,6 +21,7 @@ import pyarrow.parquet as pq
 
 from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import OutputError, RecordingError, ScenarioError
+from flighttune.mistakes import abridged
 from flighttune.scenario.load import validated
 from flighttune.scenario.tables import Table
 from flighttune.table_file import json_tables
@@ -300,13 +301,14 @@ def open_dataset(folder: str | Path) -> Dataset:
         tables = json_tables(path)
         if tables.get("format") != FORMAT:
             raise RecordingError(
-                f"{path}: `format` must be {FORMAT}, got {tables.get('format')!r:.20}: fly the "
+                f"{path}: `format` must be {FORMAT}, got {abridged(tables.get('format'))}: fly the "
                 "campaign again with this version."
             )
         file = validated(_CampaignFile, tables, str(path))
         if tables.pop("sha256") != _digest_of(tables):
             raise RecordingError(
-                f"{path}: must be as it was written, but its hash differs: fly the campaign again."
+                f"{path}: the file must be as it was written, but its hash differs: fly the "
+                "campaign again."
             )
         return Dataset(folder, plan_from(file.plan, str(path)), file.versions)
     except ScenarioError as error:

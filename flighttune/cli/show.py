@@ -12,6 +12,9 @@ from flighttune.present.tables import Table
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 
+LONGEST_REASON = 1500
+"""Characters of a line about a failure."""
+
 
 def emit(answer: Mapping[str, Any], text: Iterable[Table | str], *, as_json: bool) -> None:
     """Print what a command found: `answer` with ``--json``, else its tables and lines."""
@@ -69,6 +72,11 @@ def tell(line: str) -> None:
 
 
 def fail(reason: str, status: int) -> NoReturn:
-    """Print the reason in one line on stderr and exit with `status`."""
-    tell(f"flighttune: {' '.join(reason.split())}")
+    """Print the reason in one line on stderr and exit with `status`; a long one is cut."""
+    printable = (one if one.isprintable() else " " for one in reason)  # no codes for a terminal
+    line = " ".join("".join(printable).split())
+    if len(line) > LONGEST_REASON:
+        half = LONGEST_REASON // 2
+        line = f"{line[:half]} ... {line[-half:]}"
+    tell(f"flighttune: {line}")
     sys.exit(status)

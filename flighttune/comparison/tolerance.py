@@ -128,7 +128,9 @@ def load_tolerances(path: str | Path) -> dict[str, Tolerance]:
         elif value is not None:
             found |= {f"{key}.{name}": one for name, one in value if one is not None}
     if not found:
-        raise InputError(f"{path}: must hold a tolerance for at least one metric, got none.")
+        raise InputError(
+            f"{path}: the file must hold a tolerance for at least one metric, got none."
+        )
     return found
 
 

@@ -16,8 +16,18 @@ from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import first_mistake
 from flighttune.present.numbers import number
-from flighttune.scenario.schema import Scenario
+from flighttune.quantities import (
+    Airspeed,
+    Bandwidth,
+    Damping,
+    Delay,
+    Finite,
+    Gravity,
+    TimeConstant,
+)
+from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import PlantTable
+from flighttune.table_file import json_tables
 from flighttune.whole_file import whole_file
 
 FORMAT = "flighttune conformance 1"
@@ -253,30 +263,27 @@ class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
 
 
+Count = Annotated[int, Field(ge=0, le=10**9)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
 class _Hashes(_Table):
     aircraft: str
     identified: str
     campaign: str
 
 
-class _Gains(_Table):
-    name: str
-    K_P: list[list[float]]
-    K_I: list[list[float]]
-    law: str | None = None
-
-
 class _Lag(_Table):
     order: Literal[1, 2, 3]
-    natural_frequency: float
-    damping: float
-    lag: float
-    delay: float
+    natural_frequency: Bandwidth
+    damping: Damping
+    lag: TimeConstant
+    delay: Delay
 
 
 class _Model(_Table):
-    V_a_mps: float
-    g_mps2: float
+    V_a_mps: Airspeed
+    g_mps2: Gravity
     phi: _Lag
     n_z: _Lag
 
@@ -289,14 +296,12 @@ class _Distribution(_Table):
 
 
 class _Attempt(_Table):
-    learned: int
-    counted: int
-    outside: int
+    learned: Count
+    counted: Count
+    outside: Count
 
 
-Pair = Annotated[
-    list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=2, max_length=2)
-]
+Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
 
 
 class _Boxes(_Table):
@@ -316,11 +321,11 @@ class _File(_Table):
     format: Literal["flighttune conformance 1"]
     aircraft: str
     sha256: _Hashes
-    gains: _Gains
+    gains: GainsTable
     model: _Model
     distribution: _Distribution
-    epsilon: float
-    confidence: float
+    epsilon: Share
+    confidence: Share
     attempts: Annotated[list[_Attempt], Field(min_length=1)]
     boxes: _Boxes
 
@@ -355,21 +360,18 @@ def load_conformance(path: str | Path) -> Conformance:
         If the file cannot be read or does not hold one; the message names file and key.
     """
     try:
-        read = _File.model_validate_json(Path(path).read_text(encoding="utf-8"))
+        read = _File.model_validate(json_tables(Path(path)))
         boxes = read.boxes.value()
-    except OSError as error:
-        raise ScenarioError(
-            f"{path}: the conformance file must be readable: {error.strerror}; `flighttune "
-            "conform` writes one."
-        ) from error
     except ValidationError as error:
         raise ScenarioError(f"{path}: {first_mistake(error)}") from error
+    except ScenarioError:  # is a ValueError too
+        raise
     except ValueError as error:
         raise ScenarioError(f"{path}: `boxes` must be as many for both rates: {error}") from error
     return Conformance(
         aircraft=read.aircraft,
         gains_name=read.gains.name,
-        gains=PIGains.from_lists(read.gains.K_P, read.gains.K_I, read.gains.law),
+        gains=read.gains.gains(),
         model=ConformantModel.of(read.model.model_dump()),
         boxes=boxes,
         epsilon=read.epsilon,

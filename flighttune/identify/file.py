@@ -16,7 +16,7 @@ from flighttune.identify.model import (
     IdentifiedCondition,
     design_model,
 )
-from flighttune.mistakes import first_mistake, shown
+from flighttune.mistakes import abridged, first_mistake, shown
 from flighttune.quantities import (
     Airspeed,
     Bandwidth,
@@ -199,7 +199,8 @@ def _contradictions(given: Any, derived: Any, key: str = "") -> Iterator[str]:
         for i, (one, other) in enumerate(zip(given, derived, strict=True)):
             yield from _contradictions(one, other, f"{key}[{i}]")
     elif not _same(given, derived):
-        yield f"`{key}` must be {derived!r}, as the lags of the file make it, got {given!r:.80}"
+        got = abridged(given)
+        yield f"`{key}` must be {abridged(derived)}, as the lags of the file make it, got {got}"
 
 
 def _same(given: Any, derived: Any) -> bool:

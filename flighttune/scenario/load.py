@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from flighttune.control.gains import PIGains
 from flighttune.errors import ScenarioError
-from flighttune.mistakes import mistakes
+from flighttune.mistakes import abridged, mistakes
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.shipped import scenario_files
@@ -52,11 +52,21 @@ def _with_modules(tables: dict[str, Any], path: Path) -> dict[str, Any]:
             if not isinstance(module, str):
                 continue
             file = path.parent / module
-            if not file.is_file():
-                raise ScenarioError(f"{path}: [[{key}]] `module` must be a file, got {module!r}.")
+            digest = _digest_of(file)
+            if digest is None:
+                raise ScenarioError(
+                    f"{path}: [[{key}]] `module` must be a file, got {abridged(module)}."
+                )
             table["module"] = str(file)
-            table.setdefault("sha256", sha256(file.read_bytes()).hexdigest())
+            table.setdefault("sha256", digest)
     return tables
+
+
+def _digest_of(file: Path) -> str | None:
+    try:
+        return sha256(file.read_bytes()).hexdigest() if file.is_file() else None
+    except (OSError, ValueError):  # of a name that is too long, or has a zero in it
+        return None
 
 
 def scenario_from(tables: dict[str, Any]) -> Scenario:

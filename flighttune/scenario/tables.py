@@ -54,23 +54,25 @@ Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
 
 
-def _short(value: str) -> str:
-    size = len(Path(value).name.encode())
-    if size > MOST_BYTES:
-        raise ValueError(f"must be a name of at most {MOST_BYTES} bytes, it has {size}")
-    return value
-
-
 MOST_BYTES = 80
 """Of the name of gains, a plant or an aircraft's folder: together they name a file."""
+
+MOST_BYTES_OF_PART = 255
+"""Of a part of a path, on any file system."""
+
+
+def _short(value: str) -> str:
+    *above, name = (len(part.encode()) for part in ("", *Path(value).parts))
+    if name > MOST_BYTES or max(above, default=0) > MOST_BYTES_OF_PART or "\0" in value:
+        raise ValueError(f"must be a name of at most {MOST_BYTES} bytes, it has {name}")
+    return value
+
 
 Name: TypeAlias = Annotated[
     str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(_short)
 ]
-AircraftName: TypeAlias = Annotated[
-    str, Field(min_length=1, max_length=4096), AfterValidator(_short)
-]
-"""Of a shipped aircraft, or a path."""
+PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_short)]
+"""Of something that ships, or a path."""
 
 
 def _pair(value: object) -> object:
@@ -270,7 +272,7 @@ class PlantTable(Table):
     """
 
     kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim", "python"]
-    aircraft: AircraftName | None = None
+    aircraft: PathName | None = None
     name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     airframe: AirframeTable | None = None
@@ -647,7 +649,7 @@ class TuningTable(Table):
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
     model: TuningModel = "kinematic"
-    identified: AircraftName | None = None
+    identified: PathName | None = None
     robust: bool = False
     lag_rad_s: Annotated[list[Bandwidth], Field(min_length=INPUTS, max_length=INPUTS)] | None = None
     sample_delay: bool = False

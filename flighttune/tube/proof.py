@@ -2,6 +2,7 @@
 
 import json
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -80,6 +81,13 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         )
 
 
+DAMAGE = (
+    *(zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError),
+    *(MemoryError, OverflowError, RecursionError),
+)
+"""What a file that is damaged makes NumPy, `zipfile` and `json` raise, besides a ValueError."""
+
+
 def is_tube_file(path: str | Path) -> bool:
     """Whether `path` is a file of the kind that `save_tube` writes."""
     return zipfile.is_zipfile(path)
@@ -100,7 +108,7 @@ def load_tube(path: str | Path) -> Tube:
         raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    except (ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
+    except (*DAMAGE, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: the file must be a tube of flighttune: {error}.") from error
 
 

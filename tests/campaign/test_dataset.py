@@ -159,7 +159,7 @@ def test_a_plan_that_was_edited_is_refused(out, ours):
     file.write_text(json.dumps(tables))
 
     for use in (open_dataset, lambda out: run_campaign(ours, out, resume=True)):
-        with pytest.raises(RecordingError, match=r"campaign\.json: must be as it was written, but"):
+        with pytest.raises(RecordingError, match=r"campaign\.json: the file must be as it was"):
             use(out)
 
 

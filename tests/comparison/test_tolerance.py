@@ -88,7 +88,7 @@ def test_a_run_that_ends_early_is_out_of_any_tolerance(fly_line, tolerances):
         ("ITAE = {absolute = nan}", r"\[ITAE\] `absolute` must be a finite number, got nan"),
         ("ITAE = {only_worse = true}", r".*ITAE.* must give `absolute` or `relative`"),
         ("ITAE = 3", "`ITAE` must be a table.*, got 3"),
-        ("", "must hold a tolerance for at least one metric"),
+        ("", "the file must hold a tolerance for at least one metric"),
         ("ITAE = ", "the file must be valid TOML"),
     ],
 )

@@ -142,7 +142,7 @@ def _check_disperse(tables: Any, source: str) -> None:
             continue
         key, kind = table.get("key"), table.get("distribution")
         where = f"{source}: [[disperse]]" + (f" `{key}`" if isinstance(key, str) else "")
-        if kind not in DISTRIBUTIONS:
+        if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
             known = ", ".join(DISTRIBUTIONS)
             raise ScenarioError(f"{where} `distribution` must be one of {known}, got {kind!r}.")
         validated(DISTRIBUTIONS[kind], table, where)

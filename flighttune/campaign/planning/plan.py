@@ -20,6 +20,7 @@ from flighttune.conformance.boxes import ResidualSummary
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_sets
+from flighttune.mistakes import abridged
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.load import validated
 from flighttune.scenario.schema import GainsTable, Scenario
@@ -371,9 +372,8 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         If they are not a plan, or one of another version of the form.
     """
     if tables.get("version") != VERSION:
-        raise ScenarioError(
-            f"{source}: `version` of a plan must be {VERSION}, got {tables.get('version')!r}."
-        )
+        got = abridged(tables.get("version"))
+        raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
     read = validated(_PlanTables, _with_numbers(tables), source)
     campaign = Campaign.of(read.campaign, nominal=read.nominal, central=read.central)
     groups = tuple(Group(one.plant, one.gains) for one in read.groups)

@@ -15,6 +15,7 @@ from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import (
     CHANNEL_MEASURES,
     ExpectTable,
+    PathName,
     PlantTable,
     Seed,
     Table,
@@ -266,7 +267,7 @@ class CampaignTable(Table):
     title: Annotated[str, Field(min_length=1)]
     verifies: str = ""
     source: str = ""
-    scenario: Annotated[str, Field(min_length=1)]
+    scenario: PathName
     seed: Seed = 0
     runs: Runs | None = None
     design: Design = "random"

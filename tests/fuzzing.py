@@ -1,0 +1,182 @@
+"""Files of every kind that are not quite right: made of valid ones and the bounds of schemas."""
+
+import copy
+import json
+import math
+import typing
+
+from annotated_types import Ge, Gt, Le, Lt
+from hypothesis import strategies as st
+from pydantic import BaseModel
+
+from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.campaign.planning.schema import CampaignTable
+from flighttune.scenario.schema import Scenario
+
+SCHEMAS = Scenario, CampaignTable, AircraftConfig
+
+
+def _parts(annotation, metadata=()):
+    """Types inside a type, each with what is annotated to it."""
+    if typing.get_origin(annotation) is typing.Annotated:
+        inside, *more = typing.get_args(annotation)
+        yield from _parts(inside, (*metadata, *more))
+        return
+    yield annotation, metadata
+    for part in typing.get_args(annotation):
+        yield from _parts(part)
+
+
+def _fields(model, seen):
+    if model in seen:
+        return
+    seen.add(model)
+    for name, field in model.model_fields.items():
+        for kind, metadata in _parts(field.annotation, tuple(field.metadata)):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield from _fields(kind, seen)
+            flat = [one for item in metadata for one in getattr(item, "metadata", [item])]
+            yield field.alias or name, flat
+
+
+FIELDS = [one for schema in SCHEMAS for one in _fields(schema, set())]
+KEYS = sorted({name for name, _ in FIELDS} | {"", "step", "a.b", "x" * 300, "größe", "{{x*1.0}}"})
+"""Every key that a file can have, and some that none has."""
+
+EDGES = sorted(
+    {
+        float(getattr(one, name))
+        for _, metadata in FIELDS
+        for one in metadata
+        for kind, name in ((Ge, "ge"), (Gt, "gt"), (Le, "le"), (Lt, "lt"))
+        if isinstance(one, kind)
+    }
+)
+"""Every bound of a number."""
+
+NUMBERS = [
+    *EDGES,
+    *(math.nextafter(edge, math.inf) for edge in EDGES),
+    *(math.nextafter(edge, -math.inf) for edge in EDGES),
+    *(0.0, -0.0, 1.5, 5e-324, 1e-300, 1e300, 1e308, -1e308, math.nan, math.inf, -math.inf),
+    *(0, 1, -1, 2**31, 2**63, 10**400),
+]
+TEXTS = [
+    "",
+    "\0",
+    "a" * 300 + "/b",
+    "..",
+    "../../x",
+    "a" * 300,
+    "größer",
+    "\x1b[2J",
+    "<script>",
+    "nan",
+    "1.0",
+    "💥",
+]
+
+FACTORS = [0.0, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 1e3, -1.0]
+OPERATIONS = [*("value", "scale") * 3, "drop", "key", "other", "twice"]
+
+VALUES = st.one_of(
+    st.sampled_from(NUMBERS),
+    st.sampled_from(NUMBERS),
+    st.sampled_from(TEXTS),
+    st.sampled_from(
+        [True, False, None, [], {}, [[]], [{}], [1.0], [0.0, 1.0], [[1.0, 2.0], [3.0]]]
+    ),
+    st.floats(-1e3, 1e3),
+    st.lists(st.floats(-100.0, 100.0), max_size=4),
+)
+
+
+def _places(value, place=()):
+    """Every place in nested tables and arrays."""
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, item in items:
+        yield (*place, key)
+        if isinstance(item, (dict, list)):
+            yield from _places(item, (*place, key))
+
+
+def _holder(tables, place):
+    for key in place[:-1]:
+        tables = tables[key]
+    return tables
+
+
+@st.composite
+def mutated(draw, tables):
+    """Tables with one to three mistakes, or values at the edge of one."""
+    tables = copy.deepcopy(tables)
+    for _ in range(draw(st.sampled_from([1, 1, 1, 2, 3]))):
+        places = list(_places(tables))
+        if not places:
+            break
+        place = draw(st.sampled_from(places))
+        holder, key = _holder(tables, place), place[-1]
+        match draw(st.sampled_from(OPERATIONS)):
+            case "value":
+                holder[key] = copy.deepcopy(draw(VALUES))
+            case "scale" if isinstance(holder[key], float):
+                holder[key] *= draw(st.sampled_from(FACTORS))
+            case "drop":
+                del holder[key]
+            case "key" if isinstance(holder, dict):
+                holder[draw(st.sampled_from(KEYS))] = copy.deepcopy(draw(VALUES))
+            case "twice" if isinstance(holder, list):
+                holder.append(copy.deepcopy(holder[key]))
+            case _:
+                other = draw(st.sampled_from(places))
+                holder[key] = copy.deepcopy(_holder(tables, other)[other[-1]])
+    return tables
+
+
+def to_toml(tables):
+    """TOML of plain values, every table inline; what TOML has no word for is left out."""
+
+    def value(item):
+        if isinstance(item, dict):
+            inside = (f"{json.dumps(key)} = {value(part)}" for key, part in item.items())
+            return "{" + ", ".join(inside) + "}"
+        if isinstance(item, list):
+            return "[" + ", ".join(map(value, item)) + "]"
+        if isinstance(item, bool):
+            return str(item).lower()
+        if item is None:
+            return '""'
+        return json.dumps(item) if isinstance(item, str) else repr(item)
+
+    return "\n".join(f"{json.dumps(key)} = {value(item)}" for key, item in tables.items())
+
+
+def to_json(tables):
+    """JSON of plain values, with the words that Python adds to it."""
+    return json.dumps(tables, indent=1)
+
+
+@st.composite
+def torn(draw, data):
+    """Bytes with a piece cut out, changed, repeated or put in."""
+    at = draw(st.integers(0, len(data)))
+    length = draw(st.integers(0, 40))
+    match draw(st.sampled_from(["flip", "cut", "end", "repeat", "put"])):
+        case "flip" if at < len(data):
+            return data[:at] + bytes([data[at] ^ (1 << draw(st.integers(0, 7)))]) + data[at + 1 :]
+        case "end":
+            return data[:at]
+        case "repeat":
+            return data[: at + length] + data[at:]
+        case "put":
+            junk = [b"\xff\xfe", b"\x00", b"[" * 2000, b'{"a":' * 2000, b"9" * 5000, b"a." * 2000]
+            return data[:at] + draw(st.sampled_from(junk)) + data[at:]
+        case _:
+            return data[:at] + data[at + length :]
+
+
+def files(tables, to_text):
+    """Bytes of files: mostly of other values, some of them not even tables."""
+    valid = to_text(tables).encode()
+    changed = mutated(tables).map(lambda found: to_text(found).encode("utf-8", "surrogatepass"))
+    return st.one_of(changed, changed, changed, torn(valid))

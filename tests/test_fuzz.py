@@ -1,0 +1,336 @@
+"""No file, whatever is in it, is a fault of flighttune: it is read, or refused in one line."""
+
+import json
+import re
+import tomllib
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from fuzzing import files, to_json, to_toml
+from hypothesis import HealthCheck, given, settings
+
+from flighttune.aircraft.aircraft import files_hash, load_aircraft
+from flighttune.campaign import dataset, load_campaign, plan_campaign
+from flighttune.campaign.dataset import Dataset, open_dataset
+from flighttune.certificates import load_certificate, verify
+from flighttune.certificates.file import certificate_tables
+from flighttune.comparison import load_tolerances
+from flighttune.conformance import Windows, load_conformance
+from flighttune.conformance.boxes import RateBoxes
+from flighttune.conformance.file import Attempt, Conformance, Distribution, flown_values
+from flighttune.conformance.residual import ConformantModel
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import FlightTuneError, InputError
+from flighttune.flight.fly import fly
+from flighttune.flight.outer_loop import certify_scenario
+from flighttune.identify.file import load_identified
+from flighttune.identify.model import design_model
+from flighttune.scenario import load_gains, load_scenario
+from flighttune.shipped import aircraft_folder
+from flighttune.units import G_0
+
+CASES, MANY = 40, 1700
+"""Of each kind of file, in the short and in the long run."""
+
+LONGEST_LINE = 10_000
+
+GAINS = {"K_P": [[1.7, 0.6], [-0.6, 2.0]], "K_I": [[3.5, 0.2], [-0.2, 3.5]]}
+SCENARIO = {
+    "title": "Everything that a scenario can say",
+    "seed": 3,
+    "law": [
+        {"name": "paper", "kind": "paper"},
+        {"name": "mine", "kind": "exact", "priority": "chi", "lift_floor": 0.3, "braking": 2.0},
+        {
+            "name": "own",
+            "kind": "python",
+            "module": "own.py",
+            "class": "Own",
+            "parameters": {"k": 1},
+        },
+    ],
+    "gains": ["paper", {"name": "mine", **GAINS}],
+    "flight": {
+        "V_a_mps": 25.0,
+        "h_m": 800.0,
+        "chi_deg": 10.0,
+        "gamma_deg": 5.0,
+        "phi_deg": 1.0,
+        "n_z": 1.0,
+        "duration_s": 0.4,
+        "ground_m": 10.0,
+        "g_mps2": 9.81,
+    },
+    "reference": {
+        "chi_deg": [
+            {"shape": "step", "start_s": 0.1, "change_deg": 5.0},
+            {"shape": "ramp", "start_s": 0.1, "duration_s": 0.1, "rate_dps": 5.0},
+            {"shape": "doublet", "start_s": 0.1, "width_s": 0.1, "amplitude_deg": 5.0},
+        ],
+        "gamma_deg": 3.0,
+    },
+    "limits": {
+        "phi_deg": [-40.0, 40.0],
+        "phi_rate_dps": 30.0,
+        "n_z": [-1.0, 2.0],
+        "n_z_rate_per_s": [-1.0, 1.0],
+    },
+    "controller": {"rate_hz": 50.0, "anti_windup": "conditional", "feed_forward": True},
+    "tuning": {"I_star": 5.0, "gain_max": 50.0, "state_scaling": [1.0, 1.0, 1.0, 1.0]},
+    "sensors": {"chi_bias_deg": 1.0, "chi_noise_sd_deg": 0.1, "noise_time_constant_s": 0.5},
+    "envelope": {
+        "V_a_mps": [20.0, 30.0],
+        "gamma_deg": [-10.0, 20.0],
+        "phi_deg": [-20.0, 20.0],
+        "n_z": [0.8, 1.2],
+    },
+    "expect": [{"plant": "kinematic", "gains": "paper", "at_most": {"chi": {"peak_deg": 30.0}}}],
+    "plant": [
+        {"kind": "kinematic"},
+        {
+            "kind": "point_mass_lag",
+            "roll_lag_rad_s": 6.0,
+            "roll_damping": 0.8,
+            "roll_delay_s": 0.02,
+            "n_z_lag_rad_s": 9.0,
+        },
+    ],
+}
+OWN = """
+class Own:
+    def __init__(self, setup, k=1.0):
+        self.dt, self.signals = setup.dt, {}
+
+    def start(self, condition):
+        pass
+
+    def step(self, measured, reference, t):
+        return 0.0, 1.0
+"""
+AIRBORNE = {
+    **{key: SCENARIO[key] for key in ("title", "flight", "limits", "controller")},
+    "gains": ["paper"],
+    "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+    "wind": {"level": [{"h_m": 0.0, "speed_mps": 3.0, "from_deg": 90.0, "down_mps": 0.1}]},
+    "gust": {"axis": "right", "peak_mps": 2.0, "start_s": 0.1, "length_m": 5.0, "hold_s": 0.1},
+    "turbulence": {"severity": 3, "wind_20ft_mps": 5.0},
+    "plant": [
+        {
+            "kind": "jsbsim",
+            "aircraft": "aerosonde",
+            "name": "heavy",
+            "throttle_max": 0.9,
+            "airframe": {
+                "mass_factor": 1.05,
+                "cg_aft_m": 0.01,
+                "ixx_factor": 1.1,
+                "drag_factor": 1.1,
+                "coefficient_factors": {"Cm_alpha": 0.9},
+                "actuator_lag_factor": 1.2,
+            },
+        }
+    ],
+}
+SWINGING = {
+    **{key: AIRBORNE[key] for key in ("title", "gains", "flight", "reference")},
+    "disturbance": {
+        "chi_amplitude": 0.1,
+        "chi_omega_rad_s": 0.5,
+        "gamma_amplitude": 0.1,
+        "gamma_omega_rad_s": 0.5,
+        "as_wind": True,
+        "path": "air",
+    },
+    "plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}, {"kind": "point_mass"}],
+}
+CAMPAIGN = {
+    "title": "Small",
+    "scenario": "level_turn",
+    "seed": 1,
+    "runs": 8,
+    "design": "sobol",
+    "time_limit_s": 30.0,
+    "gains": ["paper", {"name": "mine", **GAINS}],
+    "plant": [{"kind": "kinematic"}],
+    "overrides": {"flight": {"duration_s": 12.0}},
+    "disperse": [
+        {"key": "flight.V_a_mps", "distribution": "normal", "mean": 25.0, "sd": 1.0, "lower": 20.0},
+        {"key": "flight.h_m", "distribution": "uniform", "lower": 400.0, "upper": 600.0},
+        {
+            "key": "limits.phi_rate_dps",
+            "distribution": "log_normal",
+            "acts": "multiplies",
+            "median": 1.0,
+            "sd_log": 0.1,
+        },
+        {"key": "controller.rate_hz", "distribution": "choice", "values": [50.0, 40.0]},
+        {
+            "key": "flight.chi_deg",
+            "distribution": "grid",
+            "acts": "adds",
+            "lower": -5.0,
+            "upper": 5.0,
+            "count": 3,
+        },
+    ],
+    "correlation": [{"keys": ["flight.V_a_mps", "flight.h_m"], "rank": 0.3}],
+    "success": [{"at_most": {"chi": {"peak_deg": 6.0}}}],
+    "certificate": {"from_s": 5.0, "L_d_rad_s2": 0.1},
+    "keep": {"failures": 2, "worst": 1, "worst_by": "chi.ITAE", "sample": 1},
+}
+TOLERANCES = {
+    "ITAE": {"relative": 0.02},
+    "chi": {"MO_rad": {"absolute": 0.01, "only_worse": True}},
+    "max_distance_m": {"absolute": 1.0},
+}
+AIRCRAFT = tomllib.loads((aircraft_folder("aerosonde") / "aircraft.toml").read_text())
+IDENTIFIED = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
+
+
+def certificate_of(name, **settings):
+    found = certify_scenario(load_scenario(name), PAPER_GAINS, **settings)
+    return certificate_tables(found.certificate)
+
+
+def with_a_law(folder):
+    (folder / "own.py").write_text(OWN)
+    return SCENARIO
+
+
+def boxed(folder):
+    """A conformance of the short flight in still air."""
+    file = folder / "flight.toml"
+    still = {key: AIRBORNE[key] for key in ("title", "gains", "flight", "reference")}
+    file.write_text(to_toml({**still, "plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]}))
+    scenario = load_scenario(file)
+    windows = Windows.covering("time", scenario.flight.duration_s)
+    wide = np.ones((windows.count, 2))
+    return Conformance(
+        aircraft="aerosonde",
+        gains_name="paper",
+        gains=PAPER_GAINS,
+        model=ConformantModel(
+            V_a=25.0, g=9.81, lags=load_identified("aerosonde").conditions[0].lags
+        ),
+        boxes=RateBoxes(windows=windows, low=-wide, high=wide),
+        epsilon=0.01,
+        confidence=0.999,
+        attempts=(Attempt(learned=10, counted=797, outside=0),),
+        distribution=Distribution(
+            title="made up",
+            air="calm",
+            fixed=flown_values(scenario, scenario.plant[0]),
+            dispersed={},
+        ),
+        sha256={"aircraft": files_hash("aerosonde"), "identified": "", "campaign": ""},
+    ).as_dict()
+
+
+def planned(folder):
+    """The description of a campaign in a folder."""
+    file = folder / "small.toml"
+    file.write_text(to_toml(CAMPAIGN))
+    Dataset(folder, plan_campaign(load_campaign(file)), {"python": "3"}).write_plan()
+    return json.loads((folder / "campaign.json").read_text())
+
+
+def sealed(tables):
+    """A description of a campaign whose hash is that of what it says."""
+    if isinstance(tables, dict):
+        rest = {key: value for key, value in tables.items() if key != "sha256"}
+        tables = {**rest, "sha256": dataset._digest_of(rest)}
+    return to_json(tables)
+
+
+class Kind(NamedTuple):
+    """A kind of file: its name, what is in it, how that is written, what reads it and uses it."""
+
+    file: str
+    tables: Callable[[Path], dict[str, Any]]
+    text: Callable[[dict[str, Any]], str]
+    load: Callable[[Path], Any]
+    use: Callable[[Any], Any] = lambda _: None
+
+
+def flown(scenario):
+    """The first tenth of a second of every flight."""
+    cut = scenario.flight.model_copy(update={"duration_s": 2.5 / scenario.controller.rate_hz})
+    return fly(scenario.model_copy(update={"flight": cut}))
+
+
+def modelled(identified):
+    return [design_model(one, g=G_0, hold=0.01) for one in identified.conditions]
+
+
+def in_folder(load):
+    return lambda path: load(path.parent)
+
+
+KINDS = {
+    "law": Kind("x.toml", with_a_law, to_toml, load_scenario, flown),
+    "wind": Kind("x.toml", lambda _: AIRBORNE, to_toml, load_scenario, flown),
+    "swing": Kind("x.toml", lambda _: SWINGING, to_toml, load_scenario, flown),
+    "gains": Kind("x.toml", lambda _: GAINS, to_toml, load_gains),
+    "gains in JSON": Kind("x.json", lambda _: GAINS, to_json, load_gains),
+    "campaign": Kind("x.toml", lambda _: CAMPAIGN, to_toml, load_campaign, plan_campaign),
+    "plan": Kind("campaign.json", planned, sealed, in_folder(open_dataset)),
+    "tolerances": Kind("x.toml", lambda _: TOLERANCES, to_toml, load_tolerances),
+    "aircraft": Kind("aircraft.toml", lambda _: AIRCRAFT, to_toml, in_folder(load_aircraft)),
+    "identified": Kind("x.json", lambda _: IDENTIFIED, to_json, load_identified, modelled),
+    "conformance": Kind("x.json", boxed, to_json, load_conformance),
+    "certificate": Kind(
+        "x.json", lambda _: certificate_of("paper_as_printed"), to_json, load_certificate, verify
+    ),
+    "certificate over an envelope": Kind(
+        "x.json",
+        lambda _: certificate_of("paper", envelope=True),
+        to_json,
+        load_certificate,
+        verify,
+    ),
+}
+
+
+def loads(load, path):
+    """What a file holds; None where it is refused in one line that names file and key."""
+    try:
+        return load(path)
+    except InputError as error:
+        line = str(error)
+        assert line.startswith(f"{path}: "), line
+        assert "\n" not in line
+        assert len(line) < LONGEST_LINE, len(line)
+        assert re.search(r"`[^`]*`|the file must", line), line
+        return None
+
+
+def fuzz(kind, folder, cases):
+    path, tables = folder / kind.file, kind.tables(folder)
+    path.write_text(kind.text(tables))
+    kind.load(path)
+
+    @settings(max_examples=cases, suppress_health_check=[HealthCheck.too_slow])
+    @given(files(tables, kind.text))
+    def read(data):
+        path.write_bytes(data)
+        found = loads(kind.load, path)
+        if found is not None:
+            with suppress(FlightTuneError):
+                kind.use(found)
+
+    read()
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_file_is_read_or_refused_in_one_line(tmp_path, name):
+    fuzz(KINDS[name], tmp_path, CASES)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", KINDS)
+def test_thousands_of_files_are_read_or_refused_in_one_line(tmp_path, name):
+    fuzz(KINDS[name], tmp_path, MANY)
