@@ -17,12 +17,12 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     from unicodedata import name, normalize
 
     assert isinstance(error, UnicodeEncodeError)
-    words = []
+    shown = []
     for char in error.object[error.start : error.end]:
-        kind, *_, letter = name(char, "none none").split()
-        known = letter.lower() if kind == "GREEK" else _ASCII.get(char)
-        words.append(known or normalize("NFKD", char).encode("ascii", "ignore").decode() or "?")
-    return "".join(words), error.end
+        words = name(char, "unnamed").split()
+        known = words[-1].lower() if words[0] == "GREEK" else _ASCII.get(char)
+        shown.append(known or normalize("NFKD", char).encode("ascii", "ignore").decode() or "?")
+    return "".join(shown), error.end
 
 
 class _Descriptor(io.FileIO):
