@@ -95,7 +95,7 @@ def test_expectations_are_of_the_plant_of_that_label(tables):
     limits = {"gains": "paper", "at_most": {"chi": {"ITAE": 1e-6}}}
     missed = [
         fly(scenario_from(tables | {"gains": ["paper"], "expect": [limits | {"plant": label}]}))
-        .missed[0]
+        .claim.missed[0]
         .partition(" / ")[0]
         for label in (NOMINAL, HEAVY)
     ]

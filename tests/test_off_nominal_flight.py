@@ -42,7 +42,7 @@ def test_the_example_of_the_page_comes_to_what_it_expects(example):
     flown = fly(example)
 
     assert [run.status for run in flown.runs] == ["completed", "completed"]
-    assert flown.missed == ()
+    assert flown.claim.missed == ()
 
 
 @pytest.mark.parametrize("kind", ["recording", "folder"])

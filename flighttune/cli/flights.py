@@ -17,6 +17,7 @@ from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD
 
 if TYPE_CHECKING:
+    from flighttune.flight.expectations import ClaimCheck
     from flighttune.flight.fly import FlownScenario
     from flighttune.recording.record import RecordedFiles
     from flighttune.simulate.run import Run
@@ -49,12 +50,17 @@ def fly(
         with progress_bar() as progress:
             flown = fly_scenario(loaded, progress=progress, observer=observer)
         files = record(flown, folder, name=name)
-        emit(_flown_json(flown, files), _flown_text(flown, files.recording), as_json=as_json)
+        claim = flown.claim
+        emit(
+            _flown_json(flown, claim, files),
+            _flown_text(flown, claim, files.recording),
+            as_json=as_json,
+        )
     if view:
         _open(files.recording)
-    if flown.missed:
-        more = f" ({len(flown.missed) - 1} more)" if flown.missed[1:] else ""
-        fail(f"{flown.missed[0]}{more}", NO)
+    if claim.missed:
+        more = f" ({len(claim.missed) - 1} more)" if claim.missed[1:] else ""
+        fail(f"{claim.missed[0]}{more}", NO)
 
 
 def refly(
@@ -193,7 +199,9 @@ def _recording_in(path: Path) -> Path:
     return recording
 
 
-def _flown_json(flown: "FlownScenario", files: "RecordedFiles") -> dict[str, Any]:
+def _flown_json(
+    flown: "FlownScenario", claim: "ClaimCheck", files: "RecordedFiles"
+) -> dict[str, Any]:
     runs = []
     for run in flown.runs:
         found = flown.indicators.get(run.provenance.gains_name)
@@ -208,10 +216,23 @@ def _flown_json(flown: "FlownScenario", files: "RecordedFiles") -> dict[str, Any
                 "indicators": pick(found, "R_K I_K") if found else {"R_K": None, "I_K": None},
             }
         )
-    return {"recording": files.recording, "runs": runs, "missed": flown.missed}
+    return {
+        "recording": files.recording,
+        "runs": runs,
+        "claim": {
+            "claim": flown.scenario.verifies,
+            **pick(claim, "verdict sentence"),
+            "bounds": [
+                pick(one, "run subject measure sense bound value met") for one in claim.bounds
+            ],
+        },
+        "missed": claim.missed,
+    }
 
 
-def _flown_text(flown: "FlownScenario", recording: Path) -> Iterator[Table | str]:
+def _flown_text(
+    flown: "FlownScenario", claim: "ClaimCheck", recording: Path
+) -> Iterator[Table | str]:
     metrics = {"ITAE": 1.0, "MO_rad": DEG_PER_RAD, "settling_s": 1.0}
     rows = []
     for run in flown.runs:
@@ -239,6 +260,7 @@ def _flown_text(flown: "FlownScenario", recording: Path) -> Iterator[Table | str
     for run in flown.runs:
         if run.status != "completed":
             yield f"{run.label}: {run.outcome}"
+    yield claim.sentence
     yield f"recording: {recording}   (open it with: flighttune view {recording})"
 
 

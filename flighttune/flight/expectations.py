@@ -1,32 +1,140 @@
-"""Whether flown runs came to what their scenario expects of them."""
+"""Whether flown runs meet what their scenario expects of them."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Literal, TypeAlias
 
 from flighttune.metrics import measures
+from flighttune.present.names import METRIC_LABELS, SYMBOLS
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import Bounds, ExpectTable, in_rad
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
+MOST_BOUNDS = 4
+"""Bounds that a sentence lists; of more it names the one nearest to a miss."""
 
-def missed_expectations(scenario: Scenario, runs: Sequence[Run]) -> tuple[str, ...]:
-    """Return a sentence for each expectation that a run does not meet.
+FIGURES = 3
+"""Significant figures of a measured value, more where rounding would hide a miss."""
+
+Sense: TypeAlias = Literal["at_most", "at_least"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundCheck:
+    """A measure of a run against one bound of the scenario.
+
+    Attributes
+    ----------
+    run : str
+        Label of the run; empty where only one is checked.
+    subject : str
+        ``chi``, ``gamma`` or ``flight``.
+    measure : str
+        Key of the measure as the scenario writes it; ``_deg`` in place of ``_rad`` is in degrees.
+    sense : "at_most" or "at_least"
+    bound, value : float
+        In the unit of `measure`; the value is NaN where the run has none.
+    """
+
+    run: str
+    subject: str
+    measure: str
+    sense: Sense
+    bound: float
+    value: float
+
+    @property
+    def beyond(self) -> float:
+        """How far the value lies beyond the bound; NaN without a value."""
+        return self.value - self.bound if self.sense == "at_most" else self.bound - self.value
+
+    @property
+    def met(self) -> bool:
+        """Whether there is a value and it keeps the bound."""
+        return self.beyond <= 0.0
+
+    @property
+    def miss(self) -> str:
+        """Bound, value and difference in one clause."""
+        difference = f"missed by {self.beyond:.3g}"
+        return (
+            f"{self.subject}.{self.measure} must be {self.sense.replace('_', ' ')} {self.bound:g}, "
+            f"got {self.value:.4g} "
+            f"({difference if math.isfinite(self.beyond) else 'there is no value'})"
+        )
+
+    @property
+    def inequality(self) -> str:
+        """As in ``χ 7.92 <= 8.34``."""
+        symbol = SYMBOLS.get(self.subject, "")
+        if math.isnan(self.value):
+            return f"{symbol} without a value".strip()
+        kept, broken = ("<=", ">") if self.sense == "at_most" else (">=", "<")
+        rounded = (f"{self.value:.{digits}g}" for digits in range(FIGURES, 18))
+        text = next(one for one in rounded if replace(self, value=float(one)).met == self.met)
+        return f"{symbol} {text} {kept if self.met else broken} {self.bound:g}".strip()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClaimCheck:
+    """The claim of a scenario against its runs.
+
+    Attributes
+    ----------
+    verdict : "met", "not met" or "not tested"
+        Not tested where no ``[[expect]]`` is about these runs and all were completed.
+    sentence : str
+        The verdict with its numbers.
+    short : str
+        The same, without numbers where there are many.
+    bounds : tuple of BoundCheck
+        Every bound that was checked.
+    missed : tuple of str
+        A sentence for each expectation that a run does not meet: the run, the measure, its bound,
+        the value and by how much it missed.
+    """
+
+    verdict: Literal["met", "not met", "not tested"]
+    sentence: str
+    short: str
+    bounds: tuple[BoundCheck, ...]
+    missed: tuple[str, ...]
+
+
+def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
+    """Check every run against the ``[[expect]]`` tables of its scenario.
 
     Parameters
     ----------
     scenario : Scenario
-        With its ``[[expect]]`` tables. A run of which no table names a status must be completed.
+        A run of which no table names a status must be completed.
     runs : sequence of Run
-        What was flown of it.
-
-    Returns
-    -------
-    tuple of str
-        Each names the run, the measure, its bound, what was got and by how much it missed.
+        Its flights.
     """
-    return tuple(
-        f"{run.label}: {sentence}" for run in runs for sentence in _missed_by(scenario, run)
+    bounds, missed, ends = [], [], []
+    for run in runs:
+        made_by = run.provenance
+        tables = [t for t in scenario.expect if t.meant(made_by.plant, made_by.gains_name)]
+        wrong_end = _wrong_end(tables, run.status, run.reason)
+        if wrong_end:
+            missed.append(f"{run.label}: {wrong_end}")
+            continue
+        ends += [f"{run.label} {run.status}" for t in tables if t.status][:1]
+        bounded = any(t.at_most or t.at_least for t in tables)
+        own = list(_bound_checks(tables, measures(run) if bounded else {}, run.label))
+        bounds += own
+        missed += [f"{run.label}: {one.miss}" for one in own if not one.met]
+    verdict = "not met" if missed else "met" if bounds or ends else "not tested"
+    sentence = _sentence(verdict, bounds, missed, ends)
+    return ClaimCheck(
+        verdict=verdict,
+        sentence=sentence,
+        short=sentence.partition("; closest")[0],
+        bounds=tuple(bounds),
+        missed=tuple(missed),
     )
 
 
@@ -47,36 +155,72 @@ def missed(
     measured : mapping
         Its `measures`; empty for a flight too short to have any.
     """
+    wrong_end = _wrong_end(tables, status, reason)
+    if wrong_end:
+        return (wrong_end,)
+    return tuple(one.miss for one in _bound_checks(tables, measured) if not one.met)
+
+
+def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
+    """What is wrong with how a run ended; empty where nothing is."""
     expected = [t.status for t in tables if t.status] or ["completed"]
-    if status not in expected:
-        wanted = "" if expected == ["completed"] else f", must be {' or '.join(expected)}"
-        return (f"{status}{wanted}: {reason or 'flown to its end'}",)
-    return tuple(
-        sentence
-        for table in tables
-        for bounds, word, sense in (
-            (table.at_most, "at most", 1.0),
-            (table.at_least, "at least", -1.0),
-        )
-        for sentence in _outside(measured, bounds, word, sense)
-    )
+    if status in expected:
+        return ""
+    wanted = "" if expected == ["completed"] else f", must be {' or '.join(expected)}"
+    return f"{status}{wanted}: {reason or 'flown to its end'}"
 
 
-def _missed_by(scenario: Scenario, run: Run) -> tuple[str, ...]:
-    made_by = run.provenance
-    tables = [t for t in scenario.expect if t.meant(made_by.plant, made_by.gains_name)]
-    bounded = any(t.at_most or t.at_least for t in tables)
-    return missed(tables, run.status, run.reason, measures(run) if bounded else {})
+def _bound_checks(
+    tables: Sequence[ExpectTable], measured: Mapping[str, Mapping[str, float]], run: str = ""
+) -> Iterator[BoundCheck]:
+    for table in tables:
+        senses: dict[Sense, Bounds] = {"at_most": table.at_most, "at_least": table.at_least}
+        for sense, bounds in senses.items():
+            for subject, limits in bounds.items():
+                for name, bound in limits.items():
+                    value = measured.get(subject, {}).get(in_rad(name), math.nan)
+                    yield BoundCheck(
+                        run=run,
+                        subject=subject,
+                        measure=name,
+                        sense=sense,
+                        bound=bound,
+                        value=value / DEG if name.endswith("_deg") else value,
+                    )
 
 
-def _outside(
-    measured: Mapping[str, Mapping[str, float]], bounds: Bounds, word: str, sense: float
-) -> Iterator[str]:
-    for subject, limits in bounds.items():
-        for name, bound in limits.items():
-            got = measured.get(subject, {}).get(in_rad(name), math.nan)
-            got = got / DEG if name.endswith("_deg") else got
-            beyond = sense * (got - bound)
-            if not beyond <= 0.0:
-                missed = f"missed by {beyond:.3g}" if math.isfinite(beyond) else "there is no value"
-                yield f"{subject}.{name} must be {word} {bound:g}, got {got:.4g} ({missed})"
+def _sentence(
+    verdict: str, bounds: Sequence[BoundCheck], missed: Sequence[str], ends: Sequence[str]
+) -> str:
+    if verdict == "not tested":
+        return "Claim not tested: no [[expect]] is about these runs; all were completed"
+    if missed and all(one.met for one in bounds):
+        more = f" ({len(missed) - 1} more)" if missed[1:] else ""
+        return f"Claim not met: {missed[0]}{more}"
+    shown = [one for one in bounds if one.met == (verdict == "met")]
+    head = f"Claim {verdict}"
+    if len(shown) > MOST_BOUNDS:
+        shown = [max(shown, key=_nearness)]
+        count = sum(one.met for one in bounds)
+        closest = "closest to its bound" if verdict == "met" else "furthest off"
+        head += f", {count} of {len(bounds)} bounds kept; {closest}"
+    return f"{head}: {'; '.join([*_clauses(shown), *ends])}"
+
+
+def _clauses(bounds: Sequence[BoundCheck]) -> Iterator[str]:
+    """Bounds of one measure together, the run behind them: ``ITAE χ 1 <= 2, γ 3 <= 4 (run)``."""
+    for run, of_run in groupby(bounds, key=lambda one: one.run):
+        parts = []
+        for key, alike in groupby(of_run, key=lambda one: one.measure):
+            label = METRIC_LABELS[in_rad(key)]
+            unit = "rad" if key.endswith("_rad") else label.unit.replace("\u00a0", " ")
+            values = ", ".join(one.inequality for one in alike)
+            parts.append(f"{label.name} {values} {unit if unit != '1' else ''}".rstrip())
+        yield f"{'; '.join(parts)} ({run})"
+
+
+def _nearness(one: BoundCheck) -> float:
+    """How near to a miss, or how far into one, relative to the bound; first what has no value."""
+    if math.isnan(one.beyond):
+        return math.inf
+    return one.beyond / max(abs(one.bound), abs(one.value), 1e-12)

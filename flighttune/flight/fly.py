@@ -19,7 +19,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import TrimError
-from flighttune.flight.expectations import missed_expectations
+from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.flight.outer_loop import gain_sets
 from flighttune.flight.own import LawMaker, Own, PlantMaker, with_own
 from flighttune.metrics import metric_tables
@@ -93,9 +93,9 @@ class FlownScenario:
         return next(run for run in self.runs if run.label == label)
 
     @property
-    def missed(self) -> tuple[str, ...]:
-        """Expectations of the scenario that a run does not meet, a sentence each."""
-        return missed_expectations(self.scenario, self.runs)
+    def claim(self) -> ClaimCheck:
+        """The runs against the ``[[expect]]`` tables of the scenario."""
+        return check_claim(self.scenario, self.runs)
 
     def metrics_of(self, run: Run) -> dict[str, dict[str, float]]:
         """Measures of one run as numbers: ``chi``, ``gamma`` and ``flight``; empty if not flown."""

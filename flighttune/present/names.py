@@ -49,7 +49,7 @@ METRIC_LABELS = {
     "rise_s": MetricLabel("rise time", "s", 2),
     "settling_s": MetricLabel("settling time (5\u00a0%)", "s", 2),
     "MS_rad": MetricLabel("mean error, last quarter", "deg", 3, DEG_PER_RAD),
-    "ST_rad": MetricLabel("deviation of the error, last quarter", "deg", 3, DEG_PER_RAD),
+    "ST_rad": MetricLabel("standard deviation, last quarter", "deg", 3, DEG_PER_RAD),
     "effort_rms": MetricLabel("effort rms", "", 3),
     "saturation_s": MetricLabel("time at limits", "s", 2),
     "peak_rad": MetricLabel("peak error", "deg", 2, DEG_PER_RAD),

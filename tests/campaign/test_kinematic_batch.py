@@ -9,7 +9,7 @@ from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.kinematic_batch import KNOWN, batchable
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.flight.expectations import missed_expectations
+from flighttune.flight.expectations import check_claim
 from flighttune.metrics import measures
 from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
 from flighttune.scenario.tables import DisturbanceTable, SensorsTable, WindTable
@@ -56,7 +56,7 @@ def alone(plan, run):
     flown, claim = fly_group(plan, scenario, group), claims(plan)[group]
     missed = "; ".join(
         sentence.removeprefix(f"{flown.label}: ")
-        for sentence in missed_expectations(scenario, [flown])
+        for sentence in check_claim(scenario, [flown]).missed
     )
     verdict = claim and claim.outcome(flown)
     return fate(flown.status, flown.reason, in_columns(measures(flown)), missed, verdict)

@@ -107,7 +107,7 @@ def test_a_row_is_what_fly_says_of_the_scenario_of_its_draw(whole):
             for channel in ("chi", "gamma"):
                 peak = np.abs(run.signals[f"{channel}_err"]).max()
                 assert row[f"{channel}.peak_rad"] == pytest.approx(peak, rel=1e-12)
-            said = [one for one in flown.missed if one.startswith(f"{run.label}: ")]
+            said = [one for one in flown.claim.missed if one.startswith(f"{run.label}: ")]
             assert row["missed"] == "; ".join(one.removeprefix(f"{run.label}: ") for one in said)
             assert row["success"] == (not said)
             found = flown.indicators[row["gains"]]

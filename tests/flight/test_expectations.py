@@ -6,7 +6,7 @@ import pytest
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import ScenarioError
-from flighttune.flight.expectations import missed_expectations
+from flighttune.flight.expectations import check_claim
 from flighttune.scenario import scenario_from
 from flighttune.simulate.run import Provenance, Run
 
@@ -58,7 +58,7 @@ def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason=""):
 )  # fmt: skip
 def test_a_bound_is_met_or_missed_by_so_much(bounds, missed):
     # 2 deg of error for 10 s: the integral of t |e| is 50 s^2 times 0.0349 rad.
-    found = missed_expectations(scenario(bounds), [flown(np.deg2rad(2.0), n_z=1.2)])
+    found = check_claim(scenario(bounds), [flown(np.deg2rad(2.0), n_z=1.2)]).missed
 
     assert found == (() if missed is None else (f"kinematic / paper: {missed}",))
 
@@ -66,7 +66,7 @@ def test_a_bound_is_met_or_missed_by_so_much(bounds, missed):
 def test_without_a_word_a_run_must_be_completed():
     run = flown(status="left_envelope", reason="t = 3 s: too slow.")
 
-    assert missed_expectations(scenario(), [flown(), run]) == (
+    assert check_claim(scenario(), [flown(), run]).missed == (
         "kinematic / paper: left_envelope: t = 3 s: too slow.",
     )
 
@@ -75,8 +75,8 @@ def test_an_end_that_was_expected_is_none_to_complain_of_and_its_absence_is():
     wanted = scenario({"gains": "paper", "status": "left_envelope"})
 
     ended = flown(status="left_envelope", reason="t = 3 s: too slow.")
-    assert missed_expectations(wanted, [ended]) == ()
-    assert missed_expectations(wanted, [flown()]) == (
+    assert check_claim(wanted, [ended]).missed == ()
+    assert check_claim(wanted, [flown()]).missed == (
         "kinematic / paper: completed, must be left_envelope: flown to its end",
     )
 
@@ -85,8 +85,43 @@ def test_expectations_hold_for_the_runs_they_name():
     wanted = scenario({"gains": "K5", "at_most": {"chi": {"peak_deg": 1.0}}})
     off = np.deg2rad(2.0)
 
-    assert missed_expectations(wanted, [flown(off)]) == ()
-    assert len(missed_expectations(wanted, [flown(off, gains="K5")])) == 1
+    assert check_claim(wanted, [flown(off)]).missed == ()
+    assert len(check_claim(wanted, [flown(off, gains="K5")]).missed) == 1
+
+
+TIGHT = {"at_most": {"flight": {"n_z_max": 1.232}}}
+MET = (
+    "Claim met: ITAE χ 1.75 <= 1.8 rad s²; peak error χ 2 <= 2.5, γ 0 <= 1 deg (kinematic / paper)"
+)
+MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "saturation_s": 3.0}}
+CLOSEST = (
+    "Claim met, 5 of 5 bounds kept; closest to its bound: "
+    "peak error χ 2 <= 2.1 deg (kinematic / paper)"
+)
+
+
+@pytest.mark.parametrize(
+    ("expect", "run", "verdict", "sentence"),
+    [
+        ([{"at_most": {"chi": {"ITAE": 1.8, "peak_deg": 2.5}, "gamma": {"peak_deg": 1.0}}}], {},
+         "met", MET),
+        # to three figures, 1.23, it would keep the bound
+        ([TIGHT], {"n_z": 1.2344}, "not met",
+         "Claim not met: maximum n_z 1.234 > 1.232 (kinematic / paper)"),
+        ([{"at_most": MANY}], {}, "met", CLOSEST),
+        ([{"status": "left_envelope"}], {"status": "left_envelope"}, "met",
+         "Claim met: kinematic / paper left_envelope"),
+        ([], {}, "not tested", "Claim not tested: no [[expect]] is about these runs; all were "
+         "completed"),
+        ([], {"status": "crashed", "reason": "t = 3 s"}, "not met",
+         "Claim not met: kinematic / paper: crashed: t = 3 s"),
+    ],
+)  # fmt: skip
+def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, sentence):
+    # 2 deg of error for 10 s: the integral of t |e| is 50 s^2 times 0.034907 rad, 1.74533.
+    found = check_claim(scenario(*expect), [flown(np.deg2rad(2.0), **run)])
+
+    assert (found.verdict, found.sentence) == (verdict, sentence)
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ def test_a_tube_of_the_exact_law_is_refused():
 
 def test_an_expectation_may_name_law_and_gains():
     tables = [{"gains": "exact:paper", "at_most": {"chi": {"ITAE": 0.0}}}]
-    missed = fly(scenario(expect=tables)).missed
+    missed = fly(scenario(expect=tables)).claim.missed
 
     assert len(missed) == 2
     assert all("exact:paper" in sentence for sentence in missed)
