@@ -325,6 +325,7 @@ def fuzz(kind, folder, cases):
     read()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_a_file_is_read_or_refused_in_one_line(tmp_path, name):
     fuzz(KINDS[name], tmp_path, CASES)

@@ -85,6 +85,7 @@ def test_attempts_share_the_confidence():
     )
 
 
+@pytest.mark.slow
 def test_false_claims_are_as_rare_as_the_confidence_says():
     """Flights that leave any box with a probability just above epsilon, thirty times."""
     epsilon, confidence = 0.2, 0.9

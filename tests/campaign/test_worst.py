@@ -230,6 +230,7 @@ def test_a_flight_beside_the_middle_of_a_tube(tmp_path):
     assert again.share(run) == tube.share(run)
 
 
+@pytest.mark.slow
 def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     """Starts are up to 40 deg apart and the tube is 20 deg wide either side of north."""
     plan = small_plan()

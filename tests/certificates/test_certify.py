@@ -135,6 +135,7 @@ def test_verification_asks_no_solver(over_envelope, monkeypatch):
     assert verify(over_envelope).valid
 
 
+@pytest.mark.slow
 def test_verifying_a_file_does_not_even_import_a_solver(over_envelope, tmp_path):
     path = tmp_path / "gains.json"
     save_certificate(over_envelope, path)

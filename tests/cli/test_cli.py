@@ -176,6 +176,7 @@ def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message):
     assert "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_debug_shows_the_traceback():
     done = subprocess.run(
         [sys.executable, "-m", "flighttune", "--debug", "fly", "nowhere.toml"],

@@ -172,6 +172,7 @@ def identified(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_certificate_over_every_condition_identified(identified, tmp_path):
     out = tmp_path / "c.json"
 
@@ -259,6 +260,7 @@ def test_the_frontier_is_written_as_table_and_figure(tmp_path):
         assert figure.read(8) == b"\x89PNG\r\n\x1a\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["tune", "certify"])
 def test_gains_are_tuned_and_certified_without_libraries_of_flight_and_figures(command):
     heavy = ["clarabel", "control", "jsbsim", "matplotlib", "numba", "pandas", "pyarrow", "rerun"]

@@ -11,6 +11,7 @@ def report(*arguments, status=0):
     return flighttune("report", *arguments, status=status)
 
 
+@pytest.mark.slow
 def test_a_scenario_becomes_a_page_whose_headline_is_printed(tmp_path):
     out = tmp_path / "sent" / "report.html"
 

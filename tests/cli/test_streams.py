@@ -54,6 +54,7 @@ COMMANDS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.split()[0])
 def test_a_command_ends_alike_in_every_encoding(folder, command):
     text, status = printed(folder, command, "utf-8")
@@ -64,6 +65,7 @@ def test_a_command_ends_alike_in_every_encoding(folder, command):
         assert len(other.splitlines()) == len(text.splitlines())
 
 
+@pytest.mark.slow
 def test_every_character_can_be_written_in_every_encoding():
     StandardStreams()
     every = "".join(map(chr, range(sys.maxunicode + 1)))

@@ -260,6 +260,7 @@ def test_identifying_again_gives_the_shipped_model(aircraft):
         assert other.fit_percent > GOOD_FIT
 
 
+@pytest.mark.slow
 def test_conditions_without_steady_flight_are_left_out_and_named():
     found = identify_aircraft("aerosonde", V_a=(25.0,), gamma=(0.0, -0.5))
 

@@ -89,6 +89,7 @@ def test_the_sampled_controller_comes_closer_in_proportion_to_its_sample_time(an
     assert distance(0.01) / distance(0.005) == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_papers_peaks_are_those_of_magnitude_limits_alone(study):
     flight = study.readings["ranges only"]
 

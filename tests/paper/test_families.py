@@ -46,6 +46,7 @@ K_P = [[1.6968, 0.5906], [-0.5906, 1.9556]]
 K_I = [[3.4869, 0.1784], [-0.1784, 3.4869]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "epsilon"), [("K*", 0.0), ("K1", -4.0), ("K6", 1.0)])
 def test_the_family_of_gains_flies_as_an_independent_integrator_does(study, name, epsilon):
     flight = study.flights[name]
@@ -57,6 +58,7 @@ def test_the_family_of_gains_flies_as_an_independent_integrator_does(study, name
     assert np.max(np.abs(flight.channels["gamma"] - e_gamma)) < SAME_PATH
 
 
+@pytest.mark.slow
 def test_the_family_of_disturbances_flies_as_an_independent_integrator_does(study):
     flight = study.disturbed["d9"]
 
@@ -79,6 +81,7 @@ def test_the_rates_of_error_are_the_derivatives_of_the_errors(study):
         assert rate[smooth] == pytest.approx(slope, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_measures_of_the_errors_are_those_of_every_other_run(study):
     run = next(run for run in family_runs(study) if run.provenance.gains_name == "K2")
     t = run.signals.index.to_numpy()
@@ -103,6 +106,7 @@ def test_the_first_commands_of_the_printed_gains_are_those_worked_out_by_hand(st
     )
 
 
+@pytest.mark.slow
 def test_with_the_printed_rate_limits_only_anti_windup_lets_the_loop_converge(study):
     converged = {name: flight.converged for name, flight in study.readings.items()}
 

@@ -150,6 +150,7 @@ def test_the_recording_holds_both_families(reproduction):
     assert sum("/plots/chi_err/" in path for path in paths) == 15
 
 
+@pytest.mark.slow
 def test_the_committed_errata_are_those_computed_now(study):
     now, committed = errata_text(errata(study)), ERRATA.read_text(encoding="utf-8")
 
@@ -158,6 +159,7 @@ def test_the_committed_errata_are_those_computed_now(study):
     assert new == pytest.approx(old, rel=ROUNDING, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_some_items_are_made_alone_and_without_recording_and_progress_is_told(study, tmp_path):
     told = []
 
@@ -171,6 +173,7 @@ def test_some_items_are_made_alone_and_without_recording_and_progress_is_told(st
     assert ("claims", 1.0) in told
 
 
+@pytest.mark.slow
 def test_the_command_answers_with_the_values_of_an_item_and_all_claims(
     study, tmp_path, monkeypatch
 ):

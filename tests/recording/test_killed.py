@@ -11,6 +11,8 @@ from flighttune.recording.load import load_recording
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 
+pytestmark = pytest.mark.slow
+
 
 class Killed(BaseException):
     """Stands for SIGKILL: nothing after it is done, not even clearing up."""

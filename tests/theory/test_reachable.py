@@ -60,6 +60,7 @@ def test_the_peak_gain_of_the_papers_loop_is_0_0425_and_0_0251_for_x_alone(reach
     assert reachable.peak_gain(slice(2, 4)).s == pytest.approx(0.0251, abs=5e-5)
 
 
+@pytest.mark.slow
 def test_the_exact_radius_of_the_papers_loop_is_0_0318_and_the_search_is_proven_complete(
     reachable,
 ):
