@@ -1,6 +1,7 @@
 """Where the aircraft, scenarios and campaigns that come with flighttune lie."""
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from flighttune.errors import InputError
@@ -43,8 +44,19 @@ def aircraft_folder(name: str) -> Path:
         If no aircraft of that name is shipped.
     """
     if name not in aircraft_names():
-        raise InputError(f"`aircraft` must be one of {', '.join(aircraft_names())}, got {name!r}.")
+        raise InputError(
+            f"`aircraft` must be one of {', '.join(aircraft_names())}, got {name!r}"
+            f"{nearest_name(name, aircraft_names())}"
+        )
     return _shipped_folder("aircraft") / name
+
+
+def nearest_name(name: str, names: Iterable[str]) -> str:
+    """The end of a message: ``; did you mean X?``, or a full stop where no name is like it."""
+    from difflib import get_close_matches
+
+    found = get_close_matches(name, list(names), n=1)
+    return f"; did you mean {found[0]}?" if found else "."
 
 
 def _shipped_folder(name: str) -> Path:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.options import JsonOption, aircraft_names, check_ending
 from flighttune.cli.show import NO, emit, fail, pick, table
 from flighttune.present.numbers import number
-from flighttune.present.tables import Table
+from flighttune.present.tables import Bad, Table
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
@@ -23,7 +23,12 @@ GOOD_FIT = 90.0
 """Share of the variance, in percent, below which the answer of `identify` is no."""
 
 AircraftArgument = Annotated[
-    str, Argument(metavar="AIRCRAFT", help="A shipped aircraft, or the folder of one.")
+    str,
+    Argument(
+        metavar="AIRCRAFT",
+        help="A shipped aircraft, or the folder of one.",
+        autocompletion=aircraft_names,
+    ),
 ]
 HeightOption = Annotated[float, Option("--h", help="Height above sea level in m.")]
 
@@ -51,10 +56,16 @@ def trim(
     config = load_aircraft(aircraft)
     angles = [angle * DEG for angle in gamma] if gamma else None
     rows = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
-    head = "V_a m/s", "γ deg", "α deg", "β deg", "elevator", "rudder", "throttle", "no trim"
+    head = "V_a [m/s], γ [deg], α [deg], β [deg], elevator [deg], rudder [deg], throttle, no trim"
     emit(
         {"aircraft": aircraft, "trims": [_trim_json(row) for row in rows]},
-        [table(f"{config.title}: steady flight", head, [_trim_cells(row) for row in rows])],
+        [
+            table(
+                f"{config.title}: steady flight",
+                head.split(", "),
+                [_trim_cells(row) for row in rows],
+            )
+        ],
         as_json=as_json,
     )
     if not any(row.point for row in rows):
@@ -191,8 +202,8 @@ def _trim_cells(row: "TrimRow") -> tuple[str, ...]:
     cells = ["-"] * 5
     if row.point is not None:
         angles = pick(row.point, "alpha beta elevator rudder").values()
-        cells = [*(f"{angle / DEG:.2f}" for angle in angles), f"{row.point.throttle:.3f}"]
-    return f"{row.condition.V_a:g}", f"{row.condition.gamma / DEG:g}", *cells, row.reason
+        cells = [*(f"{angle / DEG:z.2f}" for angle in angles), f"{row.point.throttle:.3f}"]
+    return f"{row.condition.V_a:g}", f"{row.condition.gamma / DEG:g}", *cells, Bad(row.reason)
 
 
 def _design_text(designed: "DesignedAircraft", written: Path | None) -> Iterator[Table | str]:
@@ -209,17 +220,17 @@ def _design_text(designed: "DesignedAircraft", written: Path | None) -> Iterator
             f"{check.t90_allowed:g}",
             f"{100.0 * check.step.overshoot:.1f}",
             f"{100.0 * check.overshoot_allowed:g}",
-            "yes" if check.met else "no",
+            "yes" if check.met else Bad("no"),
         )
         for check in designed.checks
     ]
-    head = ("step", "t90 in s", "at most", "overshoot in %", "at most", "met")
+    head = ("step", "t90 [s]", "at most", "overshoot [%]", "at most", "met")
     yield table("step responses", head, steps)
     yield f"written: {written}" if written else "nothing is written"
 
 
 def _identification_text(found: "AircraftIdentification", place: str) -> Iterator[Table | str]:
-    columns = "V_a m/s, gamma deg, channel, order, w rad/s, damping, lag s, delay s"
+    columns = "V_a [m/s], γ [deg], channel, order, ω [rad/s], damping, lag [s], delay [s]"
     rows = [
         (
             f"{c.V_a:g}",
@@ -234,7 +245,7 @@ def _identification_text(found: "AircraftIdentification", place: str) -> Iterato
     ]
     yield table(
         f"{found.identified.aircraft}: identified inner loop",
-        (*columns.split(", "), "bandwidth rad/s", "cross", "fit %"),
+        (*columns.split(", "), "bandwidth [rad/s]", "cross", "fit [%]"),
         rows,
     )
     yield (
@@ -248,7 +259,7 @@ def _identification_text(found: "AircraftIdentification", place: str) -> Iterato
         pole = mode.eigenvalue
         values = (pole.real, pole.imag, mode.natural_frequency, mode.damping)
         modes.append((mode.name, *(f"{value:.3f}" for value in values)))
-    head = ("mode", "real part 1/s", "imaginary part rad/s", "w rad/s", "damping")
+    head = ("mode", "real part [1/s]", "imaginary part [rad/s]", "ω [rad/s]", "damping")
     yield table(f"{place}: airframe without the inner loop", head, modes)
 
 

@@ -9,6 +9,7 @@ from flighttune import __version__
 from flighttune.cli.aircraft import design, identify, trim
 from flighttune.cli.campaign import campaign
 from flighttune.cli.certificates import certify, verify
+from flighttune.cli.command import Grouped, add_command
 from flighttune.cli.compare import compare
 from flighttune.cli.conform import conform
 from flighttune.cli.flights import fly, list_shipped, refly, view
@@ -23,22 +24,52 @@ from flighttune.errors import FlightTuneError
 
 app = typer.Typer(
     name="flighttune",
+    cls=Grouped,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,  # Rich would take "[default: ...]" in a help text for markup and drop it
     help="Tune a fixed-wing outer loop with a certificate, fly it on the kinematic law and on "
     "JSBSim, and compare both in one recording.",
-    epilog="Exit status: 0 fine, 1 the answer is no, 2 could not run.",
+    epilog="Begin with: flighttune fly paper. Exit status: 0 fine, 1 the answer is no, 2 could not "
+    "run.",
 )
-ON_SCENARIOS = fly, tune, certify, verify, frontier, gap, tube, worst
-ON_AIRCRAFT = trim, design, identify, conform
-ON_RUNS = compare, report, refly, view
-for command in (*ON_SCENARIOS, *ON_AIRCRAFT, *ON_RUNS, reproduce):
-    app.command()(command)
-app.command("list")(list_shipped)
-app.add_typer(campaign)
+COMMANDS = {
+    "Tune": [
+        (tune, "tuning", "flighttune tune paper --out gains.json"),
+        (frontier, "tuning", "flighttune frontier paper"),
+        (certify, "certifying", "flighttune certify paper --gains tuned --out certificate.json"),
+        (verify, "verifying", "flighttune verify certificate.json"),
+        (trim, "trimming", "flighttune trim aerosonde --V-a 25 --gamma 0"),
+        (design, "designing", "flighttune design aerosonde --dry-run"),
+        (identify, "identifying", "flighttune identify aerosonde --V-a 25"),
+    ],
+    "Fly": [
+        (fly, "flying", "flighttune fly paper"),
+        (refly, "flying", "flighttune refly runs/paper"),
+        (view, "opening", "flighttune view runs/paper"),
+        (list_shipped, "listing", "flighttune list"),
+    ],
+    "Explain": [
+        (gap, "flying", "flighttune gap paper"),
+        (compare, "comparing", "flighttune compare paper@paper paper@tuned"),
+        (worst, "searching", "flighttune worst first_campaign --budget 40"),
+        (tube, "enclosing", "flighttune tube paper_as_printed"),
+        (conform, "learning", "flighttune conform aerosonde --out conformance.json"),
+    ],
+    "Publish": [
+        (report, "reporting", "flighttune report runs/paper"),
+        (reproduce, "reproducing", "flighttune reproduce gains"),
+    ],
+}
+"""Commands by their heading in the help: function, what a terminal shows meanwhile, an example."""
+
+for panel, commands in COMMANDS.items():
+    for command, doing, example in commands:
+        name = "list" if command is list_shipped else None
+        add_command(app, command, doing=doing, example=example, name=name, panel=panel)
+    if panel == "Fly":
+        app.add_typer(campaign, rich_help_panel=panel)
 
 
 def _show_version(asked: bool) -> None:
@@ -72,7 +103,7 @@ def main() -> None:
 
 def _run() -> None:
     try:
-        app()
+        app(prog_name="flighttune")
     except FlightTuneError as error:
         if "--debug" in sys.argv:
             raise

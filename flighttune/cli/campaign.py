@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option, Typer
 
+from flighttune.cli.command import add_command
 from flighttune.cli.gain_sets import gains_json, gains_table, write_json
-from flighttune.cli.options import GainsFileOption, JsonOption, check_ending, out_folder
+from flighttune.cli.options import (
+    GainsFileOption,
+    JsonOption,
+    campaign_names,
+    check_ending,
+    out_folder,
+)
 from flighttune.cli.progress import campaign_display, duration, progress_bar, rate
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick, table, tell
 from flighttune.errors import CampaignError, OutputError, RecordingError
@@ -41,7 +48,12 @@ CANDIDATE_COLUMNS = (
 )
 
 CampaignArgument = Annotated[
-    str, Argument(metavar="CAMPAIGN", help="A campaign file, or the name of a shipped one.")
+    str,
+    Argument(
+        metavar="CAMPAIGN",
+        help="A campaign file, or the name of a shipped one.",
+        autocompletion=campaign_names,
+    ),
 ]
 WorkersOption = Annotated[
     int | None, Option(help="Processes on this machine [default: one per core].", min=1)
@@ -51,14 +63,7 @@ SchedulerOption = Annotated[
     Option(metavar="ADDRESS", help="Fly on the workers of a dask scheduler, tcp://HOST:PORT."),
 ]
 
-campaign = Typer(
-    name="campaign",
-    no_args_is_help=True,
-    help="Fly a scenario thousands of times, dispersed, on one machine or a cluster.",
-)
 
-
-@campaign.command()
 def report(
     folder: Annotated[
         str, Argument(metavar="DIR", help="Folder of a campaign; it may still be running.")
@@ -92,7 +97,6 @@ def report(
     emit(answer, _findings_text(found, page), as_json=as_json)
 
 
-@campaign.command()
 def fly(
     folder: Annotated[str, Argument(metavar="DIR", help="Folder of a campaign.")],
     run: Annotated[int, Option(help="Number of the run, as in the column `run`.", min=0)],
@@ -152,7 +156,6 @@ def fly(
         fail(f"{folder}: run {run}: {differences[0].sentence}", NO)
 
 
-@campaign.command()
 def run(
     file: CampaignArgument,
     runs: Annotated[
@@ -181,36 +184,42 @@ def run(
     Flights that fail are results: the exit status is 0. It is 1 where --until-halfwidth was not
     reached, 2 where the campaign was cut short, 130 after Ctrl-C; --resume does what is missing.
     """
-    from flighttune.campaign.engine.cluster import check_installed
+    from flighttune.campaign.engine.flyer import Flyer
 
-    check_installed()
-    folder = out or str(Path("runs") / Path(file).stem)
-    plan = _planned(file, runs, folder, resume=resume)
-    if dry_run:
-        from flighttune.campaign.engine.cost import campaign_cost
-        from flighttune.simulate.batch import cores
+    with Flyer() as flyer:
+        if not (dry_run or workers or scheduler):
+            flyer.begin()  # it loads what flights need while the campaign is planned
+        from flighttune.campaign.engine.cluster import check_installed
 
-        cost, count = campaign_cost(plan), workers or cores()
-        emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count), as_json=as_json)
-        return
-    from flighttune.campaign.dataset import CAMPAIGN
-    from flighttune.campaign.engine.engine import run_campaign
+        check_installed()
+        folder = out or str(Path("runs") / Path(file).stem)
+        plan = _planned(file, runs, folder, resume=resume)
+        if dry_run:
+            from flighttune.campaign.engine.cost import campaign_cost
+            from flighttune.simulate.batch import cores
 
-    try:
-        with campaign_display() as observer:
-            done = run_campaign(
-                plan,
-                folder,
-                workers=workers,
-                scheduler=scheduler,
-                resume=resume,
-                until_halfwidth=until_halfwidth,
-                observer=observer,
-            )
-    except (CampaignError, OutputError) as error:
-        if not (Path(folder) / CAMPAIGN).exists():
-            raise
-        raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
+            cost, count = campaign_cost(plan), workers or cores()
+            emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count), as_json=as_json)
+            return
+        from flighttune.campaign.dataset import CAMPAIGN
+        from flighttune.campaign.engine.engine import run_campaign
+
+        try:
+            with campaign_display() as observer:
+                done = run_campaign(
+                    plan,
+                    folder,
+                    workers=workers,
+                    scheduler=scheduler,
+                    resume=resume,
+                    until_halfwidth=until_halfwidth,
+                    observer=observer,
+                    flyer=flyer,
+                )
+        except (CampaignError, OutputError) as error:
+            if not (Path(folder) / CAMPAIGN).exists():
+                raise
+            raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
     emit(done.as_dict(), _outcome_text(done), as_json=as_json)
     if done.interrupted:
         there = f"{done.runs} of {done.planned} runs are in {done.dataset}"
@@ -223,7 +232,6 @@ def run(
         )
 
 
-@campaign.command()
 def tune(
     file: CampaignArgument,
     metric: Annotated[
@@ -281,6 +289,20 @@ def tune(
         fail(f"{file}: {found.reason}", INTERRUPTED if found.status == "interrupted" else NO)
 
 
+campaign = Typer(
+    name="campaign",
+    no_args_is_help=True,
+    help="Fly a scenario thousands of times, dispersed, on one machine or a cluster.",
+)
+for function, doing, example in (
+    (run, "planning", "flighttune campaign run first_campaign"),
+    (report, "reporting", "flighttune campaign report runs/first_campaign"),
+    (fly, "flying", "flighttune campaign fly runs/first_campaign --run 6"),
+    (tune, "tuning", "flighttune campaign tune first_campaign --candidates 4 --draws 10"),
+):
+    add_command(campaign, function, doing=doing, example=example)
+
+
 def _findings_text(found: "Findings", page: Path | None) -> Iterator[Table | str]:
     from flighttune.report.campaign.headline import headline
     from flighttune.report.campaign.page import notes
@@ -311,6 +333,7 @@ def _findings_text(found: "Findings", page: Path | None) -> Iterator[Table | str
         f"{title}: {label.heading}" if label else title,
         ("group", "flights", "succeed [%]", *measured, "set held [%]"),
         rows,
+        highest=["succeed [%]"],
     )
     yield from notes(found)
     success, *others = headline(found)
@@ -452,7 +475,7 @@ def _choice_text(found: "RobustChoice", title: str, out: Path | None) -> Iterato
         return
     of = f"{found.percentile:g}th percentile of {' + '.join(found.metrics)}"
     rows = [_row_of(one) for one in (*found.candidates, *found.baselines)]
-    yield table(f"{title}: {of}", CANDIDATE_COLUMNS, rows)
+    yield table(f"{title}: {of}", CANDIDATE_COLUMNS, rows, lowest=["percentile"])
     yield gains_table(f"{found.status}: {best.candidate.name}", best.candidate.gains)
     yield (
         f"{of}: {best.percentile.value:.4g} (95 % interval {_range(best.percentile)}); "

@@ -16,7 +16,7 @@ from flighttune.cli.gain_sets import (
 )
 from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument
 from flighttune.cli.show import NO, emit, fail, pick, table
-from flighttune.present.tables import Table
+from flighttune.present.tables import Bad, Table
 
 EIGENVALUES_A_LINE = 4
 
@@ -138,7 +138,8 @@ def verify(
     found = verify_certificate(loaded)
     verdict = "valid: every inequality is proven" if found.valid else "not valid"
     rows = [
-        (one.name, f"{one.margin:.3e}", "proven" if one.exact else "broken") for one in found.checks
+        (one.name, f"{one.margin:.3e}", "proven" if one.exact else Bad("broken"))
+        for one in found.checks
     ]
     model = loaded.model
     claim = {

@@ -8,7 +8,7 @@ import typer
 from typer import Option
 
 from flighttune.cli.campaign import SchedulerOption, WorkersOption
-from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.options import JsonOption, aircraft_names, campaign_names, check_ending
 from flighttune.cli.progress import campaign_display
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, table
 from flighttune.present.tables import Table
@@ -24,6 +24,7 @@ def conform(
             metavar="CAMPAIGN|AIRCRAFT",
             help="Folder of a campaign, a campaign file or the name of a shipped one, or an "
             "aircraft, which flies random starts and references of its own.",
+            autocompletion=lambda: campaign_names() + aircraft_names(),
         ),
     ],
     out: Annotated[Path, Option("--out", help="JSON file to write.")],

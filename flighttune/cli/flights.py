@@ -13,8 +13,14 @@ from flighttune.cli.options import JsonOption, ScenarioArgument, out_folder
 from flighttune.cli.progress import progress_bar, raise_on_interrupt
 from flighttune.cli.show import NO, emit, fail, pick, say, table, tell
 from flighttune.errors import RecordingError, ScenarioError
-from flighttune.present.tables import Table
+from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.tables import Bad, Table
 from flighttune.units import DEG_PER_RAD
+
+METRICS = {"ITAE": ("ITAE", 1.0), "MO": ("MO_rad", DEG_PER_RAD), "settle": ("settling_s", 1.0)}
+"""Metrics of the printed table: key, and the factor to its unit; ``--json`` has them all."""
+
+NEVER, NOTHING = Bad("never"), "-"
 
 if TYPE_CHECKING:
     from flighttune.flight.expectations import ClaimCheck
@@ -53,7 +59,7 @@ def fly(
         claim = flown.claim
         emit(
             _flown_json(flown, claim, files),
-            _flown_text(flown, claim, files.recording),
+            _flown_text(flown, claim, files.recording, scenario),
             as_json=as_json,
         )
     if view:
@@ -115,7 +121,7 @@ def refly(
                 run["run"],
                 run["status"],
                 str(run["samples"]),
-                one.difference.sentence if one.difference else "equal to the bit",
+                Bad(one.difference.sentence) if one.difference else "equal to the bit",
             )
             for run, one in zip(answer["runs"], flights, strict=True)
         ]
@@ -130,7 +136,12 @@ def refly(
         fail(f"{recording}: {different[0]}", NO)
 
 
-def list_shipped(as_json: JsonOption = False) -> None:
+def list_shipped(
+    verbose: Annotated[
+        bool, Option("--verbose", "-v", help="Show what each scenario verifies.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
     """List the scenarios, campaigns and aircraft that come with the package."""
     from flighttune import shipped
 
@@ -140,13 +151,11 @@ def list_shipped(as_json: JsonOption = False) -> None:
     }
     listed = {kind: [_heading(path) for path in paths] for kind, paths in files.items()}
     aircraft = shipped.aircraft_names()
-    text = [
-        *(
-            table(kind, list(rows[0]), [list(row.values()) for row in rows])
-            for kind, rows in listed.items()
-        ),
-        f"aircraft: {', '.join(aircraft)}",
-    ]
+    text = []
+    for kind, rows in listed.items():
+        head = [name for name in rows[0] if verbose or name != "verifies"]
+        text.append(table(kind, head, [[row[name] for name in head] for row in rows]))
+    text.append(f"aircraft: {', '.join(aircraft)}")
     emit({**listed, "aircraft": aircraft}, text, as_json=as_json)
 
 
@@ -231,45 +240,52 @@ def _flown_json(
 
 
 def _flown_text(
-    flown: "FlownScenario", claim: "ClaimCheck", recording: Path
+    flown: "FlownScenario", claim: "ClaimCheck", recording: Path, source: str
 ) -> Iterator[Table | str]:
-    metrics = {"ITAE": 1.0, "MO_rad": DEG_PER_RAD, "settling_s": 1.0}
+    early = any(run.status != "completed" for run in flown.runs)
     rows = []
     for run in flown.runs:
-        found = flown.indicators.get(run.provenance.gains_name)
-        rows.append(
-            (
-                run.provenance.plant,
-                run.provenance.gains_name,
-                run.status,
-                f"{found.R_K:.4f}" if found else "-",
-                f"{found.I_K:.3f}" if found else "-",
-                *(
-                    _metric_cell(flown, run, channel, key, factor)
-                    for key, factor in metrics.items()
-                    for channel in ("chi", "gamma")
-                ),
-            )
-        )
-    head = "plant, gains, status, R_K, I_K, ITAE χ, ITAE γ, MO χ, MO γ, settle χ, settle γ"
-    yield table(flown.scenario.title, head.split(", "), rows)
-    yield (
-        "R_K in 1/s and I_K in s² hold for the kinematic law; ITAE in rad s², maximum overshoot MO "
-        "in deg, settling to 5 % in s"
+        status = "completed" if run.status == "completed" else Bad(run.status.replace("_", " "))
+        cells = [
+            _metric_cell(flown, run, channel, key, factor)
+            for key, factor in METRICS.values()
+            for channel in CHANNEL_SYMBOLS
+        ]
+        made_by = run.provenance
+        rows.append((made_by.plant, made_by.gains_name, *([status] if early else []), *cells))
+    measured = [f"{name} {symbol}" for name in METRICS for symbol in CHANNEL_SYMBOLS.values()]
+    head = ("plant", "gains", *(["status"] if early else []), *measured)
+    yield table(flown.scenario.title, head, rows, grouped=True, lowest=measured)
+    yield "ITAE in rad s²; MO: maximum overshoot in deg; settle: time to within 5 % in s"
+    cells = {cell for row in rows for cell in row}
+    if NEVER in cells:
+        yield f"{NEVER}: the error is not within 5 % for good when the flight ends"
+    if NOTHING in cells:
+        yield f"{NOTHING}: the reference has no step in this channel, or the run was not flown"
+    yield table(
+        "kinematic law",
+        ("gains", "R_K [1/s]", "I_K [s²]"),
+        [(name, f"{f.R_K:.4f}", f"{f.I_K:.3f}") for name, f in flown.indicators.items()],
+        highest=["R_K [1/s]"],
+        lowest=["I_K [s²]"],
     )
     for run in flown.runs:
         if run.status != "completed":
             yield f"{run.label}: {run.outcome}"
     yield claim.sentence
-    yield f"recording: {recording}   (open it with: flighttune view {recording})"
+    yield f"recording: {recording}"
+    yield f"open it: flighttune view {recording}"
+    yield f"a page to send: flighttune report {recording.parent}"
+    if any(run.provenance.aircraft for run in flown.runs):
+        yield f"why aircraft and law differ: flighttune gap {source}"
 
 
 def _metric_cell(flown: "FlownScenario", run: "Run", channel: str, key: str, factor: float) -> str:
     from flighttune.metrics import has_step
 
     if (run.label, channel) not in flown.metrics.index:
-        return "-"
+        return NOTHING
     value = float(flown.metrics.at[(run.label, channel), key]) * factor
     if math.isfinite(value):
         return f"{value:.2f}"
-    return "never" if has_step(run, channel) else "-"
+    return NEVER if has_step(run, channel) else NOTHING

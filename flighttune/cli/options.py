@@ -5,10 +5,32 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from flighttune import shipped
 from flighttune.errors import InputError
 
+
+def scenario_names() -> list[str]:
+    """Names that a shell completes a scenario from."""
+    return list(shipped.scenario_files())
+
+
+def campaign_names() -> list[str]:
+    """Names that a shell completes a campaign from."""
+    return list(shipped.campaign_files())
+
+
+def aircraft_names() -> list[str]:
+    """Names that a shell completes an aircraft from."""
+    return list(shipped.aircraft_names())
+
+
 ScenarioArgument = Annotated[
-    str, Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")
+    str,
+    Argument(
+        metavar="SCENARIO",
+        help="A scenario file, or the name of a shipped one.",
+        autocompletion=scenario_names,
+    ),
 ]
 JsonOption = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
 GainsOption = Annotated[

@@ -1,7 +1,6 @@
 """While a command runs: a bar where someone watches, lines elsewhere; Ctrl-C, SIGTERM, SIGHUP."""
 
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -9,7 +8,7 @@ from types import FrameType
 from typing import Any
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
-from flighttune.cli.show import tell
+from flighttune.cli.show import clear, quiet, tell, watched
 
 LINE_EVERY_S = 10.0
 SIGNALS = [
@@ -23,12 +22,13 @@ SIGNALS = [
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
     """A bar on stderr where someone watches, nothing elsewhere."""
-    if not sys.stderr.isatty():
+    if not watched():
         yield None
         return
     from rich.console import Console
     from rich.progress import Progress
 
+    clear()
     with Progress(console=Console(stderr=True), transient=True) as bar:
         tasks: dict[str, Any] = {}
 
@@ -80,7 +80,7 @@ class CampaignDisplay(CampaignObserver):
             )
             return
         now = time.monotonic()
-        if new or now >= self._last_line_at + LINE_EVERY_S:
+        if not quiet() and (new or now >= self._last_line_at + LINE_EVERY_S):
             self._last_line_at = now
             done = f"{progress.doing}: {progress.done} of {progress.runs} runs"
             tell(", ".join([done, *_parts(progress)]))
@@ -102,7 +102,7 @@ class CampaignDisplay(CampaignObserver):
 def campaign_display() -> Iterator[CampaignDisplay]:
     """Show the campaign of the block; the first Ctrl-C or SIGTERM stops it."""
     bar = None
-    if sys.stderr.isatty():
+    if watched():
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
@@ -113,6 +113,7 @@ def campaign_display() -> Iterator[CampaignDisplay]:
             TextColumn("{task.fields[text]}"),
         )
         bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        clear()
     display = CampaignDisplay(bar)
     with stop_on_interrupt(display.stop), bar or nullcontext():
         yield display

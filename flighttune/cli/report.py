@@ -10,7 +10,7 @@ from typer import Argument, Option
 from flighttune.cli.options import JsonOption, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import emit, table
-from flighttune.present.tables import Table
+from flighttune.present.tables import Bad, Table
 
 if TYPE_CHECKING:
     from flighttune.paper.claims.base import Finding
@@ -77,7 +77,9 @@ def reproduce(
             yield f"claims: {verdicts}; the page lists them"
         else:
             head = ("claim", "verdict", "the paper says", "agree", "expected", "computed")
-            rows = [(f.claim.id, f.verdict, f.claim.text, *_cells(f)) for f in made.findings]
+            rows = [
+                (f.claim.id, _verdict(f.verdict), f.claim.text, *_cells(f)) for f in made.findings
+            ]
             yield table(verdicts, head, rows)
             yield "agree: comparisons; expected and computed: of the first that does not agree"
         yield f"page: {made.page}"
@@ -85,6 +87,10 @@ def reproduce(
             yield f"recording: {made.recording}   (open it with: flighttune view {made.recording})"
 
     emit(made.as_dict(), text(), as_json=as_json)
+
+
+def _verdict(verdict: str) -> str:
+    return Bad(verdict) if verdict == "not reproduced" else verdict
 
 
 def _cells(finding: "Finding") -> tuple[str, str, str]:

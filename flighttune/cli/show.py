@@ -2,8 +2,11 @@
 
 import json
 import math
+import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -12,25 +15,90 @@ from flighttune.present.tables import Table
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 
+PLAIN_WIDTH = 120
+"""Width of a table that goes to a file or a pipe, characters."""
+
 LONGEST_REASON = 1500
 """Characters of a line about a failure."""
+
+_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+_DOING: ContextVar[str] = ContextVar("doing", default="")
+"""What stands on the last line of a terminal's stderr until something else is printed."""
+
+
+@contextmanager
+def working(doing: str, *, quiet: bool) -> Iterator[None]:
+    """Say on a terminal, from the first moment on, what a command is `doing`.
+
+    Parameters
+    ----------
+    doing : str
+        One word, such as ``tuning``.
+    quiet : bool
+        Print no progress, and no answer but a JSON object.
+    """
+    asked = _QUIET.set(quiet)
+    shown = _DOING.set(f"{doing} ..." if watched() else "")
+    if _DOING.get():
+        print(_DOING.get(), end="", file=sys.stderr, flush=True)
+    try:
+        yield
+    finally:
+        clear()
+        _DOING.reset(shown)
+        _QUIET.reset(asked)
+
+
+def watched() -> bool:
+    """Whether someone follows what a command does: stderr is a terminal, and -q is not given."""
+    return sys.stderr.isatty() and not quiet()
+
+
+def quiet() -> bool:
+    """Whether -q is given."""
+    return _QUIET.get()
+
+
+def clear() -> None:
+    """Take what the command is doing off the terminal: something else is going to be printed."""
+    if doing := _DOING.get():
+        print(f"\r{' ' * len(doing)}\r", end="", file=sys.stderr, flush=True)
+        _DOING.set("")
 
 
 def emit(answer: Mapping[str, Any], text: Iterable[Table | str], *, as_json: bool) -> None:
     """Print what a command found: `answer` with ``--json``, else its tables and lines."""
     if as_json:
+        clear()
         print(json_text(answer))
         return
-    for part in text:
-        if isinstance(part, Table):
-            part.print()
-        else:
-            print(part)
+    for place, part in enumerate(() if quiet() else text):
+        clear()  # the text may take its time
+        if place and isinstance(part, Table):
+            print()
+        print(part.text(_width(), styled=_styled()) if isinstance(part, Table) else part)
 
 
-def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """A table as commands print it."""
-    return Table(title=title, head=head, rows=rows)
+def _width() -> int:
+    """Characters that a line of stdout has room for."""
+    asked = os.environ.get("COLUMNS", "")
+    if asked.isdecimal() and int(asked):
+        return int(asked)
+    with suppress(OSError):
+        if sys.stdout.isatty():
+            return os.get_terminal_size(sys.stdout.fileno()).columns or PLAIN_WIDTH
+    return PLAIN_WIDTH
+
+
+def _styled() -> bool:
+    """Whether stdout is a terminal that shows bold and red."""
+    plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"
+    return sys.stdout.isatty() and not plain
+
+
+def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], **kinds: Any) -> Table:
+    """A table as commands print it; `kinds` are what `Table` is given further."""
+    return Table(title=title, head=head, rows=rows, **kinds)
 
 
 def pick(value: object, names: str) -> dict[str, Any]:
@@ -63,11 +131,13 @@ def _plain(value: Any) -> Any:
 
 def say(line: str) -> None:
     """Print one line on stdout while a command still runs."""
+    clear()
     print(line)
 
 
 def tell(line: str) -> None:
     """Print one line on stderr, for someone who watches."""
+    clear()
     print(line, file=sys.stderr)
 
 

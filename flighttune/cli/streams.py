@@ -9,7 +9,7 @@ from typing import Any, BinaryIO, cast
 WORDS = "flighttune.words"
 """Name of the error handler that writes what an encoding lacks in ASCII."""
 
-_ASCII = {"°": " deg", "±": "+-", "−": "-", "–": "-", "∞": "inf", "‖": "|", "→": "->"}
+_ASCII = {"─": "-", "°": " deg", "±": "+-", "−": "-", "–": "-", "∞": "inf", "‖": "|", "→": "->"}
 
 
 def _in_ascii(error: UnicodeError) -> tuple[str, int]:

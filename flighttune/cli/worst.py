@@ -8,7 +8,7 @@ import typer
 from typer import Option
 
 from flighttune.cli.campaign import SchedulerOption, WorkersOption
-from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.options import JsonOption, campaign_names, check_ending, scenario_names
 from flighttune.cli.progress import campaign_display
 from flighttune.cli.show import INTERRUPTED, emit, fail, pick
 from flighttune.present.numbers import number
@@ -26,6 +26,7 @@ def worst(
             metavar="SCENARIO|CAMPAIGN",
             help="A campaign (file, shipped name or folder), whose dispersions are searched, or a "
             "scenario with --start-deg or --disturbance.",
+            autocompletion=lambda: scenario_names() + campaign_names(),
         ),
     ],
     budget: Annotated[int, Option(help="Flights at most.")] = 2000,

@@ -12,7 +12,7 @@ from flighttune.errors import ScenarioError
 from flighttune.mistakes import abridged, mistakes
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.shipped import scenario_files
+from flighttune.shipped import nearest_name, scenario_files
 from flighttune.table_file import json_tables, toml_tables
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -134,7 +134,8 @@ def existing_file(
     if name in shipped and found.parent in (Path(), *map(Path, folders)):
         return shipped[name]
     raise ScenarioError(
-        f"{path}: the {kind} must be a file or one of {', '.join(shipped)}; there is no such file."
+        f"{path}: the {kind} must be a file or one of {', '.join(shipped)}; there is no such file"
+        f"{nearest_name(name, shipped)}"
     )
 
 

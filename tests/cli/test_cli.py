@@ -1,17 +1,22 @@
 """The command line as a user meets it: a process with stdout, stderr and an exit status."""
 
+import io
 import json
 import math
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
+import typer
 from commands import answer, flighttune
 from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 
+from flighttune.cli import main
+from flighttune.cli.app import app
 from flighttune.recording.parquet import read_run
 from flighttune.shipped import scenario_files
 
@@ -212,3 +217,109 @@ def test_list_shows_what_ships():
     assert {"first_campaign", "kinematic_sweep"} <= {c["name"] for c in found["campaigns"]}
     for one in (*found["scenarios"], *found["campaigns"]):
         assert set(one) == {"name", "title", "verifies"}
+
+
+def test_list_says_what_is_verified_where_asked():
+    (paper,) = (s for s in answer("list")["scenarios"] if s["name"] == "paper")
+    short, long = (" ".join(flighttune("list", *more)[0].split()) for more in ((), ("-v",)))
+    word = paper["verifies"].split()[0]
+
+    assert paper["title"].split()[0] in short
+    assert f" {word} " in long
+    assert "verifies" not in short
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "meant"),
+    [
+        (("fly", "papr"), "papr", "paper"),
+        (("campaign", "run", "first_campain"), "first_campain", "first_campaign"),
+        (("trim", "aerosond"), "aerosond", "aerosonde"),
+    ],
+)
+def test_a_name_that_is_mistyped_gets_the_one_that_is_meant(command, name, meant):
+    out, err = flighttune(*command, status=2)
+
+    assert out == ""
+    assert err.count("\n") == 1
+    assert name in err
+    assert err.endswith(f"; did you mean {meant}?\n")
+
+
+def test_quiet_prints_failures_only(tmp_path):
+    assert flighttune("tune", "paper", "-q") == ("", "")
+    assert flighttune("--help")[0]
+    assert answer("tune", "paper", "-q") | {"wall_s": 0} == answer("tune", "paper") | {"wall_s": 0}
+    out, err = flighttune("fly", "nowhere", "-q", status=2)
+    assert out == ""
+    assert "nowhere" in err
+
+
+def test_a_terminal_sees_at_once_what_a_command_does(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    def on_a_terminal(*arguments):
+        seen = Terminal()
+        with mock.patch.object(sys, "argv", ["flighttune", *arguments]):
+            monkeypatch.setattr(sys, "stderr", seen)
+            with pytest.raises(SystemExit):
+                main()
+        return seen.getvalue()
+
+    shown = on_a_terminal("tune", "paper")
+
+    assert shown.startswith("tuning ...")
+    assert shown.endswith(f"\r{' ' * len('tuning ...')}\r")  # and it is gone again
+    assert on_a_terminal("tune", "paper", "-q") == ""
+
+
+def commands_of(group, above=()):
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands_of(command, (*above, name))
+        else:
+            yield (*above, name), command
+
+
+COMMANDS = dict(commands_of(typer.main.get_command(app)))
+
+
+def test_the_help_lists_commands_in_groups(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    shown, _ = flighttune("--help")
+    places = [shown.index(f"\n{heading}:\n") for heading in ("Tune", "Fly", "Explain", "Publish")]
+
+    assert places == sorted(places)
+    assert "\nCommands:" not in shown
+    assert "..." not in shown.partition("Tune:")[2]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_every_help_ends_with_an_example_and_fits_80_columns(command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    shown, _ = flighttune(*command, "--help")
+
+    assert shown.splitlines()[-1].startswith(f"  Example: flighttune {' '.join(command)} ") or (
+        command == ("list",)
+    )
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("typed", "wanted"),
+    [
+        ("fly pa", {"paper", "paper_as_printed", "paper_identified", "paper_printed_limits"}),
+        ("campaign run first", {"first_campaign"}),
+        ("trim aero", {"aerosonde"}),
+        ("ca", {"campaign"}),
+    ],
+)
+def test_a_shell_completes_commands_and_names(typed, wanted, monkeypatch):
+    words = ["flighttune", *typed.split()]
+    monkeypatch.setenv("_FLIGHTTUNE_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", " ".join(words))
+    monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
+
+    assert set(flighttune()[0].split()) == wanted

@@ -355,7 +355,7 @@ class Workers:
             if future.status == "error":
                 error: Any = future.exception()
                 if type(error).__name__ != "KilledWorker":
-                    raise _translated(error) from error
+                    raise translated(error) from error
         return Done(task, lost=True)
 
     @contextmanager
@@ -384,7 +384,8 @@ def _call(module: str, name: str, *arguments: Any) -> Any:
 _call.__module__ = "__main__"
 
 
-def _translated(error: BaseException | None) -> CampaignError:
+def translated(error: BaseException | None) -> CampaignError:
+    """What a task raised, as an error of the campaign."""
     if isinstance(error, ModuleNotFoundError):
         return CampaignError(f"a worker has no `{error.name}`: install flighttune there")
     return CampaignError(f"a worker failed: {type(error).__name__}: {error}")

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from flighttune.campaign.dataset import (
     open_dataset,
     runs_to_keep,
 )
-from flighttune.campaign.engine.cluster import cluster
+from flighttune.campaign.engine.alone import OneThread, alone, is_small
+from flighttune.campaign.engine.cluster import Workers, cluster
+from flighttune.campaign.engine.flyer import Flyer
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, Tally
 from flighttune.campaign.lock import locked
@@ -40,6 +43,7 @@ def run_campaign(
     resume: bool = False,
     until_halfwidth: float | None = None,
     observer: CampaignObserver | None = None,
+    flyer: Flyer | None = None,
 ) -> CampaignOutcome:
     """Fly a campaign, or what is missing of it.
 
@@ -50,7 +54,7 @@ def run_campaign(
     out : str or Path
         Folder of the rows. Only this process writes.
     workers : int, optional
-        Processes on this machine; by default one a core.
+        Processes on this machine; by default one a core, or a single one for a small campaign.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
@@ -59,6 +63,8 @@ def run_campaign(
         Stop as soon as the 95 % interval of every group's success rate is that narrow.
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
+    flyer : Flyer, optional
+        Process that flies a small campaign, if it has begun already; it is closed in any case.
 
     Returns
     -------
@@ -78,7 +84,7 @@ def run_campaign(
     observer = observer or CampaignObserver()
     interim = list(interim_analyses(plan, until_halfwidth))
     halfwidth, done = None, True
-    with cluster(workers, scheduler) as start, locked(Path(out)):
+    with _workers(plan, workers, scheduler, flyer) as start, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         tally = _counted(dataset, observer.hear)
@@ -105,6 +111,21 @@ def run_campaign(
         halfwidth=halfwidth,
         interrupted=not done,
     )
+
+
+@contextmanager
+def _workers(
+    plan: Plan, workers: int | None, scheduler: str | None, flyer: Flyer | None
+) -> Iterator[Callable[[], Workers | OneThread]]:
+    """Starts the workers that a plan is flown by: of a cluster, if it is worth the time."""
+    if workers is None and scheduler is None and is_small(plan):
+        with alone(flyer) as thread:
+            yield lambda: thread
+    else:
+        if flyer is not None:
+            flyer.close()
+        with cluster(workers, scheduler) as start:
+            yield start
 
 
 def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:

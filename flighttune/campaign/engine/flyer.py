@@ -14,8 +14,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -75,40 +75,53 @@ class Flyer:
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._cancelled = False
+        self._cancelled = self._ready = False
         self.versions: dict[str, str] = {}
 
+    def begin(self) -> None:
+        """Start the process, unless it runs, and do not wait for it.
+
+        Raises
+        ------
+        PlantError
+            If the flights have been cancelled.
+        """
+        if self._process is not None:
+            return
+        if self._cancelled:
+            raise PlantError("the flights of this worker have been cancelled.")
+        self._messages, self._ready = queue.SimpleQueue(), False
+        with _ctrl_c_blocked():
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "flighttune.campaign.engine.flyer"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, **dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1")},
+            )
+        assert self._process.stdout is not None
+        reader = threading.Thread(
+            target=_read_messages, args=(self._process.stdout, self._messages), daemon=True
+        )
+        reader.start()
+
     def start(self) -> None:
-        """Start the process, unless it runs.
+        """Start the process, unless it runs, and wait until it can fly.
 
         Raises
         ------
         PlantError
             If it does not come up.
         """
-        if self._process is not None:
+        self.begin()
+        if self._ready:
             return
-        if self._cancelled:
-            raise PlantError("the flights of this worker have been cancelled.")
-        self._messages = queue.SimpleQueue()
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "flighttune.campaign.engine.flyer"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, **dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1")},
-        )
-        assert self._process.stdout is not None
-        reader = threading.Thread(
-            target=_read_messages, args=(self._process.stdout, self._messages), daemon=True
-        )
-        reader.start()
         kind, _, payload = self._next(START_S)
         if kind != "ready":
             how = self._exit() if kind == "ended" else "nothing in time"
             self.close()
             raise PlantError(f"the process that flies must start, got: {how}.")
-        self.versions = payload
+        self.versions, self._ready = payload, True
 
     def rows(self, plan: str, first: int, end: int, limit: float) -> FlyerAnswer | CrashedRun:
         """Fly the runs `first` to `end` of a plan (its JSON), none longer than `limit` (s).
@@ -123,6 +136,12 @@ class Flyer:
     def signals(self, plan: str, run: int, limit: float) -> FlyerAnswer | CrashedRun:
         """Fly a run of a plan (its JSON) for its signals, not longer than `limit` (s)."""
         return self._ask({"plan": plan, "signals": run, "limit": limit}, limit)
+
+    def __enter__(self) -> "Flyer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """End the process."""
@@ -299,6 +318,33 @@ def _exit_after(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
+def _preload() -> None:
+    """Load what all flights need before the first request: the plan may still be in the making."""
+    from flighttune.campaign.flying import refly, rows
+    from flighttune.flight.fly import fly
+    from flighttune.recording import parquet
+    from flighttune.scenario import load_scenario
+
+    scenario = load_scenario("paper")
+    short = scenario.flight.model_copy(update={"duration_s": 0.1})
+    with suppress(FlightTuneError):
+        fly(scenario.model_copy(update={"flight": short, "gains": ("paper",)}))
+    _ = refly, rows, parquet
+
+
+@contextmanager
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Let Ctrl-C not reach processes started in the block: it is for the command to end them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _leave_no_core_file() -> None:
     """Let a crash not write an image of this process to the working folder."""
     with suppress(ImportError, ValueError, OSError):
@@ -333,6 +379,7 @@ def main() -> None:
 
     server = _Server(out)
     server.send("ready", payload=library_versions())
+    _preload()
     while True:
         server.answer(waiting.get())
 

@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 
 from flighttune.campaign.dataset import Span
+from flighttune.campaign.engine.alone import OneThread
 from flighttune.campaign.engine.chunks import Chunks
 from flighttune.campaign.engine.cluster import Task, Workers
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress, Tally
@@ -52,7 +53,7 @@ class WorkerPool:
     """
 
     def __init__(
-        self, start: Callable[[], Workers], observer: CampaignObserver | None = None
+        self, start: Callable[[], Workers | OneThread], observer: CampaignObserver | None = None
     ) -> None:
         self._start = start
         self._observer = observer or CampaignObserver()

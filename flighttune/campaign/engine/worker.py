@@ -143,11 +143,22 @@ def cancel_flights() -> None:
         flyer.cancel()
 
 
+def end_flights() -> None:
+    """End the processes that fly, after `cancel_flights` and once no thread uses them."""
+    while _FLYERS:
+        _FLYERS.pop().close()
+
+
+def fly_by(flyer: Flyer) -> None:
+    """Let this thread fly by a process that has been started."""
+    _OF_THREAD.flyer = flyer
+    _FLYERS.append(flyer)
+
+
 def _flyer() -> Flyer:
     """The process that flies for this thread."""
     if not hasattr(_OF_THREAD, "flyer"):
-        _OF_THREAD.flyer = Flyer()
-        _FLYERS.append(_OF_THREAD.flyer)
+        fly_by(Flyer())
     _OF_THREAD.flyer.start()
     return _OF_THREAD.flyer
 

@@ -1,0 +1,57 @@
+"""Write docs/commands.md from the help of the commands: python docs/figures/commands.py."""
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import typer
+
+from flighttune.cli.app import app
+
+PAGE = Path(__file__).parents[1] / "commands.md"
+HEAD = """# Commands
+
+Exit status: 0 fine; 1 the answer is no (infeasible, unstable, refused, ended early, out of
+tolerance); 2 the command could not run: one line on stderr names the file and the key. With
+`--json` a command prints one object on stdout and nothing else (with status 2, nothing on stdout).
+`-q` prints failures only. A file of gains is JSON or TOML with `K_P` and `K_I`; what `tune --json`
+prints is one. Tables fit the terminal; in a pipe they have 120 characters, or what `COLUMNS` says.
+`flighttune --install-completion` completes commands and the names of scenarios, campaigns and
+aircraft in the shell.
+
+This page is made from the help: `python docs/figures/commands.py`.
+"""
+
+
+def commands(group: Any, above: tuple[str, ...] = ()) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Heading and words of every command, in the order of the help."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            for _, words in commands(command, (*above, name)):
+                yield command.rich_help_panel, words
+        else:
+            yield command.rich_help_panel, (*above, name)
+
+
+def help_of(*words: str) -> str:
+    """What ``--help`` of a command prints on a terminal of 80 columns."""
+    with mock.patch.dict(os.environ, COLUMNS="80"), redirect_stdout(io.StringIO()) as shown:
+        app([*words, "--help"], prog_name="flighttune", standalone_mode=False)
+    return shown.getvalue().rstrip()
+
+
+def page() -> str:
+    """The page as Markdown."""
+    under: dict[str, list[str]] = {}
+    for heading, words in commands(typer.main.get_command(app)):
+        shown = f"### flighttune {' '.join(words)}\n\n```text\n{help_of(*words)}\n```\n"
+        under.setdefault(heading, [f"## {heading}\n"]).append(shown)
+    return "\n".join([HEAD, *(part for parts in under.values() for part in parts)])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

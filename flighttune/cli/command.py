@@ -1,0 +1,77 @@
+"""What every command has: a place in the help, an example, -q, and a word while it works."""
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from flighttune.cli.show import working
+
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print failures only, and a JSON object.")
+]
+
+LONGEST_SENTENCE = 200
+"""Characters of the first sentence of a command's help."""
+
+
+class Grouped(TyperGroup):
+    """A group of commands whose help lists them under headings, in the order they were added."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+        """Write the commands, each group of them under its heading."""
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for name, command in self.commands.items():
+            panel = getattr(command, "rich_help_panel", None)
+            rows = panels.setdefault(panel if isinstance(panel, str) else "Commands", [])
+            rows.append((name, command.get_short_help_str(LONGEST_SENTENCE)))
+        for panel, rows in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(rows)
+
+
+def add_command(
+    app: typer.Typer,
+    function: Callable[..., None],
+    *,
+    doing: str,
+    example: str,
+    name: str | None = None,
+    panel: str | None = None,
+) -> None:
+    """Add a command to an app.
+
+    Parameters
+    ----------
+    app : Typer
+    function : callable
+        The command; its docstring is the help.
+    doing : str
+        What a terminal shows while it works, such as ``tuning``.
+    example : str
+        A command line that its help ends with.
+    name : str, optional
+        Where it is not that of the function.
+    panel : str, optional
+        Heading it is listed under.
+    """
+
+    @wraps(function)
+    def command(*args: Any, quiet: bool = False, **kwargs: Any) -> None:
+        with working(doing, quiet=quiet):
+            function(*args, **kwargs)
+
+    given = inspect.signature(function)
+    option = inspect.Parameter(
+        "quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QuietOption
+    )
+    command.__signature__ = given.replace(  # type: ignore[attr-defined]
+        parameters=[*given.parameters.values(), option]
+    )
+    command.__annotations__ = {**function.__annotations__, "quiet": QuietOption}
+    app.command(name or function.__name__, rich_help_panel=panel, epilog=f"Example: {example}")(
+        command
+    )

@@ -1,0 +1,138 @@
+"""Commands in README and docs: the page of all commands is their help, and each runs as printed."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+from commands import flighttune
+from figures.commands import PAGE, page
+
+from flighttune.cli.app import app
+
+ROOT = Path(__file__).parents[2]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "scenarios").rglob("*.md")),
+    *sorted((ROOT / "aircraft").rglob("*.md")),
+]
+PLACEHOLDER = re.compile(r"\b[A-Z][A-Z]+\b|\.\.\.|\[-")
+"""What stands for something else: SCENARIO, [--json], ..."""
+
+COMMAND = re.compile(r"(pip|make|dask|python) |flighttune (list$|(campaign )?[a-z]+ \w)")
+NAMES = ("flighttune campaign run", "flighttune campaign fly")
+
+NOT_RUN = {
+    "pip ": "changes the environment",
+    "make ": "the makefile's own",
+    "dask ": "a scheduler that does not end",
+    "python benchmarks/": "minutes; make bench runs them",
+    "python docs/figures/": "tested one by one, or minutes",
+    "flighttune view ": "does not end; tests/recording/test_view.py",
+    "flighttune campaign run campaign.toml --scheduler": "a cluster; tests/campaign/test_faults.py",
+    "flighttune conform random_starts": "minutes",
+    "flighttune conform feasible_starts": "minutes",
+    "flighttune conform c172p": "minutes",
+    "flighttune conform runs/mine": "minutes",
+    "flighttune conform aerosonde": "minutes",
+    "flighttune tube feasible": "minutes, after `conform feasible_starts`",
+    "flighttune tube paper --gains paper --disturbance": "minutes",
+    "flighttune verify proof.npz": "after `tube`; tests/tube",
+    "flighttune worst aerosonde_dispersed": "minutes",
+    "flighttune fly runs/aerosonde_dispersed-worst.toml": "after `worst`; tests/campaign",
+    "flighttune worst paper": "minutes",
+    "flighttune campaign tune robust_tuning": "minutes",
+    "flighttune identify aerosonde --V-a 25 --V-a 20": "minutes",
+    "flighttune identify a4 --out aircraft": "writes into the package",
+    "flighttune identify c172p --out aircraft": "writes into the package",
+    "flighttune design a4": "writes into the package",
+    "flighttune design aerosonde": "writes into the package, without --dry-run",
+    "flighttune design c172p": "writes into the package",
+    "flighttune compare baseline/paper": "files of the reader's own",
+    "flighttune report runs/mine": "of the flight of a page's Python",
+}
+"""Commands that no test runs, by how they begin, and why."""
+
+RUN_ALL_THE_SAME = ("flighttune design aerosonde --dry-run",)
+SAYS_NO = {"flighttune gap ": 1}
+"""Exit status of commands whose answer is no."""
+
+MADE_BY = {
+    "runs/paper": "flighttune fly paper",
+    "runs/first_campaign": "flighttune campaign run first_campaign",
+    "gains.json": "flighttune tune paper --out gains.json",
+    "certificate.json": "flighttune certify paper --out certificate.json",
+}
+"""Commands of other pages that make what a page begins with."""
+
+
+def printed(path):
+    """Commands on a page: lines of blocks, examples of the help, and code in a sentence."""
+    text = path.read_text(encoding="utf-8").replace(" \\\n", " ")
+    prose, *fenced = re.split(r"^```", text, flags=re.MULTILINE)
+    blocks = [block for block in fenced[::2] if re.match(r"(sh|text)?\n", block)]
+    prose = " ".join([prose, *fenced[1::2]])
+    lines = [line.strip().removeprefix("Example: ") for b in blocks for line in b.splitlines()]
+    lines += [" ".join(code.split()) for code in re.findall(r"`([^`]+)`", prose)]
+    for line in lines:
+        command = line.partition(" #")[0].strip()
+        if COMMAND.match(command) and command not in NAMES:
+            yield command
+
+
+COMMANDS = {
+    path.relative_to(ROOT).as_posix(): [c for c in printed(path) if not PLACEHOLDER.search(c)]
+    for path in PAGES
+}
+RUN = {
+    name: [
+        command
+        for command in commands
+        if command in RUN_ALL_THE_SAME or not command.startswith(tuple(NOT_RUN))
+    ]
+    for name, commands in COMMANDS.items()
+}
+
+
+def test_the_page_of_commands_is_their_help():
+    assert PAGE.read_text(encoding="utf-8") == page(), "run python docs/figures/commands.py"
+
+
+def test_every_command_on_a_page_is_one():
+    known = typer.main.get_command(app).commands
+    for name, commands in COMMANDS.items():
+        for command in commands:
+            words = command.split()
+            if words[0] == "flighttune" and not words[1].startswith("-"):
+                assert words[1] in known, f"{name}: {command}"
+
+
+def test_what_is_not_run_is_printed_somewhere():
+    every = [command for commands in COMMANDS.values() for command in commands]
+    for beginning in NOT_RUN:
+        assert any(command.startswith(beginning) for command in every), beginning
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("commands")
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", [name for name, commands in RUN.items() if commands])
+def test_every_command_runs_as_it_is_printed(name, folder):
+    for command in RUN[name]:
+        for made, maker in MADE_BY.items():
+            if made in command and f"--out {made}" not in command and not (folder / made).exists():
+                run(maker, folder)
+        run(command, folder)
+
+
+def run(command, folder):
+    if "campaign run" in command and "--dry-run" not in command:
+        command += " --resume"  # a campaign is on several pages
+    words = [word.replace("scenarios/", f"{ROOT}/scenarios/") for word in shlex.split(command)[1:]]
+    status = next((s for begin, s in SAYS_NO.items() if command.startswith(begin)), 0)
+    flighttune(*words, cwd=folder, status=status)
