@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from flighttune.plants.point_mass import PointMassPlant
     from flighttune.plants.sensors import Sensors
     from flighttune.recording.load import Recording, load_recording
+    from flighttune.recording.notebook import plot, show
     from flighttune.recording.record import record
     from flighttune.report.page import Report, write_report
     from flighttune.scenario import Scenario, load_gains, load_scenario, scenario_from
@@ -138,6 +139,10 @@ _HOMES = {
         "Recording",
         "load_recording",
     ),
+    "recording.notebook": (
+        "plot",
+        "show",
+    ),
     "recording.record": ("record",),
     "report.page": (
         "Report",
@@ -222,6 +227,7 @@ __all__ = [
     "load_recording",
     "load_scenario",
     "plan_campaign",
+    "plot",
     "rate_gains",
     "record",
     "refly",
@@ -229,6 +235,7 @@ __all__ = [
     "save_certificate",
     "save_identified",
     "scenario_from",
+    "show",
     "tune",
     "tune_scenario",
     "tuning_problem",

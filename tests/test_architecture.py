@@ -71,14 +71,16 @@ def test_folders_import_each_other_one_way(depth):
 
 
 def rows_of_the_map():
-    """Packages in the README, lowest first; those of one row do not import each other."""
-    block = (ROOT / "README.md").read_text(encoding="utf-8").split("```\nflighttune/\n")[1]
+    """Packages in docs/architecture.md, lowest first; those of one row do not import each other."""
+    block = (
+        (ROOT / "docs/architecture.md").read_text(encoding="utf-8").split("```\nflighttune/\n")[1]
+    )
     for line in block.split("\n```")[0].splitlines():
         if re.match(r"  \w", line):
             yield re.split(r"\s{2,}", line.strip())[0].replace("/", "").split()
 
 
-def test_the_map_in_the_readme_names_every_room_and_imports_point_up_the_list():
+def test_the_map_in_the_docs_names_every_room_and_imports_point_up_the_list():
     rank = {package: row for row, packages in enumerate(rows_of_the_map()) for package in packages}
     names = {folder_of(module, 1).removeprefix("flighttune.") for module in MODULES}
     assert set(rank) == names

@@ -4,10 +4,12 @@ import dataclasses
 import re
 import time
 import xml.etree.ElementTree as ET
+from itertools import chain
 from pathlib import Path
 
 import nbclient
 import nbformat
+import numpy as np
 import pytest
 
 import flighttune as ft
@@ -79,10 +81,51 @@ def test_a_comparison_that_cannot_be_made_shows_why(shown):
     assert "the manoeuvre must be the same" in ft.compare(run, other)._repr_html_()
 
 
+def kinds_of_outputs(tour):
+    """What each cell shows: tables, pictures, text."""
+    code = [cell for cell in tour.cells if cell.cell_type == "code"]
+    return [[sorted(out.data) for out in cell.outputs if "data" in out] for cell in code]
+
+
+def test_the_tour_is_kept_with_pictures_and_tables():
+    shown = list(chain.from_iterable(kinds_of_outputs(nbformat.read(TOUR, as_version=4))))
+
+    assert sum("text/html" in kinds for kinds in shown) >= 6
+    assert sum("image/png" in kinds for kinds in shown) >= 2
+
+
+def test_a_flight_is_drawn_with_a_line_a_run(flown):
+    panels = ft.plot(flown).axes
+
+    assert panels[0].get_ylabel() == "course error [deg]"
+    (drawn,) = (one for one in panels[0].lines if one.get_label() == flown.runs[0].label)
+    error = np.rad2deg(flown.runs[0].signals["chi_err"].to_numpy())
+    assert drawn.get_ydata()[0] == pytest.approx(error[0])
+    assert np.nanmin(drawn.get_ydata()) == pytest.approx(error.min())
+    assert ft.plot(flown.runs[0]).axes[0].get_ylabel() == panels[0].get_ylabel()
+    with pytest.raises(ft.FlightTuneError, match="a run that flew, got none"):
+        ft.plot([])
+
+
+def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, monkeypatch):
+    shown = []
+    monkeypatch.setattr("flighttune.recording.notebook.find_spec", lambda name: None)
+    with pytest.raises(ft.FlightTuneError, match=r"flighttune\[notebook\]"):
+        ft.show(flown)
+
+    monkeypatch.setattr("flighttune.recording.notebook.find_spec", lambda name: name)
+    monkeypatch.setattr(
+        "rerun.RecordingStream.notebook_show", lambda self, **size: shown.append(size)
+    )
+    ft.show(flown)
+
+    assert shown == [{"width": 1280, "height": 720}]
+
+
 @pytest.mark.soak
 def test_the_tour_runs_from_tune_to_gap_in_under_a_minute(tmp_path):
     tour = nbformat.read(TOUR, as_version=4)
-    assert not any(cell.get("outputs") for cell in tour.cells), "the tour is kept without outputs"
+    kept = kinds_of_outputs(tour)
     started = time.perf_counter()
     nbclient.NotebookClient(
         tour, timeout=LONGEST, resources={"metadata": {"path": tmp_path}}
@@ -91,8 +134,6 @@ def test_the_tour_runs_from_tune_to_gap_in_under_a_minute(tmp_path):
 
     code = [cell for cell in tour.cells if cell.cell_type == "code"]
     errors = [out for cell in code for out in cell.outputs if out.output_type == "error"]
-    shown = [out.data for cell in code for out in cell.outputs if "data" in out]
     assert errors == []
-    assert sum("text/html" in data for data in shown) >= 4
-    assert sum("image/png" in data for data in shown) >= 1
+    assert kinds_of_outputs(tour) == kept, "keep the tour with its outputs: see the top of it"
     assert re.search(r"report\.html", tour.cells[-1].source + tour.cells[-2].source)

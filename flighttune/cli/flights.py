@@ -263,7 +263,7 @@ def _flown_text(
     if NOTHING in cells:
         yield f"{NOTHING}: the reference has no step in this channel, or the run was not flown"
     yield table(
-        "kinematic law",
+        "on the kinematic law",
         ("gains", "R_K [1/s]", "I_K [s²]"),
         [(name, f"{f.R_K:.4f}", f"{f.I_K:.3f}") for name, f in flown.indicators.items()],
         highest=["R_K [1/s]"],

@@ -57,13 +57,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     recording = folder / f"{name}.rrd"
     having = [run for run in flown.runs if len(run.signals)]
     signals = dict(zip((run.label for run in having), signal_files(having, folder), strict=True))
-    page = scenario_page(
-        flown.runs,
-        scenario=flown.scenario.as_dict(),
-        indicators={name: (found.R_K, found.I_K) for name, found in flown.indicators.items()},
-        metrics=flown.metrics,
-        flight=flown.flight,
-    )
+    page = page_of(flown)
     # Nothing gets its name before all is written, and then the recording first: it is complete in
     # itself, and tells Parquet files of an earlier flight from its own.
     with ExitStack() as files, naming(recording):
@@ -73,3 +67,14 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         part = files.enter_context(whole_file(recording))
         part.write_bytes(recording_bytes(flown.runs, page=page, title=flown.scenario.title))
     return RecordedFiles(recording=recording, signals=signals)
+
+
+def page_of(flown: FlownScenario) -> str:
+    """The page of text in the recording of a flown scenario, as Markdown."""
+    return scenario_page(
+        flown.runs,
+        scenario=flown.scenario.as_dict(),
+        indicators={name: (found.R_K, found.I_K) for name, found in flown.indicators.items()},
+        metrics=flown.metrics,
+        flight=flown.flight,
+    )

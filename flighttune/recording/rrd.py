@@ -80,13 +80,16 @@ def recording_bytes(runs: Sequence[Run], *, page: str, title: str) -> bytes:
     with strict():
         try:
             memory = stream.memory_recording()
-            _log(stream, runs, page=page, title=title)
+            log_recording(stream, runs, page=page, title=title)
             return seal(memory.drain_as_bytes())
         finally:
             stream.disconnect()
 
 
-def _log(stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str) -> None:
+def log_recording(
+    stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
+) -> None:
+    """Log all runs of a scenario, their page and the layout; see `write_recording`."""
     drawn = runs_to_draw(runs)
     plots = shown_plots([drawn_run.run for drawn_run in drawn])
     claims = {
