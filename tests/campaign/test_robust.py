@@ -19,11 +19,14 @@ from flighttune.campaign.choice.robust import (
     with_gains,
 )
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.control.exact_law import acts_on_rates
+from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
 from flighttune.flight.outer_loop import tuning_problem
-from flighttune.scenario import load_gains
+from flighttune.scenario import load_gains, scenario_from
+from flighttune.shipped import scenario_files
 from flighttune.tuning.frontier import frontier
-from flighttune.units import DEG
+from flighttune.units import DEG, G_PAPER
 
 pytestmark = pytest.mark.slow
 
@@ -232,6 +235,37 @@ def test_tuning_refuses_what_cannot_be(arguments, message, tmp_path):
 
     assert message in error
     assert len(error.strip().splitlines()) == 1
+
+
+def test_gains_of_the_exact_law_are_chosen_as_rates_on_the_same_draws(tmp_path, address):
+    (tmp_path / "exact.toml").write_text(
+        'law = "exact"\n' + scenario_files()["paper"].read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    file = write(tmp_path)
+    file.write_text(file.read_text().replace('"paper"\nseed', '"exact.toml"\nseed'))
+    campaign = load_campaign(file)
+
+    found = tune_robust(
+        campaign, dataclasses.replace(SETTINGS, candidates=3, draws=40), scheduler=address
+    )
+
+    assert found.status == "chosen"
+    assert acts_on_rates(found.best.candidate.gains)
+    assert [one.candidate.name for one in found.baselines] == ["paper"]
+    paper = found.baselines[0].candidate.gains
+    # In 1/s: the paper's gains times g/V, at the airspeed of the scenario.
+    assert pytest.approx(paper.K_P) == PAPER_GAINS.K_P * G_PAPER / campaign.nominal.flight.V_a_mps
+    rows = fly_runs(plan_campaign(with_gains(campaign, {"paper": paper})), range(40)).to_pandas()
+    score = rows["chi.ITAE"] + rows["gamma.MO_rad"] / DEG
+    expected = np.quantile(score, 0.9, method="inverted_cdf")
+    assert found.baselines[0].percentile.value == expected
+
+
+def test_two_laws_are_refused(campaign):
+    both = scenario_from(campaign.nominal.as_dict() | {"law": ["paper", "exact"]})
+
+    with pytest.raises(InputError, match=r"`law` must be paper or exact, .* got paper, exact"):
+        tune_robust(campaign.model_copy(update={"nominal": both}))
 
 
 def test_tuned_gains_can_be_written_to_a_file(tmp_path):

@@ -217,8 +217,12 @@ def tune_robust(
         If the cluster is gone.
     """
     settings = settings or RobustSettings()
-    if any(law.name != "paper" for law in campaign.nominal.laws):
-        raise InputError("`law` must be the paper's alone for gains to be chosen by a campaign.")
+    laws = campaign.nominal.laws
+    if [law.kind for law in laws] not in (["paper"], ["exact"]):
+        raise InputError(
+            "`law` must be paper or exact, one of them alone, for a campaign to choose gains, "
+            f"got {', '.join(law.name for law in laws)}."
+        )
     if settings.plants:
         campaign = on_plants(campaign, settings.plants)
     candidates = frontier_candidates(campaign.nominal, settings.candidates)
@@ -245,6 +249,7 @@ def tune_robust(
             if not pool.fly_rows(plan, [span], tables.append, doing=doing):
                 return None
             rows = pa.concat_tables(tables).sort_by("run").to_pandas()
+            rows["gains"] = [campaign.nominal.law_of(name)[1] for name in rows["gains"]]
             early = rows.loc[(rows["status"] != "completed").to_numpy(), ["status", "reason"]]
             early_ends.update(": ".join(one) for one in early.to_numpy().tolist())
             return scored(rows, names, settings.metrics)
@@ -312,7 +317,7 @@ def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]
             )
             for kind in ("K_P", "K_I")
         )
-        gains = PIGains(K_P=K_P, K_I=K_I)
+        gains = PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
         if all(gains != one.gains for one in found):
             name = f"frontier-{len(found) + 1}"
             found.append(Candidate(name=name, gains=gains, R_K=row["R_K"], I_K=row["I_K"]))
@@ -322,13 +327,17 @@ def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]
 def own_candidates(
     scenario: Scenario, gain_sets: Mapping[str, PIGains | None]
 ) -> tuple[Candidate, ...]:
-    """The gain sets of a campaign, to be compared with; without those that tuning did not find."""
+    """The gain sets of a campaign, to be compared with; without those that tuning did not find.
+
+    Named as ``gains`` lists them, whatever the law.
+    """
     problem = tuning_problem(scenario)
     found = []
     for name, gains in gain_sets.items():
         if gains is not None:
             one = assessment(problem, gains.K)
-            found.append(Candidate(name=name, gains=gains, R_K=one.R_K, I_K=one.I_K))
+            own = scenario.law_of(name)[1]
+            found.append(Candidate(name=own, gains=gains, R_K=one.R_K, I_K=one.I_K))
     return tuple(found)
 
 
@@ -342,15 +351,16 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
         By name. Expectations of gain sets that are not among them are left out.
     """
     tables = [GainsTable(name=name, **one.as_lists()) for name, one in gains.items()]
+    names = [name for law in campaign.nominal.laws for name in law.names_of(list(gains))]
 
     def changed(scenario: Scenario) -> Scenario:
-        expect = [one for one in scenario.expect if one.gains in (None, *gains)]
+        expect = [one for one in scenario.expect if one.gains in (None, *names)]
         return scenario.model_copy(update={"gains": tables, "expect": expect})
 
     return campaign.model_copy(
         update={
             "gains": tables,
-            "success": [one for one in campaign.success if one.gains in (None, *gains)],
+            "success": [one for one in campaign.success if one.gains in (None, *names)],
             # with a bound given no flight is needed to measure one; nobody reads this claim
             "certificate": CertificateTable(L_d_rad_s2=1.0),
             "nominal": changed(campaign.nominal),
