@@ -110,6 +110,48 @@ def test_a_run_that_ends_its_process_is_one_row(
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
 
 
+OWN_LAW = """
+class Level:
+    signals = {}
+
+    def __init__(self, setup):
+        self.dt = setup.dt
+
+    def start(self, condition):
+        pass
+
+    def step(self, measured, reference, t):
+        return reference.chi - measured.chi, 1.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda law: law.unlink(), "must be a file"),
+        (lambda law: law.write_text(OWN_LAW + "# other"), "must be the file that was planned"),
+    ],
+    ids=["no file", "another file"],
+)
+def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
+    tmp_path, address, change, said
+):
+    file = write_campaign(tmp_path, runs=4, wind="")
+    scenario = tmp_path / "short_turn_in_wind.toml"
+    law = tmp_path / "level.py"
+    law.write_text(OWN_LAW)
+    tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Level"\n'
+    scenario.write_text(scenario.read_text() + tables)
+    ours = plan_campaign(load_campaign(file))
+    change(law)
+
+    with pytest.raises(CampaignError, match=rf"a worker cannot fly .*\[\[law\]\] level: .*{said}"):
+        run_campaign(ours, tmp_path / "out", scheduler=address)
+
+    law.write_text(OWN_LAW)
+    assert run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
+
+
 @pytest.mark.soak
 def test_a_run_that_takes_too_long_is_given_up(tmp_path, address):
     key, longest = (
