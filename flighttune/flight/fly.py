@@ -32,7 +32,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.guarded import GuardedLaw, LawError
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
-from flighttune.simulate.run import Provenance, Run, RunStatus
+from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.tuning.result import TuningResult
 
@@ -461,6 +461,7 @@ def fly_once(
         status="completed" if stop is None else stop.status,
         reason="" if stop is None else stop.reason,
         provenance=_provenance(scenario, plant_label, gains_name, gains, wall_s),
+        units={name: u for name, u in controller.signals.items() if name not in SIGNAL_UNITS},
     )
 
 

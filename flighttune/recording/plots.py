@@ -34,6 +34,8 @@ class Plot:
         Signals of a run between which `signal` is promised to stay, drawn as two thin red lines.
     measured : str or None
         `signal` as the sensors of a run showed it, drawn faintly behind it in the same colour.
+    unit : str or None
+        Of a signal that `SIGNAL_UNITS` does not know; drawn as it is.
     """
 
     signal: str
@@ -43,12 +45,14 @@ class Plot:
     limit: str | None = None
     band: tuple[str, str] | None = None
     measured: str | None = None
+    unit: str | None = None
 
     @property
     def heading(self) -> str:
         """Title with symbol and unit, for example ``Course chi [deg]``."""
         faint = ", measured faint" if self.measured else ""
-        return f"{self.title} [{shown_unit(SIGNAL_UNITS[self.signal])[0]}]{faint}"
+        unit = shown_unit(SIGNAL_UNITS[self.signal])[0] if self.unit is None else self.unit
+        return f"{self.title} [{unit}]{faint}"
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -73,7 +77,7 @@ LONGEST = 1.4
 
 SMALLEST_SPAN = 1e-6
 
-COMMANDS_TAB = "Commands and limits"
+COMMANDS_TAB, LAW_TAB = "Commands and limits", "Controller"
 
 TUBES = {name: (f"{name}_tube_low", f"{name}_tube_high") for name in ("chi", "gamma")}
 """Certified tube around the reference of a channel, where a run has one."""
@@ -97,7 +101,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
         LOAD_FACTOR,
     ),
-    "Controller": (
+    LAW_TAB: (
         Plot("phi_unlimited", "Roll command before limits, limits red", limit="phi"),
         Plot("n_z_unlimited", "Load-factor command before limits, limits red", limit="n_z"),
         Plot("phi_integral", "Roll command: part of the integrator"),
@@ -138,6 +142,8 @@ TABS: dict[str, tuple[Plot, ...]] = {
 def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
     """Return the plots of each tab that at least one run has a signal for.
 
+    What laws of the user's record stands beside the signals of the controller.
+
     Wind and disturbance that are zero throughout are not shown. What sensors showed stands behind
     the true signal where a run has sensors.
     """
@@ -148,8 +154,14 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
             return bool(having)
         return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
 
+    own = {name: unit for run in runs for name, unit in run.units.items()}
+    of_laws = tuple(Plot(name, name, unit=unit) for name, unit in own.items())
     shown = {
-        tab: tuple(_with_measured(plot, runs) for plot in plots if shows(tab, plot))
+        tab: tuple(
+            _with_measured(plot, runs)
+            for plot in (*plots, *(of_laws if tab == LAW_TAB else ()))
+            if shows(tab, plot)
+        )
         for tab, plots in TABS.items()
     }
     return {tab: plots for tab, plots in shown.items() if plots}
@@ -179,7 +191,7 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     elif name in around:
         centre = signals[around[name]].to_numpy(dtype=float)
         values = np.unwrap(centre) + (values - centre)
-    return values * shown_unit(SIGNAL_UNITS[name])[1]
+    return values * shown_unit(SIGNAL_UNITS.get(name, ""))[1]
 
 
 def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:

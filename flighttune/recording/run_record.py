@@ -51,14 +51,14 @@ class RunRecord:
         RecordingError
             If the scenario holds what JSON cannot.
         """
-        names = [str(name) for name in run.signals]
+        names, units = [str(name) for name in run.signals], {**run.units, **SIGNAL_UNITS}
         description = json.dumps(
             {
                 "format": FORMAT,
                 "status": run.status,
                 "reason": run.reason,
                 "provenance": _plain(run.provenance),
-                "columns": {"t": "s", **{name: SIGNAL_UNITS.get(name) for name in names}},
+                "columns": {"t": "s", **{name: units.get(name) for name in names}},
             },
             ensure_ascii=False,
         )
@@ -111,6 +111,11 @@ class RunRecord:
             status=entry["status"],
             reason=entry["reason"],
             provenance=Provenance(**provenance),
+            units={
+                name: unit
+                for name, unit in entry["columns"].items()
+                if unit is not None and name not in ("t", *SIGNAL_UNITS)
+            },
         )
 
 

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 from flighttune.control.controller import Controller, FlightCondition, Measured, ReferenceSample
@@ -61,7 +61,7 @@ class GuardedLaw:
     def __init__(self, law: Controller, limits: Limits, name: str = "law") -> None:
         self._law, self._name = law, name
         self.dt: float = law.dt
-        self.signals: Mapping[str, str] = law.signals
+        self.signals = {str(name): str(unit) for name, unit in law.signals.items()}
         self._limits = CommandLimiter(limits, self.dt)
         self.limiter: Limiter = self._limits
         self._width = 2 + len(self.signals)

@@ -105,12 +105,15 @@ class Run:
         A sentence with time and numbers where `status` is not ``completed``.
     provenance : Provenance
         What made the run.
+    units : mapping of str to str
+        Of signals that `SIGNAL_UNITS` does not know: those of a law of the user's.
     """
 
     signals: "pd.DataFrame"
     status: RunStatus
     reason: str
     provenance: Provenance = field(repr=False)
+    units: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         from flighttune.simulate.signal_table import SignalTable  # pandas, 0.2 s, where one flies

@@ -4,6 +4,7 @@ import json
 import textwrap
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from plain_members import Glider, Proportional
 
@@ -17,6 +18,7 @@ from flighttune.flight.own import with_own
 from flighttune.flight.refly import refly
 from flighttune.guarantee.flight_check import flight_check
 from flighttune.recording.load import load_recording
+from flighttune.recording.plots import LAW_TAB, displayed, shown_plots
 from flighttune.scenario import load_scenario, scenario_from
 
 SCENARIO = """
@@ -110,6 +112,19 @@ def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp
     assert [one.difference for one in reflown] == [None] * 4
     with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: .* from Python, `laws="):
         refly(again)
+
+
+def test_what_a_law_records_keeps_its_unit_and_is_drawn(scenario, tmp_path):
+    flown = fly(scenario, laws={"mine": mine})
+    written = record(flown, tmp_path / "out")
+
+    field = pq.read_schema(written.signals["kinematic / mine:paper"]).field("chi_seen")
+    assert field.metadata == {b"unit": b"rad"}
+    (again,) = (run for run in load_recording(tmp_path / "out").runs if "mine" in run.label)
+    assert again.units == {"chi_seen": "rad"}
+    (plot,) = (one for one in shown_plots([again])[LAW_TAB] if one.signal == "chi_seen")
+    assert plot.heading == "chi_seen [rad]"
+    assert displayed(again.signals, "chi_seen") == pytest.approx(again.signals["chi_seen"])
 
 
 def test_a_law_with_a_linear_model_has_indicators(scenario):
