@@ -74,6 +74,7 @@ def tube(
             start=start_deg * DEG,
             disturbance=disturbance,
             conformance=conformance and load_conformance(conformance),
+            law=name.rpartition(":")[0] or "exact",
             progress=progress and (lambda part: progress(f"tube {name}", part)),
         )
     inside = flights_inside(found)
@@ -93,17 +94,22 @@ def tube(
 def tube_json(found: "Tube") -> dict[str, Any]:
     """A tube as ``--json`` has it."""
     widths = found.half_widths[:, :2] / DEG
+    ever = found.hand_over and found.hand_over.bounds
     return {
         **pick(found, "status reason model"),
         "half_width_deg": {
-            channel: {"max": float(column.max()), "end": float(column[-1])}
-            for channel, column in zip(("chi", "gamma"), widths.T, strict=True)
+            channel: {
+                "max": float(column.max()),
+                "end": float(column[-1]),
+                "ever": None if ever is None else float(0.5 * (ever[i, 1] - ever[i, 0]) / DEG),
+            }
+            for i, (channel, column) in enumerate(zip(("chi", "gamma"), widths.T, strict=True))
             if len(column)
         },
         "limits_can_hold": {
             name: found.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))
         },
-        "handed_over_s": None,
+        "handed_over_s": found.handed_over,
     }
 
 
@@ -117,6 +123,17 @@ def widths_text(found: "Tube", gains: str) -> Table:
     return table(title, ("error", "half-width, largest [deg]", "at the end [deg]"), rows)
 
 
+def for_ever_text(found: "Tube") -> str:
+    """What holds after the time of the scenario, in a sentence."""
+    if found.hand_over is None:
+        return "after the time of the scenario nothing is claimed: no set was found that is kept"
+    chi, gamma = (0.5 * (high - low) / DEG for low, high in found.hand_over.bounds[:2])
+    return (
+        f"from {found.handed_over:.2f} s on for ever no limit holds a command, and half-widths are "
+        f"{chi:.3g} and {gamma:.3g} deg, under disturbances within those at the end"
+    )
+
+
 def _text(
     found: "Tube", name: str, answer: dict[str, Any], out: Path | None
 ) -> Iterator[Table | str]:
@@ -124,6 +141,7 @@ def _text(
     for command, intervals in answer["limits_can_hold"].items():
         spans = ", ".join(f"{begin:.2f}..{end:.2f} s" for begin, end in intervals) or "never"
         yield f"a limit can hold {command}: {spans}"
+    yield for_ever_text(found)
     yield f"flights flown with it inside: {'yes' if answer['inside'] else 'NO'}"
     yield f"signals: {answer['signals']}"
     if out is not None and found.status == "bounded":

@@ -130,6 +130,8 @@ class ExactLaw:
 
     Attributes
     ----------
+    law : RateLaw
+        What does not change from sample to sample.
     state : PIState
         Errors, commands after and before the limits, and integrals in rad/s.
     signals : mapping of str to str
@@ -186,7 +188,7 @@ class ExactLaw:
         (a, b), (c, d) = gains.K_P.tolist()
         (e, f), (h, i) = (gains.K_I * dt).tolist()
         roll, load = zip(*(row.tolist() for row in bounds), strict=True)
-        self._law = RateLaw(
+        self.law = RateLaw(
             K_P=((a, b), (c, d)),
             K_I_dt=((e, f), (h, i)),
             bounds=(roll, load),
@@ -233,7 +235,7 @@ class ExactLaw:
         reference : ReferenceSample
         """
         state = self.state
-        exact_step(self._law, state, reference[:4], measured[:2], turning_speed(measured))
+        exact_step(self.law, state, reference[:4], measured[:2], turning_speed(measured))
         return (*state.u, *state.integral)
 
 

@@ -53,6 +53,43 @@ def secant_change(form: Form, angle: Interval, change: Form, by: Interval) -> Fo
     return combined((a, form), (b, change), shift=rest.middle).widened(rest.radius)
 
 
+def arctangent(form: Form, a: Interval, other: Form, b: Interval) -> Form:
+    """``atan(F/G)``, F inside `a` and G inside `b`, which is positive."""
+    at, over = Interval.point(a.middle), Interval.point(b.middle)
+    square = _square(at) + _square(over)
+    number = np.arctan2(at.low, over.low)
+    # How far the library's is from the true one: the sine of that, over the distance.
+    angle = Interval.point(number)
+    off = (at * cosine(angle) - over * sine(angle)).largest / np.sqrt(square.low)
+    in_a, in_b = over / square, -(at / square)
+    da, db = (a - a.middle).largest, (b - b.middle).largest
+    across = _square(a) + _square(b)
+    bend = a * b / (across * across)
+    rest = (
+        Interval.point(number)
+        + within(2.0 * off)
+        - Interval.point(in_a.middle) * a.middle
+        - Interval.point(in_b.middle) * b.middle
+        + (in_a - in_a.middle) * within(da)
+        + (in_b - in_b.middle) * within(db)
+        - bend * _up_to_square(da)
+        + bend * _up_to_square(db)
+        + (_square(a) - _square(b)) / (across * across) * within(da) * within(db)
+    )
+    terms = (in_a.middle, form), (in_b.middle, other)
+    return combined(*terms, shift=rest.middle).widened(rest.radius)
+
+
+def _up_to_square(radius: FloatArray) -> Interval:
+    return Interval(np.zeros_like(radius), np.nextafter(radius * radius, np.inf))
+
+
+def _square(values: Interval) -> Interval:
+    product = values * values
+    across = (values.low <= 0.0) & (values.high >= 0.0)
+    return Interval(np.where(across, 0.0, np.maximum(product.low, 0.0)), product.high)
+
+
 def product(first: Form, one: Interval, second: Form, other: Interval) -> Form:
     """``F G``, F inside `one` and G inside `other`: ``(F - f)(G - g)`` is the error."""
     f, g = one.middle, other.middle

@@ -8,16 +8,18 @@ import numpy as np
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance import Conformance
+from flighttune.control.exact_law import ExactLaw, acts_on_rates
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.mimo_pi import ChannelLaw, MimoPI
 from flighttune.errors import InputError
+from flighttune.flight.fly import controller_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.tube.lag import SampledLag
-from flighttune.tube.sample import SampledLoop
+from flighttune.tube.sample import Inversion, SampledLoop
 
 MODELS = {
     "kinematic": "the paper's law",
@@ -43,15 +45,17 @@ class TubeProblem:
     d_low, d_high : ndarray, shape (k, 2), rad/s
         Between which the disturbance of the course and of the flight-path-angle rate is, in any
         shape, from each of the k samples to the next.
-    reference : ndarray, shape (k, 4), rad, rad, rad, 1
-        Course and flight-path angle to follow, and the commands planned for them; zeros where none
-        are.
+    reference : ndarray, shape (k, 6), rad, rad, rad, 1, rad/s, rad/s
+        Course and flight-path angle to follow, the commands planned for them (zeros where none
+        are), and their rates.
     limits : Limits
         Of the commands.
     lags : tuple of InnerLag, length 0 or 2
         Of roll and load factor.
     basis : str
         On what the disturbance of an aircraft rests; empty for other plants.
+    law : str
+        Name of the exact law in the scenario, where the gains are of one.
     """
 
     scenario: Scenario
@@ -64,6 +68,7 @@ class TubeProblem:
     limits: Limits
     lags: tuple[InnerLag, ...] = ()
     basis: str = ""
+    law: str = "exact"
 
     def __post_init__(self) -> None:
         _check_known(self.scenario, self.plant)
@@ -72,7 +77,7 @@ class TubeProblem:
                 f"`start` must lie in 0..45 deg, got {math.degrees(self.start):g} deg."
             )
         k = len(self.t)
-        for name, columns in (("d_low", 2), ("d_high", 2), ("reference", 4)):
+        for name, columns in (("d_low", 2), ("d_high", 2), ("reference", 6)):
             given = read_only_matrix(name, getattr(self, name))
             if given.shape != (k, columns):
                 raise InputError(f"`{name}` must have shape {(k, columns)}, got {given.shape}.")
@@ -81,16 +86,17 @@ class TubeProblem:
             raise InputError("`d_low` must not be above `d_high`.")
         condition = self.scenario.condition
         ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
-        for name, law, starts in zip(
+        for name, lower, upper, starts in zip(
             ("phi_deg", "n_z"),
-            self.controller().law.channels,
+            self.limits.lower,
+            self.limits.upper,
             ([condition.phi], [condition.n_z_start, *(one.n_z_start for one in ends)]),
             strict=True,
         ):
-            if not law.lower <= min(starts) <= max(starts) <= law.upper:
+            if not lower <= min(starts) <= max(starts) <= upper:
                 raise InputError(
                     f"`{name}` of [flight] must start inside its range, got {min(starts):g} to "
-                    f"{max(starts):g} outside {law.lower:g}..{law.upper:g} (rad, 1)."
+                    f"{max(starts):g} outside {lower:g}..{upper:g} (rad, 1)."
                 )
 
     @property
@@ -104,16 +110,9 @@ class TubeProblem:
         """Times of the samples, s."""
         return sample_times(self.scenario)
 
-    def controller(self) -> MimoPI:
+    def controller(self) -> MimoPI | ExactLaw:
         """A controller that has not flown."""
-        settings = self.scenario.controller
-        return MimoPI(
-            self.gains,
-            self.limits,
-            dt=1.0 / settings.rate_hz,
-            anti_windup=settings.anti_windup,
-            feed_forward=settings.feed_forward,
-        )
+        return controller_of(self.scenario, f"{self.law}:", self.gains, self.limits)
 
     def loop(self) -> SampledLoop:
         """The loop as it flies: the numbers of the controller and of the plant themselves."""
@@ -122,11 +121,20 @@ class TubeProblem:
             self.scenario.flight,
             self.scenario.condition,
         )
-        planned = self.reference[:, 2:]
+        planned, inversion = self.reference[:, 2:4], None
+        if isinstance(controller, ExactLaw):
+            law = controller.law
+            channels = tuple(map(ChannelLaw, law.K_P, law.K_I_dt, *zip(*law.bounds, strict=True)))
+            speed = flight.V_a_mps * law.per_g
+            inversion = Inversion(self.reference[:, 4:], speed, law.lift_floor, law.brake)
+            feed_forward, planned = False, np.zeros_like(planned)
+        else:
+            channels = controller.law.channels
+            feed_forward = controller.feed_forward and not planned.any()
         return SampledLoop(
-            channels=controller.law.channels,
+            channels=channels,
             conditional=controller.law.conditional,
-            feed_forward=controller.feed_forward and not planned.any(),
+            feed_forward=feed_forward,
             planned=planned,
             dt=controller.dt,
             g_over_v=flight.g_mps2 / flight.V_a_mps,
@@ -137,6 +145,7 @@ class TubeProblem:
             start=(condition.chi, condition.gamma, condition.phi, condition.n_z),
             exact=plant_table(self.scenario, self.plant).kind != "kinematic",
             lags=tuple(SampledLag.of(lag, controller.dt) for lag in self.lags),
+            inversion=inversion,
         )
 
 
@@ -148,6 +157,7 @@ def tube_problem(
     start: float = 0.0,
     disturbance: float | None = None,
     conformance: Conformance | None = None,
+    law: str = "exact",
 ) -> TubeProblem:
     """The flights of a scenario on one of its plants.
 
@@ -165,30 +175,34 @@ def tube_problem(
         amplitudes of the scenario's sinusoid, or zero.
     conformance : Conformance, optional
         Of an aircraft: its model flies, under every disturbance in its boxes.
+    law : str
+        Name of the exact law in the scenario, where the gains are of one.
 
     Raises
     ------
     InputError
         If a value cannot be used, or the tube does not know the law.
     """
-    if gains.law != "paper":
-        raise InputError(
-            "`gains` must be of the paper's law for a tube, got those of the exact law."
-        )
     kinds = ("jsbsim",) if conformance else tuple(kind for kind in MODELS if kind != "jsbsim")
     table = plant_table(scenario, plant, kinds)
     _check_known(scenario, table.label)
     t = sample_times(scenario)
     reference = scenario.followed()
-    followed = np.zeros((len(t), 4))
+    followed = np.zeros((len(t), 6))
     followed[:, :2] = np.stack(reference.sampled(t), axis=1)
+    followed[:, 4:] = np.stack(reference.rates(t), axis=1)
     if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
-        followed[:, 2:] = reference.commands(t)
+        followed[:, 2:4] = reference.commands(t)
     limits, lags, basis = scenario.limits.limits(), table.lags() or (), ""
     if table.aircraft is None:
         d_high = _within(scenario, disturbance, len(t))
         d_low = -d_high
     else:
+        if acts_on_rates(gains):
+            raise InputError(
+                "`gains` must be of the paper's law for the tube of an aircraft: the exact law "
+                "sees the airspeed, for which no box is known."
+            )
         if conformance is None:
             raise InputError(
                 f"`conformance` must be given for the tube of an aircraft, got {table.label} "
@@ -196,7 +210,7 @@ def tube_problem(
             )
         if disturbance is not None:
             raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
-        if scenario.controller.feed_forward and not followed[:, 2:].any():
+        if scenario.controller.feed_forward and not followed[:, 2:4].any():
             raise InputError(
                 "`feed_forward` must be off, or [reference] of shape feasible, for the tube of an "
                 "aircraft: no box is known for the roll that the feed-forward sees."
@@ -219,6 +233,7 @@ def tube_problem(
         limits=limits,
         lags=lags,
         basis=basis,
+        law=law,
     )
 
 

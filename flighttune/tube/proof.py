@@ -17,10 +17,13 @@ from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.scenario.load import scenario_from
 from flighttune.theory.certificate import Check, Verification
+from flighttune.tube.exact import enclosure_of
+from flighttune.tube.forms import Pieces
+from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, settled_from, way_round
 from flighttune.tube.problem import TubeProblem
 from flighttune.tube.replay import Replay
 from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set
-from flighttune.tube.sample import Enclosure, Unbounded
+from flighttune.tube.sample import SampledLoop, Unbounded
 from flighttune.whole_file import whole_file
 
 FORMAT = "flighttune tube 1"
@@ -32,7 +35,7 @@ LOOSER = 1e-9
 """By how much, rad and 1, the bounds in a file are wider than proven: another machine may add up
 in another order."""
 
-MOST_PIECES, MOST_SYMBOLS = 4096, 20000
+MOST_PIECES, MOST_SYMBOLS, MOST_SAMPLES = 4096, 20000, 10000
 """Sizes above these are no tube's, and would only take up memory."""
 
 
@@ -65,8 +68,12 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         "start_rad": problem.start,
         "lags": [asdict(lag) for lag in problem.lags],
         "basis": problem.basis,
+        "law": problem.law,
         "settings": tube.settings._asdict(),
     }
+    ever = tube.hand_over
+    if ever is not None:
+        claim["hand_over"] = {"sample": ever.sample, "samples": ever.samples}
     with whole_file(Path(path)) as part, part.open("wb") as file:
         np.savez_compressed(
             file,
@@ -78,7 +85,14 @@ def save_tube(tube: Tube, path: str | Path) -> None:
             bounds=tube.bounds + np.array([-LOOSER, LOOSER]),
             held=tube.held,
             chosen=tube.chosen,
+            **({} if ever is None else _arrays(ever)),
         )
+
+
+def _arrays(ever: HandOver) -> dict[str, Any]:
+    loosened = ever.bounds + np.array([-LOOSER, LOOSER])
+    arrays = {name: getattr(ever, name) for name in ("W", "centre", "size", "chosen")}
+    return {f"ever_{name}": one for name, one in {**arrays, "bounds": loosened}.items()}
 
 
 DAMAGE = (
@@ -124,7 +138,7 @@ def _tube_from(arrays: dict[str, Any]) -> Tube:
         )
     problem = TubeProblem(
         scenario=scenario_from(claim["scenario"]),
-        gains=PIGains(K_P=np.array(claim["gains"]["K_P"]), K_I=np.array(claim["gains"]["K_I"])),
+        gains=PIGains.from_lists(**claim["gains"]),
         plant=claim["plant"],
         start=float(claim["start_rad"]),
         d_low=arrays["d_low"],
@@ -133,6 +147,7 @@ def _tube_from(arrays: dict[str, Any]) -> Tube:
         limits=Limits(**dict(zip(LIMITS, arrays["limits"], strict=True))),
         lags=tuple(InnerLag(**lag) for lag in claim["lags"]),
         basis=str(claim["basis"]),
+        law=str(claim["law"]),
     )
     bounds, held, chosen = (np.asarray(arrays[name]) for name in ("bounds", "held", "chosen"))
     shapes = (len(problem.t), len(QUANTITIES), 2), (len(problem.t), 2)
@@ -149,7 +164,31 @@ def _tube_from(arrays: dict[str, Any]) -> Tube:
         held=held,
         settings=settings,
         chosen=chosen.astype(np.float32),
+        hand_over=_hand_over(claim.get("hand_over"), arrays, problem),
     )
+
+
+def _hand_over(
+    counts: dict[str, int] | None, arrays: dict[str, Any], problem: TubeProblem
+) -> HandOver | None:
+    if counts is None:
+        return None
+    n = problem.loop().rows
+    shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}
+    found = {name: np.asarray(arrays[f"ever_{name}"], dtype=float) for name in shapes}
+    chosen = np.asarray(arrays["ever_chosen"]).astype(np.float32)
+    if any(found[name].shape != shape for name, shape in shapes.items()) or chosen.ndim != 1:
+        raise InputError(f"the arrays of the hand-over must have shapes {shapes}.")
+    if not all(np.isfinite(one).all() for one in (*found.values(), chosen)):
+        raise InputError("the numbers of the hand-over must be finite.")
+    last = len(problem.t)
+    sample, samples = int(counts["sample"]), int(counts["samples"])
+    if not (settled_from(problem.loop()) < sample <= last and 1 <= samples <= MOST_SAMPLES):
+        raise InputError(
+            f"the hand-over must be after the last change and by sample {last}, and take at most "
+            f"{MOST_SAMPLES} samples, got sample {sample} and {samples} samples."
+        )
+    return HandOver(sample=sample, samples=samples, chosen=chosen, **found)
 
 
 def verify_tube(
@@ -178,8 +217,8 @@ def verify_tube(
     if not isinstance(tube, Tube):
         tube = load_tube(tube)
     problem = tube.problem
-    enclosure = Enclosure(problem.loop(), first_set(problem, tube.settings), Replay(tube.chosen))
-    margins = np.full(len(QUANTITIES), np.inf)
+    enclosure = enclosure_of(problem.loop(), first_set(problem, tube.settings), Replay(tube.chosen))
+    margins, ever = np.full(len(QUANTITIES), np.inf), tube.hand_over
     for k, t in enumerate(problem.t):
         try:
             proven = enclosure.sample(k)
@@ -191,10 +230,14 @@ def verify_tube(
         if (proven.held & ~tube.held[k]).any():
             name = ("phi_cmd", "n_z_cmd")[int(np.argmax(proven.held & ~tube.held[k]))]
             return _refused(f"sample {k} ({t:.2f} s): that no limit holds {name} is not proven")
-        inside = (proven.ranges - tube.bounds[k]) * [1.0, -1.0]
-        margins = np.minimum(margins, inside.min(axis=1))
+        room = (proven.ranges - tube.bounds[k]) * [1.0, -1.0]
+        margins = np.minimum(margins, room.min(axis=1))
+        if ever is not None and k + 1 == ever.sample and not _reached(enclosure.pieces, ever):
+            return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")
         if progress is not None and k % 50 == 0:
             progress(k / len(problem.t))
+    if ever is not None and (broken := _not_kept(problem.loop(), ever)):
+        return _refused(f"after {ever.samples} samples from sample {ever.sample} on: {broken}")
     return Verification.of(
         [
             Check(
@@ -202,6 +245,25 @@ def verify_tube(
             )
             for name, m in zip(QUANTITIES, margins, strict=True)
         ]
+    )
+
+
+def _reached(pieces: Pieces, ever: HandOver) -> bool:
+    return inside(hull(pieces, ever.W), ever.centre, ever.size)
+
+
+def _not_kept(loop: SampledLoop, ever: HandOver) -> str:
+    """Why the set of a hand-over is not one that flights never leave; empty where it is."""
+    try:
+        found = way_round(loop, ever.W, ever.centre, ever.size, ever.samples, Replay(ever.chosen))
+    except (Unbounded, IndexError, InputError, np.linalg.LinAlgError) as error:
+        return str(error)
+    if found is None:
+        return "that no limit holds a command is not proven"
+    after, passed = found
+    bounds = for_ever(passed, len(loop.chi_ref) - ever.sample)
+    return _broken(bounds, ever.bounds) or (
+        "" if inside(after, ever.centre, ever.size) else "the set is not proven to be kept"
     )
 
 

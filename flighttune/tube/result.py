@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.tube.forms import Pieces
+from flighttune.tube.hand_over import HandOver
 from flighttune.tube.problem import TubeProblem
 from flighttune.tube.sample import start_set
 
@@ -60,6 +61,8 @@ class Tube:
     settings : Settings
     chosen : ndarray, shape (n,), float32
         What makes the proof short to check: slopes, splits, symbols given up.
+    hand_over : HandOver or None
+        Why the flights stay bounded for ever; None where no reason was found.
     """
 
     problem: TubeProblem
@@ -70,6 +73,13 @@ class Tube:
     held: npt.NDArray[np.bool_]
     settings: Settings
     chosen: npt.NDArray[np.float32]
+    hand_over: HandOver | None = None
+
+    @property
+    def handed_over(self) -> float | None:
+        """Time from which on the flights are in a set that they never leave, s."""
+        dt = 1.0 / self.problem.scenario.controller.rate_hz
+        return None if self.hand_over is None else self.hand_over.sample * dt
 
     @property
     def model(self) -> str:

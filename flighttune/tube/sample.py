@@ -98,6 +98,8 @@ class SampledLoop:
         Whether the point mass turns by its lift, instead of by the paper's law.
     lags : tuple of SampledLag, length 0 or 2
         Of roll and load factor; only of the exact point mass.
+    inversion : Inversion or None
+        Of the exact law; None for the paper's.
     """
 
     channels: tuple[ChannelLaw, ...]
@@ -113,6 +115,7 @@ class SampledLoop:
     start: tuple[float, float, float, float | None]
     exact: bool = False
     lags: tuple[SampledLag, ...] = ()
+    inversion: "Inversion | None" = None
 
     @property
     def rows(self) -> int:
@@ -127,6 +130,27 @@ class SampledLoop:
     def lift(self, k: int) -> float:
         """``cos(gamma_ref)`` of the feed-forward at sample k; 0 without one."""
         return math.cos(self.gamma_ref[max(k, 0)]) if self.feed_forward else 0.0
+
+
+class Inversion(NamedTuple):
+    """How the exact law turns rates into commands.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (k, 2), rad/s
+        Of the reference at every sample.
+    speed : float, s
+        Airspeed over the acceleration of gravity.
+    lift_floor : float
+        In weights.
+    brake : float, 1/s
+        As of `RateLaw`.
+    """
+
+    rates: FloatArray
+    speed: float
+    lift_floor: float
+    brake: float
 
 
 class Excess(NamedTuple):
@@ -248,7 +272,14 @@ class Enclosure:
     pieces : Pieces
         The starts; changed by every sample.
     plan : Plan
+
+    Attributes
+    ----------
+    overlap : float
+        By how much the halves of a piece overlap.
     """
+
+    overlap = 0.0
 
     def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan) -> None:
         self.loop, self.pieces, self.plan = loop, pieces, plan
@@ -264,37 +295,13 @@ class Enclosure:
         pieces, loop = self.pieces, self.loop
         if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % TAKE_UP == TAKE_UP - 1:
             pieces.reduce(self.plan.pairs(pieces))
-        while True:
-            state = pieces.forms()
-            errors = self._errors(k, state)
-            roll = self._angle(state[loop.seen], "roll")
-            extra = self._extra_lift(k, state, roll)
-            channels = self._channels(k, state, errors, roll, extra)
-            empty = self._empty(channels)
-            if empty.any():
-                pieces.keep(~empty)
-                continue
-            cut = self.plan.cut(pieces, channels)
-            if cut is None:
-                break
-            self._split(cut)
-        moves, integrals, held = zip(
-            *(self._limited(c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
-            strict=True,
-        )
-        phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
-        phi = pieces.fresh(phi, PHI)
-        extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
-        integrals = [
-            pieces.fresh(form.widened(COMPUTED), PHI_INTEGRAL + i)
-            for i, form in enumerate(integrals)
-        ]
+        state, errors, roll, phi, extra, integrals, held = self._controlled(k)
         # Of this sample, before the rows are overwritten by the next one's.
         error_ranges = [*map(self._range, errors)]
         fly = self._point_mass if loop.exact else self._paper_law
         flown = fly(k, state, phi, extra, roll)
         pieces.put([flown.chi, flown.gamma, phi, flown.extra, *integrals, *errors, *flown.lags])
-        ranges = [*map(_ordered, (*error_ranges, *flown.commands))]
+        ranges = [*map(ordered, (*error_ranges, *flown.commands))]
         bounds = np.array([(one.low.min(), one.high.max()) for one in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
         # times how far apart its rate can be.
@@ -302,6 +309,44 @@ class Enclosure:
         bounds[:2, 0] -= margin
         bounds[:2, 1] += margin
         return Bounds(bounds, np.array(held))
+
+    def _controlled(self, k: int) -> "Controlled":
+        """The commands of sample k, in as many pieces as that takes."""
+        pieces, loop = self.pieces, self.loop
+        while True:
+            state = pieces.forms()
+            errors = self._errors(k, state)
+            roll = self._angle(state[loop.seen], "roll")
+            extra = self._extra_lift(k, state, roll)
+            channels = self._channels(k, state, errors, roll, extra)
+            if not self._fewer_or_more(channels):
+                break
+        moves, integrals, held = zip(
+            *(self._limited(c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
+            strict=True,
+        )
+        phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
+        phi = pieces.fresh(phi, PHI)
+        extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
+        return Controlled(state, errors, roll, phi, extra, self._kept(integrals), held)
+
+    def _kept(self, integrals: Sequence[Form]) -> list[Form]:
+        """Integrals with a symbol each for their errors."""
+        return [
+            self.pieces.fresh(form.widened(COMPUTED), PHI_INTEGRAL + i)
+            for i, form in enumerate(integrals)
+        ]
+
+    def _fewer_or_more(self, channels: Sequence[Channel]) -> bool:
+        """Drop pieces without flights, or split; whether there are other pieces now."""
+        empty = self._empty(channels)
+        if empty.any():
+            self._keep(~empty)
+            return True
+        cut = self.plan.cut(self.pieces, channels)
+        if cut is not None:
+            self._split(cut)
+        return cut is not None
 
     def _range(self, form: Form) -> Interval:
         values, pieces = self.pieces.plain_range(form), self.pieces
@@ -313,7 +358,7 @@ class Enclosure:
         return values
 
     def _angle(self, form: Form, name: str) -> Interval:
-        values = _ordered(self._range(form))
+        values = ordered(self._range(form))
         if not (values.largest < LARGEST_ANGLE).all():
             raise Unbounded(f"{name} cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg")
         return values
@@ -390,7 +435,7 @@ class Enclosure:
             near = values * side + (step - limit)
             if (near.high > 0.0).any():
                 close = combined((side, command), shift=step - limit)
-                near = _ordered(near)
+                near = ordered(near)
                 terms.append((1.0, positive_part(close, near, self.plan.slope(near))))
         form = combined(*terms, shift=-step)
         return Excess(form, self._range(form))
@@ -404,6 +449,10 @@ class Enclosure:
             empty |= channel.by.low > channel.by.high
         return empty
 
+    def _keep(self, which: Flags) -> None:
+        """Drop all pieces but these."""
+        self.pieces.keep(which)
+
     def _split(self, cut: Cut) -> None:
         """Below and above `cut.at`: a flight is in one of the two."""
         which, pieces = np.flatnonzero(cut.which), self.pieces
@@ -415,7 +464,8 @@ class Enclosure:
         ]
         at = np.where(cut.which, cut.at, values.high)
         to = Interval(
-            np.concatenate([values.low, at[which]]), np.concatenate([at, values.high[which]])
+            np.concatenate([values.low, at[which] - self.overlap]),
+            np.concatenate([at + self.overlap, values.high[which]]),
         )
         parts = np.concatenate([which, count + np.arange(len(which))])
         rows = np.concatenate([cut.row, cut.row[which]])
@@ -442,7 +492,7 @@ class Enclosure:
         """What the load factor has beyond the feed-forward of the roll seen next."""
         if lift:
             change = combined((1.0, after), (-1.0, seen))
-            by = _ordered(self._range(change))
+            by = ordered(self._range(change))
             if not ((roll + by).largest < LARGEST_ANGLE).all():
                 raise Unbounded(ROLLED)
             extra = combined((1.0, extra), (lift, secant_change(seen, roll, change, by)))
@@ -466,14 +516,14 @@ class Enclosure:
         chi = combined(
             (1.0, state[CHI]), (h * rate, tangent(phi, roll)), shift=h * d_middle[0]
         ).widened(h * d_radius[0] * UP + COMPUTED)
-        extra_range = _ordered(self._range(extra))
+        extra_range = ordered(self._range(extra))
         lifted = product(extra, extra_range, cosine_of(phi, roll), cosine(roll))
         f = combined(
             (rate, lifted),
             (-rate, cosine_of(state[GAMMA], climb)),
             shift=rate * lift + d_middle[1],
         )
-        f_range = _ordered(self._range(f))
+        f_range = ordered(self._range(f))
         fastest = f_range.largest + d_radius[1]
         farthest = h * fastest * math.exp(rate * h) * UP
         slope = sine(climb)
@@ -506,7 +556,7 @@ class Enclosure:
         seen = state[loop.seen]
         n_z = combined((1.0, extra), (lift, secant(seen, roll))) if lift else extra
         n_z = pieces.fresh(n_z.widened(COMPUTED), N_Z)
-        commands = [_ordered(self._range(one)) for one in (phi, n_z)]
+        commands = [ordered(self._range(one)) for one in (phi, n_z)]
         rolled, loaded = (Moved(*one) for one in zip((phi, n_z), commands, strict=True))
         lags: list[Form] = []
         if loop.lags:
@@ -545,7 +595,7 @@ class Enclosure:
                 combined(*zip(row, inputs, strict=True)).widened(COMPUTED) for row in lag.transition
             ]
             mean = combined(*zip(lag.mean, inputs, strict=True)).widened(COMPUTED)
-            ranges = [_ordered(self._range(one)) for one in (*inputs, moved[0])]
+            ranges = [ordered(self._range(one)) for one in (*inputs, moved[0])]
             in_force = ranges[lag.order].hull(ranges[lag.order + 1])
             values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
             if values is None:
@@ -554,6 +604,22 @@ class Enclosure:
             after += moved
             under_way += given[:-1]
         return flown, [*after, *under_way]
+
+
+class Controlled(NamedTuple):
+    """What the controller does in a sample.
+
+    State and errors, the roll it sees, both commands (the load factor beyond the feed-forward), the
+    integrals, and which commands a limit can hold.
+    """
+
+    state: list[Form]
+    errors: list[Form]
+    roll: Interval
+    phi: Form
+    extra: Form
+    integrals: list[Form]
+    held: Sequence[bool]
 
 
 class Flown(NamedTuple):
@@ -570,6 +636,6 @@ class Flown(NamedTuple):
     spread: FloatArray
 
 
-def _ordered(values: Interval) -> Interval:
+def ordered(values: Interval) -> Interval:
     """`values` where they are a range; of a piece without flights any range will do."""
     return Interval(np.minimum(values.low, values.high), np.maximum(values.low, values.high))

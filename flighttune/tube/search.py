@@ -48,6 +48,11 @@ class Search:
         self._tolerance, self._most = tolerance, most
         self.chosen: list[npt.NDArray[np.float32]] = []
 
+    @property
+    def choices(self) -> npt.NDArray[np.float32]:
+        """All of them so far, as `Replay` takes them."""
+        return np.concatenate([np.zeros(0), *self.chosen]).astype(np.float32)
+
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
         """By least squares: the part of the form that the constraints explain."""
         q = pieces.values[:, pieces.rows :, 1:]

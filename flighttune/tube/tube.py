@@ -7,10 +7,13 @@ import numpy as np
 from flighttune.conformance import Conformance
 from flighttune.control.gains import PIGains
 from flighttune.scenario.schema import Scenario
+from flighttune.tube.exact import enclosure_of
+from flighttune.tube.hand_over import hull, settled_from
 from flighttune.tube.problem import TubeProblem, tube_problem
 from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set
-from flighttune.tube.sample import Enclosure, Unbounded
+from flighttune.tube.sample import Unbounded
 from flighttune.tube.search import Search
+from flighttune.tube.settling import coordinates, hand_over
 
 
 def tube(
@@ -21,6 +24,7 @@ def tube(
     start: float = 0.0,
     disturbance: float | None = None,
     conformance: Conformance | None = None,
+    law: str = "exact",
     progress: Callable[[float], None] | None = None,
 ) -> Tube:
     """Enclose all flights of a scenario: the controller as it flies, with all its limits.
@@ -39,6 +43,8 @@ def tube(
         amplitudes of the scenario's sinusoid, or zero.
     conformance : Conformance, optional
         Of an aircraft: its model flies, under every disturbance in its boxes.
+    law : str
+        Name of the exact law in the scenario, where the gains are of one.
     progress : callable, optional
         Called with the part of the time that is enclosed, 0 to 1.
 
@@ -58,6 +64,7 @@ def tube(
         start=start,
         disturbance=disturbance,
         conformance=conformance,
+        law=law,
     )
     return enclosed(problem, progress=progress)
 
@@ -66,6 +73,7 @@ def enclosed(
     problem: TubeProblem,
     *,
     attempts: Sequence[Settings] = (),
+    for_ever: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Tube:
     """The tube of a problem: with few pieces where that is enough, else with many.
@@ -75,12 +83,14 @@ def enclosed(
     problem : TubeProblem
     attempts : sequence of Settings
         Tried one after the other until the set is bounded; by default two.
+    for_ever : bool
+        Look for a set that holds the flights after the time of the scenario too.
     progress : callable, optional
         As of `tube`.
     """
     best: Tube | None = None
     for settings in attempts or _attempts(problem):
-        found = _attempt(problem, settings, progress)
+        found = _attempt(problem, settings, progress, for_ever=for_ever)
         if found.status == "bounded":
             return found
         if best is None or len(found.t) > len(best.t):
@@ -101,11 +111,16 @@ def _attempts(problem: TubeProblem) -> list[Settings]:
 
 
 def _attempt(
-    problem: TubeProblem, settings: Settings, progress: Callable[[float], None] | None
+    problem: TubeProblem,
+    settings: Settings,
+    progress: Callable[[float], None] | None,
+    *,
+    for_ever: bool,
 ) -> Tube:
     loop, t = problem.loop(), problem.t
+    rows, still, hulls = coordinates(loop) if for_ever else None, settled_from(loop), {}
     search = Search(loop, tolerance=settings.tolerance, most=settings.most)
-    enclosure = Enclosure(loop, first_set(problem, settings), search)
+    enclosure = enclosure_of(loop, first_set(problem, settings), search)
     found, reason = [], ""
     for k in range(len(t)):
         try:
@@ -113,6 +128,8 @@ def _attempt(
         except Unbounded as stop:
             reason = f"{stop} from t = {t[k]:.2f} s on"
             break
+        if rows is not None and k >= still:
+            hulls[k + 1] = hull(enclosure.pieces, rows[0])
         if progress is not None and k % 50 == 0:
             progress(k / len(t))
     return Tube(
@@ -123,5 +140,6 @@ def _attempt(
         bounds=np.array([one.ranges for one in found]).reshape(-1, len(QUANTITIES), 2),
         held=np.array([one.held for one in found], dtype=bool).reshape(-1, 2),
         settings=settings,
-        chosen=np.concatenate(search.chosen).astype(np.float32),
+        chosen=search.choices,
+        hand_over=None if reason or rows is None else hand_over(loop, *rows, hulls),
     )

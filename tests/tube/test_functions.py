@@ -64,6 +64,16 @@ def test_product_and_change_of_secant_are_enclosed(pieces, symbols):
     assert inside(change, symbols, 1.0 / np.cos(x) - 1.0 / np.cos(x + y))
 
 
+@pytest.mark.parametrize("scale", [0.1, 1.0, 3.0])
+def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
+    a, c, _ = pieces.forms()
+    a, b = combined((scale, a)), combined((1.0, c), shift=1.0)
+
+    found = functions.arctangent(a, pieces.plain_range(a), b, pieces.plain_range(b))
+
+    assert inside(found, symbols, np.arctan2(members(a, symbols), members(b, symbols)))
+
+
 @pytest.mark.parametrize("slope", [0.0, 0.37, 1.0])
 def test_kinks_are_enclosed_whatever_the_slopes(pieces, symbols, slope):
     a, b, _ = pieces.forms()

@@ -1,0 +1,201 @@
+r"""One sample of the exact law for a whole set of flights.
+
+The rates wanted are affine in errors and integrals; roll ``atan(a/b)`` and load factor
+``b / cos(phi)`` follow from the lifts a and b that they need, and the point mass turns them back
+into the rates wanted: what is left of errors of these functions is of second order. Where a limit
+holds a command, the integrator of its channel stands still. That is a jump, so that a piece with
+flights on both sides is split, and each half remembers which it is.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from flighttune.tube.forms import UP, Flags, Form, Pieces, combined
+from flighttune.tube.functions import arctangent, cosine_of, positive_part, product, secant
+from flighttune.tube.interval import Interval, cosine
+from flighttune.tube.sample import (
+    CLIMB,
+    COMPUTED,
+    EXTRA_LIFT,
+    GAMMA,
+    PHI,
+    PHI_INTEGRAL,
+    Channel,
+    Controlled,
+    Cut,
+    Enclosure,
+    Excess,
+    Inversion,
+    Plan,
+    SampledLoop,
+    Unbounded,
+    ordered,
+)
+
+OVERLAP = 1e-9
+"""By how much the halves of a piece overlap, rad and 1: a computed flight may be on the other side
+of a limit than the exact one by rounding."""
+
+STEEPEST_ROLL = 14.0
+"""Largest tangent of a roll wanted: 86 deg."""
+
+FREE, LIMITED, OPEN = -1, 1, 0
+"""Whether no flight of a piece is beyond a limit, all are, or it is not known."""
+
+
+def enclosure_of(loop: SampledLoop, pieces: Pieces, plan: Plan) -> Enclosure:
+    """The enclosure of a loop, by its law."""
+    kind = Enclosure if loop.inversion is None else ExactEnclosure
+    return kind(loop, pieces, plan)
+
+
+class ExactEnclosure(Enclosure):
+    """As `Enclosure`, with the exact law."""
+
+    overlap = OVERLAP
+
+    def _controlled(self, k: int) -> Controlled:
+        pieces, inversion = self.pieces, self.loop.inversion
+        assert inversion is not None
+        self._sides = np.full((len(pieces), 2, 2), OPEN)
+        used = pieces.used
+        while True:
+            pieces.used, self._known = used, []
+            state = pieces.forms()
+            errors = self._errors(k, state)
+            a, b = self._lifts(k, state, errors, inversion)
+            across, up = self._range(a), self._range(b)
+            self._check_plain(errors, across, up, inversion)
+            wanted = arctangent(a, across, b, up).widened(COMPUTED)
+            turning = self._channel(0, wanted, state[PHI], errors)
+            if self._fewer_or_more([turning]):
+                continue
+            phi = pieces.fresh(self._moved(0, turning, state[PHI]), PHI)
+            roll = self._angle(phi, "roll")
+            steeper = Interval.point(np.ones(len(pieces))) / cosine(roll)
+            load = product(b, up, secant(phi, roll), steeper)
+            lifting = self._channel(1, load.widened(COMPUTED), state[EXTRA_LIFT], errors)
+            if not self._fewer_or_more([turning, lifting]):
+                break
+        extra = self._moved(1, lifting, state[EXTRA_LIFT])
+        held = [self._held(i, channel) for i, channel in enumerate((turning, lifting))]
+        integrals = self._kept(
+            [
+                self._integrated(channel, state[PHI_INTEGRAL + i], *held[i])
+                for i, channel in enumerate((turning, lifting))
+            ]
+        )
+        seen = self._angle(state[self.loop.seen], "roll")
+        limits = [bool((~free).any()) for free, _ in held]
+        return Controlled(state, errors, seen, phi, extra, integrals, limits)
+
+    def _lifts(
+        self, k: int, state: Sequence[Form], errors: Sequence[Form], inversion: Inversion
+    ) -> tuple[Form, Form]:
+        """Horizontal and vertical lift that the rates wanted need, in weights."""
+        turn, climb = (
+            combined(
+                *zip(law.K_P, errors, strict=True),
+                (1.0, state[PHI_INTEGRAL + i]),
+                shift=inversion.rates[k, i],
+            )
+            for i, law in enumerate(self.loop.channels)
+        )
+        path = self._angle(state[GAMMA], CLIMB)
+        level, speed = cosine_of(state[GAMMA], path), inversion.speed
+        across = product(level, cosine(path), turn, self._range(turn))
+        a = combined((speed, across)).widened(COMPUTED)
+        return a, combined((speed, climb), (1.0, level)).widened(COMPUTED)
+
+    def _check_plain(
+        self, errors: Sequence[Form], a: Interval, b: Interval, inversion: Inversion
+    ) -> None:
+        """Stop where the law may do other than invert: that is not enclosed."""
+        law = self.loop.channels[1]
+        if not (b.low > inversion.lift_floor).all():
+            raise Unbounded("the vertical lift wanted can be at its floor")
+        # The largest load factor gives both, or it is no more than roll at its stop.
+        stop = max(abs(self.loop.channels[0].lower), self.loop.channels[0].upper)
+        together = (a.largest**2 + b.high**2) * UP
+        steep = b.high * UP < law.upper * math.cos(min(stop, math.pi / 2))
+        if not (steep | (together < law.upper**2)).all():
+            raise Unbounded("the lift wanted can be more than the largest load factor")
+        if not (a.largest < STEEPEST_ROLL * b.low).all():
+            raise Unbounded("the roll wanted can be next to 90 deg")
+        climb = self._range(combined(*zip(law.K_P, errors, strict=True))).largest
+        if not (climb * inversion.speed * law.K_P[1] * UP < inversion.brake).all():
+            raise Unbounded("the path-angle error can be so large that the law brakes")
+
+    def _channel(self, i: int, wanted: Form, force: Form, errors: Sequence[Form]) -> Channel:
+        law = self.loop.channels[i]
+        x = combined((1.0, wanted), (-1.0, force))
+        increment = combined(*zip(law.K_I_half, errors, strict=True))
+        values, at = self._range(force), Interval.point(np.zeros(len(self.pieces)))
+        sides = [
+            self._excess(x, force, values, 1.0, law.upper, law.step_up),
+            self._excess(x, force, values, -1.0, -law.lower, -law.step_down),
+        ]
+        for side, excess in enumerate(sides):
+            if excess is not None:
+                known = self._sides[:, i, side]
+                low, high = excess.values.low, excess.values.high
+                low = np.where(known == LIMITED, np.maximum(low, -OVERLAP), low)
+                high = np.where(known == FREE, np.minimum(high, OVERLAP), high)
+                sides[side] = Excess(excess.form, Interval(low, high))
+                self._known.append((sides[side], i, side))
+        return Channel(x, increment, at, *sides)
+
+    def _moved(self, i: int, channel: Channel, force: Form) -> Form:
+        """The command after its limits."""
+        moves, doubt = [(1.0, force), (1.0, channel.x)], np.zeros(len(self.pieces))
+        for side, excess in enumerate((channel.above, channel.below)):
+            if excess is None or not (excess.values.high > 0.0).any():
+                continue
+            known = self._sides[:, i, side]
+            values = Interval(
+                np.where(known == LIMITED, np.maximum(excess.values.low, 0.0), excess.values.low),
+                np.where(known == FREE, np.minimum(excess.values.high, 0.0), excess.values.high),
+            )
+            values = ordered(values)
+            part = positive_part(excess.form, values, self.plan.slope(values))
+            moves.append((-1.0 if side == 0 else 1.0, part))
+            doubt += np.where(known == OPEN, 0.0, OVERLAP)
+        return combined(*moves).widened(doubt + COMPUTED)
+
+    def _held(self, i: int, channel: Channel) -> tuple[Flags, Flags]:
+        """Pieces in which no limit holds the command, and those in which one does."""
+        free, held = np.ones((2, len(self.pieces)), dtype=bool)
+        held = ~held
+        for side, excess in enumerate((channel.above, channel.below)):
+            if excess is not None:
+                known = self._sides[:, i, side]
+                free &= (known == FREE) | ((known == OPEN) & (excess.values.high < -OVERLAP))
+                held |= (known == LIMITED) | ((known == OPEN) & (excess.values.low > OVERLAP))
+        return free, held
+
+    def _integrated(self, channel: Channel, integral: Form, free: Flags, held: Flags) -> Form:
+        """The integral after the sample: it stands where a limit holds the command."""
+        if not self.loop.conditional:
+            return combined((1.0, integral), (1.0, channel.increment))
+        share = np.where(free, 1.0, np.where(held, 0.0, 0.5))
+        size = 0.5 * ordered(self._range(channel.increment)).largest * UP
+        doubt = np.where(free | held, 0.0, size)
+        return combined((1.0, integral), (share, channel.increment)).widened(doubt)
+
+    def _keep(self, which: Flags) -> None:
+        super()._keep(which)
+        self._sides = self._sides[which]
+
+    def _split(self, cut: Cut) -> None:
+        super()._split(cut)
+        which = np.flatnonzero(cut.which)
+        count = len(self._sides)
+        self._sides = np.concatenate([self._sides, self._sides[which]])
+        for excess, i, side in self._known:
+            if excess is cut.excess:
+                sure = which[cut.at[which] == 0.0]
+                self._sides[sure, i, side] = FREE
+                above = count + np.flatnonzero(cut.at[which] == 0.0)
+                self._sides[above, i, side] = LIMITED

@@ -1,0 +1,191 @@
+r"""For ever: a set that the loop, once settled, maps into itself.
+
+A tube ends with its scenario. Where the reference stands still from a sample on and every flight is
+inside a set ``T = {z : |W z - c| <= s}`` (rows; z the state of the sampled loop), from which N
+samples lead back into T without a limit holding a command, no limit ever will: after N samples it
+is the same again. On every later round the flights are where the second one from T leads, since
+they begin it in what the first made of T. The loop is the one that flies: nonlinear, sampled,
+behind its lags and delays, under every disturbance within the last bounds.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.tube.exact import enclosure_of
+from flighttune.tube.forms import MORE_ROUNDINGS, TINY, ULP, UP, Pieces, absolute_sum
+from flighttune.tube.sample import (
+    Plan,
+    SampledLoop,
+    Unbounded,
+)
+
+SYMBOLS = 300
+"""Most symbols of the set on its way round."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HandOver:
+    """A set from which flights return into it.
+
+    Attributes
+    ----------
+    sample : int
+        Sample from which on it holds: the state there is inside.
+    W : ndarray, shape (n, n)
+    centre, size : ndarray, shape (n,)
+        The set is ``|W z - centre| <= size`` for the state z of the loop.
+    samples : int
+        After how many samples it is back.
+    bounds : ndarray, shape (4, 2)
+        Between which errors (rad) and commands (rad, 1) are after the last sample, for ever.
+    chosen : ndarray, shape (m,), float32
+        What makes the proof short to check.
+    """
+
+    sample: int
+    W: FloatArray
+    centre: FloatArray
+    size: FloatArray
+    samples: int
+    bounds: FloatArray
+    chosen: npt.NDArray[np.float32]
+
+
+def settled(loop: SampledLoop, samples: int) -> SampledLoop:
+    """The loop from its last sample on, for so many samples: all that changes stands still."""
+
+    def last(values: FloatArray) -> FloatArray:
+        return np.repeat(values[-1:], samples + 1, axis=0)
+
+    names = ("planned", "chi_ref", "gamma_ref", "d_low", "d_high")
+    inversion = loop.inversion and loop.inversion._replace(rates=last(loop.inversion.rates))
+    return replace(loop, inversion=inversion, **{name: last(getattr(loop, name)) for name in names})
+
+
+def settled_from(loop: SampledLoop) -> int:
+    """First sample after which nothing changes but for disturbances that are within the last.
+
+    The number of samples where the reference still moves at the end.
+    """
+    still = np.all(
+        [
+            loop.chi_ref == loop.chi_ref[-1],
+            loop.gamma_ref == loop.gamma_ref[-1],
+            (loop.planned == loop.planned[-1]).all(axis=1),
+            (loop.d_low >= loop.d_low[-1]).all(axis=1),
+            (loop.d_high <= loop.d_high[-1]).all(axis=1),
+        ],
+        axis=0,
+    )
+    if loop.inversion is not None:
+        still &= (loop.inversion.rates == 0.0).all(axis=1)
+    changing = np.flatnonzero(~still)
+    first = int(changing[-1]) + 1 if len(changing) else 0
+    return first if first + 1 < len(still) else len(still)
+
+
+def hull(pieces: Pieces, W: FloatArray) -> FloatArray:
+    """Ranges of ``W z`` over all flights of a set, shape (n, 2)."""
+    n = pieces.rows
+    weights = np.abs(W)
+    values, err = pieces.values[:, :n], pieces.err[:, :n]
+    size = (np.abs(values[:, :, 0]) + absolute_sum(values[:, :, 1:]) + err) * UP
+    rows = W @ values
+    radius = (
+        absolute_sum(rows[:, :, 1:])
+        + err @ weights.T
+        + (n + MORE_ROUNDINGS) * ULP * (size @ weights.T)
+    ) * UP + TINY
+    low, high = rows[:, :, 0] - radius, rows[:, :, 0] + radius
+    ends = np.nextafter(low.min(axis=0), -np.inf), np.nextafter(high.max(axis=0), np.inf)
+    return np.stack(ends, axis=1)
+
+
+def inside(found: FloatArray, centre: FloatArray, size: FloatArray) -> bool:
+    """Whether ranges of ``W z`` are in the set ``|W z - centre| <= size``."""
+    low, high = np.nextafter(centre - size, np.inf), np.nextafter(centre + size, -np.inf)
+    return bool(((found[:, 0] >= low) & (found[:, 1] <= high)).all())
+
+
+def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces:
+    """All z with ``|W z - centre| <= size``, as one piece.
+
+    With V near the inverse of W, ``R = I - W V`` and ``q = W z``, z is ``V (q + R (I - R)^-1 q)``.
+    """
+    n = len(W)
+    V = np.linalg.inv(W)
+    rounding = (n + MORE_ROUNDINGS) * ULP
+    R = (np.abs(np.eye(n) - W @ V) + rounding * (np.abs(W) @ np.abs(V))).sum(axis=1) * UP
+    if not R.max() < 0.5:
+        raise Unbounded("the set of the hand-over has no inverse")
+    reach = size + 2.0 * R * (np.abs(centre) + size).max() * UP
+    made = Pieces((V @ centre)[np.newaxis], 0, SYMBOLS)
+    generators = V * (reach * UP)
+    made.values[0, :, 1 : 1 + n] = generators
+    made.err[0] = (
+        rounding * (np.abs(V) @ np.abs(centre) + np.abs(generators).sum(axis=1)) * UP + TINY
+    )
+    made.used = n
+    return made
+
+
+def way_round(
+    loop: SampledLoop,
+    W: FloatArray,
+    centre: FloatArray,
+    size: FloatArray,
+    samples: int,
+    plan: Plan,
+    *,
+    rounds: int = 2,
+) -> tuple[FloatArray, FloatArray] | None:
+    """Where the set leads in some rounds: ranges of ``W z`` after the first, and of the quantities.
+
+    None where a limit may hold a command.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+    W, centre, size, samples
+        As of `HandOver`.
+    plan : Plan
+    rounds : int
+
+    Returns
+    -------
+    after : ndarray, shape (n, 2)
+    passed : ndarray, shape (rounds * samples, 4, 2)
+
+    Raises
+    ------
+    Unbounded
+        If it cannot be enclosed.
+    """
+    still = settled(loop, rounds * samples)
+    enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
+    passed, after = [], np.zeros((len(W), 2))
+    for k in range(1, rounds * samples + 1):
+        found = enclosure.sample(k)
+        if found.held.any():
+            return None
+        passed.append(found.ranges)
+        if k == samples:
+            after = hull(enclosure.pieces, W)
+    return after, np.array(passed)
+
+
+def for_ever(passed: FloatArray, beyond: int) -> FloatArray:
+    """Bounds of the quantities, shape (4, 2), from some samples after the set on.
+
+    Parameters
+    ----------
+    passed : ndarray, shape (2 N, 4, 2)
+        As of `way_round`.
+    beyond : int
+        Samples. Before the second round has begun they count.
+    """
+    later = passed[min(beyond, len(passed) // 2) :]
+    return np.stack([later[:, :, 0].min(axis=0), later[:, :, 1].max(axis=0)], axis=1)

@@ -1,0 +1,173 @@
+"""Looking for a set that the settled loop maps into itself. Nothing here is trusted."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.linalg import schur, solve_discrete_lyapunov
+
+from flighttune.arrays import FloatArray
+from flighttune.tube.exact import enclosure_of
+from flighttune.tube.forms import Pieces
+from flighttune.tube.hand_over import SYMBOLS, HandOver, for_ever, inside, settled, way_round
+from flighttune.tube.sample import (
+    CHI,
+    EXTRA_LIFT,
+    GAMMA,
+    N_Z_INTEGRAL,
+    PHI,
+    STATES,
+    SampledLoop,
+    Unbounded,
+)
+from flighttune.tube.search import Search
+
+SMALL = 1e-6
+"""Size of the set by which the loop is linearised."""
+
+LONGEST = 800
+"""Most samples on the way back."""
+
+LEFT = 0.15
+"""Part of the set that the linear loop leaves of it on its way round, by which N is chosen."""
+
+FAST = 0.5
+"""Eigenvalue below which a mode is gone in some samples."""
+
+ROOM = 2.0
+"""How many times as large as that of the last sample the set is tried first."""
+
+GROWTH, ROUNDS = 1.3, 6
+
+SLACK = 1e-6
+"""Part of the set that is left free when it is found: another machine may add up otherwise."""
+
+
+def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
+    """Rows W in which the settled loop contracts, and after how many samples; None if never.
+
+    Any W will do; in this one the linear loop shrinks the norm of ``W z``.
+    """
+    at = _steady(loop)
+    n = len(at)
+    pieces = Pieces(at[np.newaxis], 0, SYMBOLS)
+    pieces.values[0, :, 1 : 1 + n] = SMALL * np.eye(n)
+    pieces.used = n
+    try:
+        enclosure_of(settled(loop, 1), pieces, new_search(loop)).sample(1)
+    except Unbounded:
+        return None
+    A = pieces.values[0, :n, 1 : 1 + n] / SMALL
+    if not np.abs(np.linalg.eigvals(A)).max() < 1.0:
+        return None
+    W = np.concatenate([_contracting(A, slow=slow) for slow in (True, False)])
+    step = W @ A @ np.linalg.inv(W)
+    power = np.eye(n)
+    for samples in range(1, LONGEST + 1):
+        power = power @ step
+        if np.abs(power).sum(axis=1).max() <= LEFT:
+            return W, samples
+    return None
+
+
+def _contracting(A: FloatArray, *, slow: bool) -> FloatArray:
+    """Rows of the slow or of the fast modes, in which the norm shrinks.
+
+    Commands follow errors and integrals within a sample. Where the set had room for commands that
+    do not, as it has without a separation of the modes, a rate limit would hold them.
+    """
+
+    def wanted(re: float, im: float) -> bool:
+        return (np.hypot(re, im) >= FAST) == slow
+
+    sorted_modes: Any = schur(A.T, sort=wanted)
+    T, Q, count = sorted_modes
+    if not count:
+        return np.zeros((0, len(A)))
+    rows, block = Q[:, :count].T, T[:count, :count].T
+    slower = block / (0.5 * (1.0 + np.abs(np.linalg.eigvals(block)).max()))
+    return np.linalg.cholesky(solve_discrete_lyapunov(slower.T, np.eye(count))).T @ rows
+
+
+def _steady(loop: SampledLoop) -> FloatArray:
+    """Steady flight on the last reference."""
+    at = np.zeros(loop.rows)
+    lift, (phi, n_z) = loop.lift(len(loop.gamma_ref) - 1), loop.planned[-1]
+    n_z = n_z or np.cos(loop.gamma_ref[-1])
+    at[CHI], at[GAMMA], at[PHI] = loop.chi_ref[-1], loop.gamma_ref[-1], phi
+    at[EXTRA_LIFT] = n_z - lift
+    at[N_Z_INTEGRAL] = 0.0 if loop.inversion else n_z - lift - loop.planned[-1, 1]
+    row = STATES
+    for lag, value in zip(loop.lags, (phi, n_z), strict=False):
+        at[row : row + lag.order] = lag.rest * value
+        row += lag.order
+    for lag, value in zip(loop.lags, (phi, n_z), strict=False):
+        at[row : row + lag.older + 1] = value
+        row += lag.older + 1
+    return at
+
+
+def new_search(loop: SampledLoop) -> Search:
+    """A search for one piece that meets no limit."""
+    return Search(loop, tolerance=1.0, most=0)
+
+
+def hand_over(
+    loop: SampledLoop,
+    W: FloatArray,
+    samples: int,
+    hulls: Mapping[int, FloatArray],
+) -> HandOver | None:
+    """Look for a set that holds the flights of the last samples for ever.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+    W : ndarray, shape (n, n)
+    samples : int
+        As of `coordinates`.
+    hulls : dict of int to ndarray, shape (n, 2)
+        Ranges of ``W z`` at samples in whose future nothing changes, up to the last.
+    """
+    if not hulls:
+        return None
+    end = hulls[max(hulls)]
+    centre, size = end.mean(axis=1), ROOM * 0.5 * np.ptp(end, axis=1) + 1e-9
+    try:
+        for _ in range(ROUNDS):
+            found = way_round(loop, W, centre, size, samples, new_search(loop), rounds=1)
+            if found is None:
+                return None
+            after, _ = found
+            if inside(after, centre, (1.0 - SLACK) * size):
+                return _kept(loop, W, centre, size, samples, hulls)
+            reached = np.maximum(centre - after[:, 0], after[:, 1] - centre)
+            size = GROWTH * np.maximum(size, reached)
+    except Unbounded:
+        pass
+    return None
+
+
+def _kept(
+    loop: SampledLoop,
+    W: FloatArray,
+    centre: FloatArray,
+    size: FloatArray,
+    samples: int,
+    hulls: Mapping[int, FloatArray],
+) -> HandOver | None:
+    plan, last = new_search(loop), max(hulls)
+    found = way_round(loop, W, centre, size, samples, plan)
+    tight = (1.0 - SLACK) * size
+    reached = [k for k, one in hulls.items() if inside(one, centre, tight)]
+    if found is None or not inside(found[0], centre, tight) or not reached:
+        return None
+    return HandOver(
+        sample=min(reached),
+        W=W,
+        centre=centre,
+        size=size,
+        samples=samples,
+        bounds=for_ever(found[1], last - min(reached)),
+        chosen=plan.choices,
+    )

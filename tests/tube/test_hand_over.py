@@ -1,0 +1,134 @@
+"""After the time of the scenario: the set that flights stay in for ever."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import InputError
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.scenario import scenario_from
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.simulate.loop import simulate
+from flighttune.tube.hand_over import hull, inside, parallelotope
+from flighttune.tube.proof import load_tube, save_tube, verify_tube
+from flighttune.tube.result import QUANTITIES
+from flighttune.tube.tube import tube
+from tests.tube.test_soundness import made_up
+
+pytestmark = pytest.mark.slow
+
+D = 0.002
+LONGER = 10
+"""How many times as long as the scenario the flights are that must stay inside."""
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return made_up(chi_err_deg=0.3, gamma_deg=15.2, duration_s=4.0)
+
+
+@pytest.fixture(scope="module")
+def found(scenario):
+    return tube(scenario, PAPER_GAINS, disturbance=D)
+
+
+@pytest.fixture(scope="module")
+def path(found, tmp_path_factory):
+    path = tmp_path_factory.mktemp("tube") / "tube.npz"
+    save_tube(found, path)
+    return path
+
+
+@pytest.mark.parametrize("omega", [0.0, 0.7, 1.5, 6.0])
+def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
+    tables = scenario.as_dict()
+    tables["flight"]["duration_s"] *= LONGER
+    longer = scenario_from(tables)
+
+    signals, _ = simulate(
+        PointMassPlant(
+            None,
+            disturbance=Sinusoid(
+                chi_amplitude=D, chi_omega=omega, gamma_amplitude=-D, gamma_omega=omega
+            ),
+            law="paper",
+            g=scenario.flight.g_mps2,
+        ),
+        found.problem.controller(),
+        longer.followed(),
+        condition=longer.condition,
+        duration=longer.flight.duration_s,
+    )
+
+    after = signals[signals.index > scenario.flight.duration_s]
+    for name, (low, high) in zip(QUANTITIES, found.hand_over.bounds, strict=True):
+        assert after[name].between(low, high).all()
+    assert not after[["phi_limited", "n_z_limited"]].to_numpy().any()
+
+
+def test_it_is_in_the_file_and_proven_again(found, path):
+    again = load_tube(path)
+
+    assert again.handed_over == found.handed_over
+    assert verify_tube(again).valid
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("ever_size", lambda size: 0.5 * size, "sample .*: the set that is kept"),
+        ("ever_size", lambda size: 300.0 * size, "after .* samples from sample "),
+        ("ever_bounds", lambda bounds: 0.9 * bounds, "after .*chi_err >= .* is not proven"),
+    ],
+)
+def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, change, said):
+    with np.load(path) as arrays:
+        content = {key: arrays[key] for key in arrays.files}
+    content[name] = change(content[name])
+    np.savez_compressed(tmp_path / "changed.npz", **content)
+
+    verdict = verify_tube(tmp_path / "changed.npz")
+
+    assert not verdict.valid
+    assert re.search(said, verdict.reason)
+
+
+def test_a_hand_over_before_the_last_change_is_refused(path, tmp_path):
+    with np.load(path) as arrays:
+        content = {key: arrays[key] for key in arrays.files}
+    claim = json.loads(str(content["claim"]))
+    claim["hand_over"]["sample"] = 0
+    content["claim"] = np.array(json.dumps(claim))
+    np.savez_compressed(tmp_path / "changed.npz", **content)
+
+    with pytest.raises(InputError, match="after the last change"):
+        verify_tube(tmp_path / "changed.npz")
+
+
+def test_nothing_is_claimed_for_ever_of_a_reference_that_still_moves(scenario):
+    tables = scenario.as_dict()
+    tables["flight"]["duration_s"] = 0.4
+    tables["reference"]["gamma_deg"] = [
+        {"shape": "ramp", "start_s": 0.2, "rate_dps": 2.0, "duration_s": 1.0}
+    ]
+
+    assert tube(scenario_from(tables), PAPER_GAINS, disturbance=D).hand_over is None
+
+
+def test_a_parallelotope_holds_all_that_its_rows_allow():
+    rng = np.random.default_rng(3)
+    W, centre = rng.normal(size=(5, 5)), rng.normal(size=5)
+    size = np.abs(rng.normal(size=5))
+
+    made = parallelotope(W, centre, size)
+
+    corners = np.array([rng.choice([-1.0, 1.0], 5) for _ in range(50)])
+    z = np.linalg.solve(W, (centre + corners * size).T).T
+    generators = made.values[0, :, 1:6]
+    symbols = np.linalg.solve(generators, (z - made.values[0, :, 0]).T)
+    assert np.abs(symbols).max() <= 1.0 + 1e-9
+    assert not inside(hull(made, W), centre, size)  # rounded outwards
+    assert inside(hull(made, W), centre, (1.0 + 1e-9) * size)
