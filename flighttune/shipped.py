@@ -1,4 +1,4 @@
-"""Where the aircraft, scenarios and campaigns that come with flighttune lie."""
+"""Where aircraft lie, and the scenarios and campaigns that come with flighttune."""
 
 import os
 from collections.abc import Iterable
@@ -8,6 +8,9 @@ from flighttune.errors import InputError
 
 _PACKAGE = Path(__file__).resolve().parent
 
+OWN_AIRCRAFT = "FLIGHTTUNE_AIRCRAFT"
+"""Names the folder of the user's aircraft in the environment."""
+
 TRUST_AIRCRAFT = "FLIGHTTUNE_TRUST_AIRCRAFT"
 """Set in the environment of a process that may be ended by an aircraft's files."""
 
@@ -16,6 +19,26 @@ def aircraft_names() -> tuple[str, ...]:
     """Return the names of the shipped aircraft, sorted."""
     folder = _shipped_folder("aircraft")
     return tuple(sorted(path.parent.name for path in folder.glob("*/aircraft.toml")))
+
+
+def aircraft_places() -> tuple[Path, ...]:
+    """Folders in which an aircraft is looked for by its name, in this order.
+
+    ``./aircraft``, the user's (`OWN_AIRCRAFT` in the environment, by default one where the system
+    keeps data of programs), and that of the shipped ones.
+    """
+    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    own = os.environ.get(OWN_AIRCRAFT) or Path(data) / "flighttune" / "aircraft"
+    return Path("aircraft"), Path(own), _shipped_folder("aircraft")
+
+
+def aircraft_folders() -> dict[str, Path]:
+    """Return the folders of the aircraft found by name, sorted; the first of a name counts."""
+    found = {}
+    for place in aircraft_places():
+        for file in place.glob("*/aircraft.toml"):
+            found.setdefault(file.parent.name, file.parent)
+    return dict(sorted(found.items()))
 
 
 def scenario_files() -> dict[str, Path]:
@@ -31,24 +54,31 @@ def campaign_files() -> dict[str, Path]:
 
 def is_trusted(folder: Path) -> bool:
     """Whether JSBSim may load an aircraft's folder in this process: a shipped one, or any."""
-    ours = _shipped_folder("aircraft").resolve()
-    return TRUST_AIRCRAFT in os.environ or folder.resolve().parent == ours
+    return TRUST_AIRCRAFT in os.environ or is_shipped(folder)
+
+
+def is_shipped(folder: Path) -> bool:
+    """Whether a folder is that of an aircraft that comes with flighttune."""
+    return folder.resolve().parent == _shipped_folder("aircraft").resolve()
 
 
 def aircraft_folder(name: str) -> Path:
-    """Return the folder of the shipped aircraft `name`.
+    """Return the folder of the aircraft `name`, found in one of `aircraft_places`.
 
     Raises
     ------
     InputError
-        If no aircraft of that name is shipped.
+        If there is no aircraft of that name.
     """
-    if name not in aircraft_names():
-        raise InputError(
-            f"`aircraft` must be one of {', '.join(aircraft_names())}, got {name!r}"
-            f"{nearest_name(name, aircraft_names())}"
-        )
-    return _shipped_folder("aircraft") / name
+    if Path(name).name == name:
+        for place in aircraft_places():
+            if (place / name / "aircraft.toml").is_file():
+                return (place / name).resolve()
+    known = list(aircraft_folders())
+    raise InputError(
+        f"`aircraft` must be one of {', '.join(known)}, or a folder with one, got {name!r}"
+        f"{nearest_name(name, known)}"
+    )
 
 
 def nearest_name(name: str, names: Iterable[str]) -> str:

@@ -46,3 +46,18 @@ def reason_of(error: OSError) -> str:
     """What the system says, without its number and file: ``no space left on device``."""
     text = error.strerror or str(error)
     return text[:1].lower() + text[1:]
+
+
+def made_folder(folder: Path) -> Path:
+    """Make a folder, and those above it, where there is none.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: must be writable, got {reason_of(error)}.") from error
+    return folder

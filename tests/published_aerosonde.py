@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.plants.jsbsim import properties
 from flighttune.units import FT
 
 MASS, MOTOR = 11.0, 120.0  # kg, N
@@ -60,9 +61,8 @@ def accelerations(V_a, alpha, beta, rates, surfaces, throttle, off=NOMINAL):
 
 def evaluated(fdm, V_a, alpha, beta, rates, surfaces, throttle):
     """Put `fdm` into a state that no trim led to."""
-    channels = fdm.config.channels
     settings = {
-        channels.engaged: 0.0,
+        properties.ENGAGED: 0.0,
         "ic/h-sl-ft": 1000.0 / FT,
         "ic/u-fps": V_a / FT * math.cos(alpha) * math.cos(beta),
         "ic/v-fps": V_a / FT * math.sin(beta),
@@ -70,10 +70,8 @@ def evaluated(fdm, V_a, alpha, beta, rates, surfaces, throttle):
         "ic/p-rad_sec": rates[0],
         "ic/q-rad_sec": rates[1],
         "ic/r-rad_sec": rates[2],
-        channels.aileron_trim_rad: surfaces[0],
-        channels.elevator_trim_rad: surfaces[1],
-        channels.rudder_trim_rad: surfaces[2],
-        channels.throttle_trim: throttle,
+        **dict(zip(properties.SURFACE_TRIMS, surfaces, strict=True)),
+        properties.THROTTLE_TRIM: throttle,
     }
     for name, value in settings.items():
         fdm.writer(name)(value)

@@ -1,10 +1,12 @@
 """An aircraft's folder: its ``aircraft.toml``, read once and checked, in SI and radians."""
 
 import hashlib
+import json
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -34,11 +36,20 @@ from flighttune.quantities import (
     TimeConstant,
 )
 from flighttune.shipped import aircraft_folder
-from flighttune.table_file import toml_tables
+from flighttune.table_file import json_tables, toml_tables
+from flighttune.whole_file import whole_file
+
+Model = TypeVar("Model", bound=BaseModel)
 
 _LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
 PROPERTY_NAME = rf"^{_LEVEL}(/{_LEVEL})*$"
 """Names JSBSim takes; it ends the process over any other."""
+
+
+def _through_zero(ends: tuple[float, float]) -> tuple[float, float]:
+    if not ends[0] * ends[1] < 0.0:
+        raise ValueError("must be one negative and one positive position")
+    return ends
 
 
 def _rising(interval: tuple[float, float]) -> tuple[float, float]:
@@ -47,6 +58,7 @@ def _rising(interval: tuple[float, float]) -> tuple[float, float]:
     return interval
 
 
+SurfaceAngle = Annotated[Finite, Field(gt=-math.pi, lt=math.pi)]
 FromDegrees = Annotated[Angle, AfterValidator(math.radians)]
 Settling = Annotated[NotNegative, Field(le=60.0)]
 Throttle = Annotated[Finite, Field(ge=0.0, le=1.0)]
@@ -56,9 +68,7 @@ LoadFactors = Annotated[tuple[LoadFactor, LoadFactor], *Rising]
 Throttles = Annotated[tuple[Throttle, Throttle], *Rising]
 Angles = Annotated[tuple[FromDegrees, FromDegrees], *Rising]
 PropertyName = Annotated[str, Field(pattern=PROPERTY_NAME)]
-
-INNER_LOOP = "inner-loop/"
-"""What the properties of an aircraft begin with that are gains; each must have a value."""
+DeclaredName = Annotated[str, Field(pattern=PROPERTY_NAME.replace("^", "^/?", 1))]
 
 
 class AircraftTable(BaseModel):
@@ -118,72 +128,70 @@ class CommandLimits(AircraftTable):
         )
 
 
-class Actuators(AircraftTable):
-    """Travel of surfaces (rad) and throttle (1), lower and upper stop."""
-
-    aileron: Angles = Field(alias="aileron_deg")
-    elevator: Angles = Field(alias="elevator_deg")
-    rudder: Angles = Field(alias="rudder_deg")
-    throttle: Throttles
-
-
-class Channels(AircraftTable):
-    """JSBSim properties by which the plant talks to the aircraft; the key says the unit."""
-
-    phi_cmd_rad: PropertyName
-    n_z_cmd: PropertyName
-    V_a_cmd_mps: PropertyName
-    engaged: PropertyName
-    aileron_trim_rad: PropertyName
-    elevator_trim_rad: PropertyName
-    rudder_trim_rad: PropertyName
-    throttle_trim: PropertyName
-    aileron_law_rad: PropertyName
-    elevator_law_rad: PropertyName
-    rudder_law_rad: PropertyName
-    throttle_law: PropertyName
-    aileron_rad: PropertyName
-    elevator_rad: PropertyName
-    rudder_rad: PropertyName
-    throttle: PropertyName
-    thrust_lbf: PropertyName
-
-    @property
-    def trimmed(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of trim property and of the inner loop's output that adds to it."""
-        return (
-            (self.aileron_trim_rad, self.aileron_law_rad),
-            (self.elevator_trim_rad, self.elevator_law_rad),
-            (self.rudder_trim_rad, self.rudder_law_rad),
-            (self.throttle_trim, self.throttle_law),
-        )
-
-
-class LimitProperties(AircraftTable):
-    """JSBSim properties that take the command limits, in rad and s."""
-
-    phi_min: PropertyName
-    phi_max: PropertyName
-    phi_rate: PropertyName
-    n_z_min: PropertyName
-    n_z_max: PropertyName
-    n_z_rate: PropertyName
-    throttle_max: PropertyName
-
-
-class Wrapping(AircraftTable):
-    """What is added to an aircraft of JSBSim's own set.
+class Surface(AircraftTable):
+    """A control surface: how far it is moved, and by which property of the model.
 
     Attributes
     ----------
-    systems : tuple of str
-        System files put in front of its flight control, in this order; paths from the folder.
-    engine_settles : float, s
-        Time the engine takes from any state to a steady one; 0 where JSBSim knows the steady state.
+    travel : tuple of two floats, rad
+        Stops, positive where the aileron rolls right, the elevator is trailing edge down and the
+        rudder trailing edge left.
+    command : str or None
+        Property of the model that takes the command, by default ``fcs/SURFACE-cmd-norm``. One that
+        ends in ``-rad`` takes the position itself.
+    full : tuple of two floats, rad, or None
+        Positions at the commands -1 and +1, by default `travel`; the first is the larger one where
+        the command acts the other way round.
+    replaces : tuple of str
+        Properties of the model's own flight control that its aerodynamics read, and instead of
+        which they get the position: past a flight control that does not do as it is told.
     """
 
-    systems: Annotated[tuple[str, ...], Field(strict=False, max_length=100)]
-    engine_settles: Settling = Field(alias="engine_settles_s", default=0.0)
+    travel: Angles = Field(alias="travel_deg")
+    command: PropertyName | None = None
+    full: (
+        Annotated[
+            tuple[SurfaceAngle, SurfaceAngle], Field(strict=False), AfterValidator(_through_zero)
+        ]
+        | None
+    ) = Field(alias="full_rad", default=None)
+    replaces: Annotated[tuple[PropertyName, ...], Field(strict=False, max_length=20)] = ()
+
+
+SURFACES = ("aileron", "elevator", "rudder")
+
+
+class Surfaces(AircraftTable):
+    """The control surfaces."""
+
+    aileron: Surface
+    elevator: Surface
+    rudder: Surface
+
+    def named(self) -> Iterator[tuple[str, Surface]]:
+        """Name and table of each, in the order of `SURFACES`."""
+        return ((name, getattr(self, name)) for name in SURFACES)
+
+
+class Engines(AircraftTable):
+    """The engines, which get one throttle command.
+
+    Attributes
+    ----------
+    count : int
+        Engines of the model, every one of which must push.
+    settle : float, s
+        Time they take from any state to a steady one; 0 where JSBSim knows the steady state.
+    throttle : tuple of two floats, 1
+        Lowest and highest throttle.
+    command : str
+        Property of the model that takes the throttle of the first engine; the others are indices.
+    """
+
+    count: Annotated[int, Field(ge=1, le=32)] = 1
+    settle: Settling = Field(alias="settle_s", default=0.0)
+    throttle: Throttles = (0.0, 1.0)
+    command: PropertyName = "fcs/throttle-cmd-norm"
 
 
 class Design(AircraftTable):
@@ -221,6 +229,29 @@ class Design(AircraftTable):
     n_z_overshoot: Positive
 
 
+GAINS_FILE = "gains.json"
+
+
+class InnerLoopGains(AircraftTable):
+    """Gains of the inner loop, as ``flighttune design`` writes them beside ``aircraft.toml``.
+
+    Attributes
+    ----------
+    format : str
+    made_for : str
+        Hash of the model's files and of the aircraft's surfaces, engines and settings.
+    jsbsim : str
+        Version that computed them.
+    gains : mapping of str to float
+        By the name they have behind ``ft/gains/``; surfaces in rad, rates in rad/s, throttle in 1.
+    """
+
+    format: Literal["flighttune inner-loop gains 1"] = "flighttune inner-loop gains 1"
+    made_for: str
+    jsbsim: str
+    gains: dict[PropertyName, Gain]
+
+
 class AircraftConfig(AircraftTable):
     """One aircraft as its ``aircraft.toml`` describes it, in SI and radians.
 
@@ -229,36 +260,35 @@ class AircraftConfig(AircraftTable):
     title, source : str
         What it is and where its numbers come from.
     model : str
-        Name of JSBSim's main file, without ``.xml``.
-    wrapping : Wrapping or None
-        For a model that comes with JSBSim.
+        Aircraft of JSBSim's own set by name, or the path of a main file from the folder, which
+        ends in ``.xml``.
     inner_loop_rate : float, 1/s
         Samples of the computer that runs the inner loop. JSBSim's steps are this or a whole
         fraction.
     settings : mapping of str to float
         Values of JSBSim properties for the whole flight, in JSBSim's units.
-    envelope, limits, actuators, channels, limit_properties, design
+    declared : mapping of str to float
+        Values of properties that the model refers to and neither it nor JSBSim has: those of
+        another simulator.
+    surfaces, engines, envelope, limits, design
         Tables of the file.
-    gains : mapping of str to float
-        Gains of the inner loop by JSBSim property, in the units the comments of the file give.
     """
 
     title: str
     source: str
-    model: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=80)]
-    wrapping: Wrapping | None = None
+    model: Annotated[str, Field(pattern=r"^[^\x00-\x1f{}]+$", max_length=500)]
     inner_loop_rate: Annotated[Finite, Field(ge=20.0, le=2000.0)] = Field(
         alias="inner_loop_rate_hz", default=200.0
     )
+    surfaces: Surfaces
+    engines: Engines = Engines()
     settings: dict[PropertyName, Finite] = Field(default_factory=dict)
+    declared: dict[DeclaredName, Finite] = Field(default_factory=dict)
     envelope: FlightEnvelope
     limits: CommandLimits
-    actuators: Actuators
-    channels: Channels
-    limit_properties: LimitProperties
     design: Design | None = None
-    gains: dict[PropertyName, Gain]
     _folder: Path = PrivateAttr()
+    _gains: InnerLoopGains | None = PrivateAttr(default=None)
     _off_nominal: OffNominal | None = PrivateAttr(default=None)
 
     @property
@@ -270,6 +300,29 @@ class AircraftConfig(AircraftTable):
     def file(self) -> Path:
         """The ``aircraft.toml`` itself."""
         return self._folder / "aircraft.toml"
+
+    @property
+    def gains(self) -> InnerLoopGains | None:
+        """Gains of the inner loop; None where `design` has written none."""
+        return self._gains
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of what the file says about surfaces, engines and settings."""
+        kept = {
+            "surfaces": True,
+            "settings": True,
+            "declared": True,
+            "engines": {"count", "command"},
+        }
+        tables = self.model_dump_json(include=kept, exclude_defaults=True)
+        return hashlib.sha256(tables.encode()).hexdigest()
+
+    def with_gains(self, gains: InnerLoopGains) -> Self:
+        """Return the aircraft with other gains of its inner loop."""
+        changed = self.model_copy()
+        changed._gains = gains
+        return changed
 
     @property
     def off_nominal(self) -> OffNominal | None:
@@ -290,13 +343,13 @@ class AircraftConfig(AircraftTable):
         InputError
             If it does not lie between the stops of the aircraft.
         """
-        low, high = self.actuators.throttle
+        low, high = self.engines.throttle
         if not low < throttle_max <= high:
             raise InputError(
                 f"`throttle_max` must lie above {low:g} and up to {high:g}, got {throttle_max}."
             )
-        actuators = self.actuators.model_copy(update={"throttle": (low, throttle_max)})
-        return self.model_copy(update={"actuators": actuators})
+        engines = self.engines.model_copy(update={"throttle": (low, throttle_max)})
+        return self.model_copy(update={"engines": engines})
 
 
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:
@@ -318,24 +371,65 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
         folder = aircraft_folder(aircraft)
     else:
         folder = Path(aircraft).resolve()
-    file = folder / "aircraft.toml"
+    return _read(folder, tuple(_stamp(folder / name) for name in ("aircraft.toml", GAINS_FILE)))
+
+
+def _stamp(file: Path) -> tuple[int, ...]:
+    """When a file was last written to, and its size; nothing where there is none."""
     try:
         found = file.stat()
     except OSError as error:
+        if file.name == GAINS_FILE:
+            return ()
         raise InputError(f"{file}: must be a readable file, got {error.strerror}.") from error
-    return _read(file, (found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_size))
+    return found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_size
 
 
 @lru_cache(maxsize=32)
-def _read(file: Path, stamp: tuple[int, ...]) -> AircraftConfig:
-    """The aircraft of a file, read anew when the file was written to."""
-    del stamp
+def _read(folder: Path, stamps: tuple[tuple[int, ...], ...]) -> AircraftConfig:
+    """The aircraft of a folder, read anew when a file was written to."""
+    file = folder / "aircraft.toml"
+    config = aircraft_from(toml_tables(file), folder)
+    if stamps[1]:
+        config._gains = _checked(
+            InnerLoopGains, json_tables(folder / GAINS_FILE), folder / GAINS_FILE
+        )
+    return config
+
+
+def aircraft_from(tables: dict[str, Any], folder: Path) -> AircraftConfig:
+    """Return the aircraft that the tables of an ``aircraft.toml`` in `folder` describe.
+
+    Raises
+    ------
+    ScenarioError
+        If they cannot be used; the message names file and key.
+    """
+    config = _checked(AircraftConfig, tables, folder / "aircraft.toml")
+    config._folder = folder
+    return config
+
+
+def save_gains(gains: InnerLoopGains, folder: Path) -> Path:
+    """Write the gains of an inner loop into an aircraft's folder, and return the file.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    file = folder / GAINS_FILE
+    text = json.dumps(gains.model_dump(), indent=2, allow_nan=False) + "\n"
+    with whole_file(file) as part:
+        part.write_text(text, encoding="utf-8")
+    return file
+
+
+def _checked(model: type[Model], tables: dict[str, Any], file: Path) -> Model:
     try:
-        config = AircraftConfig.model_validate(toml_tables(file))
+        return model.model_validate(tables)
     except ValidationError as error:
         raise ScenarioError(f"{file}: {first_mistake(error)}") from error
-    config._folder = file.parent
-    return config
 
 
 def files_hash(aircraft: str) -> str:

@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
+from flighttune.aircraft.aircraft import SURFACES
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
@@ -38,7 +39,8 @@ def read_xml(file: Path, what: str) -> ElementTree.Element:
         root = ElementTree.parse(file).getroot()
         text = ElementTree.tostring(root, encoding="unicode")
     except (OSError, ElementTree.ParseError) as error:
-        raise PlantError(f"{what}: {error}.") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise PlantError(f"{what}: {file}: {reason}.") from error
     except RecursionError:
         raise PlantError(f"{what}: {file} has too many elements inside each other.") from None
     if "{{" in text:
@@ -64,8 +66,8 @@ def filled(template: str, values: Mapping[str, float]) -> str:
 AXES = dict(zip(OffNominal.AXES, ["LIFT", "DRAG", "SIDE", "ROLL", "PITCH", "YAW"], strict=True))
 """JSBSim's axis for each factor on aerodynamics as a whole."""
 
-SURFACE_ACTUATORS = tuple(f"fcs/{name}-actuator" for name in ("aileron", "elevator", "rudder"))
-"""Names by which the inner loop knows the actuators of the surfaces."""
+SURFACE_ACTUATORS = tuple(f"ft/{name}-rad" for name in SURFACES)
+"""Names of the actuators of the surfaces."""
 
 COEFFICIENT = "coefficient "
 """What the placeholder of a factor on a single function begins with."""
@@ -132,15 +134,15 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
         _multiply(parent, i, placeholder(f"{COEFFICIENT}{name}"))
 
 
-def scale_thrust(root: Element, engines: Path, file: Path) -> None:
+def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
     """Multiply the thrust of every engine: of its propeller, or of what pushes directly.
 
     Parameters
     ----------
     root : Element
         Main file of the aircraft; the files of engines and thrusters are put into it.
-    engines : path
-        Folder of those.
+    folders : sequence of path
+        Where those are looked for, in this order.
     file : path
         Where the main file stands.
 
@@ -152,9 +154,9 @@ def scale_thrust(root: Element, engines: Path, file: Path) -> None:
         If the file of an engine or thruster cannot be read.
     """
     for engine in root.iterfind("propulsion/engine"):
-        motor = _inlined(engine, engines)
+        motor = _inlined(engine, folders)
         thruster = engine.find("thruster")
-        thruster_kind = None if thruster is None else _inlined(thruster, engines)
+        thruster_kind = None if thruster is None else _inlined(thruster, folders)
         if thruster_kind is not None and thruster_kind.tag == "propeller":
             factor = thruster_kind.find("ct_factor")
             if factor is None:
@@ -172,52 +174,18 @@ def scale_thrust(root: Element, engines: Path, file: Path) -> None:
             number.text = placeholder("thrust", float(number.text or 0.0))
 
 
-def slow_actuators(root: Element, systems: Path, file: Path) -> None:
+def slow_actuators(root: Element) -> None:
     """Multiply the time constants of the surface actuators.
 
     Parameters
     ----------
     root : Element
-        Main file of the aircraft; systems with such an actuator are put into it.
-    systems : path
-        Folder of those.
-    file : path
-        Where the main file stands.
-
-    Raises
-    ------
-    InputError
-        If none of them has a lag.
-    PlantError
-        If the file of a system cannot be read.
+        Main file of the aircraft, with the systems of `flighttune.aircraft.systems` in it.
     """
-    for i, system in enumerate(root):
-        if system.tag == "system" and system.get("file"):
-            read = read_xml(_file(systems, system.get("file", "")), str(file))
-            if list(_lags(read)):
-                root[i] = read
-    lags = list(_lags(root))
-    if not lags:
-        raise InputError(
-            f"`actuator_lag_factor` must be left out: {file} gives none of "
-            f"{', '.join(SURFACE_ACTUATORS)} a number for its <lag>."
-        )
-    for lag in lags:
-        lag.text = placeholder("actuator_rate", float(lag.text or 0.0))
-
-
-def _lags(root: Element) -> Iterator[Element]:
     for actuator in root.iter("actuator"):
         lag = actuator.find("lag")
-        if actuator.get("name") in SURFACE_ACTUATORS and lag is not None and _is_number(lag.text):
-            yield lag
-
-
-def _is_number(text: str | None) -> bool:
-    try:
-        return text is not None and bool(float(text))
-    except ValueError:
-        return False
+        if actuator.get("name") in SURFACE_ACTUATORS and lag is not None:
+            lag.text = placeholder("actuator_rate", float(lag.text or 0.0))
 
 
 def _named(root: Element) -> Iterator[tuple[Element, int, str]]:
@@ -241,19 +209,21 @@ def _one_of(name: str, named: list[tuple[Element, int, str]], file: Path) -> str
     return f"a named aerodynamic function of {file}; {hint}"
 
 
-def _inlined(holder: Element, folder: Path) -> Element:
+def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
     """Put the file that `holder` names into it, and return what was in that file."""
     name = holder.attrib.pop("file", None)
     if name is None:
         return holder[0]
-    read = read_xml(_file(folder, name), str(folder))
+    read = read_xml(found_file(name, folders), f"{folders[0]}")
     holder.insert(0, read)
     return read
 
 
-def _file(folder: Path, name: str) -> Path:
-    path = folder / name
-    return path if path.suffix == ".xml" else path.with_name(f"{path.name}.xml")
+def found_file(name: str, folders: Sequence[Path]) -> Path:
+    """The file that JSBSim finds under a name; in the last of the folders where there is none."""
+    paths = [folder / name for folder in folders]
+    paths = [one if one.suffix == ".xml" else one.with_name(f"{one.name}.xml") for one in paths]
+    return next((path for path in paths if path.is_file()), paths[-1])
 
 
 def _multiply_function(function: Element, factor: str) -> None:

@@ -44,7 +44,7 @@ from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import INTENSITIES, TUNED_IDENTIFIED
-from flighttune.shipped import aircraft_names
+from flighttune.shipped import aircraft_folders
 from flighttune.units import DEG_PER_RAD
 
 CALM, STEADY_WIND = "calm", "wind"
@@ -264,7 +264,7 @@ def _planned(source: str) -> Plan:
     folder = Path(source)
     if (folder / CAMPAIGN).is_file():
         return open_dataset(source).plan
-    if source in aircraft_names() or (folder / "aircraft.toml").is_file():
+    if source in aircraft_folders() or (folder / "aircraft.toml").is_file():
         return plan_campaign(own_campaign(source))
     return plan_campaign(load_campaign(source))
 

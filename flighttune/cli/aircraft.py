@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune.cli.options import JsonOption, aircraft_names, check_ending
+from flighttune.cli.options import JsonOption, aircraft_names, check_ending, out_folder
 from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.errors import InputError
 from flighttune.present.numbers import number
 from flighttune.present.tables import Bad, Table
+from flighttune.shipped import is_shipped
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
@@ -74,27 +76,32 @@ def trim(
 
 def design(
     aircraft: AircraftArgument,
+    out: Annotated[Path | None, out_folder("that of the aircraft, if it is the user's")] = None,
     dry_run: Annotated[
         bool, Option("--dry-run", help="Print the gains; write no file and no figure.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Design the gains of AIRCRAFT's inner loop, check its step responses and write the gains."""
-    from flighttune.aircraft.aircraft import load_aircraft
-    from flighttune.identify.design import design_aircraft, write_gains
+    from flighttune.aircraft.aircraft import load_aircraft, save_gains
+    from flighttune.identify.design import design_aircraft
 
     designed = design_aircraft(load_aircraft(aircraft))
     config, figure = designed.config, None
-    written = None if dry_run or designed.missed else config.file
-    if written is not None:
+    gains, place = config.gains, out or config.folder
+    assert gains is not None  # a design makes them
+    if out is None and is_shipped(config.folder) and not dry_run:
+        raise InputError(f"{aircraft}: --out must be given for an aircraft that is shipped.")
+    written = None
+    if not (dry_run or designed.missed):
         from flighttune.identify.step_figure import draw_steps
 
-        write_gains(written, config.gains)
-        figure = draw_steps(config, designed.checks, config.folder)
+        written = save_gains(gains, place)
+        figure = draw_steps(config, designed.checks, place)
     answer = {
         "written": written,
         "figure": figure,
-        "gains": config.gains,
+        "gains": gains.gains,
         "steps": [
             {
                 **pick(check.step, "channel overshoot"),
@@ -127,14 +134,15 @@ def identify(
     out: Annotated[
         Path | None,
         Option(
-            help="Model file; a figure of the same name goes with it "
-            "[default: runs/identified/AIRCRAFT.json]."
+            help="Model file; a figure of the same name goes with it [default: identified.json of "
+            "an aircraft of the user's, runs/identified/AIRCRAFT.json of a shipped one]."
         ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Identify AIRCRAFT's roll and load-factor response in flight; write a model to tune on."""
-    from flighttune.identify.file import identified_tables, save_identified
+    from flighttune.aircraft.aircraft import load_aircraft
+    from flighttune.identify.file import FILE_NAME, identified_tables, save_identified
     from flighttune.identify.identify import identify_aircraft
     from flighttune.report.identification import identification_figure, save_figure
 
@@ -142,7 +150,9 @@ def identify(
     angles = [angle * DEG for angle in gamma or (0.0,)]
     found = identify_aircraft(aircraft, V_a=V_a or (), gamma=angles, h=h, seed=seed)
     name, nominal = found.identified.aircraft, found.conditions[0]
-    model = out or Path("runs") / "identified" / f"{name}.json"
+    folder = load_aircraft(aircraft).folder
+    shipped = Path("runs") / "identified" / f"{name}.json"
+    model = out or (shipped if is_shipped(folder) else folder / FILE_NAME)
     figure = model.with_suffix(".png")
     place = f"{name} at {nominal.condition.V_a:g} m/s, {nominal.condition.gamma / DEG:g} deg"
     save_identified(found.identified, model)
@@ -210,7 +220,7 @@ def _design_text(designed: "DesignedAircraft", written: Path | None) -> Iterator
     config = designed.config
     gains = [
         (name, f"{value:.4g}", number(designed.previous.get(name, math.nan)))
-        for name, value in config.gains.items()
+        for name, value in (config.gains.gains if config.gains else {}).items()
     ]
     yield table(config.title, ("gain", "designed", "before"), gains)
     steps = [

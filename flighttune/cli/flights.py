@@ -142,7 +142,7 @@ def list_shipped(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """List the scenarios, campaigns and aircraft that come with the package."""
+    """List the scenarios and campaigns that come with the package, and all aircraft found."""
     from flighttune import shipped
 
     files = {
@@ -150,13 +150,17 @@ def list_shipped(
         "campaigns": shipped.campaign_files().values(),
     }
     listed = {kind: [_heading(path) for path in paths] for kind, paths in files.items()}
-    aircraft = shipped.aircraft_names()
+    aircraft = {
+        name: "" if shipped.is_shipped(folder) else str(folder)
+        for name, folder in shipped.aircraft_folders().items()
+    }
     text = []
     for kind, rows in listed.items():
         head = [name for name in rows[0] if verbose or name != "verifies"]
         text.append(table(kind, head, [[row[name] for name in head] for row in rows]))
-    text.append(f"aircraft: {', '.join(aircraft)}")
-    emit({**listed, "aircraft": aircraft}, text, as_json=as_json)
+    places = (f"{name} ({at})" if at else name for name, at in aircraft.items())
+    text.append(f"aircraft: {', '.join(places)}")
+    emit({**listed, "aircraft": list(aircraft)}, text, as_json=as_json)
 
 
 def view(

@@ -17,7 +17,7 @@ from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.theory.common import CommonQ, common_Q
 from flighttune.theory.indicators import scaled
 from flighttune.tuning.envelope import LargestEnvelope, largest_envelope
-from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
 from flighttune.tuning.robust import tune_worst_case
 from flighttune.tuning.tune import tune
@@ -84,25 +84,46 @@ def identified_problems(scenario: Scenario, *, rates: bool = False) -> tuple[Tun
         If there is no identified model.
     """
     return tuple(
-        _problem(scenario, one.model, one.scaling, math.inf)
+        _problem(scenario, one.model, one.scaling, math.inf, _followed_roll(scenario, one, rates))
         for one in scenario.identified_models(rates=rates)
     )
 
 
+def _followed_roll(scenario: Scenario, one: DesignModel, rates: bool) -> float:
+    """Largest gain from course to roll that the rate limit of roll can follow; inf for any.
+
+    From the largest bank phi, roll taken out at its largest rate and late by its lag turns the
+    course by ``g/V (phi^2 / (2 rate) + phi lag)`` on. That must not be more than the course error
+    which commands this bank, ``phi / K_P``: else every turn ends beyond its course, and in a limit
+    cycle.
+    """
+    limits = scenario.limits.limits()
+    phi, rate = min(limits.upper[0], -limits.lower[0]), limits.rate_upper[0]
+    if not scenario.tuning.roll_rate or not np.isfinite([phi, rate]).all():
+        return math.inf
+    turn_per_roll = 1.0 if rates else scenario.flight.g_mps2 / one.V_a
+    return 1.0 / (turn_per_roll * (phi / (2.0 * rate) + one.roll_lag))
+
+
 def _problem(
-    scenario: Scenario, model: LinearModel, scaling: FloatArray | None, I_star: float
+    scenario: Scenario,
+    model: LinearModel,
+    scaling: FloatArray | None,
+    I_star: float,
+    roll_gain_max: float = math.inf,
 ) -> TuningProblem:
     chi_ref, gamma_ref = scenario.followed().initial
     condition, settings = scenario.condition, scenario.tuning
     _, m, p = model.shape
-    bound = None if settings.gain_max is None else np.full((m, 2 * p), settings.gain_max)
+    bound = np.full((m, 2 * p), settings.gain_max or LARGEST_GAIN)
+    bound[0, 0] = min(bound[0, 0], roll_gain_max)
     return TuningProblem(
         model=model,
         I_star=I_star,
         limits=scenario.limits.limits() if settings.input_limits else None,
         x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
         scaling=scaling,
-        K_min=None if bound is None else -bound,
+        K_min=-bound,
         K_max=bound,
         K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
         seed=scenario.seed,

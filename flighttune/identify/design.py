@@ -1,22 +1,21 @@
 """Design of the inner loop: derivatives of the airframe, gains, step responses, file."""
 
 import math
-import re
 from dataclasses import dataclass
-from pathlib import Path
+from importlib.metadata import version
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import AircraftConfig, Design
+from flighttune.aircraft.aircraft import AircraftConfig, Design, InnerLoopGains
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
 from flighttune.identify.steps import StepCheck, check_steps
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench, slopes
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.units import G_0
-from flighttune.whole_file import whole_file
 
 NO_GAIN = 1e-9
 """A gain up to this size is the rounding of a difference and written as 0."""
@@ -110,7 +109,7 @@ class DesignedAircraft:
     config : AircraftConfig
         The aircraft with its new gains.
     previous : mapping of str to float
-        Gains it had before.
+        Gains it had before; empty if none.
     checks : tuple of StepCheck
         Its step responses against the goals.
     """
@@ -151,34 +150,15 @@ def design_aircraft(config: AircraftConfig) -> DesignedAircraft:
         name: float(f"{value:.{DIGITS}g}") if abs(value) > NO_GAIN else 0.0
         for name, value in inner_loop_gains(found, design).items()
     }
-    designed = config.model_copy(update={"gains": gains})
-    return DesignedAircraft(
-        config=designed, previous=dict(config.gains), checks=check_steps(designed)
+    previous = dict(config.gains.gains) if config.gains else {}
+    designed = config.with_gains(
+        InnerLoopGains(made_for=model_hash(config), jsbsim=version("jsbsim"), gains=gains)
     )
-
-
-def write_gains(file: Path, gains: dict[str, float]) -> None:
-    """Put `gains` into an ``aircraft.toml``; everything else in it, comments too, stays.
-
-    The file is written under a temporary name until it is whole.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written, or has no line for one of the gains.
-    """
-    text = file.read_text(encoding="utf-8")
-    for name, value in gains.items():
-        line = re.compile(rf'(?m)^("{re.escape(name)}"\s*=\s*)[-+.\deE]+')
-        text, count = line.subn(rf"\g<1>{value!r}", text)
-        if count != 1:
-            raise InputError(f"{file}: [gains] must have one line `{name}`, got {count}.")
-    with whole_file(file) as part:
-        part.write_text(text, encoding="utf-8")
+    return DesignedAircraft(config=designed, previous=previous, checks=check_steps(designed))
 
 
 def inner_loop_gains(airframe: Airframe, design: Design) -> dict[str, float]:
-    """Return the gains by the JSBSim property that takes them, in the units of ``aircraft.toml``.
+    """Return the gains by name, SI and rad.
 
     Parameters
     ----------
@@ -204,7 +184,7 @@ def inner_loop_gains(airframe: Airframe, design: Design) -> dict[str, float]:
     """
     _check_effects(airframe)
     return {
-        "inner-loop/V_a-design-mps": airframe.V_a,
+        "V_a-design-mps": airframe.V_a,
         **_roll(airframe, design),
         **_pitch(airframe, design.n_z),
         **_yaw(airframe),
@@ -230,11 +210,11 @@ def _roll(airframe: Airframe, design: Design) -> dict[str, float]:
     omega = design.roll_error or min(ROLL_STIFFNESS * bandwidth, 0.5 * ACTUATOR)
     k_p = omega**2 / effect
     return {
-        "inner-loop/roll/model-rad_sec": bandwidth,
-        "inner-loop/roll/k_ff": damping / effect,
-        "inner-loop/roll/k_p": k_p,
-        "inner-loop/roll/k_i": 0.1 * bandwidth * k_p,
-        "inner-loop/roll/k_d": max(0.0, 2.0 * WELL_DAMPED * omega - damping) / effect,
+        "roll/model-rad_sec": bandwidth,
+        "roll/k_ff": damping / effect,
+        "roll/k_p": k_p,
+        "roll/k_i": 0.1 * bandwidth * k_p,
+        "roll/k_d": max(0.0, 2.0 * WELL_DAMPED * omega - damping) / effect,
     }
 
 
@@ -256,10 +236,10 @@ def _pitch(airframe: Airframe, bandwidth: float) -> dict[str, float]:
     found = least_squares(error, np.minimum(0.0, np.array(highest) - 0.1), bounds=(-4.0, highest))
     k_q, k_p, k_i = (scale * np.exp(found.x)).tolist()
     return {
-        "inner-loop/pitch/model-rad_sec": model,
-        "inner-loop/pitch/k_p": k_p,
-        "inner-loop/pitch/k_i": k_i,
-        "inner-loop/pitch/k_q": k_q,
+        "pitch/model-rad_sec": model,
+        "pitch/k_p": k_p,
+        "pitch/k_i": k_i,
+        "pitch/k_q": k_q,
     }
 
 
@@ -311,17 +291,17 @@ def _yaw(airframe: Airframe) -> dict[str, float]:
     k_r = max(0.0, goal - damping) / effect
     straight = adverse - G_0 / airframe.V_a + airframe.alpha * of("r_dot", "r")
     return {
-        "inner-loop/yaw/k_ff": straight / effect - airframe.alpha * k_r,
-        "inner-loop/yaw/k_r": k_r,
-        "inner-loop/yaw/k_p": 0.75 * SIDE_FORCE / static,
-        "inner-loop/yaw/k_i": SIDE_FORCE / static,
+        "yaw/k_ff": straight / effect - airframe.alpha * k_r,
+        "yaw/k_r": k_r,
+        "yaw/k_p": 0.75 * SIDE_FORCE / static,
+        "yaw/k_i": SIDE_FORCE / static,
     }
 
 
 def _speed(airframe: Airframe, bandwidth: float) -> dict[str, float]:
     thrust = airframe.of("u_dot", "throttle")
     return {
-        "inner-loop/speed/k_gamma": G_0 / thrust,
-        "inner-loop/speed/k_p": bandwidth / thrust,
-        "inner-loop/speed/k_i": 0.25 * bandwidth**2 / thrust,
+        "speed/k_gamma": G_0 / thrust,
+        "speed/k_p": bandwidth / thrust,
+        "speed/k_i": 0.25 * bandwidth**2 / thrust,
     }

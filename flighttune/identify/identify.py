@@ -33,7 +33,7 @@ from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.linearize import RigidBodyModel, linearize
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 
-DESIGN_SPEED = "inner-loop/V_a-design-mps"
+DESIGN_SPEED = "V_a-design-mps"
 """Gain of the inner loop that holds the airspeed it was designed for."""
 
 PERIODS = 2
@@ -131,7 +131,7 @@ class AircraftIdentification:
 def design_speed(config: AircraftConfig) -> float:
     """Airspeed (m/s) the inner loop was designed for; mid-envelope where it does not say."""
     low, high = config.envelope.V_a
-    speed = config.gains.get(DESIGN_SPEED, 0.0)
+    speed = config.gains.gains.get(DESIGN_SPEED, 0.0) if config.gains else 0.0
     return speed if low < speed < high else 0.5 * (low + high)
 
 

@@ -114,12 +114,15 @@ class DesignModel:
         As `flighttune.control.inner_loop.inner_loop_scaling`.
     V_a, gamma : float, m/s and rad
         Airspeed and flight-path angle of the law.
+    roll_lag : float, s
+        Whole lag and delay of roll.
     """
 
     model: LinearModel
     scaling: FloatArray
     V_a: float
     gamma: float
+    roll_lag: float
 
 
 def design_model(
@@ -169,12 +172,13 @@ def design_model(
     lags = [lag.delayed(hold) for lag in condition.lags]
     if rates:
         law = rate_model()
-        scaling = inner_loop_scaling(law, lags)
+    scaling = inner_loop_scaling(law, lags)
+    if rates:
         scaling[-len(lags) :] = [LAGS_PER_ERROR * lag.whole for lag in lags]
-        return DesignModel(model=with_inner_loop(law, lags), scaling=scaling, V_a=V_a, gamma=gamma)
     return DesignModel(
         model=with_inner_loop(law, lags),
-        scaling=inner_loop_scaling(law, lags),
+        scaling=scaling,
         V_a=V_a,
         gamma=gamma,
+        roll_lag=lags[0].whole,
     )

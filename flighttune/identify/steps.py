@@ -17,6 +17,10 @@ Channel: TypeAlias = Literal["phi", "n_z"]
 
 ROLL_STEP = 30.0 * DEG
 LOAD_STEP = 0.5
+ROLL_TIME, LOAD_TIME = 4.0, 1.6
+OVER_T90 = 1.4
+"""Duration of the steps, s, and over the longest time to 90 %, whichever is longer."""
+
 DT = 0.005
 
 
@@ -150,10 +154,12 @@ def check_steps(config: AircraftConfig) -> tuple[StepCheck, ...]:
     design = config.design
     if design is None:
         return ()
+    roll_time = max(ROLL_TIME, OVER_T90 * design.roll_t90)
+    load_time = max(LOAD_TIME, OVER_T90 * design.n_z_t90)
     goals: tuple[tuple[Channel, float, float, float, float], ...] = (
-        ("phi", ROLL_STEP, design.roll_t90, design.roll_overshoot, 4.0),
-        ("n_z", LOAD_STEP, design.n_z_t90, design.n_z_overshoot, 1.6),
-        ("n_z", -LOAD_STEP, design.n_z_t90, design.n_z_overshoot, 1.6),
+        ("phi", ROLL_STEP, design.roll_t90, design.roll_overshoot, roll_time),
+        ("n_z", LOAD_STEP, design.n_z_t90, design.n_z_overshoot, load_time),
+        ("n_z", -LOAD_STEP, design.n_z_t90, design.n_z_overshoot, load_time),
     )
     return tuple(
         StepCheck(

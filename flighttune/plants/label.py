@@ -1,6 +1,7 @@
 """What a plant is called in tables, plots and files, and the aircraft behind such a label."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 
@@ -20,7 +21,7 @@ def plant_label(kind: str, aircraft: str | None = None, name: str | None = None)
     """
     if kind == "python" and name:
         return name
-    return ":".join(part for part in (kind, aircraft, name) if part)
+    return ":".join(part for part in (kind, aircraft and Path(aircraft).name, name) if part)
 
 
 def aircraft_of(label: str, tables: Sequence[Mapping[str, Any]]) -> str | None:

@@ -98,7 +98,8 @@ def span_of(run: Run) -> float:
 @cache
 def _span(aircraft: str) -> float:
     try:
-        folder = aircraft_folder(aircraft)
+        folder = Path(aircraft)
+        folder = folder if folder.name != aircraft else aircraft_folder(aircraft)
         model = tomllib.loads((folder / "aircraft.toml").read_text(encoding="utf-8"))["model"]
         # The file may be in JSBSim's own set; it is found without loading JSBSim.
         installed = find_spec("jsbsim")
@@ -106,7 +107,7 @@ def _span(aircraft: str) -> float:
             Path(place) for place in (installed and installed.submodule_search_locations) or ()
         ]
         for file in (
-            folder / f"{model}.xml",
+            folder / model,
             *(p / "aircraft" / model / f"{model}.xml" for p in places),
         ):
             found = ElementTree.parse(file).find("metrics/wingspan") if file.is_file() else None

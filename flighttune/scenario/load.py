@@ -15,6 +15,9 @@ from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.shipped import nearest_name, scenario_files
 from flighttune.table_file import json_tables, toml_tables
 
+LONGEST_NAME = 200
+"""Characters of an aircraft's name or path; files have none longer."""
+
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -38,7 +41,8 @@ def load_scenario(path: str | Path) -> Scenario:
         exist or cannot start where it shall, or a model named in [tuning] cannot be read.
     """
     path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
-    scenario = validated(Scenario, _with_modules(toml_tables(path), path), str(path))
+    tables = _with_aircraft(_with_modules(toml_tables(path), path), path)
+    scenario = validated(Scenario, tables, str(path))
     check_aircraft(scenario, str(path))
     check_identified(scenario, str(path))
     return scenario
@@ -59,6 +63,19 @@ def _with_modules(tables: dict[str, Any], path: Path) -> dict[str, Any]:
                 )
             table["module"] = str(file)
             table.setdefault("sha256", digest)
+    return tables
+
+
+def _with_aircraft(tables: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Tables whose aircraft are those beside the scenario, where there are such."""
+    plants = tables.get("plant")
+    named = [(table, "aircraft") for table in plants] if isinstance(plants, list) else []
+    for table, key in (*named, (tables.get("tuning"), "identified")):
+        name = table.get(key) if isinstance(table, dict) else None
+        if isinstance(table, dict) and isinstance(name, str) and len(name) < LONGEST_NAME:
+            folder = path.parent / name
+            if "\0" not in name and (folder / "aircraft.toml").is_file():
+                table[key] = str(folder)
     return tables
 
 

@@ -645,6 +645,7 @@ class TuningTable(Table):
     an aircraft or a model file; by default the aircraft of the first jsbsim plant) and from the
     controller, R_K is not bounded by I_K, and each channel is tuned by itself. ``robust`` maximises
     the smallest R_K over all conditions of the file instead of taking the nearest one.
+    ``roll_rate`` bounds the gain from course to roll by what the rate limit of roll can follow.
     """
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
@@ -656,6 +657,7 @@ class TuningTable(Table):
     input_limits: bool = False
     structure: Literal["full", "decoupled"] = "full"
     gain_max: PositiveGain | None = None
+    roll_rate: bool = False
     state_scaling: list[Scale] | None = None
     method: Method = "gradient"
     starts: Annotated[int, Field(ge=1, le=1000)] = 12

@@ -14,17 +14,16 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def jet(tmp_path):
-    """A copy of the jet, with the aerosonde beside it that its inner loop comes from."""
-    for name in ("a4", "aerosonde"):
-        shutil.copytree(aircraft_folder(name), tmp_path / name)
+    """A copy of the jet."""
+    shutil.copytree(aircraft_folder("a4"), tmp_path / "a4")
     (tmp_path / "a4/step_responses.png").unlink()
     return tmp_path / "a4"
 
 
 def test_design_writes_gains_and_figure_and_does_so_again(jet):
-    file = jet / "aircraft.toml"
+    file = jet / "gains.json"
     shipped = file.read_text()
-    file.write_text(shipped.replace("= 1.668 ", "= 9.9 "))
+    file.write_text(shipped.replace(": 1.668", ": 9.9"))
     assert file.read_text() != shipped
 
     found = json.loads(flighttune("design", jet, "--json")[0])
@@ -36,16 +35,16 @@ def test_design_writes_gains_and_figure_and_does_so_again(jet):
 
 
 def test_design_writes_nothing_where_asked_or_where_a_step_misses(jet):
-    file = jet / "aircraft.toml"
+    gains, file = jet / "gains.json", jet / "aircraft.toml"
+    before = gains.read_text()
     file.write_text(file.read_text().replace("roll_t90_s     = 1.0", "roll_t90_s     = 0.5"))
-    before = file.read_text()
 
     out, err = flighttune("design", jet, status=1)
 
     assert "nothing is written" in out
     assert err.startswith("flighttune: phi +30 deg at 150 m/s: t90 must be at most 0.5 s")
     assert err.count("\n") == 1
-    assert file.read_text() == before
+    assert gains.read_text() == before
     assert not (jet / "step_responses.png").exists()
 
 

@@ -11,7 +11,6 @@ from flighttune.identify.design import (
     airframe,
     design_aircraft,
     inner_loop_gains,
-    write_gains,
 )
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -21,6 +20,8 @@ MASS, JX, JY, JZ, JXZ = 11.0, 0.8244, 1.135, 1.759, 0.1204
 S, B, C = 0.55, 2.8956, 0.18994
 WEIGHT = MASS * 9.80665
 Q_S = 0.5 * RHO_1000 * V_A**2 * S
+SETTLING = 4e-3
+"""Share by which gains move with the flow behind a propeller from evaluation to evaluation."""
 CG_AFT = 0.05888
 DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
 """In a sideslip it has a part along the wing."""
@@ -72,14 +73,14 @@ def test_roll_gains_place_the_poles_of_the_roll_error(slopes):
     gains = inner_loop_gains(slopes, design)
 
     effect, damping = slopes.of("p_dot", "aileron"), -slopes.of("p_dot", "p")
-    omega = math.sqrt(effect * gains["inner-loop/roll/k_p"])
-    total = damping + effect * gains["inner-loop/roll/k_d"]
+    omega = math.sqrt(effect * gains["roll/k_p"])
+    total = damping + effect * gains["roll/k_d"]
     assert omega == pytest.approx(design.roll_error)
     assert total == pytest.approx(2.0 * 0.9 * omega)
-    assert gains["inner-loop/roll/k_ff"] * effect == pytest.approx(damping)
+    assert gains["roll/k_ff"] * effect == pytest.approx(damping)
 
     by_default = inner_loop_gains(slopes, design.model_copy(update={"roll_error": None}))
-    stiffness = effect * by_default["inner-loop/roll/k_p"]
+    stiffness = effect * by_default["roll/k_p"]
     assert math.sqrt(stiffness) == pytest.approx(min(2.3 * design.roll, 12.5))
 
 
@@ -90,8 +91,8 @@ def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
     rolling = lateral(-0.51 * span + 0.25 * span * alpha, -0.069 * span - 0.095 * span * alpha)
     aileron, rudder = lateral(0.17, -0.011, 0.075), lateral(0.0024, -0.069, 0.19)
 
-    law = gains["inner-loop/yaw/k_ff"] + gains["inner-loop/yaw/k_r"] * alpha
-    yaw = rolling[1] + gains["inner-loop/roll/k_ff"] * aileron[1] + law * rudder[1]
+    law = gains["yaw/k_ff"] + gains["yaw/k_r"] * alpha
+    yaw = rolling[1] + gains["roll/k_ff"] * aileron[1] + law * rudder[1]
 
     assert alpha == pytest.approx(math.radians(3.4), abs=math.radians(0.3))
     assert yaw == pytest.approx(9.80665 / V_A, abs=0.03)
@@ -104,13 +105,13 @@ def test_a_design_is_that_of_the_file_and_meets_what_it_asks_for(name):
 
     designed = design_aircraft(config)
 
-    assert designed.config.gains == pytest.approx(config.gains, rel=1e-3)
+    assert designed.config.gains.gains == pytest.approx(config.gains.gains, rel=SETTLING)
     assert [check.name for check in designed.missed] == []
 
 
 def test_a_design_does_not_depend_on_the_gains_there_are():
     config = load_aircraft("a4")
-    other = config.model_copy(update={"gains": load_aircraft("aerosonde").gains})
+    other = config.with_gains(load_aircraft("aerosonde").gains)
 
     assert design_aircraft(other).config.gains == design_aircraft(config).config.gains
 
@@ -130,25 +131,3 @@ def test_without_a_design_table_there_is_nothing_to_design_for():
 
     with pytest.raises(InputError, match=r"aircraft.toml: `design` must be given"):
         design_aircraft(config)
-
-
-def test_gains_are_written_and_comments_stay(tmp_path):
-    file = tmp_path / "aircraft.toml"
-    file.write_text('# top\n[gains]\n"a/b" = 1.0   # the first\n"c"   = -2e-3 # the second\n')
-
-    write_gains(file, {"a/b": 0.25, "c": 3.0})
-
-    assert (
-        file.read_text() == '# top\n[gains]\n"a/b" = 0.25   # the first\n"c"   = 3.0 # the second\n'
-    )
-    assert list(tmp_path.iterdir()) == [file]
-
-
-def test_a_gain_without_a_line_is_an_error_and_the_file_stays(tmp_path):
-    file = tmp_path / "aircraft.toml"
-    file.write_text('[gains]\n"a" = 1.0\n')
-
-    with pytest.raises(InputError, match="must have one line `b`, got 0"):
-        write_gains(file, {"a": 2.0, "b": 1.0})
-
-    assert file.read_text() == '[gains]\n"a" = 1.0\n'

@@ -5,8 +5,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from flighttune.arrays import FloatArray
+from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import FT, G_0
+
+MOST_EVALUATIONS = 8
+"""Of a state, until the flight control of the model has settled in it."""
 
 CONTROLS = ("aileron", "elevator", "rudder", "throttle")
 
@@ -69,13 +73,13 @@ class Bench:
 
     def __init__(self, fdm: Fdm, h: float) -> None:
         self._fdm = fdm
-        channels = fdm.config.channels
-        fdm.writer(channels.engaged)(0.0)
+        self._evaluations = MOST_EVALUATIONS if fdm.own_flight_control else 1
+        fdm.writer(properties.ENGAGED)(0.0)
         fdm.writer("ic/h-sl-ft")((h - fdm.ground) / FT)
         self._velocity = [fdm.writer(f"ic/{axis}-fps") for axis in "uvw"]
         self._attitude = [fdm.writer(f"ic/{name}-rad") for name in ("phi", "theta", "psi-true")]
         self._rates = [fdm.writer(f"ic/{axis}-rad_sec") for axis in "pqr"]
-        self._controls = [fdm.writer(trim_name) for trim_name, _ in channels.trimmed]
+        self._controls = [fdm.writer(name) for name in properties.TRIMS]
         self._linear = [fdm.reader(f"accelerations/{axis}dot-ft_sec2") for axis in "uvw"]
         self._angular = [fdm.reader(f"accelerations/{axis}dot-rad_sec2") for axis in "pqr"]
         self._forces = [fdm.reader(f"forces/fb{axis}-total-lbs") for axis in "xyz"]
@@ -105,11 +109,10 @@ class Bench:
                 write(value)
         self._fdm.evaluate()
         if (state.V_a, state.throttle) != self._settled_for:
-            # The second evaluation is also for models with a flight control of their own, which
-            # sees the accelerations of the evaluation before.
             self._settled_for = state.V_a, state.throttle
             self._fdm.settle_engine()
             self._fdm.evaluate()
+        self._settle_flight_control()
         F_x, F_y, F_z = (read() for read in self._forces)
         u_dot, v_dot, w_dot = (read() * FT for read in self._linear)
         p_dot, q_dot, r_dot = (read() for read in self._angular)
@@ -123,6 +126,16 @@ class Bench:
             "n_y": F_y / self._weight_lbf,
             "n_z": (F_x * math.sin(state.alpha) - F_z * math.cos(state.alpha)) / self._weight_lbf,
         }
+
+    def _settle_flight_control(self) -> None:
+        """Evaluate again until nothing changes: a flight control sees the evaluation before."""
+        before = None
+        for _ in range(self._evaluations - 1):
+            now = [read() for read in self._angular]
+            if now == before:
+                return
+            before = now
+            self._fdm.evaluate()
 
 
 def slopes(

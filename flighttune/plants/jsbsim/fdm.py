@@ -15,7 +15,11 @@ from flighttune.aircraft.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.log import one_line, quiet, silence
-from flighttune.plants.jsbsim.model_files import model_folders
+from flighttune.plants.jsbsim.model_files import (
+    has_flight_control,
+    model_folders,
+    source_folders,
+)
 from flighttune.plants.jsbsim.trial import check_loads
 
 LAPSE_RATE = 0.0065
@@ -70,11 +74,16 @@ class Fdm:
     ----------
     rate : float, 1/s
         Integration steps a second.
+    own_flight_control : bool
+        Whether the model has systems of its own, which may have a memory.
+    complaint : str
+        What JSBSim has against the files that it loaded all the same; empty for nothing.
     """
 
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
         check_loads(config)
         self.config = config
+        self.own_flight_control = has_flight_control(config)
         self.ground = ground
         self._steps = steps
         self.rate = config.inner_loop_rate * steps
@@ -88,17 +97,17 @@ class Fdm:
             self._exec.set_debug_level(0)
             self._exec.set_dt(1.0 / self.rate)
             loaded = self._exec.load_model_with_paths(
-                config.model,
+                folders.name,
                 str(folders.model),
                 str(folders.engines),
                 str(folders.systems),
                 False,
             )
-            if not loaded or log.text:
+            if not loaded:
                 raise PlantError(
-                    f"{self._model}: must load in JSBSim without complaint, "
-                    f"got: {log.text or 'no reason'}."
+                    f"{self._model}: must load in JSBSim, got: {log.text or 'no reason'}."
                 )
+            self.complaint = log.text
             # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
             # flight would drift off its course by 0.006 deg/s.
             if not self._exec.load_planet(str(_EARTH), False):
@@ -108,6 +117,8 @@ class Fdm:
         self._integrators = [(self.writer(name), self.reader(name)) for name in _MOTIONS]
         for name, value in config.settings.items():
             self.writer(name)(value)
+        engines = range(config.engines.count)
+        self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
         self.writer("propulsion/set-running")(-1.0)
         if ground:
@@ -117,13 +128,25 @@ class Fdm:
     @property
     def engine_settles(self) -> float:
         """Time the engine takes to a steady state, s; 0 where JSBSim knows it at once."""
-        return self.config.wrapping.engine_settles if self.config.wrapping else 0.0
+        return self.config.engines.settle
 
     def names(self, beginning: str) -> list[str]:
         """Names of the properties that begin so."""
         found = self._exec.query_property_catalog(beginning).splitlines()
         names = (line.partition(" ")[0] for line in found)
         return [name for name in names if name.startswith(beginning)]
+
+    def has(self, name: str) -> bool:
+        """Whether there is a property of that name that can be written."""
+        known = _well_formed(name) and self._properties.hasNode(name)
+        node = self._properties.get_node(name) if known else None
+        return node is not None and bool(node.get_attribute(jsbsim.Attribute.WRITE))
+
+    def start_engines(self) -> None:
+        """Start those that do not run, at the airspeed and throttle there are."""
+        # -1 starts all engines at once; those that run already do not notice.
+        if not all(read() for read in self._running):
+            self.writer("propulsion/set-running")(-1.0)
 
     def reader(self, name: str) -> Callable[[], float]:
         """Return a function that reads the property `name` (JSBSim's units).
@@ -177,15 +200,19 @@ class Fdm:
 
         The aircraft does not move meanwhile. Nothing happens where `config` gives no time for it.
         """
-        if not self.engine_settles:
-            return
-        # Integrators of type 0 hold the aircraft still while time passes for the engine.
+        if self.engine_settles:
+            self.start_engines()
+            self.hold(self.engine_settles)
+
+    def hold(self, duration: float) -> None:
+        """Let `duration` (s) pass for engines and flight control while the aircraft stays still."""
+        # Integrators of type 0 hold the aircraft still while time passes.
         kept = [(write, read()) for write, read in self._integrators]
         for write, _ in kept:
             write(0.0)
         self._exec.set_dt(_SETTLING_STEP)
         # Whole samples of the inner loop, so that its next one falls on the start of the flight.
-        samples = math.ceil(self.engine_settles / (_SETTLING_STEP * self._steps))
+        samples = math.ceil(duration / (_SETTLING_STEP * self._steps))
         for _ in range(samples * self._steps):
             self._exec.run()
         self._exec.set_dt(1.0 / self.rate)
@@ -223,7 +250,7 @@ class Fdm:
 
     @property
     def _model(self) -> Path:
-        return self.config.folder / f"{self.config.model}.xml"
+        return source_folders(self.config).file
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.

@@ -5,6 +5,7 @@ from math import cos, isfinite, sin
 
 from flighttune.errors import PlantError
 from flighttune.plants.base import Stop
+from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.log import one_line
 from flighttune.units import DEG, FT, G_0
@@ -34,7 +35,7 @@ class Guard:
             fdm.reader("forces/fbz-total-lbs"),
         )
         self._weight_lbf = fdm.reader("inertia/mass-slugs")() * G_0 / FT
-        self._throttle = fdm.reader(fdm.config.channels.throttle)
+        self._throttle = fdm.reader(properties.THROTTLE)
         self._h_ft = fdm.reader("position/h-sl-ft")
         self._time = fdm.reader("simulation/sim-time-sec")
         self.inside = self._check()
@@ -74,7 +75,7 @@ class Guard:
         )
 
     def _engine_at_stop(self) -> str:
-        low, high = self._fdm.config.actuators.throttle
+        low, high = self._fdm.config.engines.throttle
         margin, throttle = 0.01 * (high - low), self._throttle()
         if throttle >= high - margin:
             return ", at full throttle"

@@ -1,13 +1,14 @@
-"""The files of an aircraft that JSBSim loads: its own, or a main file made in a private folder.
+"""The main file of an aircraft that JSBSim loads: made in a private folder for every load.
 
-A main file is made for an aircraft of JSBSim's own set, with systems of ours in front of its flight
-control, and for an aircraft off the nominal. Shipped files are never written to.
+It is the model's, with the inner loop and the actuators in front of its systems and without its
+connections to files and sockets. The files it is made of are never written to.
 """
 
+import hashlib
 import os
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from tempfile import gettempdir
@@ -20,6 +21,7 @@ from flighttune.aircraft.model_xml import (
     COEFFICIENT,
     MassBalance,
     filled,
+    found_file,
     open_mass_balance,
     read_xml,
     scale_axis,
@@ -29,6 +31,7 @@ from flighttune.aircraft.model_xml import (
     template_of,
 )
 from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.aircraft.systems import put_in_front
 from flighttune.errors import PlantError
 from flighttune.file_lock import scratch_folder
 
@@ -43,11 +46,139 @@ Weigh: TypeAlias = Callable[[AircraftConfig], MassBalance]
 
 @dataclass(frozen=True, slots=True)
 class ModelFolders:
-    """Where JSBSim finds an aircraft's main file, its engines and its systems."""
+    """Where JSBSim finds an aircraft's main file, its engines and its systems.
+
+    Attributes
+    ----------
+    model, engines, systems : path
+        Folder of the main file, which may hold its own ``Engines`` and ``Systems``; those that
+        several models share.
+    name : str
+        Of the main file, without ``.xml``.
+    """
 
     model: Path
     engines: Path
     systems: Path
+    name: str
+
+    @property
+    def file(self) -> Path:
+        """The main file."""
+        return self.model / f"{self.name}.xml"
+
+    @property
+    def parts(self) -> tuple[Path, ...]:
+        """Where a part of the model is looked for, in this order."""
+        own = (self.model / one for one in ("", "Engines", "engines", "Systems", "systems"))
+        return (*own, self.engines, self.systems)
+
+
+def source_folders(config: AircraftConfig) -> ModelFolders:
+    """Where the files of an aircraft's model are: in JSBSim's own set, or the user's."""
+    import jsbsim
+
+    shipped = Path(jsbsim.get_default_root_dir())
+    if not config.model.endswith(".xml"):
+        model = shipped / "aircraft" / config.model
+        return ModelFolders(model, shipped / "engine", shipped / "systems", config.model)
+    file = (config.folder / config.model).resolve()
+    # In a folder laid out like JSBSim's own, parts that models share are two levels up.
+    engines, systems = (
+        folder if (folder := file.parent.parent.parent / kind).is_dir() else shipped / kind
+        for kind in ("engine", "systems")
+    )
+    return ModelFolders(file.parent, engines, systems, file.stem)
+
+
+def main_root(config: AircraftConfig) -> Element:
+    """The root of a model's main file.
+
+    Raises
+    ------
+    PlantError
+        If it cannot be read.
+    """
+    where = "a file of JSBSim's" if config.model.endswith(".xml") else "shipped with jsbsim"
+    return read_xml(source_folders(config).file, f"{config.file}: `model` must be {where}")
+
+
+def model_files(config: AircraftConfig) -> tuple[Path, ...]:
+    """The main file of an aircraft's model and all the files it is made of.
+
+    Raises
+    ------
+    PlantError
+        If the main file cannot be read.
+    """
+    folders = source_folders(config)
+    found, pending = [], [folders.file]
+    while pending:
+        file = pending.pop()
+        if file in found:
+            continue
+        root = read_xml(file, str(config.file)) if found else main_root(config)
+        found.append(file)
+        names = (one.get("file") for one in root.iter() if one.tag not in CONNECTIONS)
+        parts = (found_file(name, folders.parts) for name in names if name)
+        pending += [part for part in parts if part.is_file()]
+    return tuple(found)
+
+
+def model_hash(config: AircraftConfig) -> str:
+    """Hash of an aircraft's model, and of what its file says about surfaces and engines.
+
+    Raises
+    ------
+    PlantError
+        If the main file cannot be read.
+    """
+    return _hash(_Hashed(config, config.fingerprint, stamps(file_tree(config))))
+
+
+def has_flight_control(config: AircraftConfig) -> bool:
+    """Whether an aircraft's model has systems of its own, which may have a memory."""
+    return _has_flight_control(_Hashed(config, config.fingerprint, stamps(file_tree(config))))
+
+
+@lru_cache(maxsize=256)
+def _has_flight_control(what: "_Hashed") -> bool:
+    root = main_root(what.config)
+    return any(root.find(tag) is not None for tag in ("flight_control", "autopilot", "system"))
+
+
+@dataclass(frozen=True, slots=True)
+class _Hashed:
+    config: AircraftConfig = field(compare=False)
+    fingerprint: str
+    stamps: tuple[tuple[Path, int, int], ...]
+
+
+@lru_cache(maxsize=256)
+def _hash(what: _Hashed) -> str:
+    found = hashlib.sha256(what.fingerprint.encode())
+    for file in model_files(what.config):
+        found.update(f"{file.name}\n".encode())
+        found.update(file.read_bytes())
+    return found.hexdigest()
+
+
+def file_tree(config: AircraftConfig) -> set[Path]:
+    """The file of the aircraft and the XML files in its folder and its model's."""
+    model = source_folders(config).model
+    below = {
+        file
+        for folder in (config.folder, model)
+        for pattern in ("*.xml", "*/*.xml")
+        for file in folder.glob(pattern)
+    }
+    return below | ({config.file} if config.file.is_file() else set())
+
+
+def stamps(files: set[Path]) -> tuple[tuple[Path, int, int], ...]:
+    """Files with the time of their last change and their size."""
+    states = [(path, path.stat()) for path in sorted(files)]
+    return tuple((path, state.st_mtime_ns, state.st_size) for path, state in states)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,17 +206,12 @@ class _Source:
     @classmethod
     def of(cls, config: AircraftConfig, off: OffNominal, weigh: Weigh, steps: int) -> "_Source":
         """What the template of an aircraft that is `off` the nominal is made of."""
-        systems = config.wrapping.systems if config.wrapping else ()
-        file = _folders(config).model / f"{config.model}.xml"
-        files = (file, config.file, *(config.folder / one for one in systems))
-        found = {path for path in files if path.is_file()} | set(config.folder.rglob("*.xml"))
-        states = [(path, path.stat()) for path in sorted(found)]
         return cls(
             config,
             weigh,
             steps,
-            (file, systems, off.loaded, tuple(off.scaled), tuple(off.scaled_coefficients)),
-            tuple((path, state.st_mtime_ns, state.st_size) for path, state in states),
+            (config.model, config.fingerprint, off.loaded, *off.scaled, *off.scaled_coefficients),
+            stamps(file_tree(config)),
         )
 
 
@@ -93,47 +219,46 @@ class _Source:
 def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Iterator[ModelFolders]:
     """Give the folders of an aircraft, for as long as JSBSim loads it.
 
-    A wrapped aircraft's main file is read from the installed jsbsim and written to a private folder
-    without its connections to files and sockets, with the systems of its ``aircraft.toml`` in front
-    of its flight control. So is the main file of an aircraft off the nominal, with the factors in
-    it, and of one with several integration `steps` in a sample of its inner loop. The files read
-    stay as they are.
+    Its main file is in a private folder, without its connections to files and sockets, with the
+    systems of ours in front of its own, with the factors of an aircraft off the nominal in it, and
+    for several integration `steps` in a sample of the inner loop. What else is in the folder of
+    the model is linked beside it.
 
     Raises
     ------
     PlantError
-        If JSBSim ships no such aircraft or a system is missing; if an aircraft of ours has
-        connections; or if there is no room for the private folder.
+        If there is no such model, or no room for the private folder.
     InputError
         If the aircraft cannot be off the nominal that way.
     """
-    folders = _folders(config)
+    folders = source_folders(config)
     text = main_file_text(config, weigh, steps)
-    if text is None:
-        yield folders
-        return
-    with _private_folder(f"{config.model}.xml", text) as folder:
-        yield ModelFolders(folder, folders.engines, folders.systems)
+    with _private_folder(folders.file, text) as folder:
+        yield replace(folders, model=folder)
 
 
 @contextmanager
-def _private_folder(name: str, text: str) -> Iterator[Path]:
-    """A folder that holds one file; in memory where it can, so that no flight waits for a disk."""
+def _private_folder(file: Path, text: str) -> Iterator[Path]:
+    """A folder that holds another main file; in memory, so that no flight waits for a disk."""
     place = None if "TMPDIR" in os.environ else _memory()
     with ExitStack() as stack:
         try:
             folder = stack.enter_context(scratch_folder(place))
-            (folder / name).write_text(text, encoding="utf-8")
+            for beside in file.parent.iterdir():
+                with suppress(OSError):  # of a file system without links
+                    (folder / beside.name).symlink_to(beside)
+            (folder / file.name).unlink(missing_ok=True)
+            (folder / file.name).write_text(text, encoding="utf-8")
         except OSError as error:
             where = place or gettempdir()
             raise PlantError(
-                f"{where}: must take a folder for {name}, got {error.strerror}."
+                f"{where}: must take a folder for {file.name}, got {error.strerror}."
             ) from error
         yield folder
 
 
-def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str | None:
-    """Return the main file that JSBSim shall load, None where that is the one in the folder.
+def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
+    """Return the main file that JSBSim shall load.
 
     Raises
     ------
@@ -141,9 +266,6 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str 
         As `model_folders`.
     """
     off = config.off_nominal or _NOMINAL
-    if config.wrapping is None and off.is_nominal and steps == 1:
-        _refuse_connections(config.folder / f"{config.model}.xml")
-        return None
     template, balance = _template(_Source.of(config, off, weigh, steps))
     factors = {f"{COEFFICIENT}{name}": factor for name, factor in off.scaled_coefficients.items()}
     values = factors | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
@@ -157,31 +279,18 @@ def _memory() -> Path | None:
     return folder if folder.is_dir() and os.access(folder, os.W_OK | os.X_OK) else None
 
 
-def _folders(config: AircraftConfig) -> ModelFolders:
-    if config.wrapping is None:
-        folder = config.folder
-        return ModelFolders(folder, folder / "Engines", folder / "Systems")
-    import jsbsim
-
-    shipped = Path(jsbsim.get_default_root_dir())
-    model = shipped / "aircraft" / config.model
-    return ModelFolders(model, shipped / "engine", shipped / "systems")
-
-
 @lru_cache(maxsize=32)
 def _template(source: _Source) -> tuple[str, MassBalance | None]:
     """Main file with placeholders where something is off the nominal; what weighs the aircraft."""
-    config, folders = source.config, _folders(source.config)
+    config, folders = source.config, source_folders(source.config)
     off = config.off_nominal or _NOMINAL
-    file = folders.model / f"{config.model}.xml"
-    where = "be a file of JSBSim's" if config.wrapping is None else "be shipped with jsbsim"
-    root = read_xml(file, f"{config.file}: `model` must {where}")
-    if config.wrapping is None:
-        _refuse_connections(file)
-    else:
-        _wrap(root, config, file)
+    file, root = folders.file, main_root(config)
+    for tag in CONNECTIONS:
+        for element in root.findall(tag):
+            root.remove(element)
+    put_in_front(root, config)
     if source.steps > 1:
-        _slow_computer(root, source.steps, folders.systems)
+        _slow_computer(root, source.steps, folders)
     balance = None
     if off.loaded:
         balance = source.weigh(config.with_off_nominal(None))
@@ -192,57 +301,22 @@ def _template(source: _Source) -> tuple[str, MassBalance | None]:
         if name in AXES:
             scale_axis(root, name, file)
         elif name == "thrust":
-            scale_thrust(root, folders.engines, file)
+            scale_thrust(root, folders.parts, file)
         else:
-            slow_actuators(root, folders.systems, file)
+            slow_actuators(root)
     return template_of(root), balance
 
 
-def _wrap(root: Element, config: AircraftConfig, file: Path) -> None:
-    for tag in CONNECTIONS:
-        for element in root.findall(tag):
-            root.remove(element)
-    first = next(
-        (i for i, element in enumerate(root) if element.tag in ("system", "flight_control")), None
-    )
-    if first is None:
-        raise PlantError(f"{file}: must have a <flight_control>, got none.")
-    for system in reversed(config.wrapping.systems if config.wrapping else ()):
-        path = (config.folder / system).resolve()
-        if not path.is_file():
-            raise PlantError(f"{config.file}: `wrapping.systems` must be files, got {system!r}.")
-        root.insert(first, Element("system", file=str(path)))
-
-
-def _slow_computer(root: Element, steps: int, systems: Path) -> None:
+def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
     """Let the channels with an ``execrate`` wait for so many integration steps between samples."""
     for i, system in enumerate(root):
         if system.tag != "system":
             continue
-        file = systems / Path(system.get("file", "")).with_suffix(".xml")
-        inline = read_xml(file, str(file)) if "file" in system.attrib else system
+        name = system.get("file")
+        file = found_file(name or "", folders.parts)
+        inline = read_xml(file, str(file)) if name and file.is_file() else system
         channels = [one for one in inline.iter("channel") if one.get("execrate", "").isdigit()]
         for channel in channels:
             channel.set("execrate", str(steps * int(channel.attrib["execrate"])))
         if channels:
             root[i] = inline
-
-
-def _refuse_connections(file: Path) -> None:
-    try:
-        state = file.stat()
-    except OSError:
-        return  # JSBSim says what is wrong with it
-    tag = _connection(file, state.st_mtime_ns, state.st_size)
-    if tag:
-        raise PlantError(f"{file}: must have no <{tag}>, got one: flighttune records its runs.")
-
-
-@lru_cache(maxsize=32)
-def _connection(file: Path, *_stamp: int) -> str:
-    """The first connection in a main file; empty without one, or if the file is no XML."""
-    try:
-        root = read_xml(file, "")
-    except PlantError:
-        return ""  # JSBSim says what is wrong with it
-    return next((tag for tag in CONNECTIONS if root.find(tag) is not None), "")

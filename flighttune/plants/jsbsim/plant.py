@@ -7,10 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from flighttune.aircraft.aircraft import INNER_LOOP, AircraftConfig, load_aircraft
+from flighttune.aircraft.aircraft import GAINS_FILE, AircraftConfig, load_aircraft
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
+from flighttune.plants.jsbsim import properties
 
 if TYPE_CHECKING:
     from flighttune.aircraft.off_nominal import OffNominal
@@ -214,41 +215,30 @@ class JSBSimPlant:
         return self._end(self._guard.diagnosis())
 
     def _write_settings(self, fdm: Fdm) -> None:
-        limits, properties = self.config.limits, self.config.limit_properties
-        settings = {
-            "simulation/randomseed": float(self._seed),
-            properties.phi_min: limits.phi[0],
-            properties.phi_max: limits.phi[1],
-            properties.phi_rate: limits.phi_rate,
-            properties.n_z_min: limits.n_z[0],
-            properties.n_z_max: limits.n_z[1],
-            properties.n_z_rate: limits.n_z_rate,
-            properties.throttle_max: self.config.actuators.throttle[1],
-            **self.config.gains,
-        }
+        fdm.writer("simulation/randomseed")(float(self._seed))
+        settings = inner_loop_settings(self.config)
         for name, value in settings.items():
             fdm.writer(name)(value)
-        missing = [name for name in fdm.names(INNER_LOOP) if name not in settings]
+        missing = [name for name in fdm.names(properties.GAINS) if name not in settings]
         if missing:
             raise PlantError(
-                f"{self.config.file}: [gains] `{missing[0]}` must be given: the aircraft "
-                "has no value of its own for it."
+                f"{self.config.folder / GAINS_FILE}: `gains` must give "
+                f"`{missing[0].removeprefix(properties.GAINS)}`, got none."
             )
 
     def _engage(self, fdm: Fdm, condition: FlightCondition, steady_n_z: float) -> None:
         """Engage the inner loop without a bump: its first output comes off the trim."""
-        channels = self.config.channels
-        self._write_n_z_cmd = fdm.writer(channels.n_z_cmd)
-        write_phi_cmd = fdm.writer(channels.phi_cmd_rad)
+        self._write_n_z_cmd = fdm.writer(properties.N_Z_CMD)
+        write_phi_cmd = fdm.writer(properties.PHI_CMD)
         write_phi_cmd(condition.phi)
-        fdm.writer(channels.V_a_cmd_mps)(condition.V_a)
+        fdm.writer(properties.V_A_CMD)(condition.V_a)
         fdm.evaluate()  # the inner loop sees the load factor of the evaluation before
         self._write_n_z_cmd(steady_n_z)
         fdm.evaluate()
-        for trim_name, law_name in channels.trimmed:
+        for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
             trim_value, law = fdm.reader(trim_name)(), fdm.reader(law_name)()
             fdm.writer(trim_name)(trim_value - law)
-        fdm.writer(channels.engaged)(1.0)
+        fdm.writer(properties.ENGAGED)(1.0)
         fdm.evaluate()
         self._write_phi_cmd = write_phi_cmd
 
@@ -268,6 +258,43 @@ class JSBSimPlant:
     def _end(self, stop: Stop) -> Stop:
         self._write_phi_cmd = _ended
         return stop
+
+
+def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
+    """Limits and gains of an aircraft's inner loop by JSBSim property, in rad, s and 1.
+
+    Parameters
+    ----------
+    config : AircraftConfig
+
+    Raises
+    ------
+    PlantError
+        If it has no gains, or they were made for another state of the model or of its file.
+    """
+    from flighttune.plants.jsbsim.model_files import model_hash
+
+    file = config.folder / GAINS_FILE
+    if config.gains is None:
+        raise PlantError(f"{file}: must be there; `flighttune design` writes it.")
+    if config.gains.made_for != model_hash(config):
+        raise PlantError(
+            f"{file}: must be made for the model, `[surfaces]`, `[engines]` and `[settings]` "
+            "there are, got gains for others; `flighttune design` makes them anew."
+        )
+    limits = config.limits
+    (phi_min, phi_max), (n_z_min, n_z_max) = limits.phi, limits.n_z
+    found = {
+        "phi-min-rad": phi_min,
+        "phi-max-rad": phi_max,
+        "phi-rate-rad_sec": limits.phi_rate,
+        "n_z-min": n_z_min,
+        "n_z-max": n_z_max,
+        "n_z-rate-per_sec": limits.n_z_rate,
+        "throttle-max": config.engines.throttle[1],
+    }
+    gains = {f"{properties.GAINS}{name}": value for name, value in config.gains.gains.items()}
+    return {f"{properties.LIMITS}{name}": value for name, value in found.items()} | gains
 
 
 def steps_for(config: AircraftConfig, rate: float) -> int:

@@ -3,10 +3,20 @@
 from collections.abc import Callable
 from math import cos, remainder, sin, tau
 
+from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import FT, G_0, LBF
 
 _G_0_FPS2 = G_0 / FT
+
+
+def thrust_reader(fdm: Fdm) -> Callable[[], float]:
+    """Return a function that reads the thrust of all engines together, lbf."""
+    engines = range(fdm.config.engines.count)
+    first, *others = (fdm.reader(f"propulsion/engine[{i}]/thrust-lbs") for i in engines)
+    if not others:
+        return first
+    return lambda: first() + sum(read() for read in others)
 
 
 def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, ...]]:
@@ -25,7 +35,6 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
         If the aircraft lacks a property.
     """
     read = fdm.reader
-    channels = fdm.config.channels
     chi, psi = read("flight-path/psi-gt-rad"), read("attitude/psi-rad")
     gamma, phi = read("flight-path/gamma-rad"), read("attitude/phi-rad")
     theta = read("attitude/theta-rad")
@@ -37,9 +46,9 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
     p, q, r = (read(f"velocities/{rate}-rad_sec") for rate in "pqr")
     north_ft, east_ft = read("position/from-start-neu-n-ft"), read("position/from-start-neu-e-ft")
     h_ft = read("position/h-sl-ft")
-    aileron, elevator = read(channels.aileron_rad), read(channels.elevator_rad)
-    rudder, throttle = read(channels.rudder_rad), read(channels.throttle)
-    thrust_lbf = read(channels.thrust_lbf)
+    aileron, elevator, rudder = (read(name) for name in properties.POSITIONS)
+    throttle = read(properties.THROTTLE)
+    thrust_lbf = thrust_reader(fdm)
     wind_north, wind_east, wind_down = (
         read(f"atmosphere/total-wind-{axis}-fps") for axis in ("north", "east", "down")
     )

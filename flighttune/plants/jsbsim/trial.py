@@ -10,7 +10,7 @@ from typing import NoReturn
 
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim.model_files import model_folders
+from flighttune.plants.jsbsim.model_files import file_tree, model_folders, source_folders, stamps
 from flighttune.shipped import is_trusted
 
 LONGEST_S = 60.0
@@ -60,12 +60,9 @@ def check_loads(config: AircraftConfig) -> None:
     """
     if is_trusted(config.folder) or not sys.executable:
         return
-    found = sorted([config.file, *config.folder.rglob("*.xml")])
-    states = [(path, path.stat()) for path in found]
-    stamps = tuple((path, state.st_mtime_ns, state.st_size) for path, state in states)
-    how = _end_of_trial(_Files(config, stamps))
+    how = _end_of_trial(_Files(config, stamps(file_tree(config))))
     if how:
-        raise PlantError(f"{config.folder / config.model}.xml: JSBSim must load it, but {how}.")
+        raise PlantError(f"{source_folders(config).file}: JSBSim must load it, but {how}.")
 
 
 @lru_cache(maxsize=256)
@@ -73,7 +70,7 @@ def _end_of_trial(files: _Files) -> str:
     """How the process that loaded the files ended; empty where it ended as it should."""
     config = files.config.with_off_nominal(None)
     with model_folders(config, _unweighed) as folders:
-        paths = (config.folder, config.model, folders.model, folders.engines, folders.systems)
+        paths = (config.folder, folders.name, folders.model, folders.engines, folders.systems)
         try:
             code = subprocess.run(
                 [sys.executable, "-P", "-c", _PROGRAM, *map(str, paths)],

@@ -217,16 +217,14 @@ class _TrimProblem:
     def __init__(self, fdm: Fdm, condition: FlightCondition) -> None:
         self._bench = Bench(fdm, condition.h)
         self._condition = condition
-        envelope, stops = fdm.config.envelope, fdm.config.actuators
+        envelope, surfaces = fdm.config.envelope, fdm.config.surfaces
         turn_rate = 2.0 * G_0 / condition.V_a * (0.1 + abs(math.tan(condition.phi)))
         intervals = (
             envelope.alpha,
             (-_SIDESLIP_SEARCHED, _SIDESLIP_SEARCHED),
-            stops.aileron,
-            stops.elevator,
-            stops.rudder,
+            *(surface.travel for _, surface in surfaces.named()),
             (-turn_rate, turn_rate),
-            stops.throttle,
+            fdm.config.engines.throttle,
         )
         self.lower, self.upper = np.array(intervals).T
         span = self.upper - self.lower

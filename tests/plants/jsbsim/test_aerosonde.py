@@ -2,7 +2,6 @@
 
 import math
 import re
-import tomllib
 
 import numpy as np
 import pytest
@@ -67,18 +66,3 @@ def test_lift_peaks_at_the_ends_of_the_envelope():
 
     assert envelope.alpha[1] == pytest.approx(alpha[np.argmax(C_L)] * DEG)
     assert alpha[np.argmin(C_L)] * DEG <= envelope.alpha[0]
-
-
-def test_actuator_travel_is_the_same_in_both_files():
-    folder = aircraft_folder("aerosonde")
-    xml = (folder / "aerosonde.xml").read_text()
-    travel = tomllib.loads((folder / "aircraft.toml").read_text())["actuators"]
-
-    for surface in ("aileron", "elevator", "rudder"):
-        stops = re.search(
-            rf'"fcs/{surface}-actuator">.*?<min> (\S+) </min> <max> (\S+) </max>', xml, re.DOTALL
-        )
-        assert stops is not None
-        assert np.rad2deg(np.array(stops.groups(), dtype=float)) == pytest.approx(
-            travel[f"{surface}_deg"], abs=1e-3
-        )

@@ -156,7 +156,7 @@ def test_thrust_at_a_throttle_is_scaled_for_every_kind_of_engine(name, V_a):
         evaluated(fdm, V_a, 0.02, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.6)
         fdm.settle_engine()
         fdm.evaluate()
-        thrust.append(fdm.reader(fdm.config.channels.thrust_lbf)())
+        thrust.append(fdm.reader("propulsion/engine[0]/thrust-lbs")())
 
     assert thrust[0] > 0.0
     assert thrust[1] / thrust[0] == pytest.approx(1.2, rel=1e-6)
@@ -167,11 +167,10 @@ def test_thrust_at_a_throttle_is_scaled_for_every_kind_of_engine(name, V_a):
 def test_surfaces_follow_a_step_with_the_lag_times_the_factor(name, V_a, factor):
     fdm = aircraft(name, actuator_lag=factor)
     evaluated(fdm, V_a, 0.02, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.5)
-    channels = fdm.config.channels
     watched = SURFACES[: 2 if name == "a4" else 3]  # its yaw damper moves the rudder as well
     for surface in watched:
-        fdm.writer(getattr(channels, f"{surface}_trim_rad"))(0.01)
-    position = [fdm.reader(getattr(channels, f"{surface}_rad")) for surface in watched]
+        fdm.writer(f"ft/{surface}-trim-rad")(0.01)
+    position = [fdm.reader(f"ft/{surface}-rad") for surface in watched]
     begun = [read() for read in position]
 
     for _ in range(10):  # 50 ms
@@ -275,15 +274,6 @@ def test_what_an_aircraft_lacks_is_refused(changed_aircraft, file, pattern, text
 
     with pytest.raises(InputError, match=message):
         JSBSimPlant(folder, off_nominal=OffNominal(**off))
-
-
-def test_without_lags_there_is_nothing_to_slow(changed_aircraft):
-    for surface in SURFACES:
-        pattern = rf"(fcs/{surface}-cmd-rad </input>\s+)<lag> 25 </lag>"
-        folder = changed_aircraft("aerosonde.xml", pattern, r"\1")
-
-    with pytest.raises(InputError, match=r"`actuator_lag_factor` must be left out: .* fcs/rudder-"):
-        JSBSimPlant(folder, off_nominal=OffNominal(actuator_lag=1.5))
 
 
 def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):

@@ -104,7 +104,7 @@ def test_inner_loop_stays_stable_with_other_surface_effectiveness(
 ):
     # The surface gains are proportional to the square of the design airspeed.
     folder = changed_aircraft(
-        "aircraft.toml", r'(V_a-design-mps"\s*= )25\.0', rf"\g<1>{25.0 * math.sqrt(share)}"
+        "gains.json", r'(V_a-design-mps": )25\.0', rf"\g<1>{25.0 * math.sqrt(share)}"
     )
 
     flight = fly(holding_gamma(30.0 * DEG), aircraft=folder, duration=8.0)
@@ -158,15 +158,15 @@ def test_inner_loop_limits_commands_in_size_and_rate(fly, holding_gamma):
 
 def test_pitch_integrator_does_not_wind_up_at_the_elevator_stop(fly, changed_aircraft):
     folder = changed_aircraft(
-        "aerosonde.xml",
-        r'(?s)(elevator-actuator">.*?<clipto>) <min> \S+ </min> <max> \S+ </max>',
-        r"\1 <min> -0.04 </min> <max> 0.04 </max>",
+        "aircraft.toml",
+        r"elevator = { travel_deg = \[-25.0, 25.0\]",
+        "elevator = { travel_deg = [-2.29183, 2.29183]",
     )
 
     flight = fly(
         lambda now: (0.0, 1.8 if now["theta"] < 25.0 * DEG else 1.0), aircraft=folder, duration=5.0
     )
 
-    at_stop = np.flatnonzero(flight["elevator"] <= -0.04)
+    at_stop = np.flatnonzero(flight["elevator"] <= -0.0399)
     assert len(at_stop) > 50
     assert flight["n_z"][at_stop[-1] + 50] == pytest.approx(1.0, abs=0.05)

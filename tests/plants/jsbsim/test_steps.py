@@ -57,7 +57,7 @@ def test_the_computer_runs_once_in_so_many_steps(aircraft):
     seen = []
     for _ in range(5 * steps):
         fdm.run()
-        seen.append((fdm["fcs/aileron-cmd-rad"], fdm["fcs/aileron-actuator"]))
+        seen.append((fdm["ft/aileron-cmd-rad"], fdm["ft/aileron-rad"]))
 
     command, surface = np.array(seen).T
     new = np.flatnonzero(np.diff(command)) + 1

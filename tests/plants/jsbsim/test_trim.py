@@ -50,7 +50,9 @@ def test_trim_error_says_what_stands_against_it(condition, obstacle):
 
 def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
     folder = changed_aircraft(
-        "aircraft.toml", r"elevator_deg = \[-25.0, 25.0\]", "elevator_deg = [-25.0, 1.0]"
+        "aircraft.toml",
+        r"elevator = { travel_deg = \[-25.0, 25.0\]",
+        "elevator = { travel_deg = [-25.0, 1.0]",
     )
 
     with pytest.raises(TrimError, match="the elevator is at its stop"):

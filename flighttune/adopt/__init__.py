@@ -1,0 +1,1 @@
+"""A model of JSBSim's to an aircraft that every command takes: surveyed, designed, identified."""

@@ -1,0 +1,401 @@
+"""Adoption of a model: survey, trims, inner loop, identification, outer loop, a turn."""
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from flighttune.adopt.files import PAPER, TUNED, TURN, aircraft_text, turn_text
+from flighttune.adopt.survey import Refusal, Survey, survey
+from flighttune.aircraft.aircraft import (
+    AircraftConfig,
+    aircraft_from,
+    load_aircraft,
+    save_gains,
+)
+from flighttune.errors import PlantError, TrimError
+from flighttune.flight.fly import FlownScenario, fly
+from flighttune.identify.design import Airframe, DesignedAircraft, airframe, design_aircraft
+from flighttune.identify.file import FILE_NAME, save_identified
+from flighttune.identify.identify import AircraftIdentification, identify_aircraft
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.plants.jsbsim.trim import TrimRow, trim_table
+from flighttune.scenario.load import load_scenario
+from flighttune.units import DEG
+from flighttune.whole_file import made_folder, whole_file
+
+Status: TypeAlias = Literal["adopted", "flies", "refused"]
+
+GOOD_FIT = 90.0
+"""Share of the variance, in percent, that the lags must explain in both channels."""
+
+CALM = 0.5 * DEG
+"""Largest standard deviation of the course error over the last quarter of the turn."""
+
+RECORD = "adoption.json"
+
+SLOWER = (1.0, 0.7, 0.5)
+"""Shares of the bandwidths that are tried in turn, until a flight meets the criteria."""
+
+FASTER = 1.25
+"""Airspeed over the one chosen that is tried after them."""
+
+TIME_LEFT = 40.0
+"""No further try begins after this time, s."""
+
+FASTEST_ROLL, FASTEST_LOAD = 4.0, 8.0
+SLOWEST_ROLL, SLOWEST_LOAD = 0.5, 0.8
+"""Bandwidths of roll and load factor, rad/s."""
+
+LARGEST_ROLL_RATE = 30.0 * DEG
+ROLL_RATE_USED = 0.4
+"""Share of the roll rate at full aileron that commands use."""
+AILERON_USED = 0.8
+"""Share of full aileron that the start of a roll takes."""
+LIFT_USED = 0.85
+"""Share of the lift that the commands use."""
+LARGEST_LOAD_FACTOR, SMALLEST_LOAD_FACTOR = 3.0, -1.0
+LEAST_LOAD_FACTOR = 1.5
+"""Load factor that a turn takes at least."""
+NON_MINIMUM_PHASE = 0.6
+"""Largest bandwidth of load factor over the zero of the elevator in the right half plane."""
+LARGEST_BANK = 45.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Adoption:
+    """What became of a model.
+
+    Attributes
+    ----------
+    name : str
+        Of the aircraft.
+    status : "adopted", "flies" or "refused"
+    reason : str
+        Why it is not adopted; empty where it is.
+    folder : Path or None
+        Of the aircraft; None where nothing was written.
+    V_a : float, m/s
+        Airspeed; NaN if none was chosen.
+    engines : int
+    fit_percent : mapping of str to float
+        Of ``phi`` and ``n_z``.
+    flown : mapping of str to mapping
+        ``tuned`` and ``paper``: per channel ``ITAE`` (rad s^2), ``ST`` (rad), and ``status``.
+    notes : tuple of str
+        What was done to the model.
+    seconds : float
+        Time it took.
+    designed, identified, turn, trims
+        Results of the stages, for the page; None where a stage was not reached.
+    """
+
+    name: str
+    status: Status
+    reason: str = ""
+    folder: Path | None = None
+    V_a: float = math.nan
+    engines: int = 0
+    fit_percent: Mapping[str, float] = field(default_factory=dict)
+    flown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    seconds: float = 0.0
+    designed: DesignedAircraft | None = None
+    identified: AircraftIdentification | None = None
+    turn: FlownScenario | None = None
+    trims: tuple[TrimRow, ...] = ()
+
+
+def adopt(
+    model: str,
+    folder: Path,
+    *,
+    V_a: float | None = None,
+    h: float = 1000.0,
+    say: Callable[[str], object] = lambda _: None,
+) -> Adoption:
+    """Make an aircraft of a model, and fly it.
+
+    Parameters
+    ----------
+    model : str
+        Aircraft of JSBSim's own set by name, or the path of a main file, which ends in ``.xml``.
+    folder : path
+        Of the aircraft: ``aircraft.toml``, gains, identified model, the turn as a scenario and the
+        record are written to it.
+    V_a : float, m/s, optional
+        Airspeed; chosen by default.
+    h : float, m
+        Height above sea level.
+    say : callable
+        Called with the name of each stage.
+
+    Returns
+    -------
+    Adoption
+        Refused where the model is no aeroplane that can be adopted.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or written.
+    """
+    began = time.monotonic()
+    if model.endswith(".xml"):
+        model = str(Path(model).resolve())
+    made_folder(folder)
+    found = None
+    try:
+        found = survey(model, folder, h=h, V_a=V_a, say=say)
+        best = _best(found, folder, h, say, began)
+    except PlantError as error:
+        best = Adoption(
+            name=folder.name,
+            status="refused",
+            reason=_sentence(error),
+            V_a=found.V_a if found else math.nan,
+            engines=found.tables["engines"]["count"] if found else 0,
+        )
+    if best.folder is None:
+        with suppress(OSError):  # what is not ours in it stays
+            folder.rmdir()
+    return replace(
+        best, notes=tuple(found.notes) if found else (), seconds=time.monotonic() - began
+    )
+
+
+def _sentence(error: PlantError) -> str:
+    """The reason alone: an error of the trim begins with file and condition."""
+    text = str(error).removesuffix(".")
+    return text.split(": ", 1)[-1] if isinstance(error, TrimError) else text
+
+
+def _best(
+    found: Survey, folder: Path, h: float, say: Callable[[str], object], began: float
+) -> Adoption:
+    """The best of the tries, whose files are those in the folder."""
+    best, files, refused = None, {}, None
+    for share, V_a in [(share, found.V_a) for share in SLOWER] + [(1.0, FASTER * found.V_a)]:
+        if best is not None and time.monotonic() - began > TIME_LEFT:
+            break
+        say(f"trimming at {V_a:.0f} m/s" + (f", bandwidths times {share:g}" if best else ""))
+        try:
+            tried = _tried(replace(found, V_a=V_a), folder, h, share, say)
+        except PlantError as error:
+            refused = refused or error
+            continue
+        if best is None or _merit(tried) > _merit(best):
+            best, files = tried, {file: file.read_bytes() for file in folder.glob("*.*")}
+        if best.status == "adopted":
+            break
+    if best is None:
+        assert refused is not None
+        raise refused
+    for file, content in files.items():
+        file.write_bytes(content)
+    say("trimming over the envelope")
+    speeds = np.linspace(0.85, 1.3, 4) * best.V_a
+    config = load_aircraft(folder)
+    trims = trim_table(config, V_a=speeds.tolist(), gamma=(-3.0 * DEG, 0.0, 3.0 * DEG), h=h)
+    best = replace(best, trims=trims, notes=tuple(found.notes))
+    _write(folder / RECORD, json.dumps(_record(best, found, config), indent=2) + "\n")
+    return best
+
+
+def _merit(tried: Adoption) -> tuple[int, float]:
+    """Adopted before flying, then by the worse of the fits."""
+    fits = tried.fit_percent.values()
+    return ("refused", "flies", "adopted").index(tried.status), min(fits, default=0.0)
+
+
+def _tried(
+    found: Survey, folder: Path, h: float, share: float, say: Callable[[str], object]
+) -> Adoption:
+    """One try: a folder with an aircraft, and how it flies."""
+    condition = FlightCondition(V_a=found.V_a, h=h)
+    wide = aircraft_from(found.tables, folder)
+    at = airframe(Fdm(wide), condition)
+    tables = final_tables(found, at, h, share)
+    for stale in folder.glob("*.json"):
+        stale.unlink()
+    _write(folder / "aircraft.toml", aircraft_text(tables, found.notes))
+    say("designing the inner loop")
+    designed = design_aircraft(load_aircraft(folder))
+    gains = designed.config.gains
+    assert gains is not None  # a design makes them
+    save_gains(gains, folder)
+    say("identifying roll and load factor")
+    identified = identify_aircraft(folder, h=h)
+    save_identified(identified.identified, folder / FILE_NAME)
+    _write(folder / TURN, turn_text(folder.name, found.V_a, h, tables["limits"]))
+    say("flying the turn")
+    flown = fly(load_scenario(folder / TURN))
+    nominal = identified.identified.conditions[0]
+    fits = {"phi": nominal.phi.fit_percent, "n_z": nominal.n_z.fit_percent}
+    flights = {
+        name: _measures(flown, f"jsbsim:{folder.name} / {gains}")
+        for name, gains in (("tuned", TUNED), ("paper", PAPER))
+    }
+    missed = "; ".join(_missed(fits, flights))
+    return Adoption(
+        name=folder.name,
+        status="flies" if missed else "adopted",
+        reason=missed,
+        folder=folder,
+        V_a=found.V_a,
+        engines=found.tables["engines"]["count"],
+        fit_percent=fits,
+        flown=flights,
+        designed=designed,
+        identified=identified,
+        turn=flown,
+    )
+
+
+def _measures(flown: FlownScenario, label: str) -> dict[str, Any]:
+    run = flown[label]
+    measured = flown.metrics_of(run)
+    return {
+        "status": run.status,
+        **{
+            channel: {"ITAE": measured[channel]["ITAE"], "ST": measured[channel]["ST_rad"]}
+            for channel in ("chi", "gamma")
+            if measured
+        },
+    }
+
+
+def _missed(fits: Mapping[str, float], flights: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Criteria of an adoption that are not met, a sentence each."""
+    for channel, fit in fits.items():
+        if not fit >= GOOD_FIT:
+            yield f"a lag explains {fit:.1f} % of {channel}, less than {GOOD_FIT:g} %"
+    tuned, paper = flights["tuned"], flights["paper"]
+    if tuned["status"] != "completed":
+        yield f"the turn ended early: {tuned['status'].replace('_', ' ')}"
+        return
+    swing = tuned["chi"]["ST"] / DEG
+    if not swing <= CALM / DEG:
+        yield f"the course error swings by {swing:.2f} deg in the last quarter of the turn"
+    if paper["status"] == "completed":
+        for channel in ("chi", "gamma"):
+            ours, theirs = tuned[channel]["ITAE"], paper[channel]["ITAE"]
+            if not ours < theirs:
+                yield f"ITAE of {channel} is {ours:.3g}, with the paper's scaled gains {theirs:.3g}"
+
+
+def final_tables(found: Survey, at: Airframe, h: float, share: float) -> dict[str, Any]:
+    """Tables of the ``aircraft.toml``: envelope and limits of the model, bandwidths asked for.
+
+    Parameters
+    ----------
+    found : Survey
+    at : Airframe
+        Its derivatives in level flight.
+    h : float, m
+    share : float
+        Of the bandwidths.
+
+    Raises
+    ------
+    Refusal
+        If the lift leaves no room for a turn.
+    """
+    lift = found.lift
+    ratio = (found.V_a / lift.V_s) ** 2
+    n_z_max = min(LIFT_USED * ratio, LARGEST_LOAD_FACTOR)
+    if n_z_max < LEAST_LOAD_FACTOR:
+        raise Refusal(
+            f"at {found.V_a:.0f} m/s it lifts {ratio:.2f} times its weight, a turn needs "
+            f"{LEAST_LOAD_FACTOR / LIFT_USED:.2f}"
+        )
+    lowest = float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
+    n_z_min = max(min(LIFT_USED * ratio * lowest, 0.4), SMALLEST_LOAD_FACTOR)
+    travel = found.tables["surfaces"]["aileron"]["travel_deg"]
+    power = abs(at.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
+    damping = max(-at.of("p_dot", "p"), 0.1)
+    rate = min(LARGEST_ROLL_RATE, ROLL_RATE_USED * power / damping)
+    roll = share * float(np.clip(AILERON_USED * power / rate - damping, SLOWEST_ROLL, FASTEST_ROLL))
+    load = share * float(np.clip(NON_MINIMUM_PHASE * elevator_zero(at), SLOWEST_LOAD, FASTEST_LOAD))
+    load_rate = float(np.clip(0.12 * load, 0.3, 1.0))
+    return found.tables | {
+        "envelope": {
+            "alpha_deg": [lift.negative_stall / DEG - 1.0, lift.stall / DEG],
+            "V_a_mps": [1.05 * lift.V_s, 1.8 * found.V_a],
+            "n_z": [n_z_min - 1.0, n_z_max + 1.0],
+            "theta_deg": [-60.0, 60.0],
+        },
+        "limits": {
+            "phi_deg": [-LARGEST_BANK, LARGEST_BANK],
+            "phi_rate_dps": rate / DEG,
+            "n_z": [n_z_min, n_z_max],
+            "n_z_rate_per_s": load_rate,
+        },
+        "design": {
+            "V_a_mps": found.V_a,
+            "h_m": h,
+            "V_a_shown_mps": [found.V_a],
+            "roll_rad_s": roll,
+            "n_z_rad_s": load,
+            "speed_rad_s": float(np.clip(15.0 / found.V_a, 0.1, 0.5)),
+            "roll_t90_s": 30.0 * DEG / rate + 3.0 / roll,
+            "roll_overshoot": 0.1,
+            "n_z_t90_s": 0.5 / load_rate + 5.0 / load,
+            "n_z_overshoot": 0.15,
+        },
+    }
+
+
+def elevator_zero(at: Airframe) -> float:
+    """Zero in the right half plane from elevator to load factor, rad/s; inf where there is none.
+
+    Of the short period: with n_z held at zero, the elevator is ``-n_alpha/n_e alpha`` and the
+    motion that is left has the roots returned.
+    """
+    n_e = at.of("n_z", "elevator")
+    if not n_e > 0.0:
+        return math.inf
+    stiffness = at.of("q_dot", "alpha") - at.of("q_dot", "elevator") * at.of("n_z", "alpha") / n_e
+    damping = at.of("q_dot", "q")
+    root = 0.25 * damping**2 + stiffness
+    return 0.5 * damping + math.sqrt(root) if root > 0.0 and stiffness > 0.0 else math.inf
+
+
+def _write(file: Path, text: str) -> None:
+    with whole_file(file) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def _record(best: Adoption, found: Survey, config: AircraftConfig) -> dict[str, Any]:
+    """What the adoption goes by, with the versions and the hash of the model it was made with."""
+    return {
+        "format": "flighttune adoption 1",
+        "status": best.status,
+        "reason": best.reason,
+        "model": model_hash(config),
+        "versions": {name: version(name) for name in ("flighttune", "jsbsim")},
+        "V_a_mps": best.V_a,
+        "stall_mps": found.lift.V_s,
+        "spare_thrust": found.spare_thrust,
+        "fit_percent": dict(best.fit_percent),
+        "flown": {name: dict(flight) for name, flight in best.flown.items()},
+        "notes": found.notes,
+        "trims": [
+            {
+                "V_a_mps": row.condition.V_a,
+                "gamma_deg": row.condition.gamma / DEG,
+                "throttle": row.point and row.point.throttle,
+                "reason": row.reason,
+            }
+            for row in best.trims
+        ],
+    }

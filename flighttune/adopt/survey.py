@@ -1,0 +1,526 @@
+"""What a model can do, found by experiment: lift, engines, surfaces, and where it may fly."""
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, aircraft_from
+from flighttune.aircraft.model_xml import found_file, read_xml
+from flighttune.arrays import FloatArray
+from flighttune.errors import PlantError
+from flighttune.plants.jsbsim.bench import AirframeState, Bench
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import main_root, model_files, source_folders
+from flighttune.units import DEG, FT, G_0, LBF
+
+MOST_DECLARED = 60
+"""Properties of another simulator that are made for a model."""
+
+MISSING = re.compile(
+    r"(?:property|node)[^\w/]*([\w/.-]+(?:\[\d+\])?[\w/.-]*)\W+(?:does not|is not)", re.I
+)
+
+STALL_SHARE = 1.0 / 3.0
+"""Share of the slope of lift below which the wing stalls."""
+
+ALPHAS = np.arange(-14.0, 30.5, 1.0) * DEG
+STALL_AT_MOST, NEGATIVE_STALL_AT_MOST = 18.0 * DEG, -12.0 * DEG
+
+LEAST_LIFT = 0.1
+SLOWEST_STALL, FASTEST_STALL = 3.0, 300.0
+"""Largest lift coefficient and airspeed of the stall (m/s) of what counts as an aeroplane."""
+
+SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4, 1.3)
+"""Airspeeds over that of the stall, in the order in which they are preferred."""
+
+SPARE_THRUST = 0.08
+"""Thrust beyond drag over weight that a climb of 3 deg and a turn take."""
+
+SETTLED = 1e-3
+"""Share of its end that a thrust has settled to."""
+
+PROPELLER_SETTLES = 15.0
+LONGEST_SETTLING = 40.0
+
+EFFECTS = {"aileron": ("p_dot", 1.0), "elevator": ("q_dot", -1.0), "rudder": ("r_dot", -1.0)}
+"""Acceleration that a surface is for, and the sign of it by a positive position."""
+
+COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+CLIPPED = 0.2
+"""Share of the first effect below which more command has none."""
+
+LEAST_EFFECT = 1e-6
+"""Of full travel, rad/s^2."""
+
+USUAL_TRAVEL = 0.35
+"""rad, where no position of the model shows the travel."""
+
+POSITIONS = {
+    "aileron": ("fcs/left-aileron-pos-rad", "fcs/right-aileron-pos-rad", "fcs/aileron-pos-rad"),
+    "elevator": ("fcs/elevator-pos-rad",),
+    "rudder": ("fcs/rudder-pos-rad",),
+}
+LARGEST_TRAVEL = 60.0 * DEG
+
+HELD = 3.0, 4.0
+"""Times (s) a command is held for: between them a flight control must not drift."""
+DRIFT = 0.05
+"""Share of the effect that may drift, or differ from an evaluation of the state."""
+
+ONE_RADIAN = math.degrees(1.0)
+
+
+class Refusal(PlantError):
+    """The model is no aeroplane that can be adopted; the message is why, in one sentence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lift:
+    """Lift and drag of the airframe, surfaces neutral.
+
+    Attributes
+    ----------
+    alpha : ndarray, shape (n,), rad
+    lift, drag : ndarray, shape (n,), 1
+        Over dynamic pressure and weight times the pressure at the stall: 1 at the largest lift.
+    stall, negative_stall : float, rad
+        Angles of attack up to which lift grows.
+    V_s : float, m/s
+        Airspeed at which the largest lift is the weight.
+    """
+
+    alpha: FloatArray
+    lift: FloatArray
+    drag: FloatArray
+    stall: float
+    negative_stall: float
+    V_s: float
+
+    def at(self, V_a: float) -> tuple[float, float, float]:
+        """Angle of attack (rad) of level flight, its drag over weight, lift at the stall."""
+        q = (V_a / self.V_s) ** 2
+        inside = (self.alpha >= self.negative_stall) & (self.alpha <= self.stall)
+        alpha = float(np.interp(1.0 / q, self.lift[inside], self.alpha[inside]))
+        return alpha, q * float(np.interp(alpha, self.alpha, self.drag)), q
+
+
+@dataclass(slots=True, kw_only=True)
+class Survey:
+    """What was found out about a model.
+
+    Attributes
+    ----------
+    tables : dict
+        Of an ``aircraft.toml`` that commands the model: ``model``, ``surfaces``, ``engines``,
+        ``settings``, ``declared``, and wide ranges elsewhere.
+    lift : Lift
+    V_a : float, m/s
+        Airspeed chosen.
+    spare_thrust : float, 1
+        Thrust beyond drag over weight there, at full throttle.
+    notes : list of str
+        What was done to the model, a sentence each.
+    """
+
+    tables: dict[str, Any]
+    lift: Lift
+    V_a: float
+    spare_thrust: float
+    notes: list[str] = field(default_factory=list)
+
+
+def survey(
+    model: str,
+    folder: Path,
+    *,
+    h: float,
+    V_a: float | None = None,
+    say: Callable[[str], object] = lambda _: None,
+) -> Survey:
+    """Find out what a model can do.
+
+    Parameters
+    ----------
+    model : str
+        As in an ``aircraft.toml`` in `folder`.
+    folder : path
+    h : float, m
+        Height of the flights.
+    V_a : float, m/s, optional
+        Airspeed; chosen by default.
+    say : callable
+        Called with what is done.
+
+    Raises
+    ------
+    Refusal
+        If the model is no aeroplane that can be adopted.
+    PlantError
+        If JSBSim cannot load it.
+    """
+    tables = wide_tables(model)
+    say("reading the model")
+    tables["engines"]["count"] = _check_parts(aircraft_from(tables, folder))
+    tables["settings"] |= _levers(tables, folder)
+    say("sweeping lift")
+    lift = _lift(_loaded(tables, folder), h)
+    say("starting the engines")
+    speed, spare = _engines(tables, folder, lift, h, V_a)
+    found = Survey(tables=tables, lift=lift, V_a=speed, spare_thrust=spare)
+    say("moving the surfaces")
+    _surfaces(found, folder, h)
+    if found.tables["declared"]:
+        names = ", ".join(found.tables["declared"])
+        found.notes.append(f"properties of another simulator are 0: {names}")
+    return found
+
+
+def wide_tables(model: str) -> dict[str, Any]:
+    """Tables of an aircraft whose surfaces take commands of -1 to 1 as positions in rad."""
+    surface = {"travel_deg": [-ONE_RADIAN, ONE_RADIAN], "full_rad": [-1.0, 1.0]}
+    return {
+        "title": model,
+        "source": "",
+        "model": model,
+        "surfaces": {name: dict(surface) for name in SURFACES},
+        "engines": {"count": 1, "settle_s": 0.0},
+        "settings": {},
+        "declared": {},
+        "envelope": {
+            "alpha_deg": [-40.0, 40.0],
+            "V_a_mps": [1.0, 1000.0],
+            "n_z": [-20.0, 20.0],
+            "theta_deg": [-85.0, 85.0],
+        },
+        "limits": {
+            "phi_deg": [-60.0, 60.0],
+            "phi_rate_dps": 30.0,
+            "n_z": [-20.0, 20.0],
+            "n_z_rate_per_s": 1.0,
+        },
+    }
+
+
+def _check_parts(config: AircraftConfig) -> int:
+    """The number of engines; refuses what cannot be an aeroplane."""
+    folders = source_folders(config)
+    root = main_root(config)
+    parts = {tag: _part(root, tag, folders.parts) for tag in ("aerodynamics", "propulsion")}
+    if any(element.find(".//gas_cell") is not None for element in (root, *parts.values())):
+        raise Refusal("it is carried by buoyancy (gas cells), not by a wing")
+    axes = {one.get("name", "").upper() for one in parts["aerodynamics"].iter("axis")}
+    if not axes & {"LIFT", "NORMAL", "Z"}:
+        has = ", ".join(sorted(axes)) or "none"
+        raise Refusal(f"its aerodynamics have no lift or normal-force axis: {has}")
+    lacking = [axis for axis in ("ROLL", "PITCH", "YAW") if axis not in axes]
+    if lacking:
+        raise Refusal(f"its aerodynamics lack a moment axis: {', '.join(lacking)}")
+    count = len(parts["propulsion"].findall("engine"))
+    if not count:
+        raise Refusal("it has no engine: no steady level flight")
+    return count
+
+
+def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
+    """A part of a main file, which may stand in a file of its own."""
+    part = root.find(tag)
+    if part is None:
+        return Element(tag)
+    name = part.get("file")
+    return read_xml(found_file(name, folders), name) if name else part
+
+
+def _loaded(tables: dict[str, Any], folder: Path) -> Fdm:
+    """The model; what it refers to and nobody has is declared."""
+    for _ in range(MOST_DECLARED):
+        try:
+            return Fdm(aircraft_from(tables, folder))
+        except PlantError as error:
+            missing = MISSING.search(str(error))
+            name = missing and missing[1].removeprefix("/fdm/jsbsim/")
+            if not name or name in tables["declared"] or name.startswith("ft/"):
+                raise
+            tables["declared"][name] = 0.0
+    raise Refusal(f"it refers to more than {MOST_DECLARED} properties that nobody has")
+
+
+def _levers(tables: dict[str, Any], folder: Path) -> dict[str, float]:
+    """Settings of what is neither surface nor throttle, as far as the model has it."""
+    fdm = _loaded(tables, folder)
+    wanted = {"propulsion/fuel_freeze": 1.0, "gear/gear-cmd-norm": 0.0}
+    wanted |= dict.fromkeys(("fcs/flap-cmd-norm", "fcs/speedbrake-cmd-norm"), 0.0)
+    for i in range(tables["engines"]["count"]):
+        wanted |= {f"fcs/{name}-cmd-norm[{i}]": 1.0 for name in ("mixture", "advance")}
+    return {name: value for name, value in wanted.items() if fdm.has(name)}
+
+
+def _level(V_a: float, alpha: float, throttle: float = 0.0, **more: float) -> AirframeState:
+    state = dict.fromkeys(AirframeState.__slots__, 0.0)
+    return AirframeState(
+        **state | {"V_a": V_a, "alpha": alpha, "theta": alpha, "throttle": throttle} | more
+    )
+
+
+def _lift(fdm: Fdm, h: float) -> Lift:
+    bench = Bench(fdm, h)
+    found = _swept(fdm, bench, 60.0)
+    for _ in range(2):  # the airspeed of the sweep follows what it finds
+        found = _swept(fdm, bench, SPEEDS[0] * found.V_s)
+    return found
+
+
+def _swept(fdm: Fdm, bench: Bench, V_a: float) -> Lift:
+    ahead, down = (fdm.reader(f"forces/fb{axis}-aero-lbs") for axis in "xz")
+    pressure, area = fdm.reader("aero/qbar-psf"), fdm.reader("metrics/Sw-sqft")()
+    weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
+    rows = []
+    for alpha in ALPHAS.tolist():
+        bench.accelerations(_level(V_a, alpha))
+        x, z, q = ahead(), down(), pressure() * area
+        lift = x * math.sin(alpha) - z * math.cos(alpha)
+        rows.append((lift / q, -(x * math.cos(alpha) + z * math.sin(alpha)) / q))
+    C_L, C_D = np.array(rows).T
+    if not np.isfinite(rows).all():
+        raise Refusal("its aerodynamics give no number at an angle of attack below 30 deg")
+    near = (ALPHAS >= -2.5 * DEG) & (ALPHAS <= 4.5 * DEG)
+    slope = float(np.polyfit(ALPHAS[near], C_L[near], 1)[0])
+    if not slope > 0.0:
+        raise Refusal(f"lift does not grow with alpha (slope {slope:.2f} per rad)")
+    stall = _end_of_lift(C_L, slope, 1)
+    largest = C_L[stall]
+    if not largest > LEAST_LIFT:
+        raise Refusal(f"it lifts too little: the largest lift coefficient is {largest:.2f}")
+    density = pressure() / (V_a / FT) ** 2
+    V_s = math.sqrt(weight / (density * area * largest)) * FT
+    if not SLOWEST_STALL < V_s < FASTEST_STALL:
+        raise Refusal(f"it would stall at {V_s:.0f} m/s")
+    return Lift(
+        alpha=ALPHAS,
+        lift=C_L / largest,
+        drag=C_D / largest,
+        stall=float(ALPHAS[stall]),
+        negative_stall=float(ALPHAS[_end_of_lift(C_L, slope, -1)]),
+        V_s=V_s,
+    )
+
+
+def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
+    """Index of the angle of attack at which lift ceases to grow, upwards or downwards."""
+    i = int(np.argmin(np.abs(ALPHAS - 2.0 * DEG)))
+    end = int(np.argmin(np.abs(ALPHAS - (STALL_AT_MOST if sense > 0 else NEGATIVE_STALL_AT_MOST))))
+    step = sense * float(ALPHAS[1] - ALPHAS[0])
+    while i != end and (C_L[i + sense] - C_L[i]) / step > STALL_SHARE * slope:
+        i += sense
+    return i
+
+
+def _engines(
+    tables: dict[str, Any], folder: Path, lift: Lift, h: float, V_a: float | None
+) -> tuple[float, float]:
+    """Airspeed to fly at, and spare thrust there; engines are started and their time is taken."""
+    fdm = _loaded(tables, folder)
+    bench = Bench(fdm, h)
+    count = tables["engines"]["count"]
+    thrusts = [fdm.reader(f"propulsion/engine[{i}]/thrust-lbs") for i in range(count)]
+    running = [fdm.reader(f"propulsion/engine[{i}]/set-running") for i in range(count)]
+    weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
+
+    def settled(V: float, throttle: float) -> FloatArray:
+        alpha = lift.at(V)[0]
+        bench.accelerations(_level(V, alpha, throttle))
+        fdm.start_engines()
+        fdm.hold(LONGEST_SETTLING if propeller else 1.0)
+        return np.array([read() for read in thrusts])
+
+    V = V_a or SPEEDS[0] * lift.V_s
+    propeller = True
+    at_once = settled(V, 0.5)
+    settle = _settling(fdm, bench, _level(V, lift.at(V)[0], 1.0), thrusts)
+    propeller = settle > 0.0
+    tables["engines"]["settle_s"] = settle
+    full = settled(V, 1.0)
+    dead = [i for i in range(count) if not running[i]()]
+    if dead:
+        raise Refusal(f"engine {dead[0] + 1} of {count} does not run after a start in flight")
+    if not full.max() > 0.0:
+        raise Refusal(
+            f"its engines run and do not push: thrust {full.sum() * LBF:.0f} N at full throttle"
+        )
+    weak = [i for i in range(count) if full[i] < 0.2 * full.max()]
+    if weak:
+        raise Refusal(f"engine {weak[0] + 1} of {count} does not push at full throttle")
+    if abs(full.sum() - at_once.sum()) < 1e-3 * abs(full.sum()):
+        raise Refusal("its thrust does not follow the throttle")
+    best = -math.inf
+    chosen: tuple[float, float] | None = None
+    for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
+        drag = lift.at(V)[1]
+        thrust = float(settled(V, 1.0).sum()) / weight
+        best = max(best, thrust / drag if drag > 0.0 else math.inf)
+        if chosen is None or thrust - drag > chosen[1]:
+            chosen = V, thrust - drag
+        if thrust - drag >= SPARE_THRUST:
+            return V, thrust - drag
+    if chosen is None or not best > 1.0:
+        raise Refusal(
+            f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
+        )
+    return chosen
+
+
+def _settling(
+    fdm: Fdm, bench: Bench, state: AirframeState, thrusts: list[Callable[[], float]]
+) -> float:
+    """Time the engines take from half to full throttle, s; 0 where they are there at once."""
+    bench.accelerations(state)
+    history = [sum(read() for read in thrusts)]
+    for _ in range(int(LONGEST_SETTLING)):
+        fdm.hold(1.0)
+        history.append(sum(read() for read in thrusts))
+    off = np.abs(np.array(history) - history[-1]) > SETTLED * abs(history[-1])
+    last = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
+    return max(PROPELLER_SETTLES, float(last)) if last else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Moved:
+    """How a surface answers: sense of the command, positions at -1 and +1, usable commands."""
+
+    effect: float
+    position: tuple[float, float]
+    usable: tuple[float, float]
+
+
+def _surfaces(found: Survey, folder: Path, h: float) -> None:
+    """Fill in the surfaces: through the model's flight control, or past it."""
+    tables = found.tables
+    try:
+        moved, drift = _answers(found, folder, h)
+    except Refusal as error:
+        moved, drift = {}, str(error)
+    past = _past_flight_control(tables, folder) if drift else {}
+    if past:
+        kept = tables["surfaces"]
+        tables["surfaces"] = past
+        try:
+            moved_past, drift_past = _answers(found, folder, h)
+        except Refusal as error:
+            moved_past, drift_past = {}, str(error)
+        if drift_past and moved:
+            tables["surfaces"] = kept
+        elif not drift_past:
+            found.notes.append(f"its flight control is passed by: {drift}")
+            moved, drift = moved_past, ""
+    if not moved:
+        raise Refusal(drift)
+    if drift:
+        found.notes.append(drift)
+    for name, one in moved.items():
+        low, high = one.position
+        stops = sorted((one.usable[0] * low, one.usable[1] * high))
+        tables["surfaces"][name] |= {
+            "travel_deg": [round(math.degrees(stop), 2) for stop in stops],
+            "full_rad": [round(low, 5), round(high, 5)],
+        }
+
+
+def _answers(found: Survey, folder: Path, h: float) -> tuple[dict[str, _Moved], str]:
+    """How each surface answers its command; what is wrong with the flight control, if anything."""
+    fdm = _loaded(found.tables, folder)
+    bench = Bench(fdm, h)
+    alpha = found.lift.at(found.V_a)[0]
+    level = _level(found.V_a, alpha, 0.5)
+    moved = {name: _moved(fdm, bench, level, name) for name in SURFACES}
+    return moved, _drift(fdm, bench, level, moved)
+
+
+def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
+    what, sign = EFFECTS[name]
+    surface = getattr(fdm.config.surfaces, name)
+    positions = [fdm.reader(one) for one in POSITIONS[name] if fdm.has(one)]
+
+    def at(command: float) -> tuple[float, list[float]]:
+        effect = bench.accelerations(replace(level, **{name: command}))[what]
+        return effect, [read() for read in positions]
+
+    # Past the flight control the aerodynamics read radians.
+    full = USUAL_TRAVEL if surface.replaces else 1.0
+    neutral, rest = at(0.0)
+    sides = []
+    for side in (-1.0, 1.0):
+        effects = np.array([at(side * full * part)[0] - neutral for part in COMMANDS])
+        travel = max(
+            (abs(p - r) for p, r in zip(at(side * full)[1], rest, strict=True)), default=0.0
+        )
+        slopes = np.diff(effects, prepend=0.0) / np.diff(COMMANDS, prepend=0.0)
+        first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
+        more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)
+        last = len(more) if more.all() else int(np.argmin(more))
+        usable = float(COMMANDS[last - 1]) if last else 0.0
+        sides.append((float(effects[-1]), travel, usable))
+    (effect_low, travel_low, usable_low), (effect_high, travel_high, usable_high) = sides
+    if max(abs(effect_low), abs(effect_high)) < LEAST_EFFECT or not (usable_low and usable_high):
+        how = max(abs(effect_low), abs(effect_high))
+        command = surface.command or f"fcs/{name}-cmd-norm"
+        raise Refusal(
+            f"its {name} command ({command}) moves nothing that can be used: "
+            f"{how:.2g} rad/s2 at full travel"
+        )
+    sense = math.copysign(1.0, sign * (effect_high - effect_low))
+    if surface.replaces:
+        travel_low = travel_high = USUAL_TRAVEL
+    travels = [t if 0.01 < t < LARGEST_TRAVEL else USUAL_TRAVEL for t in (travel_low, travel_high)]
+    return _Moved(
+        effect=(effect_high - effect_low) / 2.0,
+        position=(-sense * travels[0], sense * travels[1]),
+        usable=(usable_low, usable_high),
+    )
+
+
+def _drift(fdm: Fdm, bench: Bench, level: AirframeState, moved: dict[str, _Moved]) -> str:
+    """What a held stick does over time, in a sentence; empty where it does nothing."""
+    for name, one in moved.items():
+        what, _ = EFFECTS[name]
+        command = 0.1 * (USUAL_TRAVEL if getattr(fdm.config.surfaces, name).replaces else 1.0)
+        read = fdm.reader(f"accelerations/{what[0]}dot-rad_sec2")
+        at_once = bench.accelerations(replace(level, **{name: command}))[what]
+        neutral = bench.accelerations(level)[what]
+        bench.accelerations(replace(level, **{name: command}))
+        fdm.hold(HELD[0])
+        held = read()
+        fdm.hold(HELD[1] - HELD[0])
+        later = read()
+        effect = max(abs(at_once - neutral), 0.1 * abs(one.effect))
+        if abs(later - held) > DRIFT * effect:
+            return f"its flight control drifts while the {name} command is held"
+        if abs(held - at_once) > 2.0 * DRIFT * effect:
+            return f"its flight control moves on after the {name} command"
+    return ""
+
+
+def _past_flight_control(tables: dict[str, Any], folder: Path) -> dict[str, dict[str, Any]]:
+    """Surfaces that the aerodynamics read past the flight control; none where that is unknown."""
+    config = aircraft_from(tables, folder)
+    read = set()
+    for file in model_files(config):
+        root = read_xml(file, str(file))
+        parts = [root] if root.tag == "aerodynamics" else root.findall("aerodynamics")
+        read |= {(one.text or "").strip().lstrip("-") for part in parts for one in part.iter()}
+    surfaces = {}
+    for name in SURFACES:
+        own = sorted(_of_surface(name, read))
+        if not own:
+            return {}
+        surfaces[name] = {**tables["surfaces"][name], "replaces": own}
+    return surfaces
+
+
+def _of_surface(name: str, read: set[str]) -> Iterator[str]:
+    pattern = re.compile(rf"fcs/(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
+    return (one for one in read if pattern.fullmatch(one))
