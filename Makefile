@@ -1,7 +1,7 @@
 VENV   := .venv
 PYTHON := $(VENV)/bin/python
 STAMP  := $(VENV)/installed
-DEBIAN := mesa-vulkan-drivers chromium
+DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
 PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile
 
@@ -50,8 +50,8 @@ $(STAMP): pyproject.toml
 	touch $@
 
 # The picture tests look at recordings in a headless viewer, which needs a software Vulkan driver, and
-# at pages in a browser. Both are installed where this can be done without a password; elsewhere those
-# tests say that they were skipped.
+# at pages in a browser; exported C needs a compiler. They are installed where this can be done
+# without a password; elsewhere those tests say that they were skipped.
 picture-packages:
 	@if dpkg -s $(DEBIAN) >/dev/null 2>&1; then :; \
 	elif [ "$$(id -u)" = 0 ]; then $(INSTALL); \

@@ -12,6 +12,7 @@ from flighttune.cli.certificates import certify, verify
 from flighttune.cli.command import Grouped, add_command
 from flighttune.cli.compare import compare
 from flighttune.cli.conform import conform
+from flighttune.cli.export import export
 from flighttune.cli.flights import fly, list_shipped, refly, view
 from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
@@ -60,6 +61,7 @@ COMMANDS = {
     "Publish": [
         (report, "reporting", "flighttune report runs/paper"),
         (reproduce, "reproducing", "flighttune reproduce gains"),
+        (export, "exporting", "flighttune export paper --gains paper"),
     ],
 }
 """Commands by their heading in the help: function, what a terminal shows meanwhile, an example."""

@@ -37,13 +37,13 @@ _LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
 """Properties that are 0 in an empty aircraft."""
 
 _SETTLING_STEP = 0.02
-_MOTIONS = [
+MOTIONS = [
     f"simulation/integrator/{of}/{motion}"
     for of in ("rate", "position")
     for motion in ("rotational", "translational")
 ]
 
-_EARTH = Path(__file__).with_name("earth.xml")
+EARTH = Path(__file__).with_name("earth.xml")
 
 
 @lru_cache(maxsize=1024)
@@ -78,6 +78,10 @@ class Fdm:
         Whether the model has systems of its own, which may have a memory.
     complaint : str
         What JSBSim has against the files that it loaded all the same; empty for nothing.
+    steps : int
+        Those in one sample of the inner loop's computer.
+    settings : mapping of str to float
+        Properties set for the whole flight, in JSBSim's units.
     """
 
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
@@ -85,7 +89,7 @@ class Fdm:
         self.config = config
         self.own_flight_control = has_flight_control(config)
         self.ground = ground
-        self._steps = steps
+        self.steps = steps
         self.rate = config.inner_loop_rate * steps
         with quiet():
             self._exec = jsbsim.FGFDMExec(str(config.folder))
@@ -110,19 +114,19 @@ class Fdm:
             self.complaint = log.text
             # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
             # flight would drift off its course by 0.006 deg/s.
-            if not self._exec.load_planet(str(_EARTH), False):
-                raise PlantError(f"{_EARTH}: cannot be loaded: {log.text}.")
+            if not self._exec.load_planet(str(EARTH), False):
+                raise PlantError(f"{EARTH}: cannot be loaded: {log.text}.")
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
-        self._integrators = [(self.writer(name), self.reader(name)) for name in _MOTIONS]
-        for name, value in config.settings.items():
-            self.writer(name)(value)
+        self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
         engines = range(config.engines.count)
         self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
-        self.writer("propulsion/set-running")(-1.0)
+        self.settings = {**config.settings, "propulsion/set-running": -1.0}
         if ground:
-            self._lay_sea_level_at(ground)
+            self.settings |= _sea_level_at(ground)
+        for name, value in self.settings.items():
+            self.writer(name)(value)
         self.evaluate()
 
     @property
@@ -207,13 +211,13 @@ class Fdm:
     def hold(self, duration: float) -> None:
         """Let `duration` (s) pass for engines and flight control while the aircraft stays still."""
         # Integrators of type 0 hold the aircraft still while time passes.
-        kept = [(write, read()) for write, read in self._integrators]
+        kept = [(write, read()) for write, read in self.integrators.values()]
         for write, _ in kept:
             write(0.0)
         self._exec.set_dt(_SETTLING_STEP)
         # Whole samples of the inner loop, so that its next one falls on the start of the flight.
-        samples = math.ceil(duration / (_SETTLING_STEP * self._steps))
-        for _ in range(samples * self._steps):
+        samples = math.ceil(duration / (_SETTLING_STEP * self.steps))
+        for _ in range(samples * self.steps):
             self._exec.run()
         self._exec.set_dt(1.0 / self.rate)
         self._exec.set_sim_time(0.0)
@@ -242,12 +246,6 @@ class Fdm:
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._exec))
 
-    def _lay_sea_level_at(self, ground: float) -> None:
-        """Shift the standard atmosphere down by `ground` (m): exact below the tropopause."""
-        share = 1.0 - LAPSE_RATE * ground / SEA_LEVEL_TEMPERATURE
-        self.writer("atmosphere/delta-T")(-LAPSE_RATE * ground * _RANKINE)
-        self.writer("atmosphere/P-sl-psf")(SEA_LEVEL_PRESSURE * share**PRESSURE_EXPONENT / _PSF)
-
     @property
     def _model(self) -> Path:
         return source_folders(self.config).file
@@ -273,6 +271,15 @@ class Fdm:
     def _translation(self, what: str, error: jsbsim.BaseError) -> PlantError:
         self.abandon()
         return PlantError(f"{self._model}: {what} by JSBSim: {one_line(str(error))}")
+
+
+def _sea_level_at(ground: float) -> dict[str, float]:
+    """Settings that shift the standard atmosphere down by `ground` (m), exact below tropopause."""
+    share = 1.0 - LAPSE_RATE * ground / SEA_LEVEL_TEMPERATURE
+    return {
+        "atmosphere/delta-T": -LAPSE_RATE * ground * _RANKINE,
+        "atmosphere/P-sl-psf": SEA_LEVEL_PRESSURE * share**PRESSURE_EXPONENT / _PSF,
+    }
 
 
 def weigh(config: AircraftConfig) -> MassBalance:

@@ -70,6 +70,8 @@ class JSBSimPlant:
         The aircraft: envelope, limits, gains.
     limits : Limits
         What the inner loop limits its commands to.
+    fdm : Fdm or None
+        The aircraft in flight; None before the start.
 
     Raises
     ------
@@ -120,6 +122,7 @@ class JSBSimPlant:
         self._seed = seed
         self._weather, self._ground = weather, ground
         self._chunks: dict[float, tuple[range, ...]] = {}
+        self.fdm: Fdm | None = None
         self._observe: Callable[[], tuple[float, ...]] = _not_started
         self._write_phi_cmd: Callable[[float], object] = _not_started
 
@@ -147,7 +150,7 @@ class JSBSimPlant:
         from flighttune.plants.jsbsim.trim import trim
 
         self._observe = self._write_phi_cmd = _not_started
-        fdm = Fdm(self.config, steps=self._steps, ground=self._ground)
+        self.fdm = fdm = Fdm(self.config, steps=self._steps, ground=self._ground)
         self._write_settings(fdm)
         point = trim(fdm, condition)
         if self._weather is not None:

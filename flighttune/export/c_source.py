@@ -1,0 +1,94 @@
+"""The outer loop as one C99 file, for a board."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from string import Template
+
+from flighttune import __version__
+from flighttune.control.gains import PIGains
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.export.law import exported_law
+from flighttune.flight.fly import plant_of
+from flighttune.flight.ladder import aircraft_table
+from flighttune.scenario.schema import Scenario
+from flighttune.whole_file import whole_file
+
+SOURCE = "ft_outer_loop.c"
+
+_TEMPLATE = Path(__file__).with_name("outer_loop.c")
+_USED = "V_a is the airspeed."
+_UNUSED = "V_a is not used: the gains are not scheduled."
+
+
+def export_c(
+    scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
+) -> Path:
+    """Write the outer loop of one gain set as a C file.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    name : str
+        Of the gain set, with its law.
+    gains : PIGains
+    folder : Path
+        Made where it does not exist.
+    plant : str, optional
+        Label of the aircraft whose limits hold as well; by default the first, if there is one.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no such aircraft, or the law cannot be exported.
+    OutputError
+        If the file cannot be written.
+    """
+    limits = scenario.limits.limits()
+    if plant is not None or any(one.kind == "jsbsim" for one in scenario.plant):
+        limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
+    law = exported_law(scenario, name, gains, limits)
+    with whole_file(folder / SOURCE) as part:
+        part.write_text(c_source(law, title=scenario.title, gains=name), encoding="utf-8")
+    return folder / SOURCE
+
+
+def c_source(law: MimoPI, *, title: str, gains: str) -> str:
+    """The C99 text of a controller, which needs nothing but the C library's ``math.h``.
+
+    Parameters
+    ----------
+    law : MimoPI
+        Two commands, errors of course and path angle.
+    title, gains : str
+        Of the scenario and the gain set, for the comment at the top.
+    """
+    values, channels = law.law, law.law.channels
+    return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
+        title=_comment(title),
+        gains=_comment(gains),
+        version=__version__,
+        uses_V_a=_USED if values.per_speed else _UNUSED,
+        dt=_number(law.dt),
+        conditional=int(values.conditional),
+        tracking_gain=_number(values.tracking_gain),
+        per_speed=_number(values.per_speed),
+        feed_forward=int(law.feed_forward),
+        K_P=", ".join(f"{{{_numbers(one.K_P)}}}" for one in channels),
+        K_I_half=", ".join(f"{{{_numbers(one.K_I_half)}}}" for one in channels),
+        **{
+            name: _numbers(getattr(one, name) for one in channels)
+            for name in ("lower", "upper", "step_down", "step_up")
+        },
+    )
+
+
+def _comment(text: str) -> str:
+    return " ".join(text.replace("*/", "* /").split())
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ", ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    return repr(value).replace("inf", "INFINITY")

@@ -1,0 +1,152 @@
+"""A folder that JSBSim flies by itself, run by its own console command: the flight of `fly`."""
+
+import shlex
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from commands import answer, flighttune
+
+import flighttune as ft
+from flighttune.export import export_jsbsim
+from flighttune.flight.fly import fly_alone
+from flighttune.flight.outer_loop import gain_set
+from flighttune.shipped import scenario_files
+
+SAME = 1e-9
+"""Rad, and 1 of load factor. The flights below differ by 2.5e-13 at most."""
+
+COLUMNS = ["Time", "chi_rad", "gamma_rad", "phi_rad", "n_z"]
+LONGEST_S = 120
+
+
+def flights():
+    """Every gain set of the paper's law with every aircraft of the scenarios in still air.
+
+    The first of each scenario is flown by ``make test``, the others by ``make soak``.
+    """
+    for name in scenario_files():
+        scenario = ft.load_scenario(name)
+        labels = [table.label for table in scenario.plant if table.kind == "jsbsim"]
+        sets = [one for one in scenario.gain_names if scenario.law_of(one)[0].kind == "paper"]
+        if scenario.weather() is None and labels:
+            marks = [pytest.mark.slow]
+            for gains in sets:
+                for plant in labels:
+                    yield pytest.param(name, gains, plant, marks=marks)
+                    marks = [pytest.mark.soak]
+
+
+def flown_by_jsbsim(command):
+    """Run JSBSim's console command; return what it printed."""
+    done = subprocess.run(
+        shlex.split(command), capture_output=True, text=True, timeout=LONGEST_S, check=False
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
+
+
+def apart(scenario, gains_name, plant, folder):
+    """Largest difference of each signal between JSBSim's flight and that of `fly`."""
+    gains = gain_set(scenario, gains_name)
+    found = export_jsbsim(scenario, gains_name, gains, folder / "made", plant=plant)
+    moved = found.folder.rename(folder / "sent to a colleague")
+    flown_by_jsbsim(found.command.replace(str(found.folder), shlex.quote(str(moved))))
+    table = next(one for one in scenario.plant if one.label == plant)
+    flown = fly_alone(scenario, table, gains, gains_name).signals
+    written = pd.read_csv(moved / found.csv.name)
+    assert list(written.columns) == COLUMNS
+    assert len(written) == round(scenario.flight.duration_s * scenario.controller.rate_hz) + 1
+    written = written[: len(flown)]  # JSBSim flies on where `fly` ends at the edge of the envelope
+    np.testing.assert_allclose(written["Time"] - found.t_0, flown.index, rtol=0.0, atol=1e-6)
+    apart = {
+        name: written[column].to_numpy() - flown[name].to_numpy()
+        for name, column in zip(("chi", "gamma", "phi", "n_z"), COLUMNS[1:], strict=True)
+    }
+    apart["chi"] = np.angle(np.exp(1j * apart["chi"]))  # one of the two is modulo a turn
+    return {name: float(np.abs(values).max()) for name, values in apart.items()}
+
+
+@pytest.mark.parametrize(("name", "gains", "plant"), list(flights()))
+def test_jsbsim_alone_flies_as_fly_does(name, gains, plant, tmp_path):
+    found = apart(ft.load_scenario(name), gains, plant, tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"flight": {"phi_deg": 20.0, "gamma_deg": 5.0, "chi_deg": 200.0, "ground_m": 300.0}},
+        {"controller": {"rate_hz": 80.0, "anti_windup": "back_calculation", "schedule": True}},
+        {"controller": {"anti_windup": "none", "feed_forward": False}, "flight": {"n_z": 1.4}},
+    ],
+    ids=["in a turn over high ground", "between samples of the inner loop", "another start"],
+)
+def test_starts_and_settings_of_other_scenarios_are_those_of_fly(changed, tmp_path):
+    tables = ft.load_scenario("level_turn").as_dict()
+    for table, keys in changed.items():
+        tables[table] |= keys
+    tables["flight"]["duration_s"] = 15.0
+
+    found = apart(ft.scenario_from(tables), "paper", "jsbsim:aerosonde", tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+def exported(scenario, folder, *options):
+    """The command's answer."""
+    return answer("export", scenario, "--gains", "paper", "--out", folder, *options)
+
+
+def test_the_command_says_what_flies_the_folder(tmp_path):
+    found = exported("level_turn", tmp_path)
+
+    assert {*found} >= {"folder", "script", "csv", "command"}
+    assert Path(found["script"]).is_file()
+    assert found["command"].split()[0].endswith("jsbsim")
+
+
+def test_nothing_in_the_folder_points_out_of_it(tmp_path):
+    exported("c172_cruise_turn", tmp_path)
+
+    files = [one for one in tmp_path.rglob("*") if one.is_file()]
+    assert len(files) >= 7  # aircraft, start, script, engine, propeller, inner and outer loop
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        assert 'file="/' not in text
+        assert str(Path(ft.__file__).parents[1]) not in text
+
+
+def test_a_console_that_takes_another_step_flies_nothing(tmp_path):
+    found = exported("level_turn", tmp_path)
+    command = " ".join(part for part in found["command"].split() if "rate" not in part)
+
+    said = flown_by_jsbsim(command)
+
+    assert "the step must be 0.005 s" in said
+    assert Path(found["csv"]).read_text().strip() == ",".join(COLUMNS)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "gains", "named"),
+    [
+        ("crosswind_course", "paper", "`wind` must be absent"),
+        ("gust_in_turn", "paper", "`gust` must be absent"),
+        ("turbulent_climb", "paper", "`turbulence` must be absent"),
+        ("oscillating_wind", "paper", "`disturbance` must be absent"),
+        ("paper_as_printed", "paper", "`plant` must"),
+        ("exact_law", "exact:tuned_identified", "'exact:tuned_identified' of the law 'exact'"),
+        ("paper", "exact:paper", "'exact:paper' of the law 'exact'"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_by_name(scenario, gains, named, tmp_path):
+    out = tmp_path / "out"
+
+    _, said = flighttune("export", scenario, "--gains", gains, "--out", out, status=2)
+
+    assert named in said
+    assert not out.exists()
