@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import tomllib
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,6 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from flighttune.aircraft.aircraft import files_hash, load_aircraft
 from flighttune.campaign import dataset, load_campaign, plan_campaign
 from flighttune.campaign.dataset import Dataset, open_dataset
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.certificates import load_certificate, verify
 from flighttune.certificates.file import certificate_tables
 from flighttune.comparison import load_tolerances
@@ -24,16 +26,21 @@ from flighttune.conformance.boxes import RateBoxes
 from flighttune.conformance.file import Attempt, Conformance, Distribution, flown_values
 from flighttune.conformance.residual import ConformantModel
 from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.linear_model import closed_loop
+from flighttune.control.margins import loop_margins
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import certify_scenario
 from flighttune.identify.file import load_identified
 from flighttune.identify.model import design_model
-from flighttune.scenario import load_gains, load_scenario
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.scenario import load_gains, load_scenario, scenario_from
 from flighttune.shipped import aircraft_folder
+from flighttune.theory.indicators import indicators
 from flighttune.units import G_0
 
-CASES = 40
+CASES, MANY = 40, 200
 """Of each kind of file, in the short and in the long run."""
 
 LONGEST_LINE = 10_000
@@ -263,7 +270,39 @@ def flown(scenario):
 
 
 def modelled(identified):
-    return [design_model(one, g=G_0, hold=0.01) for one in identified.conditions]
+    for condition in identified.conditions[:2]:
+        indicators(closed_loop(design_model(condition, g=G_0, hold=0.01).model, PAPER_GAINS))
+
+
+def closed(gains):
+    """The linear loop of gains, its margins, and a flight of some samples."""
+    if gains.inputs == PAPER_GAINS.inputs:
+        model = load_scenario("paper").kinematic_model()
+        if indicators(closed_loop(model, gains)).status == "stable":
+            loop_margins(model, gains)
+    return flown(
+        scenario_from(
+            {
+                **{key: AIRBORNE[key] for key in ("title", "flight")},
+                "gains": [{"name": "read", **gains.as_lists()}],
+                "reference": {"chi_deg": 20.0, "gamma_deg": -10.0},
+                "plant": [{"kind": "kinematic"}],
+            }
+        )
+    )
+
+
+def first_runs(plan):
+    return fly_runs(plan, range(min(plan.runs, 2)))
+
+
+def started(config):
+    JSBSimPlant(config).start(FlightCondition(V_a=25.0))
+
+
+def of_aircraft(folder):
+    shutil.copytree(aircraft_folder("aerosonde"), folder, dirs_exist_ok=True)
+    return AIRCRAFT
 
 
 def in_folder(load):
@@ -274,12 +313,24 @@ KINDS = {
     "law": Kind("x.toml", with_a_law, to_toml, load_scenario, flown),
     "wind": Kind("x.toml", lambda _: AIRBORNE, to_toml, load_scenario, flown),
     "swing": Kind("x.toml", lambda _: SWINGING, to_toml, load_scenario, flown),
-    "gains": Kind("x.toml", lambda _: GAINS, to_toml, load_gains),
-    "gains in JSON": Kind("x.json", lambda _: GAINS, to_json, load_gains),
-    "campaign": Kind("x.toml", lambda _: CAMPAIGN, to_toml, load_campaign, plan_campaign),
-    "plan": Kind("campaign.json", planned, sealed, in_folder(open_dataset)),
+    "gains": Kind("x.toml", lambda _: GAINS, to_toml, load_gains, closed),
+    "gains in JSON": Kind("x.json", lambda _: GAINS, to_json, load_gains, closed),
+    "campaign": Kind(
+        "x.toml",
+        lambda _: CAMPAIGN,
+        to_toml,
+        load_campaign,
+        lambda campaign: first_runs(plan_campaign(campaign)),
+    ),
+    "plan": Kind(
+        "campaign.json",
+        planned,
+        sealed,
+        in_folder(open_dataset),
+        lambda dataset: first_runs(dataset.plan),
+    ),
     "tolerances": Kind("x.toml", lambda _: TOLERANCES, to_toml, load_tolerances),
-    "aircraft": Kind("aircraft.toml", lambda _: AIRCRAFT, to_toml, in_folder(load_aircraft)),
+    "aircraft": Kind("aircraft.toml", of_aircraft, to_toml, in_folder(load_aircraft), started),
     "identified": Kind("x.json", lambda _: IDENTIFIED, to_json, load_identified, modelled),
     "conformance": Kind("x.json", boxed, to_json, load_conformance),
     "certificate": Kind(
@@ -329,3 +380,9 @@ def fuzz(kind, folder, cases):
 @pytest.mark.parametrize("name", KINDS)
 def test_a_file_is_read_or_refused_in_one_line(tmp_path, name):
     fuzz(KINDS[name], tmp_path, CASES)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", KINDS)
+def test_thousands_of_files_are_read_or_refused_in_one_line(tmp_path, name):
+    fuzz(KINDS[name], tmp_path, MANY)

@@ -33,6 +33,9 @@ LEAST_SPEED = 0.2
 LIFT_FLOOR = 0.1
 """Least vertical lift for which the roll command is computed, in weights."""
 
+LEAST_LIFT = 1e-9
+"""Weights: the least largest load factor by which the roll angle is found."""
+
 BRAKING = 0.5
 """Part of the load factor's rate limit with which the path angle is caught."""
 
@@ -388,7 +391,7 @@ def exact_step(
     a, b = speed * level * nu_chi, speed * nu_gamma + level
     floored = b < lift_floor
     roll = math.atan2(a, lift_floor if floored else b)
-    most = bounds[1][1]
+    most = max(bounds[1][1], LEAST_LIFT)  # a limit may leave none
     if not floored and a * a + b * b > most * most:
         # The largest load factor does not give both.
         if course_first:

@@ -21,6 +21,9 @@ SHORTEST_LAG = 1e-4
 NO_GAIN = 1e-9
 """A destabilising factor this small is the rounding of none at all."""
 
+BESIDE = 1e-12
+"""Distance from a pole, over the largest entry of A, at which a response is taken there."""
+
 ON_AXIS = 1e-5
 """Relative distance from the imaginary axis within which a zero is taken to lie on it. Rounding
 moves a double zero by 1e-8; a zero let in by mistake is sorted out by the frequency response."""
@@ -236,7 +239,11 @@ def _response(loop: Loop, omega: float | FloatArray) -> npt.NDArray[np.complex12
     """``C (jw - A)^-1 B`` at frequencies of shape (...), rad/s: shape (..., m, m)."""
     A, B, C = loop
     s = 1j * np.asarray(omega)[..., None, None]
-    return C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
+    try:
+        return C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
+    except np.linalg.LinAlgError:  # a pole on the axis: beside it the response is as good as there
+        s = s + BESIDE * np.abs(A).max()
+        return C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
 
 
 def _phase_lag(value: Any) -> Any:
