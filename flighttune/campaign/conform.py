@@ -14,8 +14,7 @@ import pyarrow as pa
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
-from flighttune.campaign.engine.cluster import cluster
-from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import plant_table
 from flighttune.campaign.planning.load import campaign_on, load_campaign
@@ -177,7 +176,7 @@ def conform(
     first, each = plan.draws, settings.flights
     fresh = replace(learned, campaign=at_random(campaign), runs=first + settings.attempts * each)
     attempts: list[Attempt] = []
-    with cluster(workers, scheduler) as start:
+    with campaign_workers(workers, scheduler) as start:
         pool = WorkerPool(start, observer)
         known = _flown(pool, learned, Span(0, first), "learning")
         while known is not None:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,8 +13,7 @@ from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
-from flighttune.campaign.engine.cluster import INSTALL, cluster
-from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import TUBE_SHARE
 from flighttune.campaign.flying.refly import scenario_of_run
@@ -237,10 +235,8 @@ def find_worst(
     ----------
     .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
     """
-    if find_spec("cma") is None:
-        raise InputError(f"the search needs cma; {INSTALL}")
     search = _Search.of(source, settings)
-    with cluster(workers, scheduler) as start:
+    with campaign_workers(workers, scheduler) as start:
         search.pool = WorkerPool(start, observer)
         found = search_worst(
             search.values, search.dimension, budget=settings.budget, seed=settings.seed
@@ -295,7 +291,7 @@ def rare_miss(
         As `find_worst`.
     """
     search = _Search.of(source, settings)
-    with cluster(workers, scheduler) as start:
+    with campaign_workers(workers, scheduler) as start:
         search.pool = WorkerPool(start, observer)
         found = subset_simulation(
             search.values,

@@ -187,11 +187,8 @@ def run(
     from flighttune.campaign.engine.flyer import Flyer
 
     with Flyer() as flyer:
-        if not (dry_run or workers or scheduler):
+        if not (dry_run or scheduler):
             flyer.begin()  # it loads what flights need while the campaign is planned
-        from flighttune.campaign.engine.cluster import check_installed
-
-        check_installed()
         folder = out or str(Path("runs") / Path(file).stem)
         plan = _planned(file, runs, folder, resume=resume)
         if dry_run:

@@ -79,12 +79,10 @@ def worst(
     It is written as a scenario that `flighttune fly` flies.
     """
     check_ending(out, ".toml")
-    from flighttune.campaign.engine.cluster import check_installed
     from flighttune.campaign.planning.tube_bounds import TubeBounds
     from flighttune.campaign.worst import WorstSettings, find_worst, rare_miss
     from flighttune.flight.fly import fly
 
-    check_installed()
     bounds = None if tube is None else TubeBounds.read(tube)
     settings = WorstSettings(
         budget=budget,

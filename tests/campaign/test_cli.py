@@ -164,12 +164,13 @@ def test_a_half_width_that_is_not_reached_is_the_answer_no(tmp_path, file, addre
 def test_without_dask_one_line_says_what_to_install(file):
     code = "import sys; sys.modules['distributed'] = None; from flighttune.cli import main; main()"
     command = [sys.executable, "-c", code, "campaign", "run", str(file)]
+    command += ["--scheduler", "tcp://127.0.0.1:8786"]
 
     done = subprocess.run(command, capture_output=True, text=True, check=False)
 
     assert done.returncode == 2
     assert done.stderr == (
-        "flighttune: campaigns need dask, distributed; install it with: pip install "
+        "flighttune: `scheduler` needs dask, distributed; install it with: pip install "
         "'flighttune[cluster]'\n"
     )
 

@@ -11,8 +11,7 @@ import pyarrow as pa
 
 from flighttune.campaign.choice.race import Race, Tried, race
 from flighttune.campaign.dataset import Span
-from flighttune.campaign.engine.cluster import cluster
-from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
@@ -237,7 +236,7 @@ def tune_robust(
     gain_sets = {one.name: one.gains for one in (*candidates, *baselines)}
     draws = planned.draws if settings.draws is None else settings.draws
     early_ends: Counter[str] = Counter()
-    with cluster(workers, scheduler) as start:
+    with campaign_workers(workers, scheduler) as start:
         pool = WorkerPool(start, observer)
 
         def fly(names: Sequence[str], first: int, end: int) -> Tried | None:

@@ -1,51 +1,24 @@
-"""Workers here or on a cluster, and the tasks they do: the only importer of dask."""
+"""Workers of a dask cluster elsewhere: the only importer of dask."""
 
 import logging
 import math
-import os
 import queue
-import signal
 import socket
 import threading
 import time
 import uuid
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib.util import find_spec
-from multiprocessing import resource_tracker
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from flighttune.campaign.engine.tasks import Done, Task, translated
 from flighttune.errors import CampaignError, InputError
-from flighttune.file_lock import scratch_folder
-from flighttune.simulate.batch import cores
 
 if TYPE_CHECKING:
     from distributed import Client, Future
-
-LOCAL = {
-    # Samples every thread's stack 100 times a second, for a profile that is never read.
-    "distributed.worker.profile.enabled": False,
-    # A worker holds a few kB of rows. Memory is taken by the processes that fly, which dask neither
-    # sees nor can free.
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.monitor-interval": "1s",
-    # A task that loses its worker comes back at once: it is handed out again here, and counted.
-    "distributed.scheduler.allowed-failures": 0,
-    # Few tasks wait at a time, each for a worker that is nearly ready for it; moving them costs
-    # more messages than it saves.
-    "distributed.scheduler.work-stealing": False,
-    # Looks for copies of results to drop; a result is fetched once and is gone.
-    "distributed.scheduler.active-memory-manager.start": False,
-    # Charts of a dashboard that is not opened.
-    "distributed.admin.system-monitor.interval": "10s",
-    # Watches for a blocked event loop, and warns; on a loaded machine it is blocked now and then.
-    "distributed.admin.tick.interval": "5s",
-    "distributed.admin.tick.limit": "60s",
-}
-"""Settings of dask for a cluster of our own; those of a cluster elsewhere are its owner's."""
 
 QUIET = (
     "distributed",
@@ -71,96 +44,37 @@ COUNT_S = 1.0
 
 
 @contextmanager
-def cluster(
-    workers: int | None = None, scheduler: str | None = None
-) -> Iterator[Callable[[], "Workers"]]:
-    """Workers for the block: processes of this machine, or those of a scheduler elsewhere.
+def cluster(scheduler: str) -> Iterator[Callable[[], "ClusterWorkers"]]:
+    """Workers of a scheduler, for the block.
 
     Parameters
     ----------
-    workers : int, optional
-        Processes on this machine; by default one a core.
-    scheduler : str, optional
-        Address of a scheduler, ``tcp://HOST:PORT``, instead.
+    scheduler : str
+        Its address, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
 
     Yields
     ------
     callable
-        Starts the workers at its first call, and returns them.
+        Connects at its first call, and returns the workers.
 
     Raises
     ------
     InputError
-        If dask.distributed is not installed, or the arguments cannot be used.
+        If dask.distributed is not installed, or the address cannot be one.
     CampaignError
-        From the call, if no scheduler answers at the address.
-    """
-    if workers is not None and scheduler is not None:
-        raise InputError("`workers` must not be given with `scheduler`, which has its own.")
-    if workers is not None and workers < 1:
-        raise InputError(f"`workers` must be at least 1, got {workers}.")
-    check_installed()
-    if scheduler is not None:
-        _host_and_port(scheduler)
-        _check_certificates(scheduler)
-    with ExitStack() as stack:
-
-        def start() -> Workers:
-            stack.enter_context(_silence())
-            if scheduler is None:
-                client = stack.enter_context(_local(workers or cores()))
-            else:
-                client = stack.enter_context(_remote(scheduler))
-            return Workers(client, ours=scheduler is None)
-
-        yield cache(start)
-
-
-def check_installed() -> None:
-    """Check that what campaigns are flown with is there.
-
-    Raises
-    ------
-    InputError
-        If it is not; the message says how to install it.
+        From the call, if no scheduler answers there.
     """
     if not all(map(find_spec, NEEDED)):
-        raise InputError(f"campaigns need {', '.join(NEEDED)}; {INSTALL}")
+        raise InputError(f"`scheduler` needs {', '.join(NEEDED)}; {INSTALL}")
+    _host_and_port(scheduler)
+    _check_certificates(scheduler)
+    with ExitStack() as stack:
 
+        def connect() -> ClusterWorkers:
+            stack.enter_context(_silence())
+            return ClusterWorkers(stack.enter_context(_connected(scheduler)))
 
-@contextmanager
-def _local(workers: int) -> "Iterator[Client]":
-    import dask.config
-    from distributed import Client, LocalCluster
-
-    with (
-        _environment_kept(),
-        scratch_folder() as folder,
-        dask.config.set({**LOCAL, "temporary-directory": str(folder)}),
-    ):
-        with _ctrl_c_blocked():
-            made = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,  # one flight a core
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,
-                local_directory=str(folder),
-            )
-        with made, Client(made, set_as_default=False) as client:
-            yield client
-
-
-@contextmanager
-def _environment_kept() -> Iterator[None]:
-    """Undo what dask writes to the environment for its workers: threads of BLAS change bits."""
-    before = dict(os.environ)
-    try:
-        yield
-    finally:
-        for name in os.environ.keys() - before.keys():
-            del os.environ[name]
-        os.environ.update(before)
+        yield cache(connect)
 
 
 def _check_certificates(scheduler: str) -> None:
@@ -181,7 +95,7 @@ def _check_certificates(scheduler: str) -> None:
 
 
 @contextmanager
-def _remote(scheduler: str) -> "Iterator[Client]":
+def _connected(scheduler: str) -> "Iterator[Client]":
     import dask.config
     from distributed import Client
 
@@ -208,25 +122,6 @@ def _host_and_port(scheduler: str) -> tuple[str, int]:
 
 
 @contextmanager
-def _ctrl_c_blocked() -> Iterator[None]:
-    """Let Ctrl-C not reach the threads and processes started in the block, and theirs.
-
-    A terminal sends it to all of them; it is for the main process alone to end them. They inherit
-    which signals are blocked.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    # Python unblocks SIGINT where it starts this process: started before, it does not.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
 def _silence() -> Iterator[None]:
     import distributed  # noqa: F401  (sets its loggers up when it is imported)
 
@@ -241,52 +136,16 @@ def _silence() -> Iterator[None]:
             logger.setLevel(level)
 
 
-class Task(NamedTuple):
-    """A call for a worker.
+class ClusterWorkers:
+    """Workers of one cluster, see `flighttune.campaign.engine.tasks.Workers`.
 
-    Attributes
+    Parameters
     ----------
-    about : hashable
-        The run or runs it is about.
-    function : callable
-        Of a module.
-    arguments : tuple
+    client : distributed.Client
     """
 
-    about: Hashable
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
-
-
-class Done(NamedTuple):
-    """A task that is over.
-
-    Attributes
-    ----------
-    task : Task
-    value : object
-        What it returned.
-    lost : bool
-        Whether its worker went away before it returned.
-    """
-
-    task: Task
-    value: Any = None
-    lost: bool = False
-
-
-class Workers:
-    """Workers of one cluster, and the tasks they have.
-
-    Attributes
-    ----------
-    ours : bool
-        Whether they are processes of this machine, started for this campaign.
-    """
-
-    def __init__(self, client: "Client", *, ours: bool) -> None:
+    def __init__(self, client: "Client") -> None:
         self._client = client
-        self.ours = ours
         self._threads, self._counted = 0, -math.inf
         self._tasks: dict[str, tuple[Future, Task]] = {}
         self._over: queue.SimpleQueue[Future] = queue.SimpleQueue()
@@ -300,7 +159,7 @@ class Workers:
     def threads(self) -> int:
         """How many tasks can run at a time now, to a second."""
         if time.monotonic() > self._counted + COUNT_S:
-            with self._connected():
+            with self._reached():
                 workers = self._client.scheduler_info(n_workers=-1)["workers"]
             self._threads = sum(worker["nthreads"] for worker in workers.values())
             self._counted = time.monotonic()
@@ -310,7 +169,7 @@ class Workers:
         """Hand out a task."""
         where = task.function.__module__, task.function.__name__
         key = f"flighttune-{self._campaign}-{uuid.uuid4().hex}"
-        with self._connected():
+        with self._reached():
             future = self._client.submit(_call, *where, *task.arguments, key=key, pure=False)
             self._tasks[key] = future, task
             future.add_done_callback(self._over.put)
@@ -332,16 +191,14 @@ class Workers:
             raise self._gone()
         return [self._done(future) for future in over if future.key in self._tasks]
 
-    def stop(self, cancel: Callable[[], object]) -> None:
-        """Take back all tasks; workers of this machine call `cancel`, so that their tasks end."""
+    def stop(self) -> None:
+        """Take back all tasks; flights in progress end where they are."""
 
         def take_back() -> None:
             with suppress(Exception):  # the workers may be gone
                 self._client.cancel([future for future, _ in self._tasks.values()], force=True)
-                if self.ours:
-                    self._client.run(cancel)
 
-        # in a thread, because either call waits for as long as a scheduler does not answer
+        # in a thread, because it waits for as long as a scheduler does not answer
         thread = threading.Thread(target=take_back, daemon=True)
         thread.start()
         thread.join(STOP_S)
@@ -349,7 +206,7 @@ class Workers:
 
     def _done(self, future: "Future") -> Done:
         _, task = self._tasks.pop(str(future.key))
-        with self._connected():
+        with self._reached():
             if future.status == "finished":
                 return Done(task, future.result())
             if future.status == "error":
@@ -359,7 +216,7 @@ class Workers:
         return Done(task, lost=True)
 
     @contextmanager
-    def _connected(self) -> Iterator[None]:
+    def _reached(self) -> Iterator[None]:
         from distributed import CancelledError
 
         if self._client.status != "running":
@@ -382,10 +239,3 @@ def _call(module: str, name: str, *arguments: Any) -> Any:
 
 # Sent as code and not by name: a worker that cannot import what it is sent never answers.
 _call.__module__ = "__main__"
-
-
-def translated(error: BaseException | None) -> CampaignError:
-    """What a task raised, as an error of the campaign."""
-    if isinstance(error, ModuleNotFoundError):
-        return CampaignError(f"a worker has no `{error.name}`: install flighttune there")
-    return CampaignError(f"a worker failed: {type(error).__name__}: {error}")

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +15,9 @@ from flighttune.campaign.dataset import (
     open_dataset,
     runs_to_keep,
 )
-from flighttune.campaign.engine.alone import OneThread, alone, is_small
-from flighttune.campaign.engine.cluster import Workers, cluster
 from flighttune.campaign.engine.flyer import Flyer
-from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.here import is_small
+from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, Tally
 from flighttune.campaign.lock import locked
 from flighttune.campaign.planning.plan import Plan
@@ -54,7 +52,7 @@ def run_campaign(
     out : str or Path
         Folder of the rows. Only this process writes.
     workers : int, optional
-        Processes on this machine; by default one a core, or a single one for a small campaign.
+        Flights at a time on this machine; by default one a core, and one for a small campaign.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
@@ -64,7 +62,7 @@ def run_campaign(
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
     flyer : Flyer, optional
-        Process that flies a small campaign, if it has begun already; it is closed in any case.
+        A process that flies, if one has begun already; it is closed in any case.
 
     Returns
     -------
@@ -84,7 +82,9 @@ def run_campaign(
     observer = observer or CampaignObserver()
     interim = list(interim_analyses(plan, until_halfwidth))
     halfwidth, done = None, True
-    with _workers(plan, workers, scheduler, flyer) as start, locked(Path(out)):
+    if workers is None and scheduler is None and is_small(plan):
+        workers = 1
+    with campaign_workers(workers, scheduler, flyer=flyer) as start, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         tally = _counted(dataset, observer.hear)
@@ -111,21 +111,6 @@ def run_campaign(
         halfwidth=halfwidth,
         interrupted=not done,
     )
-
-
-@contextmanager
-def _workers(
-    plan: Plan, workers: int | None, scheduler: str | None, flyer: Flyer | None
-) -> Iterator[Callable[[], Workers | OneThread]]:
-    """Starts the workers that a plan is flown by: of a cluster, if it is worth the time."""
-    if workers is None and scheduler is None and is_small(plan):
-        with alone(flyer) as thread:
-            yield lambda: thread
-    else:
-        if flyer is not None:
-            flyer.close()
-        with cluster(workers, scheduler) as start:
-            yield start
 
 
 def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:

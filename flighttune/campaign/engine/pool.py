@@ -1,28 +1,27 @@
-"""Runs of plans flown by the workers of a cluster: tasks handed out a few at a time."""
+"""Runs of plans flown by workers here or elsewhere: tasks handed out a few at a time."""
 
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import pyarrow as pa
 
 from flighttune.campaign.dataset import Span
-from flighttune.campaign.engine.alone import OneThread
 from flighttune.campaign.engine.chunks import Chunks
-from flighttune.campaign.engine.cluster import Task, Workers
+from flighttune.campaign.engine.cluster import cluster
+from flighttune.campaign.engine.flyer import Flyer
+from flighttune.campaign.engine.here import workers_here
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress, Tally
-from flighttune.campaign.engine.worker import (
-    FlownChunk,
-    cancel_flights,
-    fly_chunk,
-    fly_signals,
-)
+from flighttune.campaign.engine.tasks import Task, Workers
+from flighttune.campaign.engine.worker import FlownChunk, fly_chunk, fly_signals
 from flighttune.campaign.flying.rows import crashed_row
 from flighttune.campaign.planning.plan import Plan
-from flighttune.errors import CampaignError
+from flighttune.errors import CampaignError, InputError
 from flighttune.flight.fly import library_versions
+from flighttune.simulate.batch import cores
 
 WAITING_PER_THREAD = 2
 """Tasks handed out for each that can run: one that runs, and one that is ready when it ends."""
@@ -31,18 +30,55 @@ LOOK_S = 0.2
 MOST_LOSSES = 5
 """How often a task may lose its worker."""
 
-NO_WORKER_S = 120.0
-"""How long the cluster of this machine may be without any worker."""
+
+@contextmanager
+def campaign_workers(
+    workers: int | None = None, scheduler: str | None = None, *, flyer: Flyer | None = None
+) -> Iterator[Callable[[], Workers]]:
+    """Workers for the block: threads of this process, or those of a scheduler elsewhere.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Flights at a time on this machine; by default one a core.
+    scheduler : str, optional
+        Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
+    flyer : Flyer, optional
+        A process for this machine's first thread, which has begun already; closed in any case.
+
+    Yields
+    ------
+    callable
+        Returns the workers; it connects to a scheduler at the first call.
+
+    Raises
+    ------
+    InputError
+        If the arguments cannot be used.
+    CampaignError
+        From the call, if no scheduler answers at the address.
+    """
+    if workers is not None and scheduler is not None:
+        raise InputError("`workers` must not be given with `scheduler`, which has its own.")
+    if workers is not None and workers < 1:
+        raise InputError(f"`workers` must be at least 1, got {workers}.")
+    if scheduler is None:
+        with workers_here(workers or cores(), flyer) as threads:
+            yield lambda: threads
+        return
+    if flyer is not None:
+        flyer.close()
+    with cluster(scheduler) as connect:
+        yield connect
 
 
 class WorkerPool:
-    """Flies runs by the workers of a cluster.
+    """Flies runs by the workers of a campaign.
 
     Parameters
     ----------
     start : callable
-        Returns the workers, as `flighttune.campaign.engine.cluster.cluster` gives it. Called when
-        there is something to fly.
+        Returns the workers, as `campaign_workers` gives it. Called when there is something to fly.
     observer : CampaignObserver, optional
         Receives the progress; may stop the flights.
 
@@ -53,7 +89,7 @@ class WorkerPool:
     """
 
     def __init__(
-        self, start: Callable[[], Workers | OneThread], observer: CampaignObserver | None = None
+        self, start: Callable[[], Workers], observer: CampaignObserver | None = None
     ) -> None:
         self._start = start
         self._observer = observer or CampaignObserver()
@@ -165,7 +201,6 @@ class WorkerPool:
         self._flying_since = self._flying_since or time.perf_counter()
         losses: Counter[Hashable] = Counter()
         again: list[Task] = []
-        worker_seen = time.monotonic()
         while not observer.stopped:
             threads = workers.threads()
             # also with no worker one task is handed out: some schedulers start workers for it
@@ -186,13 +221,10 @@ class WorkerPool:
                 losses[about] += 1
                 if losses[about] >= MOST_LOSSES:
                     raise CampaignError(f"{about}: lost its worker {MOST_LOSSES} times")
-            worker_seen = time.monotonic() if threads else worker_seen
-            if workers.ours and time.monotonic() > worker_seen + NO_WORKER_S:
-                raise CampaignError(f"no worker came up on this machine within {NO_WORKER_S:g} s")
         for over in workers.wait(0.0):
             if not over.lost:
                 done(over.task.about, over.value)
-        workers.stop(cancel_flights)
+        workers.stop()
         return False
 
     def _progress(

@@ -1,20 +1,17 @@
-"""Tasks of a small campaign in one thread here; one process flies them, and no cluster is started.
+"""Tasks done on this machine: by threads, each with a process that flies for it."""
 
-A cluster takes some seconds to start, more than the flights of a small campaign.
-"""
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Any
 
-from flighttune.campaign.engine.cluster import Done, Task, translated
 from flighttune.campaign.engine.flyer import Flyer
+from flighttune.campaign.engine.tasks import Done, Task, translated
 from flighttune.campaign.engine.worker import cancel_flights, end_flights, fly_by
 from flighttune.campaign.planning.plan import Plan
 
 SMALL_S = 3.0
-"""Time of all flights on one core up to which a campaign is small."""
+"""Time of all flights on one core up to which a second process is not worth its start."""
 
 SPEEDS = {"kinematic": 5000.0, "point_mass": 3000.0}
 """Seconds of flight in a second of a core, roughly, by kind of plant."""
@@ -24,7 +21,7 @@ SPEED = 600.0
 
 
 def is_small(plan: Plan) -> bool:
-    """Whether all flights of a plan take less time than a cluster to start."""
+    """Whether all flights of a plan take one process less time than another takes to start."""
     kinds = {table.label: table.kind for table in plan.scenario.plant}
     cycle_s = sum(
         plan.scenario.flight.duration_s / SPEEDS.get(kinds[group.plant], SPEED)
@@ -34,35 +31,40 @@ def is_small(plan: Plan) -> bool:
 
 
 @contextmanager
-def alone(flyer: Flyer | None) -> Iterator["OneThread"]:
-    """One thread for the block that does tasks; the process that flies for it ends with it."""
-    with ThreadPoolExecutor(1, "flights", fly_by, (flyer or Flyer(),)) as executor:
+def workers_here(count: int, flyer: Flyer | None = None) -> Iterator["Threads"]:
+    """Threads for the block; the processes that fly for them end with it.
+
+    Parameters
+    ----------
+    count : int
+    flyer : Flyer, optional
+        A process for the first of them, which has begun already.
+    """
+    flyers = [Flyer() for _ in range(count - (flyer is not None))]
+    if flyer is not None:
+        flyers.append(flyer)
+    with ThreadPoolExecutor(count, "flights", lambda: fly_by(flyers.pop())) as executor:
         try:
-            yield OneThread(executor)
+            yield Threads(executor, count)
         finally:
             cancel_flights()
             executor.shutdown(cancel_futures=True)
             end_flights()
 
 
-class OneThread:
-    """Does tasks one after another; stands in for the `Workers` of a cluster.
+class Threads:
+    """Workers on this machine, see `flighttune.campaign.engine.tasks.Workers`.
 
     Parameters
     ----------
     executor : ThreadPoolExecutor
-        Of one thread.
-
-    Attributes
-    ----------
-    ours : bool
-        As of `Workers`.
+    count : int
+        Its threads.
     """
 
-    ours = True
-
-    def __init__(self, executor: ThreadPoolExecutor) -> None:
+    def __init__(self, executor: ThreadPoolExecutor, count: int) -> None:
         self._executor = executor
+        self._count = count
         self._tasks: dict[Future[Any], Task] = {}
 
     @property
@@ -72,7 +74,7 @@ class OneThread:
 
     def threads(self) -> int:
         """How many tasks can run at a time."""
-        return 1
+        return self._count
 
     def submit(self, task: Task) -> None:
         """Take on a task."""
@@ -86,18 +88,17 @@ class OneThread:
         CampaignError
             If a task fails otherwise than by its flight.
         """
-        over = wait(self._tasks, seconds, FIRST_COMPLETED).done
         found = []
-        for future in over:
+        for future in wait(self._tasks, seconds, FIRST_COMPLETED).done:
             task, error = self._tasks.pop(future), future.exception()
             if error is not None:
                 raise translated(error) from error
             found.append(Done(task, future.result()))
         return found
 
-    def stop(self, cancel: Callable[[], object]) -> None:
-        """Take back all tasks, and end the flight in progress."""
+    def stop(self) -> None:
+        """Take back all tasks, and end the flights in progress."""
         for future in self._tasks:
             future.cancel()
-        cancel()
+        cancel_flights()
         self._tasks.clear()
