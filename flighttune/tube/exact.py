@@ -13,8 +13,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from flighttune.tube.forms import UP, Flags, Form, Pieces, combined
-from flighttune.tube.functions import arctangent, cosine_of, positive_part, product, secant
-from flighttune.tube.interval import Interval, cosine
+from flighttune.tube.functions import (
+    arctangent,
+    cosine_of,
+    positive_part,
+    product,
+    secant,
+    secant_change,
+)
+from flighttune.tube.interval import LARGEST_ANGLE, Interval, cosine
 from flighttune.tube.sample import (
     CLIMB,
     COMPUTED,
@@ -22,6 +29,7 @@ from flighttune.tube.sample import (
     GAMMA,
     PHI,
     PHI_INTEGRAL,
+    ROLLED,
     Channel,
     Controlled,
     Cut,
@@ -69,17 +77,17 @@ class ExactEnclosure(Enclosure):
             across, up = self._range(a), self._range(b)
             self._check_plain(errors, across, up, inversion)
             wanted = arctangent(a, across, b, up).widened(COMPUTED)
-            turning = self._channel(0, wanted, state[PHI], errors)
+            x = combined((1.0, wanted), (-1.0, state[PHI]))
+            turning = self._channel(0, x, state[PHI], self._range(state[PHI]), errors)
             if self._fewer_or_more([turning]):
                 continue
-            phi = pieces.fresh(self._moved(0, turning, state[PHI]), PHI)
-            roll = self._angle(phi, "roll")
-            steeper = Interval.point(np.ones(len(pieces))) / cosine(roll)
-            load = product(b, up, secant(phi, roll), steeper)
-            lifting = self._channel(1, load.widened(COMPUTED), state[EXTRA_LIFT], errors)
+            phi = pieces.fresh(
+                combined((1.0, state[PHI]), (1.0, self._move(0, turning))).widened(COMPUTED), PHI
+            )
+            lifting = self._lifting(state, errors, phi, b)
             if not self._fewer_or_more([turning, lifting]):
                 break
-        extra = self._moved(1, lifting, state[EXTRA_LIFT])
+        extra = self._vertical(lifting, phi, b)
         held = [self._held(i, channel) for i, channel in enumerate((turning, lifting))]
         integrals = self._kept(
             [
@@ -128,11 +136,12 @@ class ExactEnclosure(Enclosure):
         if not (climb * inversion.speed * law.K_P[1] * UP < inversion.brake).all():
             raise Unbounded("the path-angle error can be so large that the law brakes")
 
-    def _channel(self, i: int, wanted: Form, force: Form, errors: Sequence[Form]) -> Channel:
+    def _channel(
+        self, i: int, x: Form, force: Form, values: Interval, errors: Sequence[Form]
+    ) -> Channel:
         law = self.loop.channels[i]
-        x = combined((1.0, wanted), (-1.0, force))
         increment = combined(*zip(law.K_I_half, errors, strict=True))
-        values, at = self._range(force), Interval.point(np.zeros(len(self.pieces)))
+        at = Interval.point(np.zeros(len(self.pieces)))
         sides = [
             self._excess(x, force, values, 1.0, law.upper, law.step_up),
             self._excess(x, force, values, -1.0, -law.lower, -law.step_down),
@@ -147,9 +156,58 @@ class ExactEnclosure(Enclosure):
                 self._known.append((sides[side], i, side))
         return Channel(x, increment, at, *sides)
 
-    def _moved(self, i: int, channel: Channel, force: Form) -> Form:
-        """The command after its limits."""
-        moves, doubt = [(1.0, force), (1.0, channel.x)], np.zeros(len(self.pieces))
+    def _lifting(
+        self, state: Sequence[Form], errors: Sequence[Form], phi: Form, b: Form
+    ) -> Channel:
+        """The load factor ``b / cos(phi)`` before its limits.
+
+        The load factor in force is v / cos(phi) of the roll before: the difference is
+        ``(b - v) / cos(phi)`` plus v times what one over the cosine changes. Each load factor
+        enclosed by itself would seem to meet its rate limit.
+        """
+        before, roll = (self._angle(one, "roll") for one in (state[PHI], phi))
+        v = state[EXTRA_LIFT]
+        more, change = combined((1.0, b), (-1.0, v)), combined((1.0, phi), (-1.0, state[PHI]))
+        values, by = self._range(v), ordered(self._range(change))
+        if not ((before + by).largest < LARGEST_ANGLE).all():
+            raise Unbounded(ROLLED)
+        less_steep = secant_change(state[PHI], before, change, by)
+        x = combined(
+            (1.0, product(more, self._range(more), secant(phi, roll), _one_over(cosine(roll)))),
+            (-1.0, product(v, values, less_steep, ordered(self._range(less_steep)))),
+        )
+        steep = _one_over(cosine(before))
+        force = product(v, values, secant(state[PHI], before), steep)
+        return self._channel(1, x.widened(COMPUTED), force, values * steep, errors)
+
+    def _vertical(self, lifting: Channel, phi: Form, b: Form) -> Form:
+        """The load-factor command after its limits times the cosine of the roll command."""
+        less = self._held_back(1, lifting)
+        if less is None:
+            return b.widened(COMPUTED)
+        roll = self._angle(phi, "roll")
+        part = product(less, ordered(self._range(less)), cosine_of(phi, roll), cosine(roll))
+        return combined((1.0, b), (-1.0, part)).widened(COMPUTED)
+
+    def _load(self, extra: Form, lift: float, seen: Form, roll: Interval, phi: Form) -> Form:  # noqa: ARG002
+        steep = self._angle(phi, "roll")
+        values = ordered(self._range(extra))
+        return product(extra, values, secant(phi, steep), _one_over(cosine(steep)))
+
+    def _lifted(self, extra: Form, values: Interval, phi: Form, roll: Interval) -> Form:  # noqa: ARG002
+        return extra
+
+    def _command_range(self, extra: Interval, lift: float, roll: Interval) -> Interval:  # noqa: ARG002
+        return extra * _one_over(cosine(roll))
+
+    def _move(self, i: int, channel: Channel) -> Form:
+        """How the command moves."""
+        less = self._held_back(i, channel)
+        return channel.x if less is None else combined((1.0, channel.x), (-1.0, less))
+
+    def _held_back(self, i: int, channel: Channel) -> Form | None:
+        """By how much limits hold the command below, or above, what is wanted; None if never."""
+        moves, doubt = [], np.zeros(len(self.pieces))
         for side, excess in enumerate((channel.above, channel.below)):
             if excess is None or not (excess.values.high > 0.0).any():
                 continue
@@ -160,9 +218,9 @@ class ExactEnclosure(Enclosure):
             )
             values = ordered(values)
             part = positive_part(excess.form, values, self.plan.slope(values))
-            moves.append((-1.0 if side == 0 else 1.0, part))
+            moves.append((1.0 if side == 0 else -1.0, part))
             doubt += np.where(known == OPEN, 0.0, OVERLAP)
-        return combined(*moves).widened(doubt + COMPUTED)
+        return combined(*moves).widened(doubt) if moves else None
 
     def _held(self, i: int, channel: Channel) -> tuple[Flags, Flags]:
         """Pieces in which no limit holds the command, and those in which one does."""
@@ -199,3 +257,7 @@ class ExactEnclosure(Enclosure):
                 self._sides[sure, i, side] = FREE
                 above = count + np.flatnonzero(cut.at[which] == 0.0)
                 self._sides[above, i, side] = LIMITED
+
+
+def _one_over(values: Interval) -> Interval:
+    return Interval.point(np.ones_like(values.low)) / values

@@ -39,7 +39,8 @@ from flighttune.tube.lag import SampledLag
 from flighttune.tube.point_mass import Moved, point_mass_sample
 
 CHI, GAMMA, PHI, EXTRA_LIFT, PHI_INTEGRAL, N_Z_INTEGRAL, CHI_ERR, GAMMA_ERR = range(8)
-"""Rows of the state; the errors are those of the sample before."""
+"""Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
+command beyond its feed-forward, or, of the exact law, times the cosine of the roll command."""
 
 STATES = 8
 
@@ -249,6 +250,11 @@ def start_set(
     state[EXTRA_LIFT] = combined((1.0, load), shift=-feed_forward.middle).widened(
         feed_forward.radius
     )
+    if loop.inversion:
+        level = cosine(at)
+        state[EXTRA_LIFT] = combined((level.middle, load)).widened(
+            level.radius * load.size + COMPUTED
+        )
     at_rest = state[PHI], load
     row = STATES
     for lag, value in zip(loop.lags, at_rest, strict=False):
@@ -498,6 +504,18 @@ class Enclosure:
             extra = combined((1.0, extra), (lift, secant_change(seen, roll, change, by)))
         return self.pieces.fresh(extra, EXTRA_LIFT)
 
+    def _load(self, extra: Form, lift: float, seen: Form, roll: Interval, phi: Form) -> Form:  # noqa: ARG002
+        """The load-factor command."""
+        return combined((1.0, extra), (lift, secant(seen, roll))) if lift else extra
+
+    def _lifted(self, extra: Form, values: Interval, phi: Form, roll: Interval) -> Form:
+        """What the load factor has beyond its feed-forward, times the cosine of roll."""
+        return product(extra, values, cosine_of(phi, roll), cosine(roll))
+
+    def _command_range(self, extra: Interval, lift: float, roll: Interval) -> Interval:
+        """Values of the load-factor command."""
+        return extra + Interval.point(np.full_like(roll.low, lift)) / cosine(roll)
+
     def _paper_law(
         self, k: int, state: Sequence[Form], phi: Form, extra: Form, roll: Interval
     ) -> "Flown":
@@ -517,7 +535,7 @@ class Enclosure:
             (1.0, state[CHI]), (h * rate, tangent(phi, roll)), shift=h * d_middle[0]
         ).widened(h * d_radius[0] * UP + COMPUTED)
         extra_range = ordered(self._range(extra))
-        lifted = product(extra, extra_range, cosine_of(phi, roll), cosine(roll))
+        lifted = self._lifted(extra, extra_range, phi, roll)
         f = combined(
             (rate, lifted),
             (-rate, cosine_of(state[GAMMA], climb)),
@@ -537,14 +555,13 @@ class Enclosure:
         gamma = combined((1.0, state[GAMMA]), (h + bend * slope.middle, f)).widened(
             rest * UP + COMPUTED
         )
-        feed = Interval.point(np.full(len(pieces), lift)) / cosine(roll)
         spread = 2.0 * np.array([d_radius[0], d_radius[1] + rate * float(farthest.max())])
         return Flown(
             chi=pieces.fresh(chi, CHI),
             gamma=pieces.fresh(gamma, GAMMA),
             extra=extra,
             lags=[],
-            commands=[roll, extra_range + feed],
+            commands=[roll, self._command_range(extra_range, lift, roll)],
             spread=spread,
         )
 
@@ -554,7 +571,7 @@ class Enclosure:
         """The exact point mass, behind lags if there are any."""
         pieces, loop, lift = self.pieces, self.loop, self.loop.lift(k)
         seen = state[loop.seen]
-        n_z = combined((1.0, extra), (lift, secant(seen, roll))) if lift else extra
+        n_z = self._load(extra, lift, seen, roll, phi)
         n_z = pieces.fresh(n_z.widened(COMPUTED), N_Z)
         commands = [ordered(self._range(one)) for one in (phi, n_z)]
         rolled, loaded = (Moved(*one) for one in zip((phi, n_z), commands, strict=True))
