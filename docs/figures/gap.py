@@ -1,11 +1,11 @@
-"""Draw docs/gap.png and write the numbers of docs/gap.md: python docs/figures/gap.py."""
+"""Draw docs/gap.svg and write the numbers of docs/gap.md: python docs/figures/gap.py."""
 
 from pathlib import Path
 
 import numpy as np
 
 from flighttune.flight.gap import Gap, explain_gap
-from flighttune.flight.gap_figure import save_gap_figure
+from flighttune.flight.gap_charts import gap_sheet
 from flighttune.flight.outer_loop import gain_set
 from flighttune.scenario import load_scenario
 from flighttune.simulate.run import Run
@@ -117,6 +117,6 @@ def written(text: str, gap: Gap) -> str:
 
 if __name__ == "__main__":
     flown = paper_gap()
-    save_gap_figure(flown, FOLDER / "gap.png", dpi=90)
+    gap_sheet(flown).save(FOLDER / "gap.svg")
     page = FOLDER / "gap.md"
     page.write_text(written(page.read_text(encoding="utf-8"), flown), encoding="utf-8")

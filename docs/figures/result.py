@@ -15,8 +15,8 @@ from flighttune.campaign import load_campaign, plan_campaign, run_campaign
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.flight.fly import fly
-from flighttune.present.figures import INK, RC
-from flighttune.present.palette import HUES, NEUTRAL
+from flighttune.paper.style import RC
+from flighttune.present.palette import HUES, INK, NEUTRAL
 from flighttune.report.identification import save_figure
 from flighttune.scenario import load_scenario
 from flighttune.shipped import campaign_files

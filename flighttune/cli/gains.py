@@ -69,9 +69,11 @@ def frontier(
     from flighttune.control.exact_law import command_gains, rate_gains
     from flighttune.control.gains import paper_family
     from flighttune.flight.outer_loop import gain_set, tuning_problem
+    from flighttune.present.chart import Sheet
+    from flighttune.present.palette import line_styles
     from flighttune.scenario import load_scenario
     from flighttune.tuning.frontier import frontier as frontier_table
-    from flighttune.tuning.frontier import frontier_figure
+    from flighttune.tuning.frontier import frontier_chart
     from flighttune.whole_file import whole_file
 
     loaded = load_scenario(scenario)
@@ -92,18 +94,19 @@ def frontier(
     }
     found = frontier_table(tuning_problem(loaded), points=points, marked=marked)
     folder = out or Path("runs") / Path(scenario).stem
-    csv, png = folder / "frontier.csv", folder / "frontier.png"
+    csv, svg = folder / "frontier.csv", folder / "frontier.svg"
     with whole_file(csv) as part:
         found.to_csv(part, index=False)
-    with whole_file(png) as part:
-        frontier_figure(found).savefig(part, dpi=160, format="png")
+    styles = line_styles([("", name) for name in loaded.gain_names])
+    chart = frontier_chart(found, {name: style for (_, name), style in styles.items()})
+    Sheet(charts=[chart], columns=1).save(svg)
     columns = ["I_K", "R_K", "spectral_abscissa"]
     rows = list(zip(found["name"], found.loc[:, columns].to_dict(orient="records"), strict=True))
     answer = {
         "points": [row for name, row in rows if name == "frontier"],
         "marked": {name: row for name, row in rows if name != "frontier"},
         "csv": csv,
-        "figure": png,
+        "figure": svg,
     }
     text = [
         table(
@@ -111,7 +114,7 @@ def frontier(
             ("", "I_K [s²]", "R_K [1/s]", "spectral abscissa [1/s]"),
             [(name, *(f"{value:.4f}" for value in row.values())) for name, row in rows],
         ),
-        f"table: {csv}   figure: {png}",
+        f"table: {csv}   figure: {svg}",
     ]
     emit(answer, text, as_json=as_json)
 

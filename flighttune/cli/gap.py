@@ -49,7 +49,7 @@ def gap(
     Exit status 1 if a rung cannot be flown, or the flight breaks its certified bound.
     """
     from flighttune.flight.gap import explain_gap
-    from flighttune.flight.gap_figure import save_gap_figure
+    from flighttune.flight.gap_charts import gap_sheet
     from flighttune.recording.record import record
     from flighttune.scenario import load_scenario
 
@@ -64,9 +64,9 @@ def gap(
             loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
         )
     files = record(found.flown(), folder, name=stem)
-    figure = None if found.ladder is None else folder / "gap.png"
+    figure = None if found.ladder is None else folder / "gap.svg"
     if figure is not None:
-        save_gap_figure(found, figure)
+        gap_sheet(found).save(figure)
     written = {"recording": files.recording, "figure": figure}
     text = [*_text(found), *(f"{what}: {path}" for what, path in written.items())]
     emit({**gap_json(found, files.signals), **written}, text, as_json=as_json)

@@ -38,11 +38,13 @@ def report(
     answer = {
         "report": written.path,
         "bytes": written.path.stat().st_size,
+        "summary": written.summary,
         "headline": written.answers,
         "sections": written.sections,
     }
 
     def text() -> Iterator[str]:
+        yield from written.summary
         for one in written.answers:
             yield f"{one.question} {one.short}"
             for sentence in (one.criterion, *one.sentences):

@@ -16,6 +16,9 @@ from flighttune.units import DEG
 MOST_BOUNDS = 4
 """Bounds that a sentence lists; of more it names the one nearest to a miss."""
 
+MOST_WORDS = 16
+"""Of the short sentence."""
+
 FIGURES = 3
 """Significant figures of a measured value, more where rounding would hide a miss."""
 
@@ -89,7 +92,7 @@ class ClaimCheck:
     sentence : str
         The verdict with its numbers.
     short : str
-        The same, without numbers where there are many.
+        The same, only counted where it would be long.
     bounds : tuple of BoundCheck
         Every bound that was checked.
     missed : tuple of str
@@ -128,11 +131,13 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         bounds += own
         missed += [f"{run.label}: {one.miss}" for one in own if not one.met]
     verdict = "not met" if missed else "met" if bounds or ends else "not tested"
-    sentence = _sentence(verdict, bounds, missed, ends)
+    expected = len(bounds) + len(ends) + len(missed) - sum(not one.met for one in bounds)
+    counted = f"Claim {verdict}: {expected - len(missed)} of {expected} expectations"
+    sentence = _sentence(verdict, counted, bounds, missed, ends)
     return ClaimCheck(
         verdict=verdict,
         sentence=sentence,
-        short=sentence.partition("; closest")[0],
+        short=sentence if len(sentence.split()) <= MOST_WORDS else counted,
         bounds=tuple(bounds),
         missed=tuple(missed),
     )
@@ -190,7 +195,11 @@ def _bound_checks(
 
 
 def _sentence(
-    verdict: str, bounds: Sequence[BoundCheck], missed: Sequence[str], ends: Sequence[str]
+    verdict: str,
+    counted: str,
+    bounds: Sequence[BoundCheck],
+    missed: Sequence[str],
+    ends: Sequence[str],
 ) -> str:
     if verdict == "not tested":
         return "Claim not tested: no [[expect]] is about these runs; all were completed"
@@ -201,9 +210,8 @@ def _sentence(
     head = f"Claim {verdict}"
     if len(shown) > MOST_BOUNDS:
         shown = [max(shown, key=_nearness)]
-        count = sum(one.met for one in bounds)
         closest = "closest to its bound" if verdict == "met" else "furthest off"
-        head += f", {count} of {len(bounds)} bounds kept; {closest}"
+        head = f"{counted}; {closest}"
     return f"{head}: {'; '.join([*_clauses(shown), *ends])}"
 
 

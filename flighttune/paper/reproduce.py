@@ -14,7 +14,7 @@ from flighttune.paper.items import chosen
 from flighttune.paper.items.base import Item, Made
 from flighttune.paper.record import write_families
 from flighttune.paper.study import Study
-from flighttune.present.frame import page_template
+from flighttune.present.frame import page_template, page_text
 from flighttune.whole_file import whole_file
 
 TITLE = (
@@ -26,6 +26,9 @@ PIXELS_PER_INCH = 108.0
 
 RECORDED = {"fig8", "fig11"}
 """Items with which the families are recorded."""
+
+READ_FIRST = ("not reproduced", "partly", "reproduced", "not checkable")
+"""Verdicts in the order in which the page lists its claims."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being made and the part of it that is done, 0 to 1."""
@@ -143,7 +146,7 @@ def reproduce(
         recording = write_families(study, folder)
         tell("recording", 1.0)
     parts = errata(study)
-    page = page_text(made, findings, parts, folder)
+    page = _page(made, findings, parts, folder)
     return Reproduction(
         items=made,
         findings=tuple(findings),
@@ -153,33 +156,23 @@ def reproduce(
     )
 
 
-def page_text(
+def _page(
     items: Sequence[MadeItem],
     findings: Sequence[Finding],
     parts: Mapping[str, Sequence[Erratum]],
     folder: Path,
 ) -> str:
-    """The page with everything, as HTML that needs no other file.
-
-    Parameters
-    ----------
-    items : sequence of MadeItem
-        Their figures are taken as SVG from `folder`.
-    findings : sequence of Finding
-    parts : mapping of str to sequence of Erratum
-        Errata by part.
-    folder : Path
-    """
+    """The page with everything, as HTML that needs no other file; its figures are in `folder`."""
 
     def uri(name: str) -> str:
         svg = (folder / f"{name}.svg").read_bytes()
         return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
 
-    return page_template("flighttune.paper", "page.html.jinja").render(
+    return page_text(
+        page_template("flighttune.paper", "page.html.jinja"),
         title=TITLE,
-        claim="",
         items=items,
-        findings=findings,
+        findings=sorted(findings, key=lambda one: READ_FIRST.index(one.verdict)),
         verdicts=VERDICTS,
         errata=parts,
         text=text_of,

@@ -1,4 +1,4 @@
-"""Sizes, colours and files of the paper's figures, on top of the common figure style.
+"""Sizes, colours and files of the paper's figures.
 
 Items are drawn inside ``matplotlib.rc_context(RC)``; `flighttune.paper.reproduce` enters it.
 """
@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flighttune.paper.parameters import STAR, TABLE_2, TABLE_3
-from flighttune.present import figures as common
-from flighttune.present.palette import HUES, LIMIT
+from flighttune.present.palette import HUES, INK, LIMIT
 from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ CHI, GAMMA, GREEN, MAGENTA = STRONG[:4]
 SHADE = HUES[0][1][0]
 """Background of a region."""
 
-GAIN_COLOURS = {STAR: common.INK, **dict(zip(TABLE_2, STRONG, strict=True))}
+GAIN_COLOURS = {STAR: INK, **dict(zip(TABLE_2, STRONG, strict=True))}
 """Colour of each gain set, the same as in the recording."""
 
 AMPLITUDE_COLOURS = {0.1: CHI, 0.2: GREEN, 0.3: MAGENTA}
@@ -44,13 +43,27 @@ UNITS = {"chi": "rad", "gamma": "rad", "chi_dot": "rad/s", "gamma_dot": "rad/s"}
 AXES = {"R_K": r"$R_K$ [1/s]", "I_K": r"$I_K$ [s²]"}
 
 RC: dict[Any, Any] = {
-    **common.RC,
     "font.size": 8.5,
     "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    # the margins leave room for the title: where it may stand by itself, matplotlib lays out all
+    # tick labels once more to find out, a third of the time of a figure
+    "axes.titley": 1.0,
     "axes.labelsize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#666666",
     "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+    "path.simplify_threshold": 0.2,
+    "svg.hashsalt": "flighttune",
 }
-"""The common style with smaller text: many panels stand together."""
+"""Small text: many panels stand together."""
 
 DPI = 150
 
@@ -98,7 +111,7 @@ def note(panel: "Axes", text: str, at: tuple[float, float], *, by: tuple[float, 
 
 def limits(panel: "Axes", *, x: Sequence[float] = (), y: Sequence[float] = (), label="") -> None:
     """Draw vertical limit lines at `x` and horizontal ones at `y`; the first has the label."""
-    look: dict[str, Any] = {"color": LIMIT, "lw": 1.1, "ls": common.LIMIT_DASHES}
+    look: dict[str, Any] = {"color": LIMIT, "lw": 1.1, "ls": (0, (6.0, 3.0))}
     lines = [panel.axvline(value, **look) for value in x]
     lines += [panel.axhline(value, **look) for value in y]
     lines[0].set_label(label)

@@ -1,18 +1,19 @@
-"""What every page is made of: answers, sections with pictures and tables, and the frame of HTML."""
+"""What every page is made of: answers, sections with charts and tables, and the frame of HTML."""
 
+import base64
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from flighttune.present.figures import on_white, svg_uri
+from flighttune.present.chart import Chart, dashes, key, style
 from flighttune.present.tables import Table
 from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from jinja2 import Template
-    from matplotlib.axes import Axes
 
 Verdict: TypeAlias = Literal["yes", "no", "partly", "none"]
 
@@ -44,22 +45,6 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """A figure of the page.
-
-    Attributes
-    ----------
-    uri : str
-        The image itself.
-    alt : str
-        What it shows, for who cannot see it.
-    """
-
-    uri: str
-    alt: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
     """A part of the page.
 
@@ -70,18 +55,24 @@ class Section:
     title : str
     note : str
         How to read it.
-    pictures : sequence of Picture
+    charts : sequence of Chart
     tables : sequence of Table
     legend : bool
-        Whether the runs are named above the pictures.
+        Whether the runs are named above the charts.
+    columns : int
+        Charts side by side on a wide screen, 2 or 3.
+    folded : bool
+        Whether only its title is seen at first; parts that are not folded come first.
     """
 
     id: str
     title: str
-    note: str
-    pictures: Sequence[Picture] = ()
+    note: str = ""
+    charts: Sequence[Chart] = ()
     tables: Sequence[Table] = ()
     legend: bool = True
+    columns: int = 2
+    folded: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,13 +83,16 @@ class Report:
     ----------
     path : Path
         The HTML file.
+    summary : tuple of str
+        The sentences at its top.
     answers : tuple of Answer
-        Its headline.
+        Questions answered in words.
     sections : tuple of str
         Titles of its parts.
     """
 
     path: Path
+    summary: tuple[str, ...]
     answers: tuple[Answer, ...]
     sections: tuple[str, ...]
 
@@ -110,22 +104,16 @@ def share_verdict(good: int, count: int) -> Verdict:
     return "yes" if good == count else "partly" if good else "no"
 
 
-def pictured(axes: "Axes", alt: str) -> Picture:
-    """The finished figure around some axes."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    return Picture(uri=svg_uri(figure), alt=alt)
-
-
 def write_page(
     path: Path,
     template: "Template",
     *,
-    answers: tuple[Answer, ...],
-    sections: Sequence[Section],
+    summary: tuple[str, ...] = (),
+    answers: tuple[Answer, ...] = (),
+    sections: Sequence[Section] = (),
     **more: Any,
 ) -> Report:
-    """Write a report: headline, sections and what its template asks for besides.
+    """Write a page: summary, sections, answers in words, and what its template asks for besides.
 
     Parameters
     ----------
@@ -133,6 +121,7 @@ def write_page(
         HTML file to write or replace; parent folders are made.
     template : Template
         As `page_template` returns it.
+    summary : tuple of str
     answers : tuple of Answer
     sections : sequence of Section
     more
@@ -144,9 +133,40 @@ def write_page(
         If the file cannot be written.
     """
     with whole_file(path) as part:
-        text = template.render(answers=answers, sections=sections, **more)
+        text = page_text(template, summary=summary, answers=answers, sections=sections, **more)
         part.write_text(text, encoding="utf-8")
-    return Report(path=path, answers=answers, sections=tuple(one.title for one in sections))
+    titles = tuple(one.title for one in sections if one.title)
+    return Report(path=path, summary=summary, answers=answers, sections=titles)
+
+
+def page_text(template: "Template", **values: Any) -> str:
+    """A page with the style and the script of all pages.
+
+    Parameters
+    ----------
+    template : Template
+        As `page_template` returns it.
+    values
+        Of the template.
+    """
+    empty = {"claim": "", "summary": (), "answers": (), "sections": (), "legend": ()}
+    return template.render(
+        **{**empty, **values},
+        style=f"{style()}\n{_file('page.css')}",
+        script=_file("page.js"),
+        script_hash=_sha256(_file("page.js")),
+    )
+
+
+@cache
+def _file(name: str) -> str:
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+
+
+def _sha256(script: str) -> str:
+    """The hash of a script as a content security policy allows it."""
+    digest = hashlib.sha256(script.encode()).digest()
+    return f"sha256-{base64.b64encode(digest).decode()}"
 
 
 @cache
@@ -161,6 +181,7 @@ def page_template(package: str, name: str) -> "Template":
         Its file.
     """
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
 
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(one, ".") for one in (package, FRAME_PACKAGE)]),
@@ -169,5 +190,6 @@ def page_template(package: str, name: str) -> "Template":
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.filters["on_white"] = on_white
+    environment.filters["key"] = lambda style: Markup(key(style.colour, dashes(style), style.width))
+    environment.filters["sign"] = lambda colour, dash: Markup(key(colour, dash))
     return environment.get_template(name)

@@ -30,9 +30,12 @@ def figures(value: float) -> str:
 
 
 def interval(value: float, lo: float, hi: float) -> str:
-    """``4.63 [4.25, 4.89]`` with three figures; a side without a bound is infinite."""
+    """``4.63 [4.25, 4.89]`` with three figures, ``4.63 [<= 4.89]`` with one bound."""
     if math.isnan(value):
         return MISSING
+    if math.isinf(lo) != math.isinf(hi):
+        bound = f"<= {figures(hi)}" if math.isinf(lo) else f">= {figures(lo)}"
+        return f"{figures(value)} [{bound}]"
     return f"{figures(value)} [{figures(lo)}, {figures(hi)}]"
 
 

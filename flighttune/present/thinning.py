@@ -7,6 +7,9 @@ from flighttune.arrays import FloatArray
 MOST = 12_000
 """Samples up to which a line is drawn as it is: four minutes at 50 Hz."""
 
+MOST_DRAWN = 600
+"""Points of a line in a chart."""
+
 
 def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
     """Samples to draw of a long flight: the lowest and the highest of every stretch.
@@ -40,6 +43,25 @@ def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
         broken = np.flatnonzero(gap.any(axis=1))
         kept.append(inside[broken, gap[broken].argmax(axis=1)])
     return np.unique(np.concatenate(kept))
+
+
+def thinned(x: FloatArray, y: FloatArray, most: int = MOST_DRAWN) -> tuple[FloatArray, FloatArray]:
+    """At most about `most` points of a line that keep every peak and every gap.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+    most : int
+
+    Returns
+    -------
+    x, y : ndarray
+        All points where there are no more than `most`.
+    """
+    if len(x) <= most:
+        return x, y
+    kept = peaks(y, most=most)
+    return x[kept], y[kept]
 
 
 def evenly(n: int, *, most: int = MOST) -> np.ndarray:

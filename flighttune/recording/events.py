@@ -141,7 +141,7 @@ def _gust(run: Run) -> Iterator[Event]:
         return
     begun, peak = int(np.argmax(away > WIND_CHANGE)), int(np.argmax(away))
     yield Event(float(t[begun]), "wind", f"the wind has changed by {WIND_CHANGE:g} m/s")
-    yield Event(float(t[peak]), "wind", f"the wind is {away[peak]:.1f} m/s off that of the start")
+    yield Event(float(t[peak]), "wind", f"wind has changed by {away[peak]:.1f} m/s since the start")
 
 
 def _converged(run: Run) -> Iterator[Event]:

@@ -3,11 +3,10 @@
 import uuid
 from collections.abc import Iterable
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario
-from flighttune.present.figures import RC, levels, line
+from flighttune.present.chart import Chart, Sheet
 from flighttune.present.palette import NEUTRAL
 from flighttune.recording.entities import application, runs_to_draw
 from flighttune.recording.plots import displayed, limits_of
@@ -15,20 +14,15 @@ from flighttune.recording.record import page_of
 from flighttune.recording.rrd import log_recording, strict
 from flighttune.simulate.run import Run
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 PANELS = {
-    "chi_err": "course error [deg]",
-    "gamma_err": "path-angle error [deg]",
-    "phi": "roll [deg]",
-    "n_z": "load factor [1]",
+    "chi_err": ("Course error", "e_χ [deg]"),
+    "gamma_err": ("Path-angle error", "e_γ [deg]"),
+    "phi": ("Roll", "φ [deg]"),
+    "n_z": ("Load factor", "n_z [1]"),
 }
-SIZE = 9.4, 5.2
-"""Of the figure, inches."""
 
 
-def plot(flown: FlownScenario | Run | Iterable[Run]) -> "Figure":
+def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
     """Draw both errors, roll and load factor of flights over time, with their limits.
 
     Parameters
@@ -37,41 +31,34 @@ def plot(flown: FlownScenario | Run | Iterable[Run]) -> "Figure":
 
     Returns
     -------
-    Figure
-        Angles in degrees; a notebook shows it, ``savefig`` writes it.
+    Sheet
+        Angles in degrees; a notebook shows it, ``save`` writes an SVG file.
 
     Raises
     ------
     InputError
         If no run has flown.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     one = isinstance(flown, Run)
     runs = (flown,) if one else flown.runs if isinstance(flown, FlownScenario) else tuple(flown)
     drawn = runs_to_draw(runs)
     if not drawn:
         raise InputError("`flown` must have a run that flew, got none.")
-    with mpl.rc_context(RC):
-        figure = Figure(figsize=SIZE, layout="constrained")
-        all_axes = figure.subplots(2, 2, sharex=True).ravel()
-        for axes, (signal, label) in zip(all_axes, PANELS.items(), strict=True):
-            for drawn_run in drawn:
-                run = drawn_run.run
-                if signal in run.signals:
-                    values = displayed(run.signals, signal)
-                    line(axes, run.t, values, drawn_run.style, label=run.label)
-            levels(axes, *(limits_of(runs[0].provenance.scenario, signal) or ()))
-            if signal.endswith("_err"):
-                axes.axhline(0.0, color=NEUTRAL, lw=0.8)
-            axes.set_ylabel(label)
-        for axes in all_axes[2:]:
-            axes.set_xlabel("t [s]")
-        all_axes[0].set_xlim(0.0, max(drawn_run.run.duration for drawn_run in drawn))
-        handles, labels = all_axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(drawn), 3))
-    return figure
+    end = max(drawn_run.run.duration for drawn_run in drawn)
+    charts = []
+    for signal, (title, label) in PANELS.items():
+        chart = Chart(title=title, y=label, x_range=(0.0, end))
+        if signal.endswith("_err"):
+            chart.level(0.0, NEUTRAL, dash="")
+        for limit in limits_of(runs[0].provenance.scenario, signal) or ():
+            chart.level(limit)
+        for drawn_run in drawn:
+            run = drawn_run.run
+            if signal in run.signals:
+                values = displayed(run.signals, signal)
+                chart.run_line(run.t, values, drawn_run.style, run.label, name=run.label)
+        charts.append(chart)
+    return Sheet(charts=charts)
 
 
 def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:

@@ -10,11 +10,12 @@ import pandas as pd
 from flighttune.certificates import Certification
 from flighttune.comparison import Comparison, Source, compare
 from flighttune.errors import FlightTuneError, RecordingError
+from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.outer_loop import certify_scenario, tuning_problem
 from flighttune.guarantee.flight_check import FlightCheck, flight_check
-from flighttune.present.figures import MOST_POINTS
 from flighttune.present.palette import LineStyle, line_styles
+from flighttune.present.thinning import MOST_DRAWN
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
@@ -30,6 +31,9 @@ largest or within 0.5 deg."""
 
 LATE = 0.75
 """Part of the flight after which its last quarter begins."""
+
+SMALLEST_ITAE = 0.05
+"""ITAE from which on a ratio is meaningful, rad s^2."""
 
 FRONTIER_POINTS = 12
 LONGEST_LADDER = 6_000
@@ -84,6 +88,8 @@ class Facts:
     name : str
         Where the runs come from.
     scenario : Scenario
+    claim : ClaimCheck
+        The runs against the scenario's expectations.
     runs : tuple of Run
         Those that flew.
     grounded : tuple of Run
@@ -109,6 +115,7 @@ class Facts:
 
     name: str
     scenario: Scenario
+    claim: ClaimCheck
     runs: tuple[Run, ...]
     grounded: tuple[Run, ...]
     styles: dict[str, LineStyle]
@@ -124,7 +131,7 @@ class Facts:
     @property
     def points(self) -> int:
         """Points a line may have, so that the page of many long runs stays small."""
-        return MOST_POINTS * FEW_RUNS // max(FEW_RUNS, len(self.runs))
+        return MOST_DRAWN * FEW_RUNS // max(FEW_RUNS, len(self.runs))
 
 
 def facts_of(source: Source) -> Facts:
@@ -153,6 +160,7 @@ def facts_of(source: Source) -> Facts:
     return Facts(
         name=source.name,
         scenario=scenario,
+        claim=check_claim(scenario, source.runs),
         runs=runs,
         grounded=tuple(run for run in source.runs if len(run.signals) <= 1),
         styles={run.label: known[pair] for run, pair in zip(source.runs, pairs, strict=True)},

@@ -10,14 +10,19 @@ from flighttune.guarantee.flight_check import FreeFlight
 from flighttune.guarantee.ultimate_set import Verdict
 from flighttune.metrics import channel_metrics
 from flighttune.present.frame import Answer, share_verdict
+from flighttune.present.names import CHANNEL_NAMES
 from flighttune.present.names import CHANNEL_SYMBOLS as SYMBOLS
 from flighttune.present.numbers import degrees
-from flighttune.report.facts import CONVERGED_AT_LEAST, CONVERGED_PART, LATE, Facts, GainFacts
+from flighttune.report.facts import (
+    CONVERGED_AT_LEAST,
+    CONVERGED_PART,
+    LATE,
+    SMALLEST_ITAE,
+    Facts,
+    GainFacts,
+)
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
-
-SMALLEST_ITAE = 0.05
-"""ITAE from which on a change in per cent is meaningful, rad s^2."""
 
 CRITERION = (
     "A run converges if it was completed and over the last quarter of the flight both errors stay "
@@ -56,12 +61,17 @@ def _convergence(facts: Facts, run: Run) -> str:
         return f"{run.label} ended after {run.duration:.1f} s: {run.outcome.rstrip('.')}."
     settling = channel_metrics(run)["settling_s"].to_dict()
     if not found.converged:
-        allowed_chi, allowed_gamma = (degrees(value) for value in found.allowed)
         settled = ", ".join(_settled(SYMBOLS[str(one)], value) for one, value in settling.items())
+        late = [
+            (SYMBOLS[channel], degrees(got), degrees(most), got > most)
+            for channel, got, most in zip(SYMBOLS, found.residual, found.allowed, strict=True)
+        ]
+        late.sort(key=lambda one: not one[3])
+        (first, got, most, _), *rest = late
+        others = "".join(f"; {sign} {error}, limit {limit}" for sign, error, limit, _ in rest)
         return (
-            f"{run.label} does not converge: over the last quarter, from {LATE * run.duration:.1f} "
-            f"s on, the error of χ still reaches {chi} (limit {allowed_chi}) and that of γ {gamma} "
-            f"(limit {allowed_gamma}); settling time (5 % of the first error): {settled}."
+            f"{run.label} does not converge: after {LATE * run.duration:.1f} s the {first} error "
+            f"still reaches {got} (limit {most}{others}). Settling to 5 %: {settled}."
         )
     times = [
         f"{SYMBOLS[str(channel)]} settled (5 %) at {value:.1f} s"
@@ -79,14 +89,19 @@ def _settled(symbol: str, settling: float) -> str:
 
 
 def _certified(facts: Facts) -> Answer:
+    broken = any(one.t_broken is not None for one in facts.checks.values())
     good = [one for one in facts.gains if one.trim.status == "certified"]
     sentences = [_guarantee(one) for one in facts.gains]
-    sentences += [_envelope(one) for one in facts.gains if one.envelope is not None]
+    asked = [one for one in facts.gains if one.envelope is not None]
+    sentences += [_envelope(one) for one in asked]
+    sentences += [] if asked else ["No certificate over an envelope was asked for."]
     sentences += _held_to_it(facts)
     return Answer(
         question="Is it certified?",
-        verdict=share_verdict(len(good), len(facts.gains)),
-        short=f"{len(good)} of {len(facts.gains)} gain sets",
+        # a proof about the linear law does not say that the aircraft converges: never "yes"
+        verdict="partly" if broken else "none" if good else "no",
+        short=f"{len(good)} of {len(facts.gains)} at the trim, on the linear law only"
+        + ("; broken in flight" if broken else ""),
         sentences=tuple(sentences),
     )
 
@@ -103,14 +118,11 @@ def _held_to_it(facts: Facts) -> list[str]:
     held = [label for label, one in known.items() if one.t_broken is None]
     lines = []
     if broken:
-        lines.append(
-            "In flight ‖s‖ went above the guaranteed exponential plus what the mismatch can add: "
-            f"{'; '.join(broken)}."
-        )
+        lines.append(f"In flight ‖s‖ exceeded its guaranteed bound: {'; '.join(broken)}.")
     if held:
         lines.append(
-            "In flight ‖s‖ stayed below the guaranteed exponential plus what the mismatch can add, "
-            f"while no command was limited: {', '.join(held)}."
+            "In flight ‖s‖ stayed below its guaranteed bound while no command was limited: "
+            f"{', '.join(held)}."
         )
     if never:
         lines.append(f"Commands limited to the end, nothing to compare: {', '.join(never)}.")
@@ -184,11 +196,11 @@ def _change(facts: Facts, place: int, pair: Pair) -> str:
 
 def _cause(gap: Gap) -> str:
     parts = []
-    for channel, symbol in SYMBOLS.items():
+    for channel, name in CHANNEL_NAMES.items():
         rms = {s.adds: float(np.sqrt(np.mean(getattr(s, channel) ** 2))) for s in gap.steps}
         largest = max(rms, key=lambda adds: rms[adds])
-        parts.append(f"of {symbol} “{largest}” ({rms[largest] * DEG_PER_RAD:.1f}° rms)")
-    return f"The largest step to the aircraft with {gap.name} is {', '.join(parts)}."
+        parts.append(f"{name}, from {largest} ({rms[largest] * DEG_PER_RAD:.1f}° rms)")
+    return f"With {gap.name} most of the difference comes, in {' and in '.join(parts)}."
 
 
 def _held(gap: Gap) -> str:
@@ -213,9 +225,11 @@ def _ultimate(verdict: Verdict) -> str:
 def _free(free: FreeFlight | None) -> str:
     if free is None:
         return ""
+    within = degrees(max(free.widest))
+    verb = "do not exceed it" if free.sentence == "held" else f"that is {free.sentence}"
     return (
-        f" From {free.t_from:.1f} s on no command is limited, and errors must stay within "
-        f"{degrees(max(free.widest))} of those of the undisturbed linear loop: {free.sentence}."
+        f" After {free.t_from:.1f} s no command is limited; from there errors may differ from the "
+        f"unforced linear loop by at most {within}: {verb}."
     )
 
 

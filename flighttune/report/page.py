@@ -3,11 +3,13 @@
 from pathlib import Path
 
 from flighttune.comparison import Source, load_source
+from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.report.facts import Facts, facts_of
-from flighttune.report.guarantee_panels import certificate_panels, frontier_panel, gap_panels
+from flighttune.report.guarantee_panels import certificate_panels, frontier_panel
 from flighttune.report.headline import headline
-from flighttune.report.panels import commands, paths, tracking
+from flighttune.report.panels import commands, errors, paths, tracking
 from flighttune.report.tables import (
     gains_table,
     gap_table,
@@ -16,12 +18,12 @@ from flighttune.report.tables import (
     tracking_table,
 )
 from flighttune.report.toml_text import toml_text
+from flighttune.report.top import best_sentence, matrix
 
 MOST_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
 SENSED = "It does not include sensor errors, by which alone a flight may exceed it. "
-CURVE = "Nothing can lie above the curve of R_K against I_K."
 NO_CURVE = (
     "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
     "scenario's tuning."
@@ -55,7 +57,11 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
     return write_page(
         Path(path),
         page_template("flighttune.report", "page.html.jinja"),
+        summary=(f"{facts.claim.short}.", best_sentence(facts)),
         answers=headline(facts),
+        claim_sentence=f"{facts.claim.sentence}.",
+        matrix=matrix(facts),
+        duration=f"{max(run.duration for run in facts.runs):g}",
         sections=_sections(facts),
         title=facts.scenario.title,
         claim=facts.scenario.verifies,
@@ -73,36 +79,29 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
 def _sections(facts: Facts) -> list[Section]:
     curve = frontier_panel(facts)
     sections = [
+        Section(id="runs", title="", charts=tracking(facts), folded=False),
         Section(
             id="tracking",
-            title="Tracking",
+            title="Errors and metrics",
             note="Errors are reference minus actual, the course error wrapped to ±180°.",
-            pictures=tracking(facts),
-            tables=[tracking_table(facts)],
+            charts=errors(facts),
+            tables=[tracking_table(facts), runs_table(facts)],
         ),
         Section(
             id="commands",
-            title="Commands and limits",
+            title="Commands and path",
             note="Commands after magnitude and rate limits.",
-            pictures=commands(facts),
-        ),
-        Section(
-            id="path",
-            title="Path",
-            note="Local north, east and height from the start.",
-            pictures=paths(facts),
-            tables=[runs_table(facts)],
+            charts=[*commands(facts), *paths(facts)],
         ),
         Section(
             id="certificate",
             title="Certificate",
-            note="s is the vector of error rates and errors. Its guaranteed bound, dashed, is the "
-            "exponential of the linear law plus the ultimate bound, dotted, for the mismatch in "
-            "the second half of the flight, as in the recording. It is void while a command is "
-            "limited, and starts again there and where the reference bends. A red cross marks "
-            f"where a flight first exceeds it. {SENSED if facts.scenario.sensors else ''}"
-            f"{CURVE if curve else NO_CURVE}",
-            pictures=[*certificate_panels(facts), *curve],
+            note="s stacks error rates and errors. Dashed: the guaranteed bound, i.e. the linear "
+            "law's decay plus the ultimate bound (dotted) for the mismatch measured in the second "
+            "half of the flight. It pauses while a command is limited and restarts when the "
+            "reference changes slope. A red cross marks where a flight first exceeds it. "
+            f"{SENSED if facts.scenario.sensors else ''}{'' if curve else NO_CURVE}",
+            charts=[*certificate_panels(facts), *curve],
             tables=[gains_table(facts)],
         ),
     ]
@@ -121,9 +120,15 @@ def _gap_section(facts: Facts) -> Section:
         id="gap",
         title="From the law to the aircraft",
         note="The same gains under the same limits in the same air, on the paper's law, the exact "
-        "point mass, the point mass behind the inner loop and the aircraft. Red: the tube "
+        "point mass, the point mass behind the inner loop and the aircraft. Red: the bound "
         f"certified for the measured mismatch while no command is limited.{unseen}",
-        pictures=[picture for gap in drawn for picture in gap_panels(facts, gap)],
+        charts=[
+            kind(gap, channel)
+            for gap in drawn
+            for channel in CHANNEL_SYMBOLS
+            for kind in (itae_chart, steps_chart, bound_chart)
+        ],
+        columns=3,
         tables=[gap_table(facts)],
         legend=False,
     )

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flighttune.control.gains import PAPER_EPSILON, PIGains
+from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
-from flighttune.present.palette import HUES, NEUTRAL
+from flighttune.present.chart import Chart
+from flighttune.present.palette import INK, NEUTRAL, LineStyle
 from flighttune.tuning.gradient import STARTS, smallest_radius, tune_by_gradient
 from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.result import Assessment, assessment
@@ -17,13 +18,13 @@ from flighttune.tuning.starts import stabilising_starts
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
 POINTS = 25
 WIDEST = 3.0
 
-TWIN_SHIFT = 8
-PAPER_NAMES = ("paper", *PAPER_EPSILON)
+DECADE = 10.0
+ROOM = 0.08
+"""Part of the height left for names above and below the marks."""
 
 
 def frontier(
@@ -86,48 +87,45 @@ def frontier(
     return pd.DataFrame(along + rows)
 
 
-def frontier_figure(table: "pd.DataFrame") -> "Figure":
-    """Draw the frontier and the marked gains.
+def frontier_chart(table: "pd.DataFrame", styles: Mapping[str, LineStyle]) -> Chart:
+    """Draw the frontier and the marked gains, each with its name.
 
     Parameters
     ----------
     table : DataFrame
         What `frontier` returns.
+    styles : mapping of str to LineStyle
+        Of gains, as their runs have them elsewhere; others are dark.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        Nothing can lie above the curve. A mark that breaks the input
-        limits is hollow, one without a stable loop is left out.
+    Chart
+        Nothing can lie above the curve. A mark that breaks the input limits is hollow, one without
+        a stable loop is left out. I_K is logarithmic where it spans more than one decade.
     """
-    from matplotlib.figure import Figure
-
     along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
-    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
-    axes = figure.add_subplot()
-    colour = HUES[0][0][0]
-    axes.plot(along["I_K"], along["R_K"], color=colour, lw=2.0, label="largest R_K found for I_K")
+    marks = marks[marks["R_K"] > 0.0]
+    radii = np.concatenate([np.asarray(one["I_K"], dtype=float) for one in (along, marks)])
+    spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
+    chart = Chart(
+        title="R_K against I_K: nothing can lie above the curve",
+        x="I_K, size of the ultimate set [s²]; smaller is better",
+        y="R_K, guaranteed rate [1/s]",
+        log="x" if spread else "",
+    )
+    chart.line(along["I_K"], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
     columns = (np.asarray(marks[key]) for key in ("name", "I_K", "R_K", "within_limits"))
-    for name, I_K, R_K, within in zip(*columns, strict=True):
-        if not R_K > 0.0:
-            continue
-        own = name not in PAPER_NAMES
-        mark = HUES[2][0][0] if own else HUES[1][0][0]
-        axes.plot(I_K, R_K, "o", ms=6, mec=mark, mfc=mark if within else "none")
-        axes.annotate(
-            "K*" if name == "paper" else name,
-            (I_K, R_K),
-            xytext=(TWIN_SHIFT, -12 if own else -4),
-            textcoords="offset points",
-            fontsize=9,
+    found = list(zip(*columns, strict=True))
+    for name, I_K, R_K, within in found:
+        tip = f"{name}: R_K {R_K:.4f} 1/s, I_K {I_K:.3f} s²" + (
+            "" if within else ", beyond the limits"
         )
-    axes.set_xlabel("I_K, size of the ultimate set, in s²")
-    axes.set_ylabel("R_K, guaranteed rate, in 1/s")
-    axes.set_ylim(bottom=0.0)
-    axes.grid(alpha=0.3, which="both", color=NEUTRAL, lw=0.5)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=9)
-    return figure
+        colour = styles[name].colour if name in styles else INK
+        chart.points(I_K, R_K, colour, run="", size=5, filled=bool(within), tips=[tip])
+    low, high = chart.y_ends()
+    chart.y_range = (low - ROOM * (high - low), high + ROOM * (high - low))
+    chart.label_points([(float(I_K), float(R_K), str(name)) for name, I_K, R_K, _ in found])
+    return chart
 
 
 def _row(problem: TuningProblem, name: str, I_star: float, one: Assessment) -> dict[str, object]:

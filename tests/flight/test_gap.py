@@ -1,6 +1,7 @@
 """The ladder: one law on four plants, and parts that add up to the whole."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +11,10 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_gap
-from flighttune.flight.gap_figure import gap_figure, save_gap_figure
+from flighttune.flight.gap_charts import gap_charts, gap_sheet, itae_chart
 from flighttune.flight.ladder import rung_metrics
 from flighttune.metrics import METRICS, channel_metrics
+from flighttune.present.palette import line_styles
 from flighttune.recording.plots import TABS, shown_plots, value_range
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
@@ -140,7 +142,7 @@ def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
     assert gap.ladder.residual < ROUNDING
     assert gap.indicators.status == "unstable"
     assert gap.verdict is None
-    assert gap_figure(gap).axes
+    assert len(gap_charts(gap)) == 10
 
 
 def test_a_rung_that_failed_has_no_metrics_and_gives_none_to_its_steps(paper_gap):
@@ -180,7 +182,7 @@ def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
     assert gap.reason.startswith("jsbsim:aerosonde / gains: ")
     assert gap.ladder is None
     with pytest.raises(InputError, match="`gap` must have a ladder"):
-        gap_figure(gap)
+        gap_charts(gap)
 
 
 @pytest.mark.slow
@@ -202,18 +204,30 @@ def test_a_scenario_without_aircraft_has_no_gap():
         explain_gap(changed("paper", plant=[{"kind": "kinematic"}]), PAPER_GAINS)
 
 
-@pytest.mark.slow
-def test_the_figure_has_units_on_every_axis_and_no_legend_in_a_plot(paper_gap, tmp_path):
-    figure = gap_figure(paper_gap)
-    save_gap_figure(paper_gap, tmp_path / "gap.png", dpi=40)
+def test_the_charts_have_units_and_the_colours_of_the_recording(paper_gap, tmp_path):
+    gap_sheet(paper_gap).save(tmp_path / "gap.svg")
 
-    assert len(figure.axes) == 10
-    for axes in figure.axes:
-        assert axes.get_ylabel().endswith("]")
-        assert axes.get_title(loc="left")
-        assert axes.get_legend() is None
-    assert (tmp_path / "gap.png").read_bytes().startswith(b"\x89PNG")
-    assert [path.name for path in tmp_path.iterdir()] == ["gap.png"]
+    charts = gap_charts(paper_gap)
+    assert len(charts) == 10
+    assert all(chart.y.endswith("]") and chart.title for chart in charts)
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in paper_gap.runs]
+    styles = line_styles(pairs)
+    rungs = next(chart for chart in charts if chart.title == "paper: course")
+    assert [(name, colour) for name, colour, _ in rungs.legend[1:]] == [
+        (pair[0], styles[pair].colour) for pair in pairs
+    ]
+    text = (tmp_path / "gap.svg").read_text(encoding="utf-8")
+    assert all(chart.title in text for chart in charts)
+    assert [path.name for path in tmp_path.iterdir()] == ["gap.svg"]
+
+
+def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
+    metrics = paper_gap.flown().metrics["ITAE"]
+    for channel in ("chi", "gamma"):
+        shown = re.findall(r">([+−]?[\d.]+)</text>", itae_chart(paper_gap, channel).svg())
+        first, *steps, last = (float(text.replace("−", "-")) for text in shown[-5:])
+        assert first + sum(steps) == pytest.approx(last, abs=0.02)
+        assert last == pytest.approx(metrics[paper_gap.aircraft.label, channel], abs=0.005)
 
 
 def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):

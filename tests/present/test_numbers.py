@@ -33,7 +33,7 @@ def test_a_number_follows_its_format():
 
 
 def test_an_interval_without_a_bound_is_infinite():
-    assert interval(4.6312, 4.25, math.inf) == "4.63 [4.25, ∞]"
+    assert interval(4.6312, 4.25, math.inf) == "4.63 [>= 4.25]"
     assert interval(math.nan, 0.0, 1.0) == "–"
 
 

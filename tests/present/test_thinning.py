@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flighttune.present.thinning import evenly, peaks
+from flighttune.present.thinning import MOST_DRAWN, evenly, peaks, thinned
 
 
 def test_a_short_line_is_drawn_as_it_is():
@@ -39,3 +39,17 @@ def test_evenly_spaced_samples_hold_both_ends():
     kept = evenly(90_001, most=12_000)
 
     assert (kept[0], kept[-1], len(kept)) == (0, 90_000, 12_000)
+
+
+def test_a_thinned_line_keeps_its_peaks_its_gaps_and_its_ends():
+    t = np.linspace(0.0, 600.0, 30001)
+    y = np.where((t > 100.0) & (t < 101.0), np.nan, np.sin(t))
+    y[12345], y[23456] = 9.0, -9.0
+
+    x, values = thinned(t, y)
+
+    assert len(x) <= MOST_DRAWN + 10
+    assert (np.nanmax(values), np.nanmin(values)) == (9.0, -9.0)
+    assert (x[0], x[-1]) == (t[0], t[-1])
+    assert (np.diff(x) > 0.0).all()
+    assert np.isnan(values[(x > 99.0) & (x < 102.0)]).any()

@@ -76,7 +76,7 @@ def test_a_gust_is_told_when_it_begins_and_at_its_peak(four_runs):
 
     assert 6.0 < begun.t < 7.0
     assert peak.t == pytest.approx(8.0)
-    assert peak.text == "the wind is 4.0 m/s off that of the start"
+    assert peak.text == "wind has changed by 4.0 m/s since the start"
 
 
 def test_a_broken_guarantee_is_told(four_runs):
@@ -144,7 +144,7 @@ def test_the_tip_of_the_arrow_is_in_the_ring_where_the_errors_are_as_certified(c
 def test_events_are_in_the_recording_and_a_shared_gust_once(contents):
     told = [text for (text,) in contents.timed["/events"]["TextLog:text"].to_pylist()]
 
-    assert sum("the wind is 4.0 m/s off" in text for text in told) == 1
+    assert sum("wind has changed by 4.0 m/s" in text for text in told) == 1
     assert any(text.startswith("jsbsim:aerosonde / tuned: roll command held") for text in told)
     assert contents.nanoseconds("/events").tolist() == sorted(contents.nanoseconds("/events"))
 

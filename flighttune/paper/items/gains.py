@@ -15,8 +15,7 @@ from flighttune.paper.commands import initial_commands, largest_share
 from flighttune.paper.items.base import Made
 from flighttune.paper.parameters import DURATION, STAR
 from flighttune.paper.study import Study
-from flighttune.present.figures import INK
-from flighttune.present.palette import LIMIT, NEUTRAL
+from flighttune.present.palette import INK, LIMIT, NEUTRAL
 from flighttune.theory.indicators import IndicatorArrays, indicators, indicators_batch
 
 if TYPE_CHECKING:

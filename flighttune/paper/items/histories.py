@@ -13,8 +13,7 @@ from flighttune.paper.items.base import Made
 from flighttune.paper.measures import CHANNELS
 from flighttune.paper.parameters import AFTERWARDS, DURATION, STAR, printed_limits
 from flighttune.paper.study import Study
-from flighttune.present.figures import INK
-from flighttune.present.palette import NEUTRAL
+from flighttune.present.palette import INK, NEUTRAL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,8 +10,7 @@ from flighttune.paper import style
 from flighttune.paper.duffing import DuffingCases, bound
 from flighttune.paper.items.base import Made
 from flighttune.paper.study import Study
-from flighttune.present.figures import INK
-from flighttune.present.palette import NEUTRAL
+from flighttune.present.palette import INK, NEUTRAL
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

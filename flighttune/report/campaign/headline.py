@@ -125,11 +125,13 @@ def _failures(one: GroupSummary) -> Iterator[str]:
             continue
         word = status.status.replace("_", " ")
         first = status.reasons[0] if status.reasons else None
-        why = f": {first.text.rstrip('.')} (as run {first.run})" if first else ""
+        why = f": {first.text.rstrip('.')} (e.g. run {first.run})" if first else ""
         more = f", and {len(status.reasons) - 1} other reasons" if len(status.reasons) > 1 else ""
         lines.append(f"{status.count} of {one.n} ended as {word}{why}{more}")
     for missed in one.missed[:MOST_REASONS]:
-        lines.append(f"{missed.count} flown to the end miss: {missed.text} (as run {missed.run})")
+        lines.append(
+            f"{missed.count} completed flights miss: {missed.text} (e.g. run {missed.run})"
+        )
     if lines:
         yield f"{one.group.label}: {'; '.join(lines)}."
 
@@ -238,7 +240,7 @@ def _influence_text(one: Influence, limit: float) -> str:
     """The significant part of an influence: the share explained, the direction, or both."""
     parts = []
     if one.p_share < limit:
-        parts.append(f"explains {100.0 * one.share:.0f} % of the ranks")
+        parts.append(f"accounts for {100.0 * one.share:.0f} % of the rank variance")
     if one.p_rho < limit:
         parts.append(f"rank correlation {one.rho:+.2f}")
     return f"{one.parameter} {', '.join(parts)}"

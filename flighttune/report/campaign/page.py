@@ -42,12 +42,14 @@ def write_campaign_report(found: Findings, path: str | Path) -> Report:
     """
     flown, campaign = found.flights, found.flights.plan.campaign
     styles = styles_of(found)
+    answers = headline(found)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
         Path(path),
         page_template("flighttune.report.campaign", "page.html.jinja"),
-        answers=headline(found),
-        sections=[one for one in _sections(found) if one.pictures or one.tables],
+        summary=(f"Success: {answers[0].short}.",),
+        answers=answers,
+        sections=[one for one in _sections(found) if one.charts or one.tables],
         title=campaign.title,
         claim=campaign.verifies,
         legend=list(styles.items()),
@@ -87,19 +89,18 @@ def notes(found: Findings) -> tuple[str, ...]:
 
 def _sections(found: Findings) -> list[Section]:
     sections = [
+        Section(id="runs", title="", charts=rates(found), folded=False),
         Section(
             id="rates",
             title="How often",
-            note="Of all flights of a group; bars are the intervals of the headline.",
-            pictures=rates(found),
+            note="Of all flights of a group, with intervals in brackets.",
             tables=_filled(tables.success_table(found), tables.reasons_table(found)),
             legend=False,
         ),
         Section(
             id="worst",
             title="Worst flights",
-            note="With the most influential parameters. To fly one of them again: "
-            f"flighttune campaign fly {found.flights.url} --run RUN.",
+            note="With the most influential parameters, and the command that flies them again.",
             tables=_filled(tables.worst_table(found), tables.failures_table(found)),
             legend=False,
         ),
@@ -107,9 +108,9 @@ def _sections(found: Findings) -> list[Section]:
             id="measures",
             title="Metrics",
             note="Curves count all flights: where some were not completed they end below 100 %. "
-            "The table is of completed flights that have a value, with intervals from order "
-            "statistics in brackets.",
-            pictures=distributions(found),
+            "The table is of completed flights that have a value; `--json` has the confidence "
+            "interval of each percentile.",
+            charts=distributions(found),
             tables=_filled(tables.metrics_table(found)),
         ),
         _matters(found),
@@ -120,8 +121,9 @@ def _sections(found: Findings) -> list[Section]:
                 id="paired",
                 title="Gains on the same draws",
                 note="Every gain set flies every draw, so that only gains differ. A flight that "
-                "was not completed counts as the worst. Below the line the second is lower.",
-                pictures=against(found),
+                "was not completed counts as the worst. Below the diagonal the gains on the "
+                "vertical axis do better.",
+                charts=against(found),
                 tables=[tables.paired_table(found)],
                 legend=False,
             )
@@ -133,7 +135,7 @@ def _sections(found: Findings) -> list[Section]:
                 title="Convergence",
                 note="Estimates from the first flights of each group, with intervals: enough have "
                 "flown where the band is as narrow as the question needs.",
-                pictures=convergence(found),
+                charts=convergence(found),
             )
         )
     return sections
@@ -154,7 +156,7 @@ def _matters(found: Findings) -> Section:
         id="matters",
         title="What matters",
         note=note,
-        pictures=[
+        charts=[
             *influence_panels(found),
             *sobol_panels(found),
             *split_panels(found),

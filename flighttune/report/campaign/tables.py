@@ -1,6 +1,6 @@
 """Tables of a campaign's report: headings and rows as text."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import pandas as pd
@@ -16,7 +16,6 @@ from flighttune.report.campaign.words import (
     metric_name,
     probability,
     status_words,
-    with_interval,
 )
 
 METRICS = (
@@ -72,10 +71,12 @@ def worst_table(found: Findings) -> Table:
     rows, each = [], max(WORST_OF_GROUP, WORST // len(found.groups))
     for group, own in found.flights.groups():
         for flight in worst_first(own, metric, each).to_dict("records"):
-            value = figures(label.factor * float(flight[metric]))
+            value = label.text(float(flight[metric]))
             success = "yes" if flight[SUCCESS] else "no"
-            rows.append((*_flight(group.label, flight), value, success, *_values(flight, keys)))
-    head = ("group", "run", "draw", label.heading, "succeeds", *keys)
+            command = f"flighttune campaign fly {found.flights.url} --run {flight['run']}"
+            row = (*_flight(group.label, flight), value, success, *_values(flight, keys), command)
+            rows.append(row)
+    head = ("group", "run", "draw", label.heading, "succeeds", *_short(keys), "to fly it again")
     return _by_group("Worst completed flights", head, rows)
 
 
@@ -87,23 +88,30 @@ def failures_table(found: Findings) -> Table:
         ended = f"{status_words(str(flight['status']))}: {flight['reason']}"
         group = f"{flight['plant']} / {flight['gains']}"
         rows.append((*_flight(group, flight), *_values(flight, keys), ended))
-    return _by_group("Flights that ended early", ("group", "run", "draw", *keys, "ended"), rows)
+    return _by_group(
+        "Flights that ended early", ("group", "run", "draw", *_short(keys), "ended"), rows
+    )
 
 
 def metrics_table(found: Findings) -> Table:
-    """Percentiles of the metrics of completed flights with their intervals."""
+    """Median of each metric of completed flights, with the 5th and 95th percentile."""
     rows = []
     for metric in dict.fromkeys([found.measure or "", *METRICS]):
-        for one in found.groups:
-            spread = one.measures.get(metric)
-            if spread is None:
-                continue
-            label, percentiles = metric_label(metric), spread.percentiles
-            cells = (with_interval(percentiles[p], label.factor) for p in ("p05", "p50", "p95"))
-            mean = figures(label.factor * spread.mean)
-            rows.append((one.group.label, label.heading, str(spread.n), mean, *cells))
-    head = ("group", "metric", "flights", "mean", "5 %", "50 %", "95 %")
-    return _by_group("Metrics", head, rows)
+        spreads = [one.measures.get(metric) for one in found.groups]
+        if not any(spreads):
+            continue
+        label = metric_label(metric)
+        cells = [
+            MISSING
+            if spread is None
+            else "{} [{}, {}]".format(
+                *(label.text(spread.percentiles[p].value) for p in ("p50", "p05", "p95"))
+            )
+            for spread in spreads
+        ]
+        rows.append((label.heading, *cells))
+    head = ("median [5 %, 95 %]", *(one.group.label for one in found.groups))
+    return Table(title="Metrics", head=head, rows=rows)
 
 
 def influence_table(found: Findings, name: str) -> Table:
@@ -119,7 +127,7 @@ def influence_table(found: Findings, name: str) -> Table:
             p, apart = probability(min(one.p_rho, one.p_share)), "yes" if one.apart else "no"
             rows.append((group.label, one.parameter, str(one.n), *cells, p, apart))
     head = (
-        *("group", "parameter", "flights", "explains [% of ranks]", "rank correlation", "partial"),
+        *("group", "parameter", "flights", "rank variance [%]", "rank correlation", "partial"),
         *("p-value", "significant"),
     )
     return _by_group(f"Influence on {metric_name(name)}", head, rows)
@@ -174,6 +182,12 @@ def influential_parameters(found: Findings) -> list[str]:
 def groups_of(found: Findings) -> list[Group]:
     """Groups that have flown, in the order of the plan."""
     return [one.group for one in found.groups]
+
+
+def _short(keys: Sequence[str]) -> list[str]:
+    """Keys by their last part, whole where two of them end alike."""
+    ends = [key.rpartition(".")[2] for key in keys]
+    return [end if ends.count(end) == 1 else key for key, end in zip(keys, ends, strict=True)]
 
 
 def _percent(one: Estimate) -> str:

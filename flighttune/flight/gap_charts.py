@@ -1,0 +1,160 @@
+"""Charts of a gap: rungs, what each step adds, the mismatch, the error bounds and ITAE."""
+
+import numpy as np
+
+from flighttune.errors import InputError
+from flighttune.flight.gap import Gap
+from flighttune.guarantee.ultimate_set import held_or_broken
+from flighttune.present.chart import DASHED, Chart, Sheet
+from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
+from flighttune.present.numbers import degrees
+from flighttune.present.palette import INK, LIMIT, NEUTRAL, line_styles
+from flighttune.units import DEG_PER_RAD
+
+BAR_NAMES = ("paper's\nlaw", "+ exact\nlift", "+ inner\nloop", "+ six\nd.o.f.", "aircraft")
+
+WIDEST = 3.0
+"""An error bound is shown whole where it is at most so many times the largest error."""
+
+
+def colours(gap: Gap) -> tuple[str, ...]:
+    """Colour of each rung, lowest first, as in the recording; a step has that of its upper rung."""
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in gap.runs]
+    known = line_styles(pairs)
+    return tuple(known[pair].colour for pair in pairs)
+
+
+def gap_charts(gap: Gap) -> list[Chart]:
+    """Every chart of a gap, those of course and path angle next to each other.
+
+    Parameters
+    ----------
+    gap : Gap
+        With a ladder.
+
+    Raises
+    ------
+    InputError
+        If there is no ladder: the aircraft did not fly.
+    """
+    if gap.ladder is None:
+        raise InputError(f"`gap` must have a ladder to be drawn, got none: {gap.reason}")
+    kinds = (itae_chart, _rungs, steps_chart, _mismatch, bound_chart)
+    return [kind(gap, channel) for kind in kinds for channel in CHANNEL_SYMBOLS]
+
+
+def gap_sheet(gap: Gap) -> Sheet:
+    """`gap_charts` as one picture.
+
+    Raises
+    ------
+    InputError
+        If there is no ladder.
+    """
+    return Sheet(charts=gap_charts(gap), title=f"{gap.scenario.title}; gains {gap.name}")
+
+
+def itae_chart(gap: Gap, channel: str) -> Chart:
+    """A bar for the paper's law, one for what each step adds, one for the aircraft."""
+    assert gap.ladder is not None
+    title = f"{gap.name}: {CHANNEL_NAMES[channel]}, ITAE from law to aircraft"
+    places = [(float(i), name) for i, name in enumerate(BAR_NAMES)]
+    chart = Chart(title=title, x="", y="ITAE [rad s²]", x_ticks=places)
+    if gap.ladder.failed:
+        chart.x_range, chart.y_range, chart.x_ticks, chart.y_ticks = (0, 1), (0, 1), (), ()
+        why = [f"{plant} {reason}" for plant, reason in gap.ladder.failed.items()]
+        for i, line in enumerate(["none:", *why]):
+            chart.text(0.5, 0.6, line, anchor="middle", shift=(0.0, 14.0 * i))
+        return chart
+    steps = [float(np.asarray(s.metrics.at[channel, "ITAE"])) for s in gap.ladder.steps]
+    metrics = gap.flown().metrics["ITAE"]
+    first, last = (
+        float(np.asarray(metrics[run.label, channel])) for run in (gap.runs[0], gap.runs[-1])
+    )
+    ends = np.cumsum([first, *steps])
+    lows = np.array([0.0, *np.minimum(ends[:-1], ends[1:]), 0.0])
+    heights = np.array([first, *np.abs(steps), last])
+    own = colours(gap)
+    chart.y_range = (min(0.0, 1.1 * float(lows.min())), 1.12 * float((lows + heights).max()) or 1.0)
+    chart.bars(lows, lows + heights, [*own, own[-1]])
+    for i, level in enumerate(ends.tolist()):
+        chart.line([i - 0.32, i + 1.32], [level, level], INK, width=0.8)
+    shown = [f"{first:.2f}", *(f"{step:+.2f}" for step in steps), f"{last:.2f}"]
+    for i, (text, up) in enumerate(zip(shown, (lows + heights).tolist(), strict=True)):
+        chart.text(i, up, text.replace("-", "−"), anchor="middle", shift=(0.0, -4.0))
+    return chart
+
+
+def steps_chart(gap: Gap, channel: str) -> Chart:
+    """What each step adds over time, and their sum."""
+    assert gap.ladder is not None
+    t = gap.runs[0].t
+    title = f"{gap.name}: {CHANNEL_NAMES[channel]}, what each step adds"
+    chart = _over_time(gap, title, f"Δ{CHANNEL_SYMBOLS[channel]} [deg]")
+    for step, colour in zip(gap.ladder.steps, colours(gap)[1:], strict=True):
+        chart.line(t, getattr(step, channel) * DEG_PER_RAD, colour, name=step.adds)
+    whole = getattr(gap.ladder.whole, channel) * DEG_PER_RAD
+    chart.line(t, whole, INK, dash=DASHED, width=1.1, name="sum")
+    return chart
+
+
+def bound_chart(gap: Gap, channel: str) -> Chart:
+    """The error on the aircraft, the bounds certified for it, and whether they held."""
+    run, own = gap.aircraft, colours(gap)[-1]
+    title = f"{gap.name}: {CHANNEL_NAMES[channel]} error on the aircraft"
+    chart = _over_time(gap, title, f"e_{CHANNEL_SYMBOLS[channel]} [deg]")
+    error = run.signals[f"{channel}_err"].to_numpy() * DEG_PER_RAD
+    chart.line(run.t, error, own, name="error", width=1.8)
+    if gap.check is None or gap.verdict is None:
+        chart.title += "; the linear loop has no certificate"
+        return chart
+    column = list(CHANNEL_SYMBOLS).index(channel)
+    largest = float(np.nanmax(np.abs(error), initial=1e-3))
+    ultimate = float(gap.verdict.claim.tube[column]) * DEG_PER_RAD
+    half = 1.1 * max(largest, min(ultimate, WIDEST * largest))
+    chart.y_range = (-half, half)
+    bound = gap.check.error_bounds[:, column] * DEG_PER_RAD
+    held = held_or_broken(gap.check.t_broken)
+    chart.band(gap.check.t, -bound, bound, LIMIT, name=f"bound while nothing is limited: {held}")
+    for side in (-ultimate, ultimate):
+        chart.level(side, LIMIT, dash=DASHED)
+    verdict = (
+        f"{gap.verdict.outcome}{', too loose to be useful' if gap.verdict.claim.vacuous else ''}"
+    )
+    chart.legend.append(
+        (f"ultimate set ±{degrees(ultimate / DEG_PER_RAD)}: {verdict}", LIMIT, DASHED)
+    )
+    if gap.free is not None:
+        centre, width = (
+            each[:, column] * DEG_PER_RAD for each in (gap.free.centre, gap.free.width)
+        )
+        name = f"reach from {gap.free.t_from:.1f} s on, without limits: {gap.free.sentence}"
+        chart.band(gap.free.t, centre - width, centre + width, INK, opacity=0.35, name=name)
+    return chart
+
+
+def _rungs(gap: Gap, channel: str) -> Chart:
+    title = f"{gap.name}: {CHANNEL_NAMES[channel]}"
+    chart = _over_time(gap, title, f"{CHANNEL_SYMBOLS[channel]} [deg]")
+    for run, colour in zip(gap.runs, colours(gap), strict=True):
+        values = run.signals[channel].to_numpy()
+        reference = run.signals[f"{channel}_ref"].to_numpy()
+        if channel == "chi":
+            values, reference = np.unwrap(values), np.unwrap(reference)
+        if run is gap.runs[0]:
+            chart.line(run.t, reference * DEG_PER_RAD, NEUTRAL, width=2.2, name="reference")
+        chart.line(run.t, values * DEG_PER_RAD, colour, name=run.provenance.plant)
+    return chart
+
+
+def _mismatch(gap: Gap, channel: str) -> Chart:
+    assert gap.mismatch is not None
+    title = f"{gap.name}: mismatch, {CHANNEL_NAMES[channel]} rate flown minus that of the law"
+    chart = _over_time(gap, title, f"d_{CHANNEL_SYMBOLS[channel]} [deg/s]")
+    d = gap.mismatch.d[:, list(CHANNEL_SYMBOLS).index(channel)] * DEG_PER_RAD
+    chart.line(gap.mismatch.t, d, colours(gap)[-1], run="mismatch")
+    return chart
+
+
+def _over_time(gap: Gap, title: str, unit: str) -> Chart:
+    return Chart(title=title, y=unit, x_range=(0.0, gap.aircraft.duration), linked=True)

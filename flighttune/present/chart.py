@@ -1,0 +1,688 @@
+"""Charts as SVG text: lines, bands, points and bars on linear or logarithmic axes.
+
+Colours are CSS variables of `style`, so that one chart serves a light, a dark and a printed page.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from html import escape
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
+from flighttune.present.thinning import MOST_DRAWN, peaks, thinned
+from flighttune.whole_file import whole_file
+
+Range: TypeAlias = tuple[float, float]
+Ticks: TypeAlias = Sequence[tuple[float, str]]
+
+WIDTH, HEIGHT = 460.0, 236.0
+"""Of a chart in pixels; a page scales it to its column."""
+
+LEFT, RIGHT, TOP, BOTTOM = 54.0, 10.0, 8.0, 36.0
+HEAD_AND_FOOT = TOP + BOTTOM
+ROOM = 0.05
+"""Part of the height of an axis left free above and below what is drawn."""
+
+GAPS = 64.0, 42.0
+"""Pixels between two labels of the x and of the y axis, roughly."""
+
+DASHED, DOTTED, LONG = "5 3", "1.5 2.5", "9 4"
+
+
+Shape: TypeAlias = Literal["dot", "cross", "plus"]
+
+
+@cache
+def style() -> str:
+    """CSS of charts, with the colours of the light and the dark theme."""
+    own = Path(__file__).with_name("chart.css").read_text(encoding="utf-8")
+    return f"{css_variables()}\n{own}"
+
+
+@dataclass(slots=True, kw_only=True)
+class Chart:
+    """One panel, filled by its methods in the order of drawing.
+
+    Attributes
+    ----------
+    title : str
+        What is shown, in words.
+    x, y : str
+        Labels of the axes, with units.
+    height : float
+        Of the whole chart, pixels.
+    log : str
+        Axes that are logarithmic: any of ``x`` and ``y``.
+    x_range, y_range : pair of float, optional
+        Ends of the axes; by default around all that is drawn.
+    x_ticks, y_ticks : sequence of (float, str), optional
+        Labels of an axis and where they stand.
+    linked : bool
+        Whether the cursor of a page is at the same x in this chart and the other linked ones.
+    equal : bool
+        Whether a metre is as long to the right as upwards.
+    downwards : bool
+        Whether y grows downwards.
+    """
+
+    title: str
+    x: str = "t [s]"
+    y: str = ""
+    height: float = HEIGHT
+    log: str = ""
+    x_range: Range | None = None
+    y_range: Range | None = None
+    x_ticks: Ticks | None = None
+    y_ticks: Ticks | None = None
+    linked: bool = False
+    equal: bool = False
+    downwards: bool = False
+    legend: list[tuple[str, str, str]] = field(default_factory=list)
+    """Name, colour and dashes of what is named in the chart alone."""
+    _marks: list["_Mark"] = field(default_factory=list)
+    _seen: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
+
+    def line(
+        self,
+        x: npt.ArrayLike,
+        y: npt.ArrayLike,
+        colour: str,
+        *,
+        run: str = "",
+        name: str = "",
+        dash: str = "",
+        width: float = 1.6,
+        most: int = MOST_DRAWN,
+        hover: bool = True,
+    ) -> None:
+        """Draw a line through points, broken at NaN.
+
+        Parameters
+        ----------
+        x, y : array_like, shape (n,)
+        colour : str
+            ``#RRGGBB``; one of the palette follows the theme of the page.
+        run : str
+            Label of the run, by which a page hides it and names its value.
+        name : str
+            Name in the legend of this chart, for what is no run.
+        dash : str
+            Lengths of dashes and gaps; empty for a full line.
+        width : float, pixels
+        most : int
+            Points to draw; of more, the lowest and highest of each stretch.
+        hover : bool
+            Whether its value is shown under the pointer.
+        """
+        xs, ys = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float), most)
+        self._seen.append((xs, ys))
+        # a path in space has no single value at a place
+        shown = (run or name) if hover and not self.equal else ""
+        attributes = _stroke(colour, width, dash) + _owner(run, shown)
+        self._marks.append(lambda a: f'<path d="{_path(a.sx(xs), a.sy(ys))}"{attributes}/>')
+        if name:
+            self.legend.append((name, colour, dash))
+
+    def run_line(
+        self, x: npt.ArrayLike, y: npt.ArrayLike, style: LineStyle, run: str, **more: Any
+    ) -> None:
+        """Draw a line of a run in its style, or with what `more` of `line` says instead."""
+        look = {"dash": dashes(style), "width": 0.85 * style.width, **more}
+        self.line(x, y, style.colour, run=run, **look)
+
+    def band(
+        self,
+        x: npt.ArrayLike,
+        low: npt.ArrayLike,
+        high: npt.ArrayLike,
+        colour: str,
+        *,
+        run: str = "",
+        name: str = "",
+        opacity: float = 0.16,
+    ) -> None:
+        """Fill between two lines; nothing where either is NaN.
+
+        Parameters
+        ----------
+        x, low, high : array_like, shape (n,)
+        colour, run, name
+            As of `line`.
+        opacity : float
+        """
+        xs, lows, highs = (np.asarray(one, dtype=float) for one in (x, low, high))
+        either = np.isnan(lows) | np.isnan(highs)
+        lows, highs = np.where(either, np.nan, lows), np.where(either, np.nan, highs)
+        kept = peaks(np.column_stack([lows, highs]), most=MOST_DRAWN)
+        xs, lows, highs = xs[kept], lows[kept], highs[kept]
+        self._seen += [(xs, lows), (xs, highs)]
+
+        def drawn(a: "_Axes") -> str:
+            outlines = (
+                _path(
+                    a.sx(np.concatenate([xs[one], xs[one][::-1]])),
+                    a.sy(np.concatenate([lows[one], highs[one][::-1]])),
+                )
+                + "Z"
+                for one in _stretches(xs, lows)
+            )
+            fill = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="{opacity}"'
+            return f'<path d="{"".join(outlines)}"{fill}{_owner(run)}/>'
+
+        self._marks.append(drawn)
+        if name:
+            self.legend.append((name, colour, "band"))
+
+    def level(self, value: float, colour: str = LIMIT, *, dash: str = LONG, run: str = "") -> None:
+        """Draw a horizontal line across the chart that the y axis makes room for."""
+        self._seen.append((np.array([np.nan]), np.array([value])))
+        attributes = _stroke(colour, 1.2, dash) + _owner(run)
+        self._marks.append(lambda a: f'<path d="M0,{a.sy(value):.1f}H{a.width:.1f}"{attributes}/>')
+
+    def upright(self, value: float, colour: str = NEUTRAL, *, dash: str = "") -> None:
+        """Draw a vertical line across the chart."""
+        attributes = _stroke(colour, 1.2, dash)
+        self._marks.append(lambda a: f'<path d="M{a.sx(value):.1f},0V{a.height:.1f}"{attributes}/>')
+
+    def points(
+        self,
+        x: npt.ArrayLike,
+        y: npt.ArrayLike,
+        colour: str,
+        *,
+        run: str = "",
+        name: str = "",
+        shape: Shape = "dot",
+        size: float = 3.5,
+        filled: bool | Sequence[bool] = True,
+        opacity: float = 1.0,
+        tips: Sequence[str] = (),
+    ) -> None:
+        """Draw points.
+
+        Parameters
+        ----------
+        x, y : array_like, shape (n,)
+        colour, run, name
+            As of `line`.
+        shape : {"dot", "cross", "plus"}
+        size : float, pixels
+            Half the width.
+        filled : bool or sequence of bool
+            Whether dots are filled.
+        opacity : float
+        tips : sequence of str, length n
+            What is shown where the pointer rests on a point.
+        """
+        xs, ys = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (x, y))
+        self._seen.append((xs, ys))
+        full = [filled] * len(xs) if isinstance(filled, bool) else filled
+
+        def drawn(a: "_Axes") -> str:
+            shown = []
+            for i, (at, up) in enumerate(zip(a.sx(xs).tolist(), a.sy(ys).tolist(), strict=True)):
+                if not math.isfinite(at + up):
+                    continue
+                tip = f"<title>{escape(tips[i])}</title>" if tips else ""
+                if shape == "dot":
+                    fill = "" if full[i] else ' fill="var(--paper)"'
+                    head, tag = f'<circle cx="{at:.1f}" cy="{up:.1f}" r="{size}"{fill}', "circle"
+                else:
+                    head, tag = f'<path d="{_cross(at, up, size, shape)}"', "path"
+                shown.append(f"{head}>{tip}</{tag}>" if tip else f"{head}/>")
+            look = f' fill="{css_colour(colour)}" opacity="{opacity}"{_stroke(colour, 1.6)}'
+            return f"<g{look}{_owner(run)}>{''.join(shown)}</g>"
+
+        self._marks.append(drawn)
+        if name:
+            self.legend.append((name, colour, "dot"))
+
+    def bars(self, low: npt.ArrayLike, high: npt.ArrayLike, colours: Sequence[str]) -> None:
+        """Draw upright bars at 0, 1, 2, ..., each from `low` to `high` in its own colour."""
+        lows, highs = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+        at = np.arange(len(lows), dtype=float)
+        self._seen += [(at - 0.5, lows), (at + 0.5, highs)]
+
+        def drawn(a: "_Axes") -> str:
+            sides = a.sx(np.array([at - 0.32, at + 0.32])).T.tolist()
+            ends = a.sy(np.sort([lows, highs], axis=0)[::-1]).T.tolist()
+            return "".join(
+                f'<rect x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0:.1f}" height="{y1 - y0:.1f}" '
+                f'fill="{css_colour(colour)}"/>'
+                for (x0, x1), (y0, y1), colour in zip(sides, ends, colours, strict=True)
+            )
+
+        self._marks.append(drawn)
+
+    def spans(self, pairs: Sequence[Range], lane: float, colour: str, *, run: str = "") -> None:
+        """Draw a thick line from each start to its end, `lane` (a part of the height) up."""
+        attributes = _stroke(colour, 4.0) + _owner(run)
+
+        def drawn(a: "_Axes") -> str:
+            up = a.height * (1.0 - lane)
+            parts = (f"M{a.sx(start):.1f},{up:.1f}H{a.sx(end):.1f}" for start, end in pairs)
+            return f'<path d="{"".join(parts)}"{attributes}/>'
+
+        if pairs:
+            self._marks.append(drawn)
+
+    def text(
+        self,
+        x: float,
+        y: float,
+        text: str,
+        *,
+        anchor: Literal["start", "middle", "end"] = "start",
+        shift: tuple[float, float] = (0.0, 0.0),
+        run: str = "",
+    ) -> None:
+        """Write at a point, `shift` pixels to the right and down."""
+        self._seen.append((np.array([x]), np.array([y])))
+
+        def drawn(a: "_Axes") -> str:
+            at = f'x="{a.sx(x) + shift[0]:.1f}" y="{a.sy(y) + shift[1]:.1f}"'
+            return (
+                f'<text class="named" {at} text-anchor="{anchor}"{_owner(run)}>'
+                f"{escape(text)}</text>"
+            )
+
+        self._marks.append(drawn)
+
+    def name_row(self, y: float, name: str) -> None:
+        """Write the name of a row at the left edge, at a height of the y axis."""
+        self._marks.append(
+            lambda a: f'<text class="named" x="2" y="{a.sy(y):.1f}">{escape(name)}</text>'
+        )
+
+    def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
+        """Name points, each where its name covers neither a point nor another name.
+
+        Parameters
+        ----------
+        points : sequence of (float, float, str)
+            x, y and name.
+        """
+
+        def drawn(a: "_Axes") -> str:
+            at = [(float(a.sx(x)), float(a.sy(y)), name) for x, y, name in points]
+            taken = [(x - 6.0, y - 6.0, x + 6.0, y + 6.0) for x, y, _ in at]
+            parts = []
+            for x, y, name in at:
+                wide = LETTER * len(name)
+                right, left, middle = x + 9.0, x - 9.0 - wide, x - wide / 2.0
+                places = [(right, y - 6.0), (left, y - 6.0), (middle, y - 22.0), (middle, y + 9.0)]
+                # then further and further off, with a thin line to the point
+                places += [
+                    (side, y + up) for up in (-24, 12, -40, 28, -56, 44) for side in (right, left)
+                ]
+                boxes = [(u, v, u + wide, v + 12.0) for u, v in places]
+                box = next((one for one in boxes if _free(one, taken, a)), boxes[0])
+                taken.append(box)
+                if boxes.index(box) > 3:
+                    near = box[0] if box[0] > x else box[2]
+                    parts.append(
+                        f'<path class="grid" d="M{x:.1f},{y:.1f}L{near:.1f},{box[1] + 6.0:.1f}"/>'
+                    )
+                parts.append(
+                    f'<text class="named" x="{box[0]:.1f}" y="{box[1] + 10.0:.1f}">'
+                    f"{escape(name)}</text>"
+                )
+            return "".join(parts)
+
+        self._marks.append(drawn)
+
+    def y_ends(self) -> Range:
+        """Ends of the y axis around what has been drawn so far."""
+        return self._axes().y
+
+    def svg(self) -> str:
+        """The chart as an ``<svg>`` element for a page that has `style`."""
+        a = self._axes()
+        box = f'viewBox="0 0 {WIDTH:g} {self.height:g}"'
+        ends = " ".join(f"{one:.6g}" for one in (*a.x, *a.y))
+        data = f' data-axes="{ends} {a.width:g} {a.height:g}" data-log="{self.log}"'
+        link = ' data-linked=""' if self.linked else ""
+        names = f'data-x="{escape(self.x)}" data-y="{escape(self.y)}"'
+        return (
+            f'<svg class="chart" {box} role="img" aria-label="{escape(self.title)}"'
+            f"{data}{link} {names}>{self._drawn(a)}</svg>"
+        )
+
+    def _drawn(self, a: "_Axes") -> str:
+        x_ticks = (
+            self.x_ticks if self.x_ticks is not None else ticks(a.x, a.width / GAPS[0], a.log_x)
+        )
+        y_ticks = (
+            self.y_ticks if self.y_ticks is not None else ticks(a.y, a.height / GAPS[1], a.log_y)
+        )
+        lines, labels = [], []
+        for value, label in y_ticks:
+            up = float(a.sy(value))
+            lines.append(f"M0,{up:.1f}H{a.width:.1f}")
+            at = f'x="{LEFT - 6:g}" y="{TOP + up + 4.0:.1f}"'
+            labels.append(f'<text {at} text-anchor="end">{escape(label)}</text>')
+        for value, label in x_ticks:
+            across = float(a.sx(value))
+            lines.append(f"M{across:.1f},0V{a.height:.1f}")
+            for row, part in enumerate(label.split("\n")):
+                at = f'x="{LEFT + across:.1f}" y="{TOP + a.height + 15.0 + 12.0 * row:.1f}"'
+                labels.append(f'<text {at} text-anchor="middle">{escape(part)}</text>')
+        middle = TOP + a.height / 2.0
+        if self.y:
+            labels.append(
+                f'<text transform="translate(11 {middle:.1f}) rotate(-90)" '
+                f'text-anchor="middle">{escape(self.y)}</text>'
+            )
+        labels.append(
+            f'<text x="{LEFT + a.width / 2.0:.1f}" y="{self.height - 4.0:.1f}" '
+            f'text-anchor="middle">{escape(self.x)}</text>'
+        )
+        size = f'x="{LEFT:g}" y="{TOP:g}" width="{a.width:g}" height="{a.height:g}"'
+        marks = "".join(mark(a) for mark in self._marks)
+        axis = f"M0,0V{a.height:g}H{a.width:g}" if y_ticks else f"M0,{a.height:g}H{a.width:g}"
+        return (
+            f'{"".join(labels)}<svg class="plot" {size} overflow="hidden">'
+            f'<path class="grid" d="{"".join(lines)}"/>{marks}<path class="axis" d="{axis}"/></svg>'
+        )
+
+    def _axes(self) -> "_Axes":
+        width, height = WIDTH - LEFT - RIGHT, self.height - TOP - BOTTOM
+        x = self.x_range or _ends([one for one, _ in self._seen], 0.0, "x" in self.log)
+        y = self.y_range or _ends([one for _, one in self._seen], ROOM, "y" in self.log)
+        if self.equal:
+            scale = max((x[1] - x[0]) / width, (y[1] - y[0]) / height)
+            x, y = _around(x, 1.04 * scale * width), _around(y, 1.04 * scale * height)
+        if self.downwards:
+            y = y[1], y[0]
+        return _Axes(
+            x=x, y=y, width=width, height=height, log_x="x" in self.log, log_y="y" in self.log
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """Charts side by side as one picture, each under its title and legend.
+
+    A notebook shows it as it is.
+
+    Attributes
+    ----------
+    charts : sequence of Chart
+        Row by row.
+    columns : int
+    title : str
+        Above all.
+    """
+
+    charts: Sequence[Chart]
+    columns: int = 2
+    title: str = ""
+
+    def save(self, path: str | Path) -> None:
+        """Write an SVG file, under a temporary name until it is whole.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        """
+        with whole_file(Path(path)) as part:
+            part.write_text(self.svg(), encoding="utf-8")
+
+    def svg(self) -> str:
+        """The picture as an SVG file that needs no other."""
+        parts, top = [], 26.0 if self.title else 0.0
+        for i in range(0, len(self.charts), self.columns):
+            row = self.charts[i : i + self.columns]
+            above = max(_head_height(one) for one in row)
+            for column, one in enumerate(row):
+                left = column * WIDTH
+                parts.append(f'<g transform="translate({left:g} {top:.1f})">{_head(one)}</g>')
+                at = f'x="{left:g}" y="{top + above:.1f}" width="{WIDTH:g}" height="{one.height:g}"'
+                parts.append(one.svg().replace("<svg ", f"<svg {at} ", 1))
+            top += above + max(one.height for one in row) + 8.0
+        width = self.columns * WIDTH
+        title = f'<text class="title" x="8" y="17">{escape(self.title)}</text>'
+        # its colours are its own: a notebook puts it into a page with other ones
+        own = style().replace(":root", "svg.sheet")
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" class="chart sheet" '
+            f'viewBox="0 0 {width:g} {top:.0f}" width="{width:g}" height="{top:.0f}">'
+            f'<style>{own}</style><rect width="100%" height="100%" fill="var(--paper)"/>'
+            f"{title if self.title else ''}{''.join(parts)}</svg>\n"
+        )
+
+    def _repr_svg_(self) -> str:
+        return self.svg()
+
+
+def spark(
+    t: FloatArray, lines: Mapping[str, FloatArray], colour: str, longest: float, ends: Range
+) -> str:
+    """A small chart without axes: lines over time about zero, the second one thin.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+    lines : mapping of str to ndarray, shape (n,)
+        By name.
+    colour : str
+    longest : float
+        Time at the right edge, the same for all that stand together.
+    ends : pair of float
+        Values at the lower and the upper edge, likewise.
+    """
+    low, high = ends if ends[0] < ends[1] else (-1.0, 1.0)
+    a = _Axes(x=(0.0, longest or 1.0), y=(low, high), width=120.0, height=36.0)
+    paths = "".join(
+        f'<path d="{_path(a.sx(x), a.sy(y))}"{_stroke(colour, 1.8 if not i else 0.9)}/>'
+        for i, (x, y) in enumerate(thinned(t, y, 120) for y in lines.values())
+    )
+    zero = f'<path class="grid" d="M0,{float(a.sy(0.0)):.1f}H{a.width:g}"/>'
+    box = f'viewBox="0 -1 {a.width:g} {a.height + 2.0:g}" width="{a.width:g}"'
+    label = escape(" and ".join(lines))
+    return f'<svg class="chart spark" {box} role="img" aria-label="{label}">{zero}{paths}</svg>'
+
+
+def ticks(ends: Range, wanted: float, log: bool = False) -> list[tuple[float, str]]:
+    """Round values along an axis with their labels, at least two of them.
+
+    Parameters
+    ----------
+    ends : pair of float
+        Of the axis.
+    wanted : float
+        How many, roughly.
+    log : bool
+    """
+    low, high = sorted(ends)
+    if log:
+        found = _log_ticks(low, high, wanted)
+        if len(found) > 1:
+            return found
+    raw = (high - low) / max(2.0, wanted)
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = min((m * power for m in (1.0, 2.0, 5.0, 10.0)), key=lambda one: abs(math.log(one / raw)))
+    if math.floor(high / step) - math.ceil(low / step) < 1:
+        step /= 2.0 if step / power in (1.0, 2.0, 10.0) else 5.0 / 2.0
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    return [(i * step, _label(i * step, decimals)) for i in range(first, last + 1)]
+
+
+def _log_ticks(low: float, high: float, wanted: float) -> list[tuple[float, str]]:
+    """Decades; with 2 and 5 between them where there are few."""
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    decades = math.log10(high / low)
+    steps = (1, 2, 5) if decades * 3.0 <= 1.5 * wanted else (1,)
+    every = 1 if len(steps) > 1 else max(1, math.ceil(decades / (1.5 * wanted)))
+    values = [m * 10.0**e for e in exponents if e % every == 0 for m in steps]
+    return [(value, _power(value)) for value in values if low <= value <= high]
+
+
+def _power(value: float) -> str:
+    if 1e-2 <= value < 1e4:
+        return f"{value:g}"
+    exponent = math.floor(math.log10(value) + 1e-9)
+    superscript = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    digit = round(value / 10.0**exponent)
+    return f"10{superscript}" if digit == 1 else f"{digit}·10{superscript}"
+
+
+def _label(value: float, decimals: int) -> str:
+    return f"{value + 0.0:.{decimals}f}".replace("-", "−")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Axes:
+    """Ends of both axes and the size of the plot, pixels."""
+
+    x: Range
+    y: Range
+    width: float
+    height: float
+    log_x: bool = False
+    log_y: bool = False
+
+    def sx(self, value: npt.ArrayLike) -> FloatArray:
+        """Pixels to the right of the left edge."""
+        return _part(value, self.x, self.log_x) * self.width
+
+    def sy(self, value: npt.ArrayLike) -> FloatArray:
+        """Pixels down from the upper edge."""
+        return (1.0 - _part(value, self.y, self.log_y)) * self.height
+
+
+_Mark: TypeAlias = Callable[[_Axes], str]
+
+
+def _part(value: npt.ArrayLike, ends: Range, log: bool) -> FloatArray:
+    """Where values lie between the ends, 0 to 1; far outside of them no further than ten times."""
+    values = np.asarray(value, dtype=float)
+    low, high = ends
+    if log:
+        values, low, high = np.log(np.maximum(values, 1e-300)), math.log(low), math.log(high)
+    return np.clip((values - low) / (high - low), -10.0, 11.0)
+
+
+def _ends(values: Sequence[FloatArray], room: float, log: bool) -> Range:
+    """Ends of an axis around all values, with some room."""
+    flat = np.concatenate([np.ravel(one) for one in values]) if values else np.zeros(0)
+    flat = flat[np.isfinite(flat) & ((flat > 0.0) | (not log))]
+    if not len(flat):
+        return (0.1, 1.0) if log else (0.0, 1.0)
+    low, high = float(flat.min()), float(flat.max())
+    if log:
+        factor = max((high / low) ** room, 1.05)
+        return low / factor, high * factor
+    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-6):
+        return low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0)
+    return low - room * (high - low), high + room * (high - low)
+
+
+def _around(ends: Range, size: float) -> Range:
+    middle = (ends[0] + ends[1]) / 2.0
+    return middle - size / 2.0, middle + size / 2.0
+
+
+def _stretches(x: FloatArray, y: FloatArray) -> Iterator[slice]:
+    """Stretches without NaN."""
+    known = np.isfinite(x) & np.isfinite(y)
+    edges = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0)).tolist()
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(start, end)
+
+
+def _path(x: FloatArray, y: FloatArray) -> str:
+    parts = []
+    for one in _stretches(x, y):
+        pairs = zip(x[one].tolist(), y[one].tolist(), strict=True)
+        parts.append("M" + " ".join(f"{a:.1f},{b:.1f}" for a, b in pairs))
+    return "".join(parts)
+
+
+def _cross(x: float, y: float, size: float, shape: Shape) -> str:
+    if shape == "plus":
+        return f"M{x - size:.1f},{y:.1f}h{2 * size:g}M{x:.1f},{y - size:.1f}v{2 * size:g}"
+    return (
+        f"M{x - size:.1f},{y - size:.1f}l{2 * size:g},{2 * size:g}"
+        f"M{x - size:.1f},{y + size:.1f}l{2 * size:g},{-2 * size:g}"
+    )
+
+
+def _stroke(colour: str, width: float, dash: str = "") -> str:
+    dashes = f' stroke-dasharray="{dash}"' if dash else ""
+    return f' stroke="{css_colour(colour)}" stroke-width="{width:g}"{dashes}'
+
+
+def _owner(run: str, name: str = "") -> str:
+    """Whose a mark is, and its name where the pointer asks for its value."""
+    owner = f' data-run="{escape(run)}"' if run else ""
+    return owner + (f' data-name="{escape(name)}"' if name else "")
+
+
+def dashes(style: LineStyle) -> str:
+    """Dashes of a run: light shades are broken, so that a printed page tells them apart."""
+    return DASHED if style.dashed else ""
+
+
+LETTER = 6.2
+"""Width of a letter in pixels, roughly."""
+
+
+Box: TypeAlias = tuple[float, float, float, float]
+
+
+def _free(box: Box, taken: Sequence[Box], a: _Axes) -> bool:
+    """Whether a box lies in the plot and meets none of the others."""
+    x0, y0, x1, y1 = box
+    inside = x0 >= 0.0 and y0 >= 0.0 and x1 <= a.width and y1 <= a.height
+    return inside and not any(
+        x0 < u1 and u0 < x1 and y0 < v1 and v0 < y1 for u0, v0, u1, v1 in taken
+    )
+
+
+def _legend_rows(chart: Chart) -> list[list[tuple[str, str, str]]]:
+    """The names of a chart in rows that fit its width."""
+    rows: list[list[tuple[str, str, str]]] = []
+    used = WIDTH
+    for one in chart.legend:
+        needed = 34.0 + LETTER * len(one[0])
+        if used + needed > WIDTH - 8.0:
+            rows.append([])
+            used = 8.0
+        rows[-1].append(one)
+        used += needed
+    return rows
+
+
+def _head_height(chart: Chart) -> float:
+    return 18.0 + 15.0 * len(_legend_rows(chart))
+
+
+def _head(chart: Chart) -> str:
+    parts = [f'<text class="title" x="8" y="13">{escape(chart.title)}</text>']
+    for place, row in enumerate(_legend_rows(chart)):
+        left, up = 8.0, 24.0 + 15.0 * place
+        for name, colour, dash in row:
+            parts.append(f'<g transform="translate({left:.1f} {up:.1f})">{key(colour, dash)}</g>')
+            parts.append(f'<text x="{left + 28.0:.1f}" y="{up + 4.0:.1f}">{escape(name)}</text>')
+            left += 34.0 + LETTER * len(name)
+    return "".join(parts)
+
+
+def key(colour: str, dash: str = "", width: float = 2.0) -> str:
+    """The sign of a line, a band or a dot in a legend, 24 pixels wide about its left middle."""
+    if dash == "band":
+        fill = f'fill="{css_colour(colour)}" fill-opacity="0.3"'
+        return f'<rect x="0" y="-5" width="24" height="10" {fill}/>'
+    if dash == "dot":
+        return f'<circle cx="12" cy="0" r="4" fill="{css_colour(colour)}"/>'
+    return f'<path d="M0,0H24"{_stroke(colour, width, dash)}/>'

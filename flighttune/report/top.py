@@ -1,0 +1,156 @@
+"""The top of a report: which gains are best on the aircraft, and a matrix of gains and plants."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flighttune.metrics import channel_metrics
+from flighttune.present.chart import spark
+from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.numbers import number
+from flighttune.report.facts import SMALLEST_ITAE, Facts
+from flighttune.simulate.run import Run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """One run in the matrix.
+
+    Attributes
+    ----------
+    plant : str
+    spark : str
+        Both errors over time as an ``<svg>``.
+    converged : bool
+    ended : str
+        How a run that was not completed ended; empty otherwise.
+    itae : tuple of (str, bool)
+        Of course and path angle, and whether it is the lowest of the plant.
+    settling : tuple of str
+        Of course and path angle.
+    """
+
+    plant: str
+    spark: str
+    converged: bool
+    ended: str
+    itae: tuple[tuple[str, bool], ...]
+    settling: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Matrix:
+    """Gains by plants.
+
+    Attributes
+    ----------
+    plants : tuple of str
+    rows : tuple of (str, tuple of Cell or None)
+        Name of the gains, and a cell for each plant; None where there is no such run.
+    """
+
+    plants: tuple[str, ...]
+    rows: tuple[tuple[str, tuple[Cell | None, ...]], ...]
+
+
+def best_sentence(facts: Facts) -> str:
+    """Which gains have the lowest ITAE on the aircraft, and by how much."""
+    plant = _decisive_plant(facts)
+    runs = [run for run in facts.runs if run.provenance.plant == plant]
+    where = f"On {plant}"
+    completed = [run for run in runs if run.status == "completed"]
+    if not completed:
+        return f"{where} no flight was completed."
+    good = [run for run in completed if facts.final_errors[run.label].converged] or completed
+    itae = {run.label: _itae(run) for run in completed}
+    best = min(good, key=lambda run: _product(itae[run.label]))
+    name, own = best.provenance.gains_name, itae[best.label]
+    converges = facts.final_errors[best.label].converged
+    others = [run for run in completed if run is not best]
+    if not others:
+        values = ", ".join(f"{own[one]:.2f} ({sign})" for one, sign in CHANNEL_SYMBOLS.items())
+        tail = "" if converges else ", not converging"
+        return f"{where} {name} has ITAE {values} rad s²{tail}."
+    known = {run.provenance.gains_name: run for run in others}
+    other = known.get("paper") or min(others, key=lambda run: _product(itae[run.label]))
+    head = f"{where} {name} is best" if converges else f"{where} no gains converge; {name} is best"
+    return f"{head}: ITAE {_ratio(own, itae[other.label])} {other.provenance.gains_name}'s."
+
+
+def matrix(facts: Facts) -> Matrix:
+    """Errors, ITAE and settling time of every run, gains by plants."""
+    plants = tuple(dict.fromkeys(run.provenance.plant for run in facts.runs))
+    names = tuple(dict.fromkeys(run.provenance.gains_name for run in facts.runs))
+    itae = {run.label: _itae(run) for run in facts.runs}
+    completed = [run for run in facts.runs if run.status == "completed"]
+    lowest = {
+        (plant, channel): min(
+            (itae[run.label][channel] for run in completed if run.provenance.plant == plant),
+            default=math.nan,
+        )
+        for plant in plants
+        for channel in CHANNEL_SYMBOLS
+    }
+    of = {(run.provenance.gains_name, run.provenance.plant): run for run in facts.runs}
+    longest = max(run.duration for run in facts.runs)
+    errors = np.concatenate([error for run in facts.runs for error in _errors(run).values()])
+    ends = float(errors.min()), float(errors.max())
+
+    def cell(run: Run | None) -> Cell | None:
+        if run is None:
+            return None
+        plant, done = run.provenance.plant, run.status == "completed"
+        own = itae[run.label]
+        settling = channel_metrics(run)["settling_s"].to_dict()
+        return Cell(
+            plant=plant,
+            spark=spark(run.t, _errors(run), facts.styles[run.label].colour, longest, ends),
+            converged=facts.final_errors[run.label].converged,
+            ended="" if done else f"{run.status.replace('_', ' ')} at {run.duration:.1f} s",
+            itae=tuple(
+                (f"{value:.2f}", done and len(names) > 1 and value == lowest[plant, channel])
+                for channel, value in own.items()
+            ),
+            settling=tuple(number(settling[channel], ".1f") for channel in CHANNEL_SYMBOLS),
+        )
+
+    return Matrix(
+        plants=plants,
+        rows=tuple(
+            (name, tuple(cell(of.get((name, plant))) for plant in plants)) for name in names
+        ),
+    )
+
+
+def _decisive_plant(facts: Facts) -> str:
+    """The first aircraft that flew, else the last plant."""
+    aircraft = [run for run in facts.runs if run.provenance.aircraft is not None]
+    return (aircraft[0] if aircraft else facts.runs[-1]).provenance.plant
+
+
+def _itae(run: Run) -> dict[str, float]:
+    found = channel_metrics(run)["ITAE"].to_dict()
+    return {channel: float(found[channel]) for channel in CHANNEL_SYMBOLS}
+
+
+def _product(itae: dict[str, float]) -> float:
+    """Product over the channels; one of next to nothing does not decide alone."""
+    return math.prod(max(one, SMALLEST_ITAE) for one in itae.values())
+
+
+def _ratio(own: dict[str, float], other: dict[str, float]) -> str:
+    """``0.43 (χ), 0.26 (γ) of``, or values where the other has next to nothing."""
+    parts = [
+        f"{own[one] / other[one]:.2f} ({sign})"
+        for one, sign in CHANNEL_SYMBOLS.items()
+        if other[one] >= SMALLEST_ITAE
+    ]
+    return f"{', '.join(parts)} of" if parts else "next to nothing, as are"
+
+
+def _errors(run: Run) -> dict[str, np.ndarray]:
+    return {
+        f"error of {sign}": run.signals[f"{one}_err"].to_numpy()
+        for one, sign in CHANNEL_SYMBOLS.items()
+    }
