@@ -25,7 +25,7 @@ from flighttune.simulate.loop import simulate
 
 SECONDS = 60.0
 REPEATS = 7
-HIGHEST_RATIO = {"still air": 1.5, "gust and turbulence": 1.5, "all weather": 1.6}
+HIGHEST_RATIO = {"still air": 1.3, "gust and turbulence": 1.5, "all weather": 1.6}
 """Wind that changes with height and oscillates is two more sources to add up at every step."""
 
 

@@ -21,6 +21,8 @@ Vector: TypeAlias = MutableSequence[Any] | npt.NDArray[Any]
 
 ANTI_WINDUP: tuple[AntiWindup, ...] = get_args(AntiWindup)
 
+ERRORS = 2
+
 LEVEL = (0.0, 0.0)
 """No feed-forward."""
 
@@ -32,7 +34,7 @@ class ChannelLaw(NamedTuple):
 
     Attributes
     ----------
-    K_P, K_I_half : sequence of float, length p
+    K_P, K_I_half : sequence of float, length 2
         Its row of K_P, and of ``K_I dt/2``: the trapezoidal rule on the sum of two errors.
     lower, upper : float
         Its range.
@@ -54,7 +56,7 @@ class PILaw(NamedTuple):
     Attributes
     ----------
     channels : tuple of ChannelLaw, length m
-    wrapped : tuple of bool, length p
+    wrapped : tuple of bool, length 2
         Which errors are angles of a full turn.
     conditional : bool
         Whether anti-windup is conditional.
@@ -76,9 +78,9 @@ class PIState(NamedTuple):
 
     Attributes
     ----------
-    error : list of float, length p
+    error : list of float, length 2
         Reference minus actual, wrapped where the channel is an angle of a full turn.
-    error_sum : list of float, length p
+    error_sum : list of float, length 2
         That error plus the one of the sample before.
     u : list of float, length m
         Command after all limits.
@@ -111,7 +113,7 @@ class MimoPI:
     Parameters
     ----------
     gains : PIGains
-        m commands, p errors.
+        m commands, two errors.
     limits : Limits, optional
         Of m commands; none by default. Applied as `CommandLimiter` does.
     dt : float, s
@@ -166,6 +168,8 @@ class MimoPI:
         feed_forward: bool = False,
     ) -> None:
         m = len(gains.inputs)
+        if len(gains.errors) != ERRORS:
+            raise ShapeError(f"`gains` must be of {ERRORS} errors, got {len(gains.errors)}.")
         limits = Limits.none(m) if limits is None else limits
         if limits.lower.shape != (m,):
             raise ShapeError(f"`limits` must be of {m} commands, got {limits.lower.shape[0]}.")
@@ -219,9 +223,10 @@ class MimoPI:
             if gamma_ref != self._gamma_ref:
                 # NumPy's cosine, as ever: that of math may differ in the last bit.
                 self._gamma_ref, self._lift = gamma_ref, float(np.cos(gamma_ref))
-            u_ff = reference[4] or (0.0, self._lift / math.cos(measured.phi))
+            u_ff = reference[4] or (0.0, self._lift / math.cos(measured[3]))
         state = self.state
-        pi_step(self.law, state, reference[:2], measured[:2], u_ff, measured.V_a)
+        # Both begin with course and path angle: a slice of each would cost as much as an error.
+        pi_step(self.law, state, reference, measured, u_ff, measured[2])
         return (*state.u, *state.integral)
 
     def reset(self, u: Sequence[float]) -> None:
@@ -247,7 +252,7 @@ class MimoPI:
 
         Parameters
         ----------
-        ref, y : sequence of float, length p
+        ref, y : sequence of float, length 2
             Reference and actual value of each controlled quantity.
         u_ff : sequence of float, length m, input unit
             Feed-forward.
@@ -306,25 +311,23 @@ def pi_step(
     channels, wrapped, conditional, tracking_gain, per_speed = law
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
     error, error_sum, u, unsaturated, integral, limited, started = state
-    errors = range(len(wrapped))
-    for j in errors:
-        e = ref[j] - y[j]
-        if wrapped[j]:
-            e = wrap_angle(e)
-        error_sum[j] = error[j] + e
-        error[j] = e
+    # Written out for two errors: in CPython a loop over them costs a sixth of the whole step.
+    e_0, e_1 = ref[0] - y[0], ref[1] - y[1]
+    if wrapped[0]:
+        e_0 = wrap_angle(e_0)
+    if wrapped[1]:
+        e_1 = wrap_angle(e_1)
+    both_0, both_1 = error[0] + e_0, error[1] + e_1
     if not started[0]:
         # The first sample adds nothing: there is no time before it to integrate over.
         started[0] = True
-        for j in errors:
-            error_sum[j] = 0.0
+        both_0 = both_1 = 0.0
+    error[0], error[1], error_sum[0], error_sum[1] = e_0, e_1, both_0, both_1
     # The input matrix of the chi/gamma law goes with 1/V_a: gains that go with V_a keep B K.
     gain = V_a * per_speed if per_speed else 1.0
     for i, (K_P, K_I_half, lower, upper, step_down, step_up) in enumerate(channels):
-        proportional = increment = 0.0
-        for j in errors:
-            proportional += K_P[j] * error[j]
-            increment += K_I_half[j] * error_sum[j]
+        proportional = K_P[0] * e_0 + K_P[1] * e_1
+        increment = K_I_half[0] * both_0 + K_I_half[1] * both_1
         # The gain of the schedule is inside the integral, so that its change moves no command.
         increment *= gain
         u_before = u_ff[i] + gain * proportional + integral[i]  # without this increment
