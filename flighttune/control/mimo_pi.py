@@ -288,8 +288,8 @@ def check_anti_windup(anti_windup: str) -> None:
 def pi_step(
     law: PILaw,
     state: PIState,
-    ref: Sequence[float],
-    y: Sequence[float],
+    ref: Sequence[Any],
+    y: Sequence[Any],
     u_ff: Sequence[float],
     V_a: float,
 ) -> Vector:
@@ -300,7 +300,9 @@ def pi_step(
     law : PILaw
     state : PIState
         Written to.
-    ref, y, u_ff, V_a
+    ref, y : sequence
+        Course and flight-path angle, and what else may follow.
+    u_ff, V_a
         As in `MimoPI.command`.
 
     Returns
