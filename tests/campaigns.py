@@ -12,7 +12,9 @@ from pathlib import Path
 
 import psutil
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign import load_campaign, plan_campaign
+from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.shipped import aircraft_folder
 
 SCENARIO = """
@@ -109,6 +111,9 @@ def aircraft_with(folder, functions):
     shutil.copytree(aircraft_folder("aerosonde"), folder)
     file = folder / "aerosonde.xml"
     file.write_text(file.read_text().replace("<aerodynamics>", f"<aerodynamics>{functions}"))
+    gains = json.loads((folder / "gains.json").read_text())
+    gains["made_for"] = model_hash(load_aircraft(folder))
+    (folder / "gains.json").write_text(json.dumps(gains))
     return str(folder)
 
 

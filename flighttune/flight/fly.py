@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 from typing import Protocol
 
@@ -541,5 +541,8 @@ def library_versions() -> dict[str, str]:
 @cache
 def _installed() -> tuple[tuple[str, str], ...]:
     """Names and versions, looked up once: it takes as long as a tenth of a flight."""
-    python = ("python", platform.python_version())
-    return (python, *((name, version(name)) for name in VERSIONED))
+    found = [("python", platform.python_version())]
+    found += [(name, version(name)) for name in VERSIONED]
+    with suppress(PackageNotFoundError):  # it need not be there; rows of a batch are its own
+        found.append(("numba", version("numba")))
+    return tuple(found)

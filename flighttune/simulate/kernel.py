@@ -1,18 +1,17 @@
 """Compiled: the sampled loop of one controller and the paper's law, flight by flight.
 
-Numba is imported here and nowhere else, and takes about a second: import this on first use. The
-arguments are the arrays and settings of `flighttune.simulate.batch`.
+Numba is imported here and nowhere else, and takes about a second: import this on first use. Without
+it (the extra ``fast``) the same functions are interpreted, some hundred times slower. The arguments
+are the arrays and settings of `flighttune.simulate.batch`.
 """
 
 import math
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from numba import njit
-from numba.extending import register_jitable
 
 from flighttune import units
 from flighttune.control import exact_law, limits, mimo_pi
@@ -23,6 +22,16 @@ from flighttune.plants.point_mass import LOST
 from flighttune.simulate import measures
 from flighttune.simulate.measures import error_measures
 from flighttune.units import wrap_angle
+
+try:
+    from numba import njit
+    from numba.extending import register_jitable
+except ImportError:
+
+    def _interpreted(function: Any = None, **_: Any) -> Any:
+        return function or (lambda one: one)
+
+    njit = register_jitable = cast("Any", _interpreted)
 
 SOURCES = (
     Path(__file__),

@@ -194,9 +194,9 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
     if changed:
         raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
     other = [
-        f"{name}: was {was}, is {versions.get(name)}"
-        for name, was in found.versions.items()
-        if versions.get(name) != was
+        f"{name}: was {found.versions.get(name, 'absent')}, is {versions.get(name, 'absent')}"
+        for name in (found.versions | versions)
+        if versions.get(name) != found.versions.get(name)
     ]
     if other:
         raise InputError(

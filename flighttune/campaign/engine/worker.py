@@ -5,7 +5,6 @@ process that is replaced in a second, and the worker knows which run it was.
 """
 
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from flighttune.campaign.engine.flyer import CrashedRun, Flyer, FlyerAnswer
@@ -38,7 +37,7 @@ class FlownChunk:
 
 
 def fly_chunk(
-    plan: str, versions: Mapping[str, str], first: int, end: int, limit: float
+    plan: str, versions: dict[str, str], first: int, end: int, limit: float
 ) -> FlownChunk:
     """Fly the runs `first` to `end` of a plan.
 
@@ -46,7 +45,7 @@ def fly_chunk(
     ----------
     plan : str
         The plan as JSON.
-    versions : mapping of str to str
+    versions : dict of str to str
         Libraries the rows must come from.
     first, end : int
         Runs, `end` not among them.
@@ -163,10 +162,10 @@ def _flyer() -> Flyer:
     return _OF_THREAD.flyer
 
 
-def _other_versions(got: Mapping[str, str], wanted: Mapping[str, str]) -> str:
+def _other_versions(got: dict[str, str], wanted: dict[str, str]) -> str:
     """Why rows of this worker would not be those of the campaign; empty where they would."""
     return "; ".join(
-        f"{name} must be {version}, got {got.get(name, 'none')}"
-        for name, version in wanted.items()
-        if got.get(name) != version
+        f"{name} must be {wanted.get(name, 'absent')}, got {got.get(name, 'none')}"
+        for name in (wanted | got)
+        if got.get(name) != wanted.get(name)
     )
