@@ -128,7 +128,7 @@ class _Flight:
         self._frames = round(self.rate * law.dt)
         # Whole samples of both computers, so that both have one at the start.
         whole = self._frames * self._fdm.steps
-        rest = AT_REST + self._fdm.engine_settles
+        rest = AT_REST + 3.0 * self._fdm.engine_settles
         self.t_0 = math.ceil(rest * self.rate / whole) * whole / self.rate
 
     def write(self, folder: Path) -> None:
@@ -226,6 +226,7 @@ class _Flight:
         half, end = 0.5 / self.rate, t_0 + float(self._t[-1])
         rates = {f"ic/{axis}-rad_sec": fdm.reader(f"ic/{axis}-rad_sec")() for axis in "pqr"}
         moving = {name: read() for name, (_, read) in fdm.integrators.items()}
+        tanks = [one for one in fdm.names("propulsion/tank") if one.endswith("/contents-lbs")]
         at_start = {name: fdm.reader(name)() for name in properties.TRIMS}
         at_start |= {properties.ENGAGED: 1.0, "ft/outer/engaged": 1.0}
         at_start["simulation/output/log_rate_hz"] = 1.0 / self._law.dt
@@ -248,6 +249,7 @@ class _Flight:
             before=t_0 - half,
             after=t_0 + half,
             sample=self._law.dt,
+            tanks=_sets({name: fdm.reader(name)() for name in tanks}),
             at_start=_sets(at_start),
             moving=_sets(moving),
             references=_lines(

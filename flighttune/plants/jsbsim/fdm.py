@@ -36,7 +36,10 @@ _INCHES = 12.0
 _LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
 """Properties that are 0 in an empty aircraft."""
 
-_SETTLING_STEP = 0.02
+_SETTLING_RATE = 50.0
+_MOST_SETTLINGS, _STEADY = 5, 1e-13
+"""Times to wait for a steady thrust, and the change of it that counts as none."""
+
 MOTIONS = [
     f"simulation/integrator/{of}/{motion}"
     for of in ("rate", "position")
@@ -120,6 +123,7 @@ class Fdm:
         self.run: Callable[[], bool] = self._exec.run
         self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
         engines = range(config.engines.count)
+        self._thrust = self.reader("propulsion/engine/thrust-lbs")
         self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
         self.settings = {**config.settings, "propulsion/set-running": -1.0}
@@ -210,13 +214,32 @@ class Fdm:
 
     def hold(self, duration: float) -> None:
         """Let `duration` (s) pass for engines and flight control while the aircraft stays still."""
+        # Whole samples of the inner loop, so that its next one falls on the start of the flight.
+        self._run_still(math.ceil(duration * _SETTLING_RATE / self.steps), _SETTLING_RATE)
+
+    def rest(self) -> None:
+        """Hold the aircraft in the steps of its flight until the thrust is steady.
+
+        An evaluation leaves a turboprop without power, and a steady state depends on the step.
+        """
+        now = self._thrust()
+        for _ in range(_MOST_SETTLINGS):
+            before = now
+            self._run_still(math.ceil(self.engine_settles * self.config.inner_loop_rate), self.rate)
+            now = self._thrust()
+            if abs(now - before) <= _STEADY * abs(now):
+                return
+
+    def sample_at_rest(self) -> None:
+        """Let one sample of the inner loop pass while the aircraft stays still."""
+        self._run_still(1, self.rate)
+
+    def _run_still(self, samples: int, rate: float) -> None:
         # Integrators of type 0 hold the aircraft still while time passes.
         kept = [(write, read()) for write, read in self.integrators.values()]
         for write, _ in kept:
             write(0.0)
-        self._exec.set_dt(_SETTLING_STEP)
-        # Whole samples of the inner loop, so that its next one falls on the start of the flight.
-        samples = math.ceil(duration / (_SETTLING_STEP * self.steps))
+        self._exec.set_dt(1.0 / rate)
         for _ in range(samples * self.steps):
             self._exec.run()
         self._exec.set_dt(1.0 / self.rate)

@@ -238,11 +238,16 @@ class JSBSimPlant:
         fdm.evaluate()  # the inner loop sees the load factor of the evaluation before
         self._write_n_z_cmd(steady_n_z)
         fdm.evaluate()
+        if fdm.engine_settles:
+            fdm.rest()
         for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
             trim_value, law = fdm.reader(trim_name)(), fdm.reader(law_name)()
             fdm.writer(trim_name)(trim_value - law)
         fdm.writer(properties.ENGAGED)(1.0)
-        fdm.evaluate()
+        if fdm.engine_settles:
+            fdm.sample_at_rest()
+        else:
+            fdm.evaluate()
         self._write_phi_cmd = write_phi_cmd
 
     def _count_steps(self, duration: float) -> tuple[range, ...]:
