@@ -9,7 +9,7 @@ from flighttune.flight.fly import plant_of
 
 TURBOPROP = Path(__file__).parents[2] / "adopted/DHC6/turn.toml"
 STEADY = 1e-3
-"""Share by which thrust may change in the first second: the propeller's torque turns the aircraft."""
+"""Share by which thrust may change in the first second: the torque turns the aircraft."""
 
 
 @pytest.mark.slow
