@@ -1,7 +1,7 @@
 """Commands that certify gains, and check certificates."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +14,7 @@ from flighttune.cli.gain_sets import (
     margins_of,
     margins_text,
 )
-from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument
+from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument, check_ending
 from flighttune.cli.show import NO, emit, fail, pick, table
 from flighttune.present.tables import Bad, Table
 
@@ -23,6 +23,9 @@ EIGENVALUES_A_LINE = 4
 if TYPE_CHECKING:
     from flighttune.certificates import Certificate, Certification, Claim
     from flighttune.control.gains import PIGains
+    from flighttune.control.linear_model import LinearModel
+    from flighttune.control.margins import LoopMargins
+    from flighttune.present.chart import Chart
     from flighttune.scenario import Scenario
     from flighttune.theory.indicators import Indicators
 
@@ -47,6 +50,13 @@ def certify(
         ),
     ] = None,
     out: Annotated[Path | None, Option(help="File to write the certificate to.")] = None,
+    figure: Annotated[
+        Path | None,
+        Option(
+            help="SVG file for Bode and Nyquist diagrams with the margins, and eigenvalues; with "
+            "--envelope also the certified rate over the size of the envelope."
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Compute R_K, I_K and margins of gains on the linear model of SCENARIO, and certify them.
@@ -58,10 +68,11 @@ def certify(
     from flighttune.scenario import load_scenario
     from flighttune.theory.indicators import indicators
 
+    check_ending(figure, ".svg", option="--figure")
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
     if ":" in name and loaded.law_of(name)[0].kind == "python":
-        _certify_own(loaded, name, chosen, L_d=L_d, out=out, as_json=as_json)
+        _certify_own(loaded, name, chosen, L_d=L_d, out=out, figure=figure, as_json=as_json)
         return
     rates = chosen.law == "exact"
     model = loaded.linear_model(rates=rates)
@@ -76,6 +87,10 @@ def certify(
 
         save_certificate(made.certificate, out)
     margins = margins_of(model, chosen)
+    if figure is not None:
+        grown = largest is not None and largest.factor > 0.0
+        more = [_rate_over_envelope(loaded, name, chosen)] if grown else []
+        _draw(f"{loaded.title}; gains {name}", model, chosen, margins, figure, more)
     answer = {
         **pick(found, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
         "scaled": in_tune and pick(in_tune, "R_K I_K scaling"),
@@ -83,6 +98,7 @@ def certify(
         **gains_json(chosen),
         "margins": margins_json(margins),
         "certificate": _certification_json(made, out),
+        "figure": figure,
         "envelope": {
             "R_K": made.certificate and made.certificate.claim.rate,
             "largest_factor": largest and largest.factor,
@@ -108,6 +124,8 @@ def certify(
         yield _certification_text(made, where if envelope else "at the trim")
         if out is not None and made.certificate is not None:
             yield f"certificate: {out}   (check it with: flighttune verify {out})"
+        if figure is not None:
+            yield f"figure: {figure}"
         if largest is not None:
             yield f"largest certified envelope: {largest.factor:.3f} times the scenario's"
 
@@ -116,6 +134,29 @@ def certify(
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if made.status != "certified" and (envelope or out is not None):
         fail(f"{scenario}: gains {name}: {made.reason}", NO)
+
+
+def _draw(
+    title: str,
+    model: "LinearModel",
+    gains: "PIGains",
+    margins: "LoopMargins | None",
+    file: Path,
+    more: "Sequence[Chart]" = (),
+) -> None:
+    from flighttune.present.chart import Sheet
+    from flighttune.report.loop_charts import loop_charts
+
+    Sheet(charts=[*loop_charts(model, gains, margins), *more], title=title).save(file)
+
+
+def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "Chart":
+    from flighttune.flight.outer_loop import trim_and_envelope
+    from flighttune.tuning.envelope import rate_chart, rate_curve
+
+    trim, envelope = trim_and_envelope(scenario)
+    curve = rate_curve(name, gains, envelope, trim, g=scenario.flight.g_mps2)
+    return rate_chart([curve], envelope)
 
 
 def verify(
@@ -238,6 +279,7 @@ def _certify_own(
     *,
     L_d: float | None,
     out: Path | None,
+    figure: Path | None,
     as_json: bool,
 ) -> None:
     """A law of the user's, on the linear model that it gives itself."""
@@ -255,10 +297,13 @@ def _certify_own(
     made = certify_model(*linear, L_d=L_d, scenario_sha256=scenario.sha256)
     if out is not None and made.certificate is not None:
         save_certificate(made.certificate, out)
+    if figure is not None:
+        _draw(f"{scenario.title}; gains {name}", *linear, margins_of(*linear), figure)
     answer = {
         **pick(found, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
         "gains": name,
         "certificate": _certification_json(made, out),
+        "figure": figure,
     }
     lines = [*_indicators_text(name, found), _certification_text(made, "on its own linear model")]
     emit(answer, lines, as_json=as_json)

@@ -50,7 +50,7 @@ def out_folder(default: str) -> Any:
     return Option("--out", help=f"Folder to write to [default: {default}].")
 
 
-def check_ending(out: Path | None, *endings: str) -> None:
-    """Refuse an ``--out`` that does not end in one of `endings`, before anything is computed."""
+def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None:
+    """Refuse a file that does not end in one of `endings`, before anything is computed."""
     if out is not None and out.suffix.lower() not in endings:
-        raise InputError(f"{out}: --out must end in {endings[0]}.")
+        raise InputError(f"{out}: {option} must end in {endings[0]}.")

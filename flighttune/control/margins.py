@@ -135,6 +135,28 @@ def loop_margins(model: LinearModel, gains: PIGains) -> LoopMargins | None:
     )
 
 
+def channel_responses(
+    model: LinearModel, gains: PIGains, omega: FloatArray
+) -> npt.NDArray[np.complex128]:
+    """Frequency responses of the loop cut at one input at a time, the other loops closed.
+
+    Parameters
+    ----------
+    model : LinearModel
+    gains : PIGains
+        With the channels of `model`.
+    omega : ndarray, shape (k,), rad/s
+
+    Returns
+    -------
+    ndarray of complex, shape (k, m), 1
+        A loop is on the verge of instability where its response is -1.
+    """
+    A, B, C = _opened(model, gains)
+    cut = (_cut_at(i, A, B, C) for i in range(B.shape[1]))
+    return np.stack([_response(loop, omega)[:, 0, 0] for loop in cut], axis=1)
+
+
 def lag_margin(model: LinearModel, gains: PIGains) -> float:
     """Smallest time constant, s, of a first-order lag common to all inputs that destabilises.
 
@@ -251,12 +273,16 @@ def _phase_lag(value: Any) -> Any:
     return (np.angle(value) + math.pi) % (2.0 * math.pi)
 
 
+def _cut_at(i: int, A: FloatArray, B: FloatArray, C: FloatArray) -> Loop:
+    """The loop at one input, the others closed."""
+    others = [j for j in range(B.shape[1]) if j != i]
+    return A - B[:, others] @ C[others], B[:, [i]], C[[i]]
+
+
 def _channel_margins(loop: Loop, i: int, name: str) -> ChannelMargins:
     from scipy.linalg import block_diag
 
-    A, B, C = loop
-    others = [j for j in range(B.shape[1]) if j != i]
-    A, B, C = A - B[:, others] @ C[others], B[:, [i]], C[[i]]
+    A, B, C = _cut_at(i, *loop)
 
     # phase crossovers are among the zeros of L(s) - L(-s), where L is real
     doubled = block_diag(A, -A), np.vstack([B, B]), np.hstack([C, C])

@@ -342,6 +342,10 @@ class Chart:
         """Ends of the y axis around what has been drawn so far."""
         return self._axes().y
 
+    def x_ends(self) -> Range:
+        """Ends of the x axis around what has been drawn so far."""
+        return self._axes().x
+
     def svg(self) -> str:
         """The chart as an ``<svg>`` element for a page that has `style`."""
         a = self._axes()

@@ -4,28 +4,39 @@ The rate over an envelope is that of the common Q at the vertices of `jacobian_h
 to find for given gains; over the gains `ascent` increases it step by step.
 """
 
+import itertools
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, read_only_vector
 from flighttune.control.envelope import Envelope, Hull, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
+from flighttune.present.chart import DASHED, Chart
+from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.theory.common import CommonQ, common_Q
 from flighttune.tuning.ascent import Point, ascend, point
 from flighttune.tuning.gradient import tune_by_gradient
 from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.starts import stabilising_starts
+from flighttune.units import DEG
 
 FACTOR_TOLERANCE = 1e-3
 """Relative accuracy of the largest factor."""
 
 LARGEST_FACTOR = 64.0
 """An envelope is not grown beyond this."""
+
+SAMPLES = 41
+"""Points of a curve of rates."""
+
+END_SHOWN = 0.995
+"""Of the largest factor: closer to it the rate is lost in the solver's accuracy."""
 
 GROWTHS = 12
 """Steps in which an envelope is grown towards the required one before giving up."""
@@ -161,6 +172,121 @@ def largest_envelope(
         middle = (inside + outside) / 2.0
         inside, outside = (middle, outside) if rate(middle) > 0.0 else (inside, middle)
     return LargestEnvelope(factor=inside, envelope=envelope.scaled(trim, inside), R=rate(inside))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RateCurve:
+    """The certified rate of one set of gains over an envelope scaled about the trim.
+
+    Attributes
+    ----------
+    name : str
+    factors : ndarray, shape (k,)
+        Scaling of the envelope; ends where no common Q is found any more.
+    rates : ndarray, shape (k,), 1/s
+    ends : bool
+        Whether the last point is such an end, and not just where sampling stopped.
+    """
+
+    name: str
+    factors: FloatArray
+    rates: FloatArray
+    ends: bool
+
+    def __post_init__(self) -> None:
+        for name in ("factors", "rates"):
+            object.__setattr__(self, name, read_only_vector(name, getattr(self, name)))
+        if self.factors.shape != self.rates.shape:
+            raise InputError(
+                f"`factors` and `rates` must have one length, "
+                f"got {len(self.factors)} and {len(self.rates)}."
+            )
+
+
+def rate_curve(
+    name: str,
+    gains: PIGains,
+    envelope: Envelope,
+    trim: Envelope,
+    *,
+    g: float,
+    up_to: float = 2.0,
+    hull: Hull = "speed",
+) -> RateCurve:
+    """The certified rate from the trim alone up to a multiple of an envelope.
+
+    Parameters
+    ----------
+    name : str
+        For the legend.
+    gains : PIGains
+    envelope, trim : Envelope
+        The envelope at factor one, and the condition it is scaled about.
+    g : float, m/s^2
+    up_to : float
+        Largest factor sampled, positive.
+    hull : "entries" or "speed"
+        See `jacobian_hull`.
+
+    Returns
+    -------
+    RateCurve
+
+    Raises
+    ------
+    InputError
+        If the trim is not inside the envelope or `up_to` is not positive.
+    """
+    if not up_to > 0.0:
+        raise InputError(f"`up_to` must be positive, got {up_to}.")
+    largest = largest_envelope(gains, envelope, trim, g=g, hull=hull).factor
+    ends = largest < up_to
+    factors = np.linspace(0.0, END_SHOWN * largest if ends else up_to, SAMPLES)
+    rates = [
+        envelope_rate(gains, envelope.scaled(trim, factor), g=g, hull=hull).R for factor in factors
+    ]
+    if ends:
+        factors, rates = np.append(factors, largest), [*rates, 0.0]
+    return RateCurve(name=name, factors=factors, rates=np.array(rates), ends=ends)
+
+
+def rate_chart(curves: Sequence[RateCurve], envelope: Envelope) -> Chart:
+    """Draw certified rates against the size of the envelope.
+
+    Parameters
+    ----------
+    curves : sequence of RateCurve
+    envelope : Envelope
+        At 100 %; the legend has its ranges.
+
+    Returns
+    -------
+    Chart
+        With a cross where a set of gains has no common Q any more.
+    """
+    chart = Chart(
+        title="Rate certified over an envelope",
+        x="size of the envelope about the trim [%]",
+        y="certified rate [1/s]",
+        x_range=(0.0, 100.0 * max(float(curve.factors[-1]) for curve in curves)),
+    )
+    chart.upright(100.0, dash=DASHED)
+    chart.legend.append((_ranges(envelope), NEUTRAL, DASHED))
+    for curve, ((colour, _), _) in zip(curves, itertools.cycle(HUES), strict=False):
+        chart.line(100.0 * curve.factors, curve.rates, colour, name=curve.name, width=2.0)
+        if curve.ends:
+            chart.points(100.0 * curve.factors[-1], 0.0, colour, shape="cross", size=5)
+    return chart
+
+
+def _ranges(envelope: Envelope) -> str:
+    def degrees(ends: tuple[float, float]) -> str:
+        return f"{ends[0] / DEG:.0f} to {ends[1] / DEG:.0f}°"
+
+    return (
+        f"V {envelope.V_a[0]:g} to {envelope.V_a[1]:g} m/s, γ {degrees(envelope.gamma)}, "
+        f"φ {degrees(envelope.phi)}, n_z {envelope.n_z[0]:g} to {envelope.n_z[1]:g}"
+    )
 
 
 def tune_over_envelope(

@@ -122,8 +122,11 @@ def frontier_chart(table: "pd.DataFrame", styles: Mapping[str, LineStyle]) -> Ch
         )
         colour = styles[name].colour if name in styles else INK
         chart.points(I_K, R_K, colour, run="", size=5, filled=bool(within), tips=[tip])
-    low, high = chart.y_ends()
+    (low, high), (left, right) = chart.y_ends(), chart.x_ends()
     chart.y_range = (low - ROOM * (high - low), high + ROOM * (high - low))
+    side = (right / left) ** ROOM if spread else 1.0
+    shift = 0.0 if spread else ROOM * (right - left)
+    chart.x_range = (left / side - shift, right * side + shift)
     chart.label_points([(float(I_K), float(R_K), str(name)) for name, I_K, R_K, _ in found])
     return chart
 

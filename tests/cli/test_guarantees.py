@@ -263,6 +263,19 @@ def test_the_frontier_is_written_as_table_and_figure(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_certify_draws_the_margins_that_it_prints_and_the_rate_over_the_envelope(tmp_path):
+    found = answer(
+        "certify", "paper", "--gains", "paper", "--envelope", "--figure", tmp_path / "loop.svg"
+    )
+
+    figure = Path(found["figure"]).read_text(encoding="utf-8")
+    for channel in found["margins"]["channels"].values():
+        assert f"phase margin {channel['phase_margin_deg']:.1f}°" in figure
+    for title in ("Nyquist", "Eigenvalues of the closed loop", "Rate certified over an envelope"):
+        assert title in figure
+
+
 @pytest.mark.parametrize("command", ["tune", "certify"])
 def test_gains_are_tuned_and_certified_without_libraries_of_flight_and_figures(command):
     heavy = ["clarabel", "control", "jsbsim", "matplotlib", "numba", "pandas", "pyarrow", "rerun"]

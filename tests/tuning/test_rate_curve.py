@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from figures.envelope import RateCurve, envelope_figure, rate_curve
 
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators
+from flighttune.tuning.envelope import RateCurve, rate_chart, rate_curve
 
 pytestmark = pytest.mark.slow
 
@@ -50,17 +50,14 @@ def test_the_papers_curve_ends_before_the_envelope_and_the_tuned_one_goes_on(cur
     assert tuned.rates[-1] > 0.0
 
 
-def test_the_figure_has_units_and_a_legend_outside_its_axes(curves):
-    figure = envelope_figure(curves, ENVELOPE)
-    figure.canvas.draw()
-    (axes,) = figure.axes
-    (legend,) = figure.legends
+def test_the_chart_has_units_names_and_the_envelope(curves):
+    chart = rate_chart(curves, ENVELOPE)
 
-    assert axes.get_xlabel().startswith("size of the envelope about the trim in %")
-    assert "V 20 to 30 m/s, gamma -20 to 45 deg, phi -30 to 30 deg" in axes.get_xlabel()
-    assert axes.get_ylabel().endswith("in 1/s")
-    assert [text.get_text() for text in legend.get_texts()] == ["paper", "tuned"]
-    assert not legend.get_window_extent().overlaps(axes.get_window_extent())
+    assert chart.x.endswith("[%]")
+    assert chart.y.endswith("[1/s]")
+    ranges, *names = (name for name, _, _ in chart.legend)
+    assert ranges == "V 20 to 30 m/s, γ -20 to 45°, φ -30 to 30°, n_z 0.7 to 1.5"
+    assert names == ["paper", "tuned"]
 
 
 def test_a_curve_must_have_a_rate_for_every_factor():
