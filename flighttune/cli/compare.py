@@ -33,7 +33,8 @@ def compare(
         Option(help="TOML file with the changes allowed; exit status 1 if one is exceeded."),
     ] = None,
     out: Annotated[
-        Path | None, Option(help="Recording (.rrd) of all runs, one over the other.")
+        Path | None,
+        Option(help="Recording (.rrd) or page (.html) of all runs, one over the other."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -44,14 +45,19 @@ def compare(
     from flighttune.comparison import compare as compare_sources
     from flighttune.comparison import load_tolerances, violations
 
-    check_ending(out, ".rrd")
+    check_ending(out, ".rrd", ".html")
     allowed = None if tolerance is None else load_tolerances(tolerance)
     found = compare_sources(first, *others)
     broken = violations(found, allowed) if allowed else []
     if out is not None and found.comparable:
-        from flighttune.comparison.overlay import write_overlay
+        if out.suffix.lower() == ".html":
+            from flighttune.report.compare_page import write_comparison_page
 
-        write_overlay(found, out)
+            write_comparison_page(found, out)
+        else:
+            from flighttune.comparison.overlay import write_overlay
+
+            write_overlay(found, out)
     out = out if found.comparable else None
     text = _text(found, broken, out) if found.comparable else ()
     emit(_json(found, broken, out), text, as_json=as_json)
@@ -69,6 +75,7 @@ def compare(
 
 
 def _json(found: "Comparison", broken: list["Violation"], out: Path | None) -> dict[str, Any]:
+    is_page = out is not None and out.suffix.lower() == ".html"
     return {
         **pick(found, "comparable reason"),
         "metrics": found.metrics.to_dict(orient="records"),
@@ -89,7 +96,8 @@ def _json(found: "Comparison", broken: list["Violation"], out: Path | None) -> d
         ],
         **pick(found, "unpaired missing"),
         "violations": broken,
-        "recording": out,
+        "recording": None if is_page else out,
+        "page": out if is_page else None,
     }
 
 
@@ -105,7 +113,9 @@ def _text(
         yield f"no partner: {one}"
     for one in broken:
         yield f"out of tolerance: {one.sentence}"
-    if out is not None:
+    if out is not None and out.suffix.lower() == ".html":
+        yield f"page: {out}   (one file, it opens without a network)"
+    elif out is not None:
         yield f"recording: {out}   (open it with: flighttune view {out})"
 
 

@@ -51,6 +51,7 @@ def gap(
     from flighttune.flight.gap import explain_gap
     from flighttune.flight.gap_charts import gap_sheet
     from flighttune.recording.record import record
+    from flighttune.report.gap_page import write_gap_page
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
@@ -64,10 +65,12 @@ def gap(
             loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
         )
     files = record(found.flown(), folder, name=stem)
-    figure = None if found.ladder is None else folder / "gap.svg"
-    if figure is not None:
+    figure = page = None
+    if found.ladder is not None:
+        figure, page = folder / "gap.svg", folder / "gap.html"
         gap_sheet(found).save(figure)
-    written = {"recording": files.recording, "figure": figure}
+        write_gap_page(found, page)
+    written = {"recording": files.recording, "figure": figure, "page": page}
     text = [*_text(found), *(f"{what}: {path}" for what, path in written.items())]
     emit({**gap_json(found, files.signals), **written}, text, as_json=as_json)
     if found.status != "explained":

@@ -15,7 +15,7 @@ from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.outer_loop import certify_scenario, tuning_problem
 from flighttune.guarantee.flight_check import FlightCheck, flight_check
 from flighttune.present.palette import LineStyle, line_styles
-from flighttune.present.thinning import MOST_DRAWN
+from flighttune.report.panels import Flights
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
@@ -38,8 +38,6 @@ SMALLEST_ITAE = 0.05
 FRONTIER_POINTS = 12
 LONGEST_LADDER = 6_000
 """Longest aircraft run for which the ladder is flown: beyond it a report would take minutes."""
-
-FEW_RUNS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,9 +127,9 @@ class Facts:
     frontier: pd.DataFrame
 
     @property
-    def points(self) -> int:
-        """Points a line may have, so that the page of many long runs stays small."""
-        return MOST_DRAWN * FEW_RUNS // max(FEW_RUNS, len(self.runs))
+    def flights(self) -> Flights:
+        """The runs as they are drawn."""
+        return Flights(runs=self.runs, styles=self.styles)
 
 
 def facts_of(source: Source) -> Facts:

@@ -30,8 +30,8 @@ def certificate_panels(facts: Facts) -> list[Chart]:
         )
         for run, check in drawn:
             style, size = facts.styles[run.label], np.maximum(check.size, TINY)
-            chart.run_line(check.t, size, style, run.label, dash="", most=facts.points)
-            guaranteed = {"dash": DASHED, "width": 1.2, "most": facts.points}
+            chart.run_line(check.t, size, style, run.label, dash="", most=facts.flights.points)
+            guaranteed = {"dash": DASHED, "width": 1.2, "most": facts.flights.points}
             chart.run_line(check.t, check.bound, style, run.label, **guaranteed)
             if check.settled is not None:
                 radius = check.settled.claim.radius

@@ -161,8 +161,8 @@ def _changed(facts: Facts) -> Answer:
     assert facts.aircraft is not None
     pairs = facts.aircraft.pairs
     sentences = [_change(facts, place, pair) for place, pair in enumerate(pairs)]
-    sentences += [_cause(gap) for gap in facts.gaps]
-    sentences += [_held(gap) for gap in facts.gaps]
+    sentences += [largest_step(gap) for gap in facts.gaps]
+    sentences += [bound_in_flight(gap) for gap in facts.gaps]
     apart = facts.aircraft.max_distance
     return Answer(
         question="What did the full aircraft change?",
@@ -194,7 +194,8 @@ def _change(facts: Facts, place: int, pair: Pair) -> str:
     )
 
 
-def _cause(gap: Gap) -> str:
+def largest_step(gap: Gap) -> str:
+    """Which step of the ladder moves course and path angle most."""
     parts = []
     for channel, name in CHANNEL_NAMES.items():
         rms = {s.adds: float(np.sqrt(np.mean(getattr(s, channel) ** 2))) for s in gap.steps}
@@ -203,7 +204,8 @@ def _cause(gap: Gap) -> str:
     return f"With {gap.name} most of the difference comes, in {' and in '.join(parts)}."
 
 
-def _held(gap: Gap) -> str:
+def bound_in_flight(gap: Gap) -> str:
+    """What is certified for the measured mismatch, and whether the flight kept it."""
     settled = gap.check and gap.check.settled
     if gap.verdict is None or settled is None:
         return f"With {gap.name} there is no certified set to compare with the aircraft."

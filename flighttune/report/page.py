@@ -69,7 +69,7 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
         styles=facts.styles,
         without_gap=facts.without_gap,
         missing=facts.missing,
-        provenance=provenance_table(facts),
+        provenance=provenance_table(facts.name, facts.scenario, facts.runs),
         scenario_text=toml_text(made.scenario),
         first_gains=facts.gains[0].name if facts.gains else None,
         version=made.versions.get("flighttune", ""),
@@ -79,19 +79,19 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
 def _sections(facts: Facts) -> list[Section]:
     curve = frontier_panel(facts)
     sections = [
-        Section(id="runs", title="", charts=tracking(facts), folded=False),
+        Section(id="runs", title="", charts=tracking(facts.flights), folded=False),
         Section(
             id="tracking",
             title="Errors and metrics",
             note="Errors are reference minus actual, the course error wrapped to ±180°.",
-            charts=errors(facts),
+            charts=errors(facts.flights),
             tables=[tracking_table(facts), runs_table(facts)],
         ),
         Section(
             id="commands",
             title="Commands and path",
             note="Commands after magnitude and rate limits.",
-            charts=[*commands(facts), *paths(facts)],
+            charts=[*commands(facts.flights), *paths(facts.flights)],
         ),
         Section(
             id="certificate",
@@ -129,6 +129,6 @@ def _gap_section(facts: Facts) -> Section:
             for kind in (itae_chart, steps_chart, bound_chart)
         ],
         columns=3,
-        tables=[gap_table(facts)],
+        tables=[gap_table(facts.gaps)],
         legend=False,
     )

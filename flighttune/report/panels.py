@@ -1,14 +1,15 @@
 """Charts over time and of the path: tracking, commands with limits, paths."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.present.chart import Chart
 from flighttune.present.palette import NEUTRAL, LineStyle
+from flighttune.present.thinning import MOST_DRAWN
 from flighttune.recording.plots import displayed, limits_of
-from flighttune.report.facts import Facts
 from flighttune.simulate.run import Run
 
 ANGLES = (
@@ -23,84 +24,107 @@ COMMANDS = (
 LANE = 0.035
 """Height of the bar of one run as a part of the panel."""
 
+FEW_RUNS = 4
+
 FINEST = 300
 """Bars that fit next to each other in a flight."""
 
 
-def tracking(facts: Facts) -> list[Chart]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flights:
+    """Runs that are drawn together.
+
+    Attributes
+    ----------
+    runs : sequence of Run
+        Those that flew.
+    styles : mapping of str to LineStyle
+        By label.
+    """
+
+    runs: Sequence[Run]
+    styles: Mapping[str, LineStyle]
+
+    @property
+    def points(self) -> int:
+        """Points a line may have, so that the page of many long runs stays small."""
+        return MOST_DRAWN * FEW_RUNS // max(FEW_RUNS, len(self.runs))
+
+
+def tracking(flights: Flights) -> list[Chart]:
     """Course and path angle with their references."""
-    longest = max(facts.runs, key=lambda run: run.duration)
+    longest = max(flights.runs, key=lambda run: run.duration)
     charts = []
     for signal, title, unit in ANGLES:
-        chart = over_time(facts, title, unit)
+        chart = over_time(flights, title, unit)
         reference = displayed(longest.signals, f"{signal}_ref")
-        chart.line(longest.t, reference, NEUTRAL, width=2.2, most=facts.points)
-        charts.append(_with_runs(chart, facts, signal))
+        chart.line(longest.t, reference, NEUTRAL, width=2.2, most=flights.points)
+        charts.append(_with_runs(chart, flights, signal))
     return charts
 
 
-def errors(facts: Facts) -> list[Chart]:
+def errors(flights: Flights) -> list[Chart]:
     """Both errors."""
     charts = []
     for signal, title, unit in ERRORS:
-        chart = over_time(facts, title, unit)
+        chart = over_time(flights, title, unit)
         chart.level(0.0, NEUTRAL, dash="")
-        charts.append(_with_runs(chart, facts, signal))
+        charts.append(_with_runs(chart, flights, signal))
     return charts
 
 
-def commands(facts: Facts) -> list[Chart]:
+def commands(flights: Flights) -> list[Chart]:
     """Commands after their limits, the limits, and bars while a command is limited."""
     charts = []
     for name, title, unit in COMMANDS:
-        chart = _with_runs(over_time(facts, title, unit), facts, f"{name}_cmd")
-        limits = limits_of(facts.runs[0].provenance.scenario, name) or ()
+        chart = _with_runs(over_time(flights, title, unit), flights, f"{name}_cmd")
+        limits = limits_of(flights.runs[0].provenance.scenario, name) or ()
         for limit in limits:
             chart.level(limit)
         low, high = chart.y_ends()
-        room = LANE * (len(facts.runs) + 1)
+        room = LANE * (len(flights.runs) + 1)
         chart.y_range = low - room / (1.0 - room) * (high - low), high
-        for place, (run, style) in enumerate(styled(facts)):
+        for place, (run, style) in enumerate(styled(flights)):
             held = run.signals[f"{name}_limited"].to_numpy() != 0.0
             chart.spans(_spans(run.t, held), LANE * (place + 0.8), style.colour, run=run.label)
         charts.append(chart)
     return charts
 
 
-def paths(facts: Facts) -> list[Chart]:
+def paths(flights: Flights) -> list[Chart]:
     """The paths from above, and their heights."""
-    height = over_time(facts, "Height over the start", "height [m]")
-    for run, style in styled(facts):
+    height = over_time(flights, "Height over the start", "height [m]")
+    for run, style in styled(flights):
         down = run.signals["down"].to_numpy()
-        height.run_line(run.t, -down, style, run.label, most=facts.points)
-    return [_from_above(facts), height]
+        height.run_line(run.t, -down, style, run.label, most=flights.points)
+    return [_from_above(flights), height]
 
 
-def over_time(facts: Facts, title: str, unit: str) -> Chart:
+def over_time(flights: Flights, title: str, unit: str) -> Chart:
     """An empty chart over the longest flight."""
     return Chart(
         title=title,
         y=unit,
-        x_range=(0.0, max(run.duration for run in facts.runs)),
+        x_range=(0.0, max(run.duration for run in flights.runs)),
         linked=True,
     )
 
 
-def styled(facts: Facts) -> Iterator[tuple[Run, LineStyle]]:
+def styled(flights: Flights) -> Iterator[tuple[Run, LineStyle]]:
     """Every run that flew with its line style."""
-    for run in facts.runs:
-        yield run, facts.styles[run.label]
+    for run in flights.runs:
+        yield run, flights.styles[run.label]
 
 
-def _with_runs(chart: Chart, facts: Facts, signal: str) -> Chart:
-    for run, style in styled(facts):
-        chart.run_line(run.t, displayed(run.signals, signal), style, run.label, most=facts.points)
+def _with_runs(chart: Chart, flights: Flights, signal: str) -> Chart:
+    for run, style in styled(flights):
+        chart.run_line(run.t, displayed(run.signals, signal), style, run.label, most=flights.points)
     return chart
 
 
-def _from_above(facts: Facts) -> Chart:
+def _from_above(flights: Flights) -> Chart:
     """North up, or to the right where the flight is longer that way."""
-    points = np.vstack([run.signals[["north", "east"]].to_numpy() for run in facts.runs])
+    points = np.vstack([run.signals[["north", "east"]].to_numpy() for run in flights.runs])
     north, east = np.ptp(points, axis=0)
     x, y = ("north", "east") if north > east else ("east", "north")
     chart = Chart(
@@ -110,9 +134,9 @@ def _from_above(facts: Facts) -> Chart:
         equal=True,
         downwards=y == "east",  # with north to the right, east is down
     )
-    for run, style in styled(facts):
+    for run, style in styled(flights):
         across, up = (run.signals[name].to_numpy() for name in (x, y))
-        chart.run_line(across, up, style, run.label, most=facts.points)
+        chart.run_line(across, up, style, run.label, most=flights.points)
     chart.points(0.0, 0.0, NEUTRAL, shape="plus", size=6)
     return chart
 

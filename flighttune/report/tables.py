@@ -1,15 +1,18 @@
 """Tables of a report: headings and rows as text, ready to be laid out."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
+from flighttune.flight.gap import Gap
 from flighttune.flight.ladder import rung_metrics
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.present.names import CHANNEL_SYMBOLS, METRIC_LABELS
 from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.tables import Table
 from flighttune.report.facts import Facts
+from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import SensorsTable
+from flighttune.simulate.run import Run
 
 TRACKING = ("ITAE", "MO_rad", "PT_s", "rise_s", "settling_s", "MS_rad", "ST_rad", "saturation_s")
 FLIGHT = ("V_a_dev_mps", "n_z_min", "n_z_max", "alpha_max_rad")
@@ -68,10 +71,10 @@ def gains_table(facts: Facts) -> Table:
     return Table(title="Gains", head=GAINS_HEAD, rows=rows)
 
 
-def gap_table(facts: Facts) -> Table:
+def gap_table(gaps: Sequence[Gap]) -> Table:
     """ITAE from the paper's law to the aircraft, step by step."""
     rows, labels = [], []
-    for gap in facts.gaps:
+    for gap in gaps:
         law = rung_metrics(gap.runs[0])["ITAE"].to_dict()
         for channel, symbol in CHANNEL_SYMBOLS.items():
             steps = [float(step.metrics["ITAE"].to_dict()[channel]) for step in gap.steps]
@@ -79,24 +82,24 @@ def gap_table(facts: Facts) -> Table:
             cells = [number(first, "z.2f"), *(number(step, "+.2f") for step in steps)]
             rows.append((f"{gap.name}, {symbol}", *cells, number(first + sum(steps), "z.2f")))
             labels.append(gap.aircraft.label)
-    steps = facts.gaps[0].steps if facts.gaps else ()
+    steps = gaps[0].steps if gaps else ()
     head = ("gains, channel", "paper's law", *(f"+ {step.adds}" for step in steps), "aircraft")
     title = "ITAE [rad\u00a0s²], step by step"
     return Table(title=title, head=head, rows=rows, labels=labels)
 
 
-def provenance_table(facts: Facts) -> Table:
-    """What made the runs."""
-    made = facts.runs[0].provenance
+def provenance_table(name: str, scenario: Scenario, flown: Sequence[Run]) -> Table:
+    """What made the runs, which come from `name`."""
+    made = flown[0].provenance
     versions = ", ".join(f"{name} {value}" for name, value in made.versions.items())
     rows = [
-        ("runs from", facts.name),
-        ("scenario, SHA-256", facts.scenario.sha256),
+        ("runs from", name),
+        ("scenario, SHA-256", scenario.sha256),
         ("seed", str(made.seed)),
-        *_sensors(facts.scenario.sensors),
+        *_sensors(scenario.sensors),
         ("flown with", versions),
-        ("time to fly", f"{sum(run.provenance.wall_s for run in facts.runs):.2f} s"),
-        ("source of the scenario", facts.scenario.source or MISSING),
+        ("time to fly", f"{sum(run.provenance.wall_s for run in flown):.2f} s"),
+        ("source of the scenario", scenario.source or MISSING),
     ]
     return Table(title="Provenance", head=("what", "value"), rows=rows)
 

@@ -53,6 +53,19 @@ def test_a_change_beyond_tolerance_is_status_1_with_the_rows(tmp_path):
     compare("paper_as_printed@paper", "paper_as_printed@paper", "--tolerance", tolerance)
 
 
+def test_a_page_shows_both_runs_and_says_who_is_better(tmp_path):
+    out = tmp_path / "compared.html"
+
+    shown, _ = compare("paper_as_printed@paper", "paper_as_printed@K1", "--out", out, "--json")
+
+    found, page = json.loads(shown), out.read_text(encoding="utf-8")
+    assert (found["page"], found["recording"]) == (str(out), None)
+    better = [row["better"] for row in found["metrics"]]
+    assert f"kinematic / paper is better in {better.count('a')}" in page
+    for run in ("kinematic / paper", "kinematic / K1"):
+        assert page.count(f'data-name="{run}"') >= 4
+
+
 def test_another_manoeuvre_is_status_2_and_says_why():
     shown, err = compare("paper@K1", "level_turn@K1", "--json", status=2)
 
@@ -94,7 +107,7 @@ def test_all_gain_sets_of_a_scenario_are_held_against_the_same_ones_only():
     [
         (("paper@K1", "paper@K9"), "paper@K9: `gains` must be one of tuned, paper, K1"),
         (("paper@K1", "nowhere.parquet"), "nowhere.parquet: must be a Parquet file"),
-        (("paper@K1", "paper@K1", "--out", "overlay.html"), "overlay.html: --out must end in .rrd"),
+        (("paper@K1", "paper@K1", "--out", "overlay.png"), "overlay.png: --out must end in .rrd"),
     ],
 )
 def test_what_cannot_run_is_status_2_with_one_line(arguments, reason):

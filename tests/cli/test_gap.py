@@ -51,6 +51,7 @@ def test_the_mismatch_says_whether_the_certified_set_held(found):
 
 def test_figure_recording_and_signals_are_where_it_says(found):
     assert Path(found["figure"]).read_text(encoding="utf-8").startswith("<svg ")
+    assert Path(found["page"]).read_text(encoding="utf-8").count('<svg class="chart" ') == 10
     assert Path(found["recording"]).exists()
     aircraft = read_run(found["ladder"][-1]["signals"])
     error = aircraft.signals["mismatch_chi"].abs().max()

@@ -1,0 +1,87 @@
+"""A comparison as a page: runs one over the other, and their metrics."""
+
+from collections import Counter
+from pathlib import Path
+
+from flighttune.comparison import Comparison
+from flighttune.comparison.compare import comparison_table
+from flighttune.comparison.overlay import overlaid
+from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.palette import line_styles
+from flighttune.report.panels import Flights, commands, errors, paths, tracking
+from flighttune.report.tables import provenance_table
+from flighttune.report.toml_text import toml_text
+from flighttune.scenario.load import scenario_from
+
+
+def write_comparison_page(found: Comparison, path: str | Path) -> Report:
+    """Write one self-contained page about a comparison.
+
+    Parameters
+    ----------
+    found : Comparison
+        Comparable.
+    path : path-like
+        HTML file to write or replace.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    runs = tuple(overlaid(found))
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
+    styles = line_styles(pairs)
+    flights = Flights(
+        runs=runs, styles={run.label: styles[pair] for run, pair in zip(runs, pairs, strict=True)}
+    )
+    scenario = runs[0].provenance.scenario
+    sources = dict.fromkeys(
+        source for pair in found.pairs for source in (pair.source_a, pair.source_b)
+    )
+    return write_page(
+        Path(path),
+        page_template("flighttune.report", "commands.html.jinja"),
+        summary=tuple(_sentences(found)),
+        sections=[
+            Section(id="runs", title="", charts=tracking(flights), folded=False),
+            Section(
+                id="metrics",
+                title="Errors and metrics",
+                charts=errors(flights),
+                tables=[comparison_table("", found.metrics)],
+            ),
+            Section(
+                id="commands",
+                title="Commands and path",
+                charts=[*commands(flights), *paths(flights)],
+            ),
+        ],
+        title=f"{scenario.get('title', 'Flight')}: comparison",
+        legend=list(flights.styles.items()),
+        styles=flights.styles,
+        provenance=provenance_table(", ".join(sources), scenario_from(dict(scenario)), runs),
+        commands=f"flighttune compare {' '.join(sources)}",
+        scenario_text=toml_text(scenario),
+    )
+
+
+def _sentences(found: Comparison) -> list[str]:
+    """Who is better in how many metrics, and how far apart the paths are, a sentence a pair."""
+    lines = []
+    for place, pair in enumerate(found.pairs):
+        own = found.metrics[found.metrics["pair"] == place]
+        count = Counter(own["better"])
+        names = (pair.a.label, pair.b.label)
+        if names[0] == names[1]:
+            names = (pair.source_a, pair.source_b)
+        lines.append(
+            f"{names[0]} is better in {count['a']}, {names[1]} in {count['b']} of "
+            f"{count['a'] + count['b'] + count['same']} metrics; paths at most "
+            f"{pair.max_distance:.1f} m apart."
+        )
+    return lines

@@ -1,0 +1,58 @@
+"""The gap of one set of gains as a page."""
+
+from pathlib import Path
+
+from flighttune.flight.gap import Gap
+from flighttune.flight.gap_charts import gap_charts
+from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.palette import line_styles
+from flighttune.report.headline import bound_in_flight, largest_step
+from flighttune.report.tables import gap_table, provenance_table
+from flighttune.report.toml_text import toml_text
+
+
+def write_gap_page(gap: Gap, path: str | Path) -> Report:
+    """Write one self-contained page about a gap.
+
+    Parameters
+    ----------
+    gap : Gap
+        With a ladder.
+    path : path-like
+        HTML file to write or replace.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    InputError
+        If there is no ladder: the aircraft did not fly.
+    OutputError
+        If the file cannot be written.
+    """
+    charts = gap_charts(gap)
+    made = gap.aircraft.provenance
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in gap.runs]
+    styles = line_styles(pairs)
+    return write_page(
+        Path(path),
+        page_template("flighttune.report", "commands.html.jinja"),
+        summary=(largest_step(gap),),
+        sections=[
+            Section(id="runs", title="", charts=charts, legend=False, folded=False),
+            Section(
+                id="bound",
+                title="Numbers and bounds",
+                note=bound_in_flight(gap),
+                tables=[gap_table([gap])],
+                legend=False,
+            ),
+        ],
+        title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
+        styles={f"{plant} / {name}": styles[plant, name] for plant, name in pairs},
+        provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),
+        commands=f"flighttune gap scenario.toml --gains {made.gains_name}",
+        scenario_text=toml_text(made.scenario),
+    )
