@@ -4,26 +4,35 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 HUES = (
-    (("#2386E5", "blue"), ("#BBCFFD", "light blue")),
-    (("#A54A08", "rust"), ("#F29C66", "apricot")),
-    (("#027746", "green"), ("#78F5AC", "mint")),
-    (("#C91B8B", "magenta"), ("#DAA1B8", "rose")),
-    (("#929E08", "olive"), ("#E4E069", "yellow")),
-    (("#534EDD", "indigo"), ("#BBA5FF", "lavender")),
+    (("#354FD8", "blue"), ("#8AA0EB", "light blue")),
+    (("#9F4338", "rust"), ("#D88F59", "apricot")),
+    (("#0B7973", "green"), ("#48B38B", "mint")),
+    (("#9E2AA3", "magenta"), ("#CA91BD", "rose")),
+    (("#7F6903", "olive"), ("#9AA701", "lime")),
+    (("#7807FF", "violet"), ("#A07CFF", "lavender")),
 )
-"""A strong and a light shade of each hue, chosen so that any two of twelve differ by 17 or more
-(CIE 1976) as seen with normal sight, protanopia, deuteranopia and tritanopia."""
+"""A strong and a light shade of each hue, for the dark and the light ground of the viewer and for
+paper: any two of twelve differ by 19 or more (CIE 1976) as seen with normal sight, protanopia,
+deuteranopia and tritanopia, and all stand out from black by 3 and from white by 2.5 (WCAG)."""
 
 MORE = (
-    ("#85D600", "leaf"),
-    ("#7A1FFF", "violet"),
-    ("#B8FFFF", "ice"),
-    ("#EB66C2", "pink"),
-    ("#B81FAD", "purple"),
-    ("#D6FF3D", "lime"),
+    ("#C9459F", "pink"),
+    ("#C318FF", "purple"),
+    ("#B61F54", "crimson"),
+    ("#0081CF", "azure"),
+    ("#51607F", "slate"),
+    ("#A58829", "brass"),
 )
-"""For more than twelve runs, and for the plants of a gap, so that no plant has the colour of gains:
-as far from the twelve and from each other as those are."""
+"""For more than twelve runs: at least 12 from the twelve and from each other."""
+
+PLANTS = (
+    ("#7C8794", "grey"),
+    ("#A99BC9", "lilac"),
+    ("#8A5FBF", "plum"),
+    ("#B03AD0", "orchid"),
+)
+"""For one gain set on more than two plants, such as the rungs from the law to an aircraft: no hue
+of a gain set."""
 
 NEUTRAL = "#8C8C8C"
 """References: readable on a dark and on a white ground."""
@@ -86,25 +95,30 @@ def line_styles(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], LineS
     Returns
     -------
     dict
-        By pair. With at most two plants and six gain sets the hue stands for the gain set and the
-        shade for the plant: the last plant has the strong one. One gain set on more plants, as in a
-        gap, has colours that stand for no gain set. Otherwise up to eighteen pairs have a colour
-        each in order, and more begin again.
+        By pair. One gain set on three or four plants has `PLANTS`. With at most two plants and six
+        gain sets the hue stands for the gain set and the shade for the plant: the last plant has
+        the strong one. Otherwise up to eighteen pairs have a colour each in order, and more begin
+        again.
     """
     pairs = list(dict.fromkeys(pairs))
     plants = list(dict.fromkeys(plant for plant, _ in pairs))
     gains = list(dict.fromkeys(name for _, name in pairs))
     by_hue = hue_tells_gains(pairs)
+    if len(gains) == 1 and 2 < len(plants) <= len(PLANTS):
+        shades = dict(zip(plants, PLANTS[: len(plants) - 1] + PLANTS[-1:], strict=True))
+        return {
+            (plant, name): LineStyle(*shades[plant], 2.2 if plant == plants[-1] else 1.5, False)
+            for plant, name in pairs
+        }
     strong, light = zip(*HUES, strict=True)
-    alone = len(gains) == 1 and len(plants) > 2
-    colours = (*MORE, *strong, *light) if alone else (*strong, *light, *MORE)
+    colours = (*strong, *light, *MORE)
     found = {}
     for order, (plant, name) in enumerate(pairs):
         place = order % len(colours)
         if by_hue:
             place = gains.index(name) + len(strong) * (len(plants) - 1 - plants.index(plant))
         colour, word = colours[place]
-        width = 2.2 if place < len(strong) or alone else 1.5
+        width = 2.2 if place < len(strong) else 1.5
         found[plant, name] = LineStyle(colour, word, width, colours[place] in light)
     return found
 
@@ -162,6 +176,7 @@ _VARIABLES = {
     for colour, name in (
         *(shade for hue in HUES for shade in hue),
         *MORE,
+        *PLANTS,
         (NEUTRAL, "neutral"),
         (LIMIT, "limit"),
         (INK, "ink"),

@@ -1,5 +1,6 @@
 """The layout a recording opens with: tabs of views, cameras that frame the flight, paused."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import rerun.blueprint as rrb
@@ -13,22 +14,38 @@ from flighttune.recording.certificate_tab import certificate_tab
 from flighttune.recording.eigenvalue_tab import TAB as EIGENVALUES_TAB
 from flighttune.recording.eigenvalue_tab import FrozenLoop, eigenvalue_tab
 from flighttune.recording.entities import DrawnRun
-from flighttune.recording.lanes import CHANNELS
-from flighttune.recording.plots import COMMANDS_TAB, Plot, value_range
+from flighttune.recording.plots import COMMANDS_TAB, WHY_TAB, Plot, value_range
 from flighttune.recording.views import lanes_view, layout, scene_view, time_view
 from flighttune.simulate.run import Run
 
 PAGE_TAB = "Scenario and metrics"
 
-FIRST_TAB_PLOTS = ("chi_err", "gamma_err")
-"""Plots beside the scene."""
+FIRST_TABS = ("Overview", "Tracking", COMMANDS_TAB, WHY_TAB, CERTIFICATE_TAB)
+"""In this order; the others follow."""
 
-OVERVIEW_SHARES = (9, 8, 8, 7)
-"""Heights of what stands beside the scene: camera, two errors, events."""
+ERRORS = ("chi_err", "gamma_err")
+"""Plots on Overview."""
 
-HEIGHT, HEADER, LANE = 780.0, 72.0, 24.0
-"""Height of a tab in a window of 900, of a title with time axis, and of one lane; in points, for
-sharing out."""
+AIRSPEED = "V_a"
+"""Plot on Overview too, where a flight ended early."""
+
+HEIGHT = 620.0
+"""Height of a tab in a window of 720 points, the smallest that everything must fit in."""
+
+ABOVE_AXIS = 50.0
+"""Height of the title of a plot and of the labels of its time axis, points."""
+
+LANE, ABOVE_LANES = 40.0, 62.0
+"""Height of a lane with its name, and of what is around all lanes, points."""
+
+LINE, AROUND_READOUT = 23.0, 72.0
+"""Height of a row of the readout, and of what is around it, points."""
+
+READING = 30.0
+"""Height of the line on how to read the picture, points."""
+
+SIDE = 0.23
+"""Width of the column of lanes as a part of the window."""
 
 
 def blueprint(
@@ -50,99 +67,103 @@ def blueprint(
         Guarantees and frozen loops by key of the run; the tab of each is there if any are.
     """
     page: rrb.Container | rrb.View = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
-    tabs: list[rrb.Container | rrb.View] = []
-    if drawn:
-        tabs.append(_overview(drawn, plots))
-        tabs += [_tab(name, shown, drawn) for name, shown in plots.items()]
-        if claims:
-            tabs.append(_certificates(drawn, claims))
-        if loops:
-            tabs.append(_with_runs(eigenvalue_tab(loops), len(drawn), name=EIGENVALUES_TAB))
-        page = _with_runs(page, len(drawn), name=PAGE_TAB)
-    tabs.append(page)
-    return layout(tabs)
+    if not drawn:
+        return layout([page])
+    tabs = {"Overview": _overview(drawn, plots)}
+    tabs |= {name: _beside_lanes(_tab(name, shown, drawn), name) for name, shown in plots.items()}
+    if claims:
+        tabs[CERTIFICATE_TAB] = _certificates(drawn, claims)
+    if loops:
+        tabs[EIGENVALUES_TAB] = _beside_lanes(eigenvalue_tab(loops), EIGENVALUES_TAB)
+    tabs[PAGE_TAB] = _beside_lanes(page, PAGE_TAB)
+    first = [name for name in FIRST_TABS if name in tabs]
+    return layout([tabs[name] for name in dict.fromkeys([*first, *tabs])])
 
 
 def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
-    points = geometry.all_positions(drawn)
-    span = geometry.widest(drawn)
-    width = span * geometry.enlargement(points, span)
-    longest = max(drawn_run.run.duration for drawn_run in drawn)
-    leader = [drawn_run for drawn_run in drawn if drawn_run.run.duration == longest][-1]
+    width = geometry.drawn_width(drawn)
+    followed = leader(drawn)
     whole = scene_view(
         "Paths and aircraft",
-        geometry.overview_eye(points, margin=width / 2.0),
+        geometry.overview_eye(geometry.all_to_see(drawn), margin=width / 2.0),
         f"/{entities.WORLD}/**",
     )
     chase = scene_view(
-        f"Behind {leader.run.label}",
-        geometry.chase_eye(width),
+        f"Behind {followed.number} {followed.run.provenance.gains_name}",
+        geometry.chase_eye(width * geometry.span_of(followed.run) / geometry.widest(drawn)),
         f"/{entities.AIRCRAFT}/**",
         f"/{entities.GROUND}/**",
-        origin=f"{entities.AIRCRAFT}/{leader.key}",
+        origin=f"{entities.AIRCRAFT}/{followed.key}",
     )
-    beside = [plot for tab in plots.values() for plot in tab if plot.signal in FIRST_TAB_PLOTS]
     runs = [drawn_run.run for drawn_run in drawn]
-    happened = rrb.TextLogView(
-        origin=entities.EVENTS,
-        name="Events",
-        columns=TextLogColumns(text_log_columns=[TextLogColumnKind.Body]),
-    )
-    return rrb.Horizontal(
-        _with_runs(whole, len(drawn)),
+    wanted = (*ERRORS, *([AIRSPEED] if any(run.status != "completed" for run in runs) else []))
+    found = {plot.signal: plot for tab in plots.values() for plot in tab}
+    beside = [found[name] for name in wanted if name in found]
+    height = HEIGHT / max(len(beside), 1) - ABOVE_AXIS
+    plants = {run.provenance.plant for run in runs}
+    text = min(AROUND_READOUT + LINE * (1 + len(plants) + len(runs)), 0.55 * HEIGHT)
+    # The view from behind is as wide as high, or a little wider: so is the aircraft in it.
+    lanes = min(max(ABOVE_LANES + LANE * len(drawn), 0.5 * HEIGHT), 0.6 * HEIGHT)
+    views = rrb.Horizontal(
         rrb.Vertical(
-            chase, *(_plot(plot, runs) for plot in beside), happened, row_shares=OVERVIEW_SHARES
+            whole,
+            rrb.TextDocumentView(origin=entities.NOW, name="Now"),
+            row_shares=[HEIGHT - text, text],
         ),
-        column_shares=[4, 3],
-        name="Overview",
+        rrb.Vertical(*(_plot(plot, runs, height) for plot in beside)),
+        rrb.Vertical(chase, _lanes(), row_shares=[HEIGHT - lanes, lanes]),
+        column_shares=[1.0 - SIDE - 0.31, 0.31, SIDE],
     )
+    reading = rrb.TextDocumentView(origin=entities.READING, name="How to read", titlebar=False)
+    # Above: the viewer panics when a view without title at the lower edge is taken a picture of.
+    return rrb.Vertical(reading, views, row_shares=[READING, HEIGHT - READING], name="Overview")
+
+
+def leader(drawn: Sequence[DrawnRun]) -> DrawnRun:
+    """The run that the view follows: the first that ended early, else the last of the longest."""
+    early = [drawn_run for drawn_run in drawn if drawn_run.run.status != "completed"]
+    longest = max(drawn_run.run.duration for drawn_run in drawn)
+    return [*early, *(one for one in reversed(drawn) if one.run.duration == longest)][0]
 
 
 def _certificates(drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]) -> rrb.Container:
     views = certificate_tab(drawn, claims)
     columns = 1 if len(views) == 1 else 2 if len(views) <= 4 else 3
-    lanes = lanes_view(
-        entities.CLAIMS, "Guarantee: holds, broken (red) or no claim (grey: limit or new reference)"
-    )
-    return rrb.Vertical(
-        rrb.Grid(*views, grid_columns=columns),
-        lanes,
-        row_shares=_shares(len(drawn)),
-        name=CERTIFICATE_TAB,
-    )
+    return _beside_lanes(rrb.Grid(*views, grid_columns=columns), CERTIFICATE_TAB)
 
 
 def _tab(name: str, plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Container:
-    lanes, runs = len(drawn), [drawn_run.run for drawn_run in drawn]
-    views = [_plot(plot, runs) for plot in plots]
+    runs, count = [drawn_run.run for drawn_run in drawn], len(plots)
     if name == COMMANDS_TAB:
-        inner = _shares(lanes)[0]
-        columns = [
-            rrb.Vertical(view, _phases(plot.signal), row_shares=_shares(lanes, inner, most=0.62))
-            for view, plot in zip(views, plots, strict=True)
-        ]
-        return _with_runs(rrb.Horizontal(*columns), lanes, name=name)
-    count = 5 if len(plots) > 12 else 4 if len(plots) > 6 else 3 if len(plots) in (3, 5, 6) else 2
-    return _with_runs(rrb.Grid(*views, grid_columns=count), lanes, name=name)
+        height = 5.0 / 13.0 * HEIGHT - ABOVE_AXIS
+        return rrb.Vertical(
+            *(_plot(plot, runs, height) for plot in plots),
+            _events(),
+            row_shares=[5, 5, 3][-count - 1 :],
+        )
+    columns = 5 if count > 9 else 4 if count > 6 else 3 if count in (3, 5, 6) else min(count, 2)
+    columns = 3 if name == WHY_TAB else columns
+    height = HEIGHT / math.ceil(count / columns) - ABOVE_AXIS
+    return rrb.Grid(*(_plot(plot, runs, height) for plot in plots), grid_columns=columns)
 
 
-def _with_runs(
-    above: rrb.Container | rrb.View, lanes: int, *, name: str | None = None
-) -> rrb.Container:
-    """`above`, and below it the lanes that name the runs in their colours."""
-    runs = lanes_view(entities.RUNS, "Runs: name and colour")
-    return rrb.Vertical(above, runs, row_shares=_shares(lanes), name=name)
+def _events() -> rrb.TextLogView:
+    return rrb.TextLogView(
+        origin=entities.EVENTS,
+        name="Events",
+        columns=TextLogColumns(text_log_columns=[TextLogColumnKind.Body]),
+    )
 
 
-def _shares(lanes: int, height: float = HEIGHT, *, most: float = 0.45) -> tuple[float, float]:
-    """Shares of `height` for what is above the lanes and for the lanes, `most` of it at most."""
-    below = min(max(HEADER + LANE * lanes, height / 6.0), most * height)
-    return height - below, below
+def _beside_lanes(shown: rrb.Container | rrb.View, name: str) -> rrb.Container:
+    """`shown`, and beside it the lanes, which name the runs in their colours."""
+    return rrb.Horizontal(shown, _lanes(), column_shares=[1.0 - SIDE, SIDE], name=name)
 
 
-def _plot(plot: Plot, runs: Sequence[Run]) -> rrb.TimeSeriesView:
-    return time_view(f"{entities.PLOTS}/{plot.signal}", plot.heading, value_range(plot, runs))
+def _lanes() -> rrb.StateTimelineView:
+    return lanes_view(entities.RUNS, "Runs: limits, guarantee")
 
 
-def _phases(command: str) -> rrb.StateTimelineView:
-    return lanes_view(f"{entities.PHASES}/{command}", CHANNELS[command])
+def _plot(plot: Plot, runs: Sequence[Run], height: float) -> rrb.TimeSeriesView:
+    span = value_range(plot, runs, height=height)
+    return time_view(f"{entities.PLOTS}/{plot.signal}", plot.heading, span)

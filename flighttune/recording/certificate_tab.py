@@ -8,15 +8,17 @@ import rerun.blueprint as rrb
 
 from flighttune.arrays import FloatArray
 from flighttune.guarantee.flight_check import FlightCheck
-from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import peaks
-from flighttune.recording.entities import CLAIMS, GUARANTEE, DrawnRun, log_lines, plain_name
-from flighttune.recording.lanes import log_timeline, runs_of_equal
+from flighttune.recording.entities import (
+    GUARANTEE,
+    DrawnRun,
+    log_lines,
+    log_time_axis,
+    plain_name,
+)
 from flighttune.recording.views import time_view
 
 TAB = "Certificate"
-HOLDS, NO_CLAIM, BROKEN = 0, 1, 2
-WORDS = {HOLDS: "holds", NO_CLAIM: "no claim", BROKEN: "broken"}
 SMALLEST = 1e-6
 """Sizes below are drawn as this: rounding."""
 
@@ -30,7 +32,7 @@ ROOM = 0.04
 def log_certificates(
     stream: rr.RecordingStream, drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
 ) -> None:
-    """Log ``log10 ||s||`` of each run with its bound, and where the bound is broken.
+    """Log ``log10 ||s||`` of each run with its bound.
 
     Parameters
     ----------
@@ -40,29 +42,12 @@ def log_certificates(
         By key of the run; those without one are left out.
     """
     folders = _folders(drawn)
+    for folder in folders.values():
+        log_time_axis(stream, folder, drawn)
     for drawn_run in drawn:
         if drawn_run.key in claims:
             folder = folders[drawn_run.run.provenance.gains_name]
             _log_run(stream, drawn_run, claims[drawn_run.key], folder)
-    styles: dict[str, tuple[str, tuple[int, ...]]] = {}
-    lanes = []
-    for drawn_run in drawn:
-        if drawn_run.key not in claims:
-            nothing = f"{drawn_run.key} nothing"
-            styles[nothing] = (f"{drawn_run.run.label}: no certificate", rgb(NEUTRAL))
-            lanes.append((np.array([0.0, drawn_run.run.duration]), [nothing, ""]))
-            continue
-        colours = {HOLDS: drawn_run.style.rgb, NO_CLAIM: rgb(NEUTRAL), BROKEN: rgb(LIMIT)}
-        for state, word in WORDS.items():
-            styles[f"{drawn_run.key} {word}"] = (f"{drawn_run.run.label}: {word}", colours[state])
-        claim = claims[drawn_run.key]
-        now = np.where(claim.broken, BROKEN, np.where(np.isnan(claim.bound), NO_CLAIM, HOLDS))
-        t, states = runs_of_equal(claim.t, now)
-        t[0] = 0.0
-        words = [f"{drawn_run.key} {WORDS[state]}" for state in states.tolist()]
-        lanes.append((np.append(t, drawn_run.run.duration), [*words, ""]))
-    if lanes:
-        log_timeline(stream, CLAIMS, lanes, styles)
 
 
 def _folders(drawn: Sequence[DrawnRun]) -> dict[str, str]:

@@ -124,6 +124,8 @@ def log_eigenvalues(
     """
     low, high = shown_plane(loops)
     _log_axes(stream, low, high)
+    for folder in (entities.ABSCISSA, entities.DAMPING):
+        entities.log_time_axis(stream, folder, drawn)
     half = CROSS * float(np.max(high - low))
     crossed: set[str] = set()
     for drawn_run in reversed(drawn):

@@ -33,8 +33,10 @@ PLOTS = "plots"
 REFERENCE = "_reference"
 LIMITS = "_limits"
 MEASURED = "_measured"
-"""Lines that belong to no run, and measured signals. The viewer draws in the order of names: with
-the underscore these are below the lines of the runs."""
+BOUNDS = "_bounds"
+AXIS = "_axis"
+"""Lines that belong to no run, measured signals and bounds. The viewer draws in the order of names:
+with the underscore these are below the lines of the runs."""
 
 RECORD = "runs_flown"
 """The runs themselves, for reading back."""
@@ -42,9 +44,12 @@ RECORD = "runs_flown"
 SEAL = "seal"
 """The SHA-256 of the file."""
 
-PHASES = "phases"
-CLAIMS = "claims"
 EVENTS = "events"
+NOW = "now"
+"""The readout of the present instant."""
+
+READING = "how_to_read"
+
 PLANE = "plane"
 """The complex plane."""
 
@@ -52,8 +57,11 @@ GUARANTEE = f"{PLOTS}/guarantee"
 ABSCISSA = f"{PLOTS}/abscissa"
 DAMPING = f"{PLOTS}/damping"
 
+END = 1.1
+"""Where time axes end, over the longest flight: the last label has room."""
+
 RUNS = "runs"
-"""Lanes that name the runs in their colours."""
+"""A lane for each run."""
 
 
 def application(title: str) -> str:
@@ -85,6 +93,13 @@ def log_lines(
     stream.send_columns(path, [times(t)], rr.Scalars.columns(scalars=values))
 
 
+def log_time_axis(stream: rr.RecordingStream, path: str, drawn: Sequence["DrawnRun"]) -> None:
+    """Let the time axis of a plot reach a little beyond the longest flight, as all others do."""
+    end = END * max(drawn_run.run.duration for drawn_run in drawn)
+    nothing = rr.Scalars.columns(scalars=[np.nan, np.nan])
+    stream.send_columns(f"{path}/{AXIS}", [times([0.0, end])], nothing)
+
+
 def on_screen(width: float) -> Any:
     """Thickness of a line or dot in points of the screen, at any distance."""
     return rr.components.Radius.ui_points(width)
@@ -102,11 +117,14 @@ class DrawnRun:
         Its name in the tree of the recording, unique.
     style : LineStyle
         How it is drawn.
+    number : int
+        Its place among the runs drawn, from 1 on.
     """
 
     run: Run
     key: str
     style: LineStyle
+    number: int
 
 
 def styles_of(runs: Sequence[Run]) -> list[LineStyle]:
@@ -119,8 +137,5 @@ def styles_of(runs: Sequence[Run]) -> list[LineStyle]:
 def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
     """The runs with at least two samples, in order."""
     keys = distinct(plain_name(run.label) for run in runs)
-    return [
-        DrawnRun(run, key, style)
-        for run, key, style in zip(runs, keys, styles_of(runs), strict=True)
-        if len(run.signals) > 1
-    ]
+    flew = [one for one in zip(runs, keys, styles_of(runs), strict=True) if len(one[0].signals) > 1]
+    return [DrawnRun(*one, number) for number, one in enumerate(flew, 1)]

@@ -28,6 +28,9 @@ METRES = {"M": 1.0, "FT": FT}
 FIELD_OF_VIEW = math.radians(52.0)
 """Vertical field of view that the flight should fill; the viewer's own is 55 deg."""
 
+ASPECT = 1.25
+"""Width over height of the view, or less."""
+
 VIEWED_FROM = math.radians(-120.0)
 ELEVATION = math.radians(22.0)
 """Azimuth (clockwise from the direction of flight) and elevation of the camera."""
@@ -37,6 +40,9 @@ SHARE_OF_FLIGHT = 1.0 / 10.0
 
 ROUND = (1.0, 2.0, 5.0)
 FINELY_ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+AXES = 2.0
+"""Length of the arrows that name the axes, in spacings of the grid."""
+
 GROUND_LINES = 12
 """Approximate number of lines along the longer side of the ground grid."""
 
@@ -123,6 +129,20 @@ def widest(drawn: Sequence[DrawnRun]) -> float:
     return max(span_of(drawn_run.run) for drawn_run in drawn)
 
 
+def drawn_width(drawn: Sequence[DrawnRun]) -> float:
+    """Width at which the widest aircraft is drawn, m."""
+    span = widest(drawn)
+    return span * enlargement(all_positions(drawn), span)
+
+
+def all_to_see(drawn: Sequence[DrawnRun]) -> FloatArray:
+    """Positions of all runs, and corners of the ground below them, shape (n, 3), m."""
+    points = all_positions(drawn)
+    lines, spacing = ground_grid(points)
+    axes = lines[0][0] + AXES * spacing * np.eye(3)[:2]
+    return np.vstack([points, axes, *lines])
+
+
 def enlargement(points: FloatArray, span: float) -> float:
     """Factor by which aircraft are drawn larger than they are: a round number, at least 1.
 
@@ -138,7 +158,7 @@ def enlargement(points: FloatArray, span: float) -> float:
 
 
 def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
-    """Lines of a level grid half a spacing below the flight, a little wider than it.
+    """Lines of a level grid half a spacing below the flight, as wide as it.
 
     Parameters
     ----------
@@ -154,8 +174,9 @@ def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
     """
     longest = float(np.ptp(points[:, :2], axis=0).max())
     spacing = _round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
-    low = (np.floor(points[:, :2].min(axis=0) / spacing) - 1.0) * spacing
-    high = (np.ceil(points[:, :2].max(axis=0) / spacing) + 1.0) * spacing
+    low = np.floor(points[:, :2].min(axis=0) / spacing) * spacing
+    high = np.ceil(points[:, :2].max(axis=0) / spacing) * spacing
+    high = np.maximum(high, low + AXES * spacing)
     return grid_lines(low, high, spacing, float(points[:, 2].max()) + spacing / 2.0), spacing
 
 
@@ -205,7 +226,7 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
         centre = (seen.min(axis=0) + seen.max(axis=0)) / 2.0 * (distance or 1.0)
         target = target + centre[0] * right + centre[1] * up
         around = points - target
-        aside = np.maximum(np.abs(around @ right), np.abs(around @ up)) + margin
+        aside = np.maximum(np.abs(around @ right) / ASPECT, np.abs(around @ up)) + margin
         distance = float(np.max(around @ back + aside / slope))
     return Eye(tuple(target + distance * back), tuple(target))
 
@@ -217,5 +238,8 @@ def _signs(points: FloatArray) -> FloatArray:
 
 
 def chase_eye(width: float) -> Eye:
-    """Camera behind and above an aircraft `width` m wide, in axes that turn with its course."""
-    return Eye((-1.7 * width, -0.7 * width, -0.8 * width), (0.4 * width, 0.0, 0.0))
+    """Camera behind and above an aircraft `width` m wide, in axes that turn with its course.
+
+    In a view as wide as high the aircraft takes two fifths of the width.
+    """
+    return Eye((-2.0 * width, -0.9 * width, -1.0 * width), (0.3 * width, 0.0, 0.0))

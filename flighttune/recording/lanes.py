@@ -1,114 +1,116 @@
-"""State timelines: a lane a run, in the colour and order of the runs."""
+"""Lanes over time, one a run: which limit holds its commands, and whether its guarantee holds."""
 
 from collections.abc import Mapping, Sequence
-from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import rerun as rr
 
 from flighttune.arrays import FloatArray
-from flighttune.recording.entities import PHASES, RUNS, DrawnRun, times
-
-CHANNELS = {"phi": "Roll command held by a limit", "n_z": "Load-factor command held by a limit"}
-"""Commands with lanes of their own, and the heading of the lanes."""
+from flighttune.guarantee.flight_check import FlightCheck
+from flighttune.present.palette import LIMIT, rgb
+from flighttune.recording.entities import END, RUNS, DrawnRun, plain_name, times
+from flighttune.simulate.run import Run
 
 HELD = {1: "limit", 2: "rate"}
-"""Text of a lane by the value of the ``*_limited`` signal: magnitude or rate limit."""
+"""What holds a command, by the value of the ``*_limited`` signal: magnitude or rate limit."""
 
-DIMMED = 0.6
+LIMITED = {"roll": "phi_limited", "n_z": "n_z_limited"}
+BROKEN, GUARANTEED, FREE, ENDED = "broken", "guaranteed", "no claim", "ended"
+NO_CERTIFICATE = "no certificate"
+SHORTEST = 0.3
+"""Shorter pieces of a lane (s) are drawn as the one before: sensor noise shreds it otherwise."""
 
-Style: TypeAlias = tuple[str, tuple[int, ...]]
-
-
-def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
-    """Log the runs, how long each flew, and when limits held its commands."""
-    _log_runs(stream, drawn)
-    for command in CHANNELS:
-        if any(f"{command}_limited" in drawn_run.run.signals for drawn_run in drawn):
-            _log_phases(stream, drawn, command)
+DIMMED = 0.45
+"""Brightness of a lane while a limit holds a command."""
 
 
-def _log_runs(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
-    names = [_outcome(drawn_run) for drawn_run in drawn]
-    styles: dict[str, Style] = {
-        name: (name, drawn_run.style.rgb) for name, drawn_run in zip(names, drawn, strict=True)
-    }
-    ends = [np.array([0.0, drawn_run.run.duration]) for drawn_run in drawn]
-    log_timeline(stream, RUNS, [(t, [n, ""]) for t, n in zip(ends, names, strict=True)], styles)
-
-
-def _outcome(drawn_run: DrawnRun) -> str:
-    run = drawn_run.run
-    ended = "" if run.status == "completed" else f": {run.status.replace('_', ' ')}"
-    return run.label + ended
-
-
-def _log_phases(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], command: str) -> None:
-    style: dict[str, Style] = {}
-    lanes = []
-    for drawn_run in drawn:
-        dimmed = tuple(round(DIMMED * part) for part in drawn_run.style.rgb)
-        for word, colour in zip(HELD.values(), (drawn_run.style.rgb, dimmed), strict=True):
-            style[f"{drawn_run.key} {word}"] = (word, colour)
-        t, states = changes(drawn_run, f"{command}_limited")
-        words = [
-            f"{drawn_run.key} {HELD[held]}" if held in HELD else "" for held in states.tolist()
-        ]
-        lanes.append((t, words))
-    log_timeline(stream, f"{PHASES}/{command}", lanes, style)
-
-
-def log_timeline(
-    stream: rr.RecordingStream,
-    path: str,
-    lanes: Sequence[tuple[FloatArray, Sequence[str]]],
-    styles: Mapping[str, Style],
+def log_lanes(
+    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
 ) -> None:
-    """Log lanes of states on one entity, which makes them compact.
+    """Log a lane for each run, in its colour.
 
     Parameters
     ----------
     stream : RecordingStream
-    path : str
-        Entity.
-    lanes : sequence of (ndarray, sequence of str)
-        Times (s) at which the state of a lane begins or changes, and the states; empty for none.
-    styles : mapping of str to (str, (int, int, int))
-        Label and colour of each state; states of different lanes have different names.
+    drawn : sequence of DrawnRun
+    claims : mapping of str to FlightCheck
+        By key of the run.
     """
-    style = rr.StateConfiguration(
-        values=list(styles),
-        labels=[label for label, _ in styles.values()],
-        colors=[colour for _, colour in styles.values()],
-    )
-    stream.log(path, style, static=True)
-    at = np.unique(np.concatenate([[0.0], *(t for t, _ in lanes)]))
-    rows = []
-    for t, states in lanes:
-        now = np.searchsorted(t, at, side="right") - 1
-        rows.append([states[k] if k >= 0 else "" for k in now.tolist()])
-    flat = [state for moment in zip(*rows, strict=True) for state in moment]
-    columns = rr.StateChange.columns(state=flat).partition([len(rows)] * len(at))
-    stream.send_columns(path, [times(at)], columns)
+    end = END * max(drawn_run.run.duration for drawn_run in drawn)
+    for drawn_run in drawn:
+        run, colour = drawn_run.run, drawn_run.style.rgb
+        t, states = lane(run, claims.get(drawn_run.key))
+        after = "" if run.status == "completed" else run.status.replace("_", " ")
+        t, states = np.append(t, [run.duration, end]), [*states, after, ENDED]
+        dimmed = tuple(round(DIMMED * part) for part in colour)
+        bad = {BROKEN, after} - {""}
+        plain = {GUARANTEED, FREE, NO_CERTIFICATE}
+        names = list(dict.fromkeys(state for state in states if state not in ("", ENDED)))
+        colours = [rgb(LIMIT) if n in bad else colour if n in plain else dimmed for n in names]
+        style = rr.StateConfiguration(
+            values=[*names, "", ENDED],
+            labels=[*names, "", ""],
+            colors=[*colours, (0, 0, 0), (0, 0, 0)],
+            visible=[True] * len(names) + [False, False],
+        )
+        path = f"{RUNS}/{lane_name(drawn_run, len(drawn))}"
+        stream.log(path, style, static=True)
+        stream.send_columns(path, [times(t)], rr.StateChange.columns(state=states))
+
+
+def lane_name(drawn_run: DrawnRun, count: int) -> str:
+    """Name of a lane, which the viewer shows above it; the number keeps the order of the runs."""
+    made_by = drawn_run.run.provenance
+    number = f"{drawn_run.number:0{len(str(count))}d}"
+    return f"{number}_{plain_name(made_by.plant)}/{plain_name(made_by.gains_name)}"
+
+
+def lane(run: Run, check: FlightCheck | None) -> tuple[FloatArray, list[str]]:
+    """When the state of a run begins and changes, and to what.
+
+    Returns
+    -------
+    t : ndarray, shape (k,), s
+    states : list of str
+        Limits that hold commands, such as ``roll rate``; else `BROKEN`, `GUARANTEED`, `FREE` where
+        nothing is claimed of a flight with a certificate, or `NO_CERTIFICATE`.
+    """
+    t, signals = run.t[:-1], run.signals
+    words = [NO_CERTIFICATE if check is None else FREE, GUARANTEED, BROKEN]
+    now = np.zeros(len(t), dtype=int)
+    if check is not None:
+        now = np.where(check.broken, 2, np.where(np.isfinite(check.bound), 1, 0))
+    held = np.zeros(len(t), dtype=int)
+    for place, name in enumerate(LIMITED.values()):
+        if name in signals:
+            held += 3**place * signals[name].to_numpy()[:-1].astype(int)
+    now = np.where((held > 0) & (now != 2), len(words) - 1 + held, now)
+    words += [_limits(code) for code in range(1, 3 ** len(LIMITED))]
+    begun, codes = _without_short(*runs_of_equal(t, now), run.duration)
+    return begun, [words[code] for code in codes.tolist()]
+
+
+def _limits(code: int) -> str:
+    """The limits of a code: ``roll rate``, ``roll, n_z rate``."""
+    parts = []
+    for place, name in enumerate(LIMITED):
+        kind = code // 3**place % 3
+        if kind:
+            parts.append(f"{name} rate" if HELD[kind] == "rate" else name)
+    return ", ".join(parts)
+
+
+def _without_short(
+    begun: FloatArray, codes: npt.NDArray[np.int64], end: float
+) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    lasting = np.diff(begun, append=end)
+    kept = lasting >= SHORTEST
+    kept[0] = True
+    return runs_of_equal(begun[kept], codes[kept])
 
 
 def runs_of_equal(t: FloatArray, values: np.ndarray) -> tuple[FloatArray, np.ndarray]:
     """When a piecewise constant signal begins and changes, and to what."""
     at = np.flatnonzero(np.diff(values, prepend=np.nan))
     return t[at], values[at]
-
-
-def changes(drawn_run: DrawnRun, name: str) -> tuple[FloatArray, FloatArray]:
-    """When a piecewise constant signal begins and changes, and to what.
-
-    Returns
-    -------
-    t, values : ndarray, shape (k,), s and unit of the signal, k >= 1
-        Ends with 0 at the end of the flight. A run without the signal has a single 0.
-    """
-    signals = drawn_run.run.signals
-    if name not in signals:
-        return np.zeros(1), np.zeros(1)
-    t, values = drawn_run.run.t, signals[name].to_numpy(dtype=float)
-    begun, states = runs_of_equal(t[:-1], values[:-1])
-    return np.append(begun, t[-1]), np.append(states, 0.0)

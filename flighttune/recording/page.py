@@ -174,8 +174,10 @@ def _reading(runs: Sequence[Run]) -> list[str]:
     notes = [
         "Plots show angles in degrees; files keep radians. Positions are local north, east and "
         "down from the start, in m. Errors are reference minus actual.",
-        "Every run has a colour of its own, the same in 3D and in every plot; the lanes below "
-        "name them.",
+        "Every run has a colour of its own, the same in 3D and in every plot; the lanes name "
+        "them. A lane is dark while a limit holds a command of the run, and says which one; it is "
+        "red where the guarantee is broken, and after a flight that ended early. Laws without an "
+        "aircraft are drawn as outlines, and their paths dashed.",
     ]
     if hue_tells_gains((run.provenance.plant, run.provenance.gains_name) for run in runs):
         notes[-1] += (
@@ -203,7 +205,7 @@ def _reading(runs: Sequence[Run]) -> list[str]:
             f"white one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip is the "
             "certified set: while the tip is inside, the errors of course and path angle are as "
             "guaranteed. There is none while nothing is claimed, or no "
-            "less than 45 deg. The thick piece of a path is the "
+            "less than 45 deg. The thick piece of the path of an aircraft is the "
             "last eighth of the flight."
         )
     return notes

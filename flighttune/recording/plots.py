@@ -11,6 +11,7 @@ import pandas as pd
 from flighttune.arrays import FloatArray
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.present.names import shown_unit
+from flighttune.recording.derived import UNITS
 from flighttune.simulate.run import SIGNAL_UNITS, Run
 
 
@@ -51,7 +52,7 @@ class Plot:
     def heading(self) -> str:
         """Title with symbol and unit, for example ``Course chi [deg]``."""
         faint = ", measured faint" if self.measured else ""
-        unit = shown_unit(SIGNAL_UNITS[self.signal])[0] if self.unit is None else self.unit
+        unit = shown_unit(unit_of(self.signal))[0] if self.unit is None else self.unit
         return f"{self.title} [{unit}]{faint}"
 
     @property
@@ -69,15 +70,18 @@ CALMEST = 1e-6
 ROOM = 0.04
 """Part of the range that an axis is longer at each end."""
 
-MOST_LABELS = 7.0
-"""Labels for which a small plot has room; with more the viewer goes to the next power of ten."""
+LABEL = 18.0
+"""Height of a label, points: closer than this the viewer goes to the next power of ten."""
 
-LONGEST = 1.4
+LONGEST = 2.2
 """Length of an axis over what is drawn, beyond which a second label is not worth it."""
 
 SMALLEST_SPAN = 1e-6
 
 COMMANDS_TAB, LAW_TAB = "Commands and limits", "Controller"
+WHY_TAB = "Why"
+"""What an aircraft has and the law has not: the rates that lift, inner loop and the rest add to
+those of the law under the same commands; and what becomes of it."""
 
 TUBES = {name: (f"{name}_tube_low", f"{name}_tube_high") for name in ("chi", "gamma")}
 """Certified tube around the reference of a channel, where a run has one."""
@@ -94,39 +98,46 @@ TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
         Plot("chi", "Course chi, reference grey", common="chi_ref", band=TUBES["chi"]),
         Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref", band=TUBES["gamma"]),
-        Plot("chi_err", "Course error"),
-        Plot("gamma_err", "Path angle error"),
+        Plot("chi_err", "Course error, certified bounds thin"),
+        Plot("gamma_err", "Path angle error, certified bounds thin"),
     ),
     COMMANDS_TAB: (
         Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
         LOAD_FACTOR,
+    ),
+    WHY_TAB: (
+        Plot("step_chi", "Course, less plant before"),
+        Plot("step_gamma", "Path angle, less plant before"),
+        Plot("distance", "Distance from the law"),
+        Plot("lift_chi", "Course: lift there is"),
+        Plot("lag_chi", "Course: inner loop"),
+        Plot("rest_chi", "Course: rest"),
+        Plot("lift_gamma", "Path angle: lift there is"),
+        Plot("lag_gamma", "Path angle: inner loop"),
+        Plot("rest_gamma", "Path angle: rest"),
+    ),
+    "Aircraft": (
+        Plot("V_a", "V_a"),
+        Plot("V_g", "V_g"),
+        Plot("alpha", "alpha"),
+        Plot("beta", "beta"),
+        LOAD_FACTOR,
+        Plot("throttle", "Throttle"),
+        Plot("aileron", "Aileron"),
+        Plot("elevator", "Elevator"),
+        Plot("rudder", "Rudder"),
+        Plot("h", "Height"),
+        Plot("p", "p"),
+        Plot("q", "q"),
+        Plot("r", "r"),
+        Plot("n_y", "n_y"),
+        Plot("thrust", "Thrust"),
     ),
     LAW_TAB: (
         Plot("phi_unlimited", "Roll command before limits, limits red", limit="phi"),
         Plot("n_z_unlimited", "Load-factor command before limits, limits red", limit="n_z"),
         Plot("phi_integral", "Roll command: part of the integrator"),
         Plot("n_z_integral", "Load-factor command: part of the integrator"),
-    ),
-    "Aircraft": (
-        Plot("V_a", "Airspeed V_a"),
-        Plot("V_g", "Ground speed V_g"),
-        Plot("alpha", "Angle of attack alpha"),
-        Plot("beta", "Sideslip beta"),
-        LOAD_FACTOR,
-        Plot("throttle", "Throttle"),
-        Plot("aileron", "Aileron"),
-        Plot("elevator", "Elevator"),
-        Plot("rudder", "Rudder"),
-        Plot("h", "Height h"),
-        Plot("p", "Roll rate p"),
-        Plot("q", "Pitch rate q"),
-        Plot("r", "Yaw rate r"),
-        Plot("n_y", "Side load factor n_y"),
-        Plot("thrust", "Thrust"),
-    ),
-    "Mismatch": (
-        Plot("mismatch_chi", "Course rate flown minus that of the kinematic law"),
-        Plot("mismatch_gamma", "Path-angle rate flown minus that of the kinematic law"),
     ),
     CALM: (
         Plot("wind_north", "Wind towards north"),
@@ -148,8 +159,12 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
     the true signal where a run has sensors.
     """
 
+    aircraft = any(run.provenance.aircraft for run in runs)
+
     def shows(tab: str, plot: Plot) -> bool:
         having = [run.signals[plot.signal] for run in runs if plot.signal in run.signals]
+        if tab == WHY_TAB and not aircraft:
+            return False
         if tab != CALM:
             return bool(having)
         return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
@@ -191,13 +206,25 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     elif name in around:
         centre = signals[around[name]].to_numpy(dtype=float)
         values = np.unwrap(centre) + (values - centre)
-    return values * shown_unit(SIGNAL_UNITS.get(name, ""))[1]
+    return values * shown_unit(unit_of(name))[1]
 
 
-def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
+def unit_of(name: str) -> str:
+    """SI unit of a signal, recorded or derived."""
+    return SIGNAL_UNITS.get(name) or UNITS.get(name, "")
+
+
+def value_range(plot: Plot, runs: Sequence[Run], *, height: float) -> tuple[float, float] | None:
     """Range of the vertical axis: all that is drawn, and where it costs little, two labels.
 
     The viewer labels multiples of a power of ten. Between -9 and 9 that is a lonely 0.
+
+    Parameters
+    ----------
+    plot : Plot
+    runs : sequence of Run
+    height : float, points
+        Of the axis.
 
     Returns
     -------
@@ -217,15 +244,15 @@ def value_range(plot: Plot, runs: Sequence[Run]) -> tuple[float, float] | None:
     low, high = (everything.min(), everything.max()) if len(everything) else (0.0, 0.0)
     if not high - low > SMALLEST_SPAN * max(1.0, abs(low), abs(high)):
         return None
-    lower, upper = _with_two_labels(float(low), float(high))
+    lower, upper = _with_two_labels(float(low), float(high), most=height / LABEL)
     if upper - lower <= LONGEST * (high - low):
         low, high = lower, upper
     room = ROOM * (high - low)
     return float(low - room), float(high + room)
 
 
-def _with_two_labels(low: float, high: float) -> tuple[float, float]:
-    step = 10.0 ** math.ceil(math.log10((high - low) / MOST_LABELS))
+def _with_two_labels(low: float, high: float, *, most: float) -> tuple[float, float]:
+    step = 10.0 ** math.ceil(math.log10((high - low) / max(most, 2.0)))
     # Counted in steps: 12 * 0.1 / 0.1 is above 12, so that an axis that begins there seems to have
     # its first label at 13, and would be made to begin there again for ever.
     first, last = math.ceil(low / step), math.floor(high / step)

@@ -1,25 +1,35 @@
 """Runs to one Rerun recording with its layout, written by columns."""
 
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import rerun as rr
 from rerun.error_utils import strict_mode
 
-from flighttune.guarantee.flight_check import flight_check
+from flighttune.guarantee.flight_check import FlightCheck, flight_check
+from flighttune.guarantee.mismatch import CHANNELS
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
 from flighttune.recording.certificate_tab import log_certificates
+from flighttune.recording.derived import with_derived
 from flighttune.recording.eigenvalue_tab import frozen_loop, log_eigenvalues
-from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw
+from flighttune.recording.entities import (
+    DrawnRun,
+    application,
+    log_lines,
+    log_time_axis,
+    runs_to_draw,
+)
 from flighttune.recording.events import log_events
 from flighttune.recording.lanes import log_lanes
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
+from flighttune.recording.readout import log_readout
 from flighttune.recording.run_columns import log_runs
 from flighttune.recording.run_record import naming
 from flighttune.recording.scene import log_scene
@@ -32,6 +42,9 @@ FAINT = 150
 
 FAINTEST = 110
 """Opacity of measured signals."""
+
+SHORTEST_BOUND = 1.5
+"""Time that a bound must last to be drawn, s: shreds of it say nothing."""
 
 
 def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
@@ -90,7 +103,7 @@ def log_recording(
     stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
 ) -> None:
     """Log all runs of a scenario, their page and the layout; see `write_recording`."""
-    drawn = runs_to_draw(runs)
+    drawn = with_derived(runs_to_draw(runs))
     plots = shown_plots([drawn_run.run for drawn_run in drawn])
     claims = {
         drawn_run.key: claim
@@ -107,8 +120,9 @@ def log_recording(
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     log_runs(stream, runs)
     if drawn:
-        log_scene(stream, drawn, claims)
-        log_lanes(stream, drawn)
+        log_scene(stream, runs_to_draw(runs), claims)
+        log_lanes(stream, drawn, claims)
+        log_readout(stream, drawn)
         log_events(stream, drawn, claims)
     if claims:
         log_certificates(stream, drawn, claims)
@@ -116,6 +130,8 @@ def log_recording(
         log_eigenvalues(stream, drawn, loops)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
         _log_plot(stream, plot, drawn)
+    for i, channel in enumerate(CHANNELS):
+        _log_bounds(stream, f"{channel}_err", i, drawn, claims)
     stream.flush()
     stream.log(entities.SEAL, rr.AnyValues(file=BLANK), static=True)
 
@@ -147,6 +163,7 @@ def reference_style() -> rr.SeriesLines:
 
 def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun]) -> None:
     folder = f"{entities.PLOTS}/{plot.signal}"
+    log_time_axis(stream, folder, drawn)
     having = [drawn_run for drawn_run in drawn if plot.signal in drawn_run.run.signals]
     for drawn_run in having:
         run, signals, colour = drawn_run.run, drawn_run.run.signals, drawn_run.style.rgb
@@ -177,6 +194,42 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
         style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
         ends = longest.signals.index[[0, -1]]
         log_lines(stream, f"{folder}/{entities.LIMITS}", style, ends, np.array([bounds, bounds]))
+
+
+def _log_bounds(
+    stream: rr.RecordingStream,
+    signal: str,
+    channel: int,
+    drawn: Sequence[DrawnRun],
+    claims: Mapping[str, FlightCheck],
+) -> None:
+    """Log the certified bounds of an error, thin, where they are within what the plot shows."""
+    errors = [displayed(one.run.signals, signal) for one in drawn if signal in one.run.signals]
+    widest = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in errors), default=0.0)
+    for drawn_run in drawn:
+        claim = claims.get(drawn_run.key)
+        if claim is None:
+            continue
+        bound = np.rad2deg(claim.error_bounds[:, channel])
+        shown = _lasting(bound <= widest, round(SHORTEST_BOUND / float(claim.t[1] - claim.t[0])))
+        both = np.where(shown[:, None], np.column_stack([-bound, bound]), np.nan)
+        if np.isfinite(both).any():
+            path = f"{entities.PLOTS}/{signal}/{entities.BOUNDS}/{drawn_run.key}"
+            names = [f"{drawn_run.run.label}, certified bound"] * 2
+            style = rr.SeriesLines(
+                colors=[(*drawn_run.style.rgb, FAINT)] * 2, widths=[1.0] * 2, names=names
+            )
+            kept = peaks(both)
+            log_lines(stream, path, style, claim.t[kept], both[kept])
+
+
+def _lasting(flags: npt.NDArray[np.bool_], samples: int) -> npt.NDArray[np.bool_]:
+    """`flags` without stretches shorter than so many samples."""
+    edges = np.flatnonzero(np.diff(flags.astype(int), prepend=0, append=0))
+    kept = np.zeros_like(flags)
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        kept[begin:end] = end - begin >= samples
+    return kept
 
 
 def _log_signals(

@@ -23,8 +23,11 @@ MODEL = Path(__file__).with_name("aircraft.glb")
 PATH_POINTS = 4000
 """Points of a path as drawn; longer flights are thinned."""
 
-INSTANTS = 1000
+INSTANTS = 500
 """Instants at which arrows, trail and ring are drawn."""
+
+DASHES = 60
+"""Dashes of the path of a law."""
 
 TRAIL_POINTS = 40
 TRAIL_SHARE = 1.0 / 8.0
@@ -33,7 +36,7 @@ TRAIL_SHARE = 1.0 / 8.0
 WIND_TIMES = 4.0
 """How much longer the arrow of the wind is than that of a speed."""
 
-REACH = 1.5
+REACH = 0.9
 """Length of the velocity arrow at the start over the width of the aircraft as drawn."""
 
 WIDEST = math.radians(45.0)
@@ -63,13 +66,13 @@ def log_scene(
         By key of the run; those without one have no ring.
     """
     points = geometry.all_positions(drawn)
-    factor = geometry.enlargement(points, geometry.widest(drawn))
+    factor = geometry.drawn_width(drawn) / geometry.widest(drawn)
     lines, spacing = geometry.ground_grid(points)
     log_ground(stream, lines)
     corner = lines[0][0]
     arrows = rr.Arrows3D(
         origins=[corner, corner],
-        vectors=np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]) * spacing,
+        vectors=geometry.AXES * spacing * np.eye(3)[:2],
         labels=["north", "east"],
         colors=[rgb(NEUTRAL)],
         radii=on_screen(1.5),
@@ -82,7 +85,8 @@ def log_scene(
         width = factor * geometry.span_of(drawn_run.run)
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))
         _log_aircraft(stream, drawn_run, signals, width=width)
-        _log_trail(stream, drawn_run, signals)
+        if _is_aircraft(drawn_run):
+            _log_trail(stream, drawn_run, signals)
         _log_arrows(stream, drawn_run, signals, claims.get(drawn_run.key), width=width)
 
 
@@ -116,10 +120,19 @@ def _log_path(
 ) -> None:
     path = geometry.positions(signals)
     path = path[evenly(len(path), most=PATH_POINTS)]
-    line = rr.LineStrips3D(
-        [path], radii=on_screen(drawn_run.style.width), colors=[drawn_run.style.rgb]
-    )
+    # Where paths coincide, dashes of the law on the line of an aircraft show both.
+    dashes = [path] if _is_aircraft(drawn_run) else _dashes(path)
+    width = on_screen(drawn_run.style.width if _is_aircraft(drawn_run) else 1.0)
+    line = rr.LineStrips3D(dashes, radii=width, colors=[drawn_run.style.rgb])
     stream.log(f"{entities.PATHS}/{drawn_run.key}", line, static=True)
+    number = rr.Points3D(
+        path[-1:],
+        labels=[str(drawn_run.number)],
+        show_labels=True,
+        colors=[drawn_run.style.rgb],
+        radii=on_screen(2.0),
+    )
+    stream.log(f"{entities.PATHS}/{drawn_run.key}/number", number, static=True)
     flat = np.column_stack([path[:, :2], np.full(len(path), floor)])
     line = rr.LineStrips3D([flat], radii=on_screen(0.8), colors=[(*drawn_run.style.rgb, SHADOW)])
     stream.log(f"{entities.SHADOWS}/{drawn_run.key}", line, static=True)
@@ -136,7 +149,35 @@ def _log_aircraft(
     stream.send_columns(frame, [time], carried)
     turned = rr.Transform3D.columns(quaternion=geometry.attitudes(signals))
     stream.send_columns(f"{frame}/{entities.BODY}", [time], turned)
-    stream.log(f"{frame}/{entities.BODY}", *aircraft_model(drawn_run.style.rgb, width), static=True)
+    if _is_aircraft(drawn_run):
+        shape = aircraft_model(drawn_run.style.rgb, width)
+    else:
+        shape = (
+            rr.LineStrips3D(_ghost(width), radii=on_screen(1.0), colors=[drawn_run.style.rgb]),
+        )
+    stream.log(f"{frame}/{entities.BODY}", *shape, static=True)
+
+
+def _is_aircraft(drawn_run: DrawnRun) -> bool:
+    """Whether a run is of an aircraft; a law is drawn as outline and dashes."""
+    return drawn_run.run.provenance.aircraft is not None
+
+
+def _ghost(width: float) -> list[FloatArray]:
+    """Outlines of wing, fuselage and tail in body axes, m."""
+    wing = [[0.1, -0.5], [0.1, 0.5], [-0.04, 0.5], [-0.04, -0.5], [0.1, -0.5]]
+    body = [[0.35, 0.0], [-0.42, 0.0]]
+    tail = [[-0.34, -0.16], [-0.34, 0.16], [-0.42, 0.16], [-0.42, -0.16], [-0.34, -0.16]]
+    fin = np.array([[-0.34, 0.0, 0.0], [-0.42, 0.0, -0.13], [-0.42, 0.0, 0.0]])
+    flat = [np.column_stack([np.array(part), np.zeros(len(part))]) for part in (wing, body, tail)]
+    return [width * part for part in (*flat, fin)]
+
+
+def _dashes(path: FloatArray) -> list[FloatArray]:
+    """Pieces of a path with gaps of the same length between them."""
+    edges = np.linspace(0, len(path) - 1, 2 * DASHES).astype(int)
+    pieces = [path[a : b + 1] for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [piece for piece in pieces if len(piece) > 1]
 
 
 def _log_trail(stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame) -> None:
@@ -176,7 +217,7 @@ def _log_arrows(
         wind = np.column_stack([level.real, level.imag, down])
         arrows["wind"] = (wind * (WIND_TIMES * scale), WIND_COLOUR)
     for name, (vectors, colour) in arrows.items():
-        style = rr.Arrows3D.from_fields(colors=[colour], radii=on_screen(1.8))
+        style = rr.Arrows3D.from_fields(colors=[colour], radii=on_screen(1.0))
         stream.log(f"{frame}/{name}", style, static=True)
         stream.send_columns(f"{frame}/{name}", [time], rr.Arrows3D.columns(vectors=vectors))
     if claim is None:

@@ -5,15 +5,16 @@ import itertools
 import numpy as np
 import pytest
 
-from flighttune.present.palette import HUES, LIMIT, MORE, NEUTRAL, line_styles, rgb
+from flighttune.present.palette import HUES, LIMIT, MORE, NEUTRAL, PLANTS, line_styles, rgb
 
 SMALLEST_DIFFERENCE = 17.0
 """CIE 1976 colour difference; 2.3 is just noticeable."""
 
-LOWEST_CONTRAST = 3.0
-"""WCAG 2.1 for graphical objects, on the ground of the viewer."""
+OF_MANY = 12.0
+"""The same where there are more than twelve runs."""
 
-VIEWER_GROUND = "#0D0D0D"
+GROUNDS = {"#0D0D0D": 3.0, "#FFFFFF": 2.5}
+"""Grounds of the viewer in its two themes, and the lowest contrast (WCAG 2.1) on each."""
 
 SIGHT = {
     "normal": np.eye(3),
@@ -76,16 +77,26 @@ def test_six_more_colours_can_be_told_apart_too_and_from_references_and_limits(s
     differences = [np.linalg.norm(a - b) for a, b in itertools.combinations(seen, 2)]
     from_marks = [np.linalg.norm(a - b) for a in seen[12:] for b in marks]
 
-    assert min(differences) >= SMALLEST_DIFFERENCE
-    assert min(from_marks) >= SMALLEST_DIFFERENCE
+    assert min(differences) >= OF_MANY
+    assert min(from_marks) >= OF_MANY
 
 
-@pytest.mark.parametrize("colour", EIGHTEEN)
-def test_every_colour_stands_out_from_the_ground_of_the_viewer(colour):
-    weights = XYZ_OF_RGB[1]
-    light, dark = weights @ linear(colour) + 0.05, weights @ linear(VIEWER_GROUND) + 0.05
+@pytest.mark.parametrize("ground", GROUNDS)
+@pytest.mark.parametrize("colour", [*EIGHTEEN, *(colour for colour, _ in PLANTS)])
+def test_every_colour_stands_out_from_both_grounds_of_the_viewer(colour, ground):
+    light, dark = (XYZ_OF_RGB[1] @ linear(one) + 0.05 for one in (colour, ground))
 
-    assert light / dark >= LOWEST_CONTRAST
+    assert max(light, dark) / min(light, dark) >= GROUNDS[ground]
+
+
+def test_rungs_of_one_gain_set_have_no_colour_of_a_gain_set():
+    rungs = [(plant, "paper") for plant in ("kinematic", "point_mass", "lag", "jsbsim:x")]
+
+    found = [style.colour for style in line_styles(rungs).values()]
+
+    assert len(set(found)) == 4
+    assert not set(found) & set(EIGHTEEN)
+    assert line_styles(rungs)[rungs[-1]].width > line_styles(rungs)[rungs[0]].width
 
 
 def test_hue_tells_the_gains_and_shade_the_plant():

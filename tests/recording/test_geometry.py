@@ -6,6 +6,7 @@ import pytest
 from figures.aircraft_glb import MODEL, aircraft_mesh, write_glb
 
 from flighttune.recording.geometry import (
+    ASPECT,
     MODEL_SPAN,
     attitudes,
     chase_eye,
@@ -88,6 +89,7 @@ def test_the_overview_sees_every_point_and_stands_no_further_than_it_must(flight
 
     assert position[2] < target[2]
     assert depth.min() > 0.0
+    seen /= ASPECT, 1.0
     assert np.abs(seen).max() < HALF_VIEW
     assert np.ptp(seen, axis=0).max() > 0.55 * 2.0 * HALF_VIEW
 
@@ -107,7 +109,7 @@ def test_aircraft_are_enlarged_by_a_round_factor_with_the_flight(length, factor)
     assert enlargement(np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]]), MODEL_SPAN) == factor
 
 
-def test_the_ground_reaches_beyond_the_flight_and_lies_below_it():
+def test_the_ground_is_as_wide_as_the_flight_and_lies_below_it():
     points = FLIGHTS["descent west"]
 
     lines, spacing = ground_grid(points)
@@ -115,8 +117,8 @@ def test_the_ground_reaches_beyond_the_flight_and_lies_below_it():
 
     assert spacing == 100.0
     assert set(corners[:, 2]) == {120.0 + spacing / 2.0}
-    assert np.all(corners[:, :2].min(axis=0) < points[:, :2].min(axis=0))
-    assert np.all(corners[:, :2].max(axis=0) > points[:, :2].max(axis=0))
+    assert np.all(corners[:, :2].min(axis=0) <= points[:, :2].min(axis=0))
+    assert np.all(corners[:, :2].max(axis=0) >= points[:, :2].max(axis=0))
     assert np.all(corners[:, :2] % spacing == 0.0)
 
 

@@ -13,7 +13,8 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
 from flighttune.present.palette import line_styles
-from flighttune.recording.entities import TIMELINE
+from flighttune.recording.derived import with_derived
+from flighttune.recording.entities import TIMELINE, runs_to_draw
 from flighttune.recording.plots import TABS, shown_plots
 from flighttune.recording.rrd import write_recording
 from flighttune.recording.run_columns import check_recording
@@ -70,16 +71,16 @@ def test_times_are_exact_to_the_nanosecond(contents, four_runs):
 
 @pytest.mark.parametrize("plot", [p for tab in TABS.values() for p in tab], ids=lambda p: p.signal)
 def test_every_plot_holds_the_signals_of_every_run_that_has_them(contents, four_runs, plot):
-    for key, run in zip(KEYS, four_runs, strict=True):
+    for key, one in zip(KEYS, with_derived(runs_to_draw(four_runs)), strict=True):
+        run = one.run
         entity = f"/plots/{plot.signal}/{key}"
-        shown = plot in [p for tab in shown_plots(four_runs).values() for p in tab]
-        if plot.signal not in run.signals or not shown:
+        if plot.signal not in run.signals or plot.signal.startswith("wind") or "d_" in plot.signal:
             assert entity not in contents.timed
             continue
         wanted = run.signals[list(plot.signals)].to_numpy()
         factor = DEGREES if "deg" in plot.heading else 1.0
 
-        assert np.array_equal(contents.values(entity), wanted * factor)
+        assert np.array_equal(contents.values(entity), wanted * factor, equal_nan=True)
 
 
 def test_headings_carry_the_unit_shown():
@@ -174,36 +175,52 @@ def test_lines_are_named_as_the_run(contents):
     assert names == [["jsbsim:aerosonde / tuned", "jsbsim:aerosonde / tuned, command"]]
 
 
-def lane(contents, entity, number):
-    states = [moment[number] for moment in contents.timed[entity]["StateChange:state"].to_pylist()]
+def lane(contents, entity):
+    states = [state for (state,) in contents.timed[entity]["StateChange:state"].to_pylist()]
     return list(zip(contents.nanoseconds(entity).tolist(), states, strict=True))
 
 
-def test_lanes_name_the_runs_for_as_long_as_they_flew(contents):
-    assert lane(contents, "/runs", 0) == [
-        (0, "kinematic / paper"),
-        (7_000_000_000, "kinematic / paper"),
-        (20_000_000_000, ""),
+def test_every_run_has_a_lane_of_its_name_in_order(contents):
+    lanes = sorted(path for path in contents.timed if path.startswith("/runs/"))
+
+    assert lanes == [
+        "/runs/1_kinematic/paper",
+        "/runs/2_jsbsim_aerosonde/paper",
+        "/runs/3_kinematic/tuned",
+        "/runs/4_jsbsim_aerosonde/tuned",
+        "/runs/5_jsbsim_aerosonde/bold",
     ]
-    assert lane(contents, "/runs", 4) == [
-        (0, "jsbsim:aerosonde / bold: left envelope"),
-        (7_000_000_000, ""),
+
+
+def test_a_lane_says_how_a_flight_ended_and_all_end_together(contents):
+    assert lane(contents, "/runs/5_jsbsim_aerosonde/bold")[-2:] == [
+        (7_000_000_000, "left envelope"),
+        (22_000_000_000, "ended"),
+    ]
+    assert lane(contents, "/runs/1_kinematic/paper")[-2:] == [
         (20_000_000_000, ""),
+        (22_000_000_000, "ended"),
     ]
 
 
-@pytest.mark.parametrize("command", ["phi", "n_z"])
-def test_lanes_show_every_sample_held_by_a_limit(contents, four_runs, command):
-    entity = f"/phases/{command}"
-    for number, (key, run) in enumerate(zip(KEYS, four_runs, strict=True)):
-        when, said = zip(*lane(contents, entity, number), strict=True)
-        t = np.rint(run.signals.index.to_numpy()[:-1] * 1e9).astype(np.int64)
-        now = np.array(said)[np.searchsorted(when, t, side="right") - 1]
-        words = {0.0: "", 1.0: f"{key} limit", 2.0: f"{key} rate"}
-        held = run.signals[f"{command}_limited"].iloc[:-1]
+@pytest.mark.parametrize("folder", ["/plots/chi", "/plots/V_a", "/plots/abscissa"])
+def test_every_time_axis_ends_beyond_the_longest_flight(contents, folder):
+    assert contents.nanoseconds(f"{folder}/_axis").tolist() == [0, 22_000_000_000]
+    assert np.isnan(contents.values(f"{folder}/_axis")).all()
 
-        assert now.tolist() == [words[value] for value in held]
-        assert said[-1] == ""
+
+def test_the_readout_has_the_numbers_of_the_instant(contents, four_runs):
+    when = contents.nanoseconds("/now")
+    k = int(np.searchsorted(when, 5_000_000_000))
+    (page,) = contents.timed["/now"]["TextDocument:text"].to_pylist()[k]
+    row = next(line for line in page.splitlines() if line.startswith("| 2 paper"))
+    shown = [float(cell) for cell in row.strip("| ").split("|")[1:]]
+    at = four_runs[1].signals.loc[when[k] / 1e9]
+    turned = np.rad2deg([at["phi"], at["chi_err"], at["gamma_err"]])
+
+    assert f"t = {when[k] / 1e9:.1f} s" in page
+    assert shown[:2] == pytest.approx([at["V_a"], at["h"]], abs=0.5)
+    assert [shown[2], *shown[4:]] == pytest.approx(turned, abs=0.5)
 
 
 def test_a_run_that_ended_early_is_drawn_as_far_as_it_flew(contents):
@@ -251,7 +268,7 @@ def test_tabs_are_those_that_have_something_to_show(contents, four_runs, in_sinu
         for c in (contents, Contents(tmp_path / "windy.rrd"))
     )
 
-    assert calm >= {"Overview", "Tracking", "Commands and limits", "Controller", "Aircraft"}
+    assert calm >= {"Overview", "Tracking", "Commands and limits", "Why", "Controller", "Aircraft"}
     assert windy - calm == {"Weather"}
 
 

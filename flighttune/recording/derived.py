@@ -1,0 +1,96 @@
+"""Signals that a recording draws and no plant has: height over sea, distances, parts of the gap."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.guarantee.mismatch import CHANNELS, inverts_the_point_mass, law_of
+from flighttune.plants.point_mass import turn_rates
+from flighttune.recording.entities import DrawnRun
+from flighttune.recording.geometry import positions
+from flighttune.simulate.run import Run
+
+PARTS = ("lift", "lag", "rest")
+"""What the law leaves out, in the order of the ladder: the lift there is, the lag, the rest."""
+
+UNITS = {
+    **{f"{part}_{channel}": "rad/s" for part in PARTS for channel in CHANNELS},
+    **{f"step_{channel}": "rad" for channel in CHANNELS},
+    "distance": "m",
+}
+FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
+
+
+def with_derived(drawn: Sequence[DrawnRun]) -> list[DrawnRun]:
+    """The runs with the signals of `UNITS` that they have; and height and speed over ground.
+
+    A run is compared with that of the same gains on the plant before it: `step_chi` and
+    `step_gamma` are its course and path angle minus theirs. `distance` is that from the path on the
+    first plant.
+    """
+    before: dict[str, list[Run]] = {}
+    found = []
+    for drawn_run in drawn:
+        run = drawn_run.run
+        lower = before.setdefault(run.provenance.gains_name, [])
+        columns = {**_over_ground(run), **_parts(run), **_compared(run, lower)}
+        lower.append(run)
+        shown = replace(run, signals=run.signals.assign(**columns)) if columns else run
+        found.append(replace(drawn_run, run=shown))
+    return found
+
+
+def _over_ground(run: Run) -> dict[str, FloatArray]:
+    """Height and speed over ground of a plant that gives neither, from its path."""
+    signals, found = run.signals, {}
+    flight = run.provenance.scenario.get("flight") or {}
+    if "h" not in signals and "h_m" in flight:
+        found["h"] = float(flight["h_m"]) - signals["down"].to_numpy()
+    if "V_g" not in signals and len(signals) > 1:
+        level = positions(signals)[:, :2]
+        found["V_g"] = np.linalg.norm(np.gradient(level, run.t, axis=0), axis=1)
+    return found
+
+
+def _parts(run: Run) -> dict[str, FloatArray]:
+    """Rates that each part of an aircraft adds to those of the law under the same commands.
+
+    Of the exact point mass under the commands minus the law's; of the point mass under roll and
+    load factor as flown minus under the commands; of the flight minus the latter.
+    """
+    law, signals = law_of(run), run.signals
+    if run.provenance.aircraft is None or law is None or not set(FLOWN) <= set(signals):
+        return {}
+    phi, n_z, phi_cmd, n_z_cmd, V_a, gamma = (signals[name].to_numpy() for name in FLOWN)
+    chi_rate = np.gradient(np.unwrap(signals["chi"].to_numpy()), run.t)
+    flown = chi_rate, np.gradient(signals["gamma"].to_numpy(), run.t)
+    exact = turn_rates(V_a, gamma, phi_cmd, n_z_cmd, law="exact", g=law.g)
+    behind = turn_rates(V_a, gamma, phi, n_z, law="exact", g=law.g)
+    kinematic = turn_rates(law.V_a, gamma, phi_cmd, n_z_cmd, law="paper", g=law.g)
+    steps = (exact if inverts_the_point_mass(run) else kinematic, exact, behind, flown)
+    return {
+        f"{part}_{channel}": steps[k + 1][i] - steps[k][i]
+        for k, part in enumerate(PARTS)
+        for i, channel in enumerate(CHANNELS)
+    }
+
+
+def _compared(run: Run, lower: Sequence[Run]) -> dict[str, FloatArray]:
+    if not lower:
+        return {}
+    found = {}
+    for channel in CHANNELS:
+        values = np.unwrap(run.signals[channel].to_numpy())
+        found[f"step_{channel}"] = values - _at(lower[-1], run.t, channel)
+    path = np.column_stack([_at(lower[0], run.t, name) for name in ("north", "east", "down")])
+    found["distance"] = np.linalg.norm(positions(run.signals) - path, axis=1)
+    return found
+
+
+def _at(run: Run, t: FloatArray, name: str) -> FloatArray:
+    """A signal at other times, NaN after the end of the flight."""
+    values = run.signals[name].to_numpy(dtype=float)
+    values = np.unwrap(values) if name in CHANNELS else values
+    return np.interp(t, run.t, values, right=np.nan)

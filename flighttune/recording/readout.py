@@ -1,0 +1,88 @@
+"""The text on Overview: how to read the picture, and the numbers of the present instant."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from flighttune.arrays import FloatArray
+from flighttune.present.names import shown_unit
+from flighttune.present.palette import hue_tells_gains
+from flighttune.present.thinning import evenly
+from flighttune.recording import geometry
+from flighttune.recording.entities import NOW, READING, DrawnRun, times
+from flighttune.recording.plots import displayed, unit_of
+
+INSTANTS = 120
+"""Times at which the numbers change."""
+
+COLUMNS = {
+    "V_a": ("V_a", ".1f"),
+    "h": ("h", ".0f"),
+    "phi": ("roll", "z.0f"),
+    "n_z": ("n_z", "z.2f"),
+    "chi_err": ("e chi", "z.1f"),
+    "gamma_err": ("e gamma", "z.1f"),
+}
+"""Heading and format of each signal."""
+
+
+def log_readout(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
+    """Log a line on how to read the picture, and a table of the runs over time."""
+    line = rr.TextDocument(reading_line(drawn), media_type=rr.MediaType.MARKDOWN)
+    stream.log(READING, line, static=True)
+    t = max((drawn_run.run.t for drawn_run in drawn), key=lambda t: t[-1])
+    t = t[evenly(len(t), most=INSTANTS)]
+    headings = " | ".join(heading for heading, _ in COLUMNS.values())
+    rule = "|".join(["---", *["--:"] * len(COLUMNS)])
+    lines = [[f"| t = {now:.1f} s | {headings} |\n|{rule}|" for now in t.tolist()]]
+    cells = " | ".join(shown_unit(unit_of(name))[0] for name in COLUMNS)
+    plant = ""
+    for drawn_run in drawn:
+        if drawn_run.run.provenance.plant != plant:
+            plant = drawn_run.run.provenance.plant
+            lines.append([f"| **{plant}** | {cells} |"] * len(t))
+            cells = " | ".join([" "] * len(COLUMNS))  # the units stand once
+        lines.append(_rows(drawn_run, t))
+    pages = ["\n".join(page) + "\n" for page in zip(*lines, strict=True)]
+    media = [rr.MediaType.MARKDOWN] * len(pages)
+    stream.send_columns(NOW, [times(t)], rr.TextDocument.columns(text=pages, media_type=media))
+
+
+def _rows(drawn_run: DrawnRun, t: FloatArray) -> list[str]:
+    """The row of a run at each of the times `t` (s)."""
+    run = drawn_run.run
+    there = np.minimum(np.searchsorted(run.t, t), len(run.t) - 1)
+    columns = []
+    for name, (_, form) in COLUMNS.items():
+        if name in run.signals:
+            values = displayed(run.signals, name)[there].tolist()
+            columns.append([f"{value:{form}}" for value in values])
+        else:
+            columns.append([" "] * len(t))
+    name = f"{drawn_run.number} {run.provenance.gains_name}"
+    after = f"| {name} | {run.status.replace('_', ' ')} | " + " | ".join(" " * 5) + " |"
+    return [
+        after
+        if now > run.duration and run.status != "completed"
+        else f"| {name} | {' | '.join(row)} |"
+        for now, row in zip(t.tolist(), zip(*columns, strict=True), strict=True)
+    ]
+
+
+def reading_line(drawn: Sequence[DrawnRun]) -> str:
+    """What colours, lines, arrows and lanes mean, as Markdown."""
+    pairs = [(one.run.provenance.plant, one.run.provenance.gains_name) for one in drawn]
+    parts = ["**Hue:** gains" if hue_tells_gains(pairs) else "**Colour:** run"]
+    if any(one.run.provenance.aircraft is None for one in drawn):
+        parts.append("**dashed, outline:** a law")
+    factor = geometry.drawn_width(drawn) / geometry.widest(drawn)
+    spacing = geometry.ground_grid(geometry.all_positions(drawn))[1]
+    parts += [
+        f"**aircraft:** {factor:g} times their size",
+        "**arrow:** velocity",
+        "**ring:** certified directions",
+        f"**grid:** {spacing:g} m",
+        "**dark lane:** a limit holds a command",
+    ]
+    return ", ".join(parts) + "."

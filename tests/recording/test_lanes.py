@@ -1,0 +1,79 @@
+"""What a lane says of a run: limits that hold its commands, and its guarantee."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.guarantee.flight_check import flight_check
+from flighttune.recording.lanes import SHORTEST, lane
+
+from .conftest import DT
+
+
+def held(run, phi, n_z):
+    """The run with its commands held from and to the times given (s), by kind of limit."""
+    signals = run.signals.assign(phi_limited=0.0, n_z_limited=0.0)
+    for name, spans in (("phi_limited", phi), ("n_z_limited", n_z)):
+        for begin, end, kind in spans:
+            signals.loc[begin : end - DT / 2.0, name] = kind
+    return replace(run, signals=signals)
+
+
+def at(states, t):
+    begun, words = states
+    return words[int(np.searchsorted(begun, t, side="right")) - 1]
+
+
+def test_a_lane_names_the_limits_that_hold(four_runs):
+    run = held(four_runs[1], phi=[(1.0, 3.0, 2.0), (3.0, 4.0, 1.0)], n_z=[(2.0, 3.5, 1.0)])
+    states = lane(run, None)
+
+    wanted = {
+        0.5: "no certificate",
+        1.5: "roll rate",
+        2.5: "roll rate, n_z",
+        3.2: "roll, n_z",
+        3.8: "roll",
+        5.0: "no certificate",
+    }
+    assert {t: at(states, t) for t in wanted} == wanted
+
+
+def test_a_piece_too_short_to_see_is_left_out(four_runs):
+    short = held(four_runs[1], phi=[(1.0, 1.0 + SHORTEST / 2.0, 1.0)], n_z=[])
+
+    assert lane(short, None)[1] == ["no certificate"]
+
+
+def test_a_lane_says_where_the_guarantee_holds_and_where_it_is_broken(four_runs):
+    run = held(four_runs[1], phi=[(1.0, 3.0, 2.0)], n_z=[])
+    check = flight_check(run)
+    broken = replace(check, bound=np.where(check.t > 10.0, 0.0, check.bound))
+
+    assert at(lane(run, check), 2.0) == "roll rate"
+    assert at(lane(run, check), 8.0) == "guaranteed"
+    assert at(lane(run, broken), 8.0) == "guaranteed"
+    assert at(lane(run, broken), 12.0) == "broken"
+    assert at(lane(run, replace(check, bound=np.full_like(check.bound, np.nan))), 8.0) == "no claim"
+
+
+def test_the_parts_of_the_gap_add_up_to_what_the_law_leaves_out(four_runs):
+    from flighttune.guarantee.mismatch import mismatch
+    from flighttune.recording.derived import PARTS, with_derived
+    from flighttune.recording.entities import runs_to_draw
+
+    kinematic, aircraft = with_derived(runs_to_draw(four_runs[:2]))
+    d = mismatch(aircraft.run).d
+    for i, channel in enumerate(("chi", "gamma")):
+        parts = sum(aircraft.run.signals[f"{part}_{channel}"] for part in PARTS).to_numpy()
+        # d is a mean over an interval, the parts are at its ends: half a sample apart
+        assert parts[:-1] == pytest.approx(d[:, i], abs=0.05)
+        assert np.abs(d[:, i]).max() > 0.1
+    assert "distance" not in kinematic.run.signals
+    apart = aircraft.run.signals[["north", "east", "down"]].to_numpy()
+    apart = apart - kinematic.run.signals[["north", "east", "down"]].to_numpy()
+    distance = aircraft.run.signals["distance"].to_numpy()
+    assert distance == pytest.approx(np.linalg.norm(apart, axis=1))
+    height = kinematic.run.signals["h"].to_numpy() + kinematic.run.signals["down"].to_numpy()
+    assert height == pytest.approx(1000.0)
