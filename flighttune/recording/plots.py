@@ -67,11 +67,11 @@ CALM = "Weather"
 CALMEST = 1e-6
 """Wind (m/s) and disturbance (rad/s) below this are rounding."""
 
-ROOM = 0.04
+ROOM = 0.05
 """Part of the range that an axis is longer at each end."""
 
-LABEL = 18.0
-"""Height of a label, points: closer than this the viewer goes to the next power of ten."""
+LABEL = 22.0
+"""Distance of two labels, points: nearer ones fade before the next power of ten."""
 
 LONGEST = 2.2
 """Length of an axis over what is drawn, beyond which a second label is not worth it."""

@@ -73,7 +73,10 @@ def _rows(drawn_run: DrawnRun, t: FloatArray) -> list[str]:
 def reading_line(drawn: Sequence[DrawnRun]) -> str:
     """What colours, lines, arrows and lanes mean, as Markdown."""
     pairs = [(one.run.provenance.plant, one.run.provenance.gains_name) for one in drawn]
-    parts = ["**Hue:** gains" if hue_tells_gains(pairs) else "**Colour:** run"]
+    same = len({gains for _, gains in pairs}) == 1
+    parts = ["**Colour:** plant" if same else "**Colour:** run"]
+    if hue_tells_gains(pairs) and not same:
+        parts = ["**Hue:** gains"]
     if any(one.run.provenance.aircraft is None for one in drawn):
         parts.append("**dashed, outline:** a law")
     factor = geometry.drawn_width(drawn) / geometry.widest(drawn)

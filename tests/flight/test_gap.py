@@ -15,6 +15,8 @@ from flighttune.flight.gap_charts import gap_charts, gap_sheet, itae_chart
 from flighttune.flight.ladder import rung_metrics
 from flighttune.metrics import METRICS, channel_metrics
 from flighttune.present.palette import line_styles
+from flighttune.recording.derived import with_derived
+from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import TABS, shown_plots, value_range
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
@@ -238,8 +240,11 @@ def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
 
     assert files.recording.stat().st_size > 0
     assert len(files.signals) == len(RUNGS)
-    assert "Mismatch" in shown_plots(paper_gap.runs)
-    low, high = value_range(plots["chi"], paper_gap.runs)
+    drawn = [one.run for one in with_derived(runs_to_draw(paper_gap.runs))]
+    assert {plot.signal for plot in shown_plots(drawn)["Why"]} >= {"step_chi", "lift_chi"}
+    for step, one in zip(paper_gap.steps, drawn[1:], strict=True):
+        assert one.signals["step_chi"].to_numpy() == pytest.approx(step.chi, abs=1e-12)
+    low, high = value_range(plots["chi"], paper_gap.runs, height=200.0)
     assert low < math.degrees(np.nanmin(tube.to_numpy()))
     assert high > math.degrees(np.nanmax(tube.to_numpy()))
 

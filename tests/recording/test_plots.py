@@ -46,15 +46,15 @@ def test_an_axis_is_not_longer_than_it_must_be(four_runs):
         PLOTS["V_a"], [with_signal(four_runs[0], V_a=[-2.0, 9.0])], height=HEIGHT
     )
 
-    assert low == pytest.approx(-2.0 - 0.04 * 12.0)
-    assert high == pytest.approx(10.0 + 0.04 * 12.0)
+    assert low == pytest.approx(-2.0 - 0.05 * 12.0)
+    assert high == pytest.approx(10.0 + 0.05 * 12.0)
 
 
 def test_a_second_label_that_costs_too_much_is_left_out(four_runs):
     run = with_signal(four_runs[0], V_a=[-10.0, 14.0])
     low, high = value_range(PLOTS["V_a"], [run], height=2.0 * LABEL)
 
-    assert (low, high) == pytest.approx((-10.0 - 0.04 * 24.0, 14.0 + 0.04 * 24.0))
+    assert (low, high) == pytest.approx((-10.0 - 0.05 * 24.0, 14.0 + 0.05 * 24.0))
 
 
 def test_an_axis_reaches_over_limits_and_reference(four_runs):
