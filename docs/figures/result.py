@@ -64,15 +64,16 @@ def shares(folder: Path) -> dict[str, tuple[float, float, float]]:
 
 def _errors(axes: Axes, runs: dict[str, Run]) -> None:
     lines = (
-        ("kinematic / paper", "K* on the kinematic law", NEUTRAL, (11.0, -4.0)),
-        ("jsbsim:aerosonde / paper", "K* on the aircraft", BLUE, (6.3, 15.0)),
-        ("jsbsim:aerosonde / tuned_identified", "tuned here, on the aircraft", GREEN, (2.6, -47.0)),
+        ("kinematic / paper", "the paper's gains K* on the kinematic law", NEUTRAL),
+        ("jsbsim:aerosonde / paper", "K* on the aircraft", BLUE),
+        ("jsbsim:aerosonde / tuned_identified", "tuned here, on the aircraft", GREEN),
     )
-    for label, words, colour, (x, y) in lines:
+    for label, words, colour in lines:
         run = runs[label]
         error = run.signals["chi_err"].to_numpy() * DEG_PER_RAD
-        axes.plot(run.t, error, color=colour, lw=2.0, ls="--" if colour == NEUTRAL else "-")
-        axes.text(x, y, words, color=INK if colour == NEUTRAL else colour)
+        style = "--" if colour == NEUTRAL else "-"
+        axes.plot(run.t, error, color=colour, lw=2.0, ls=style, label=words)
+    axes.legend(loc="lower right")
     axes.set_title("A turn by 60° while the climb flattens by 30°")
     axes.set_xlabel("t [s]")
     axes.set_ylabel("course error [deg]")
