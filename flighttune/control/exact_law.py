@@ -135,6 +135,8 @@ class ExactLaw:
     ----------
     law : RateLaw
         What does not change from sample to sample.
+    law : RateLaw
+        What does not change from sample to sample.
     state : PIState
         Errors, commands after and before the limits, and integrals in rad/s.
     signals : mapping of str to str

@@ -7,7 +7,7 @@ from string import Template
 from flighttune import __version__
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.export.law import exported_law
+from flighttune.export.law import exported_law, refusal
 from flighttune.flight.fly import plant_of
 from flighttune.flight.ladder import aircraft_table
 from flighttune.scenario.schema import Scenario
@@ -39,7 +39,7 @@ def export_c(
     Raises
     ------
     InputError
-        If the scenario has no such aircraft, or the law cannot be exported.
+        If the scenario has no such aircraft, or the law is another than the paper's.
     OutputError
         If the file cannot be written.
     """
@@ -47,6 +47,8 @@ def export_c(
     if plant is not None or any(one.kind == "jsbsim" for one in scenario.plant):
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
     law = exported_law(scenario, name, gains, limits)
+    if not isinstance(law, MimoPI):
+        raise refusal(name, "exact", "paper")
     with whole_file(folder / SOURCE) as part:
         part.write_text(c_source(law, title=scenario.title, gains=name), encoding="utf-8")
     return folder / SOURCE

@@ -16,6 +16,7 @@ import numpy as np
 
 from flighttune.aircraft.model_xml import found_file
 from flighttune.arrays import FloatArray
+from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError, OutputError
@@ -41,7 +42,18 @@ delays of sensors fill, and filters of the model's own flight control settle.
 STRAIGHT = 1e-15
 """Departure from a straight line above which a sample of a reference has a row of its own."""
 
-_OUTER_LOOP, _SCRIPT = (Path(__file__).with_name(f"{one}.xml") for one in ("outer_loop", "flight"))
+_OUTER_LOOP, _EXACT_LAW, _SCRIPT = (
+    Path(__file__).with_name(f"{one}.xml") for one in ("outer_loop", "exact_law", "flight")
+)
+
+_MEASURED = {
+    *(f"ft/outer/{name}" for name in ("sample", "chi-rad", "gamma-rad", "gain")),
+    *(f"ft/outer/{name}-rad" for name in ("half-turn-less", "chi-err", "gamma-err")),
+    *(f"ft/outer/{u}/{name}" for u in ("phi", "n_z") for name in ("in-force", "low", "high")),
+}
+"""Components of the outer loop that both laws have."""
+
+_NO_BRAKE = 1e300
 
 MOVED_BY_AIR = "wind", "gust", "turbulence"
 
@@ -87,7 +99,7 @@ def export_jsbsim(
     Raises
     ------
     InputError
-        If the scenario has no such aircraft or moves the air, or the law cannot be exported.
+        If the scenario has no such aircraft or moves the air, or the law is one in Python.
     TrimError
         If there is no steady flight to start from.
     PlantError
@@ -121,7 +133,7 @@ def export_jsbsim(
 class _Flight:
     """One flight: the aircraft at its start, the law, and the samples of what it follows."""
 
-    def __init__(self, scenario: Scenario, law: MimoPI, plant: JSBSimPlant) -> None:
+    def __init__(self, scenario: Scenario, law: MimoPI | ExactLaw, plant: JSBSimPlant) -> None:
         assert plant.fdm is not None
         self._scenario, self._law, self._fdm = scenario, law, plant.fdm
         self.rate = self._fdm.rate
@@ -144,9 +156,7 @@ class _Flight:
         root.insert(0, _parsed(EARTH))
         last = max(i for i, element in enumerate(root) if element.tag == "system")
         root.insert(last + 1, Element("system", file=OUTER_LOOP))
-        outer = _parsed(_OUTER_LOOP)
-        for channel in outer.iter("channel"):
-            channel.set("execrate", str(self._frames))
+        outer = self._outer_loop()
         declared = set()
         for tree, file in ((root, aircraft / folders.file.name), (outer, systems / OUTER_LOOP)):
             declared |= _declare(tree, values)
@@ -158,6 +168,20 @@ class _Flight:
         rest = {name: value for name, value in values.items() if name not in declared}
         (folder / SCRIPT).write_text(self._script(folders.name, rest), encoding="utf-8")
 
+    def _outer_loop(self) -> Element:
+        """The law as a system: the paper's, or the exact one behind the same measurements."""
+        outer = _parsed(_OUTER_LOOP)
+        (channel,) = outer.iterfind("channel")
+        channel.set("execrate", str(self._frames))
+        if isinstance(self._law, ExactLaw):
+            for component in channel.findall("fcs_function"):
+                if component.get("name") not in _MEASURED:
+                    channel.remove(component)
+            exact = _parsed(_EXACT_LAW)
+            channel.extend(exact.iterfind("channel/fcs_function"))
+            outer[0:0] = exact.iterfind("property")
+        return outer
+
     def _values(self) -> dict[str, float]:
         """Properties of the aircraft at rest before the flight, and those of the law."""
         law, condition, fdm = self._law, self._scenario.condition, self._fdm
@@ -168,20 +192,34 @@ class _Flight:
             values[name] = fdm.reader(name)()
         values |= {
             "ft/outer/dt-s": law.dt,
-            "ft/outer/conditional": float(law.law.conditional),
-            "ft/outer/tracking-gain": law.law.tracking_gain,
-            "ft/outer/per-speed-s_m": law.law.per_speed,
-            "ft/outer/feed-forward": float(law.feed_forward),
-            "ft/outer/planned": float("ft/outer/plan/n_z" in self._sampled()),
             "ft/outer/phi/start": condition.phi,
             "ft/outer/n_z/start": condition.n_z_start,
         }
+        rows = ("phi", "n_z")
+        if isinstance(law, MimoPI):
+            values |= {
+                "ft/outer/conditional": float(law.law.conditional),
+                "ft/outer/tracking-gain": law.law.tracking_gain,
+                "ft/outer/per-speed-s_m": law.law.per_speed,
+                "ft/outer/feed-forward": float(law.feed_forward),
+                "ft/outer/planned": float("ft/outer/plan/n_z" in self._sampled()),
+            }
+        else:
+            rows = ("chi", "gamma")
+            values |= {
+                "ft/outer/conditional": float(law.law.conditional),
+                "ft/outer/tracking-gain": law.law.tracking_gain,
+                "ft/outer/per-speed-s_m": law.law.per_g,
+                "ft/outer/brake": float(min(law.law.brake, _NO_BRAKE)),
+                "ft/outer/lift-floor": law.law.lift_floor,
+                "ft/outer/course-first": float(law.law.course_first),
+            }
         limits = law.limits
         bounds = (limits.lower, limits.upper, limits.rate_lower, limits.rate_upper)
         for i, command in enumerate(("phi", "n_z")):
             for j, error in enumerate(("chi", "gamma")):
-                values[f"ft/outer/K_P/{command}-{error}"] = float(law.gains.K_P[i, j])
-                values[f"ft/outer/K_I/{command}-{error}"] = float(law.gains.K_I[i, j])
+                values[f"ft/outer/K_P/{rows[i]}-{error}"] = float(law.gains.K_P[i, j])
+                values[f"ft/outer/K_I/{rows[i]}-{error}"] = float(law.gains.K_I[i, j])
             for bound, limit in zip(("min", "max", "rate-min", "rate-max"), bounds, strict=True):
                 values[f"ft/outer/{command}/{bound}"] = float(limit[i])
         return values
@@ -191,7 +229,11 @@ class _Flight:
         t, followed = self._t, self._scenario.followed()
         chi, gamma = followed.sampled(t)
         sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
-        if isinstance(followed, FeasibleReference) and self._law.feed_forward:
+        if isinstance(self._law, ExactLaw):
+            rates = followed.rates(t)
+            for name, rate in zip(("chi", "gamma"), rates, strict=True):
+                sampled[f"ft/outer/{name}-ref-rate-rad_sec"] = rate
+        elif isinstance(followed, FeasibleReference) and self._law.feed_forward:
             sampled["ft/outer/plan/phi-rad"], sampled["ft/outer/plan/n_z"] = followed.commands(t).T
         if self._scenario.sensors is not None:
             errors = self._scenario.sensors.sensors(self._scenario.seed).errors(

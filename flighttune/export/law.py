@@ -1,5 +1,6 @@
-"""What can be exported: the paper's law, in still air."""
+"""What can be exported: the paper's law and the exact one, none in Python."""
 
+from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
@@ -8,7 +9,9 @@ from flighttune.flight.fly import controller_of
 from flighttune.scenario.schema import Scenario
 
 
-def exported_law(scenario: Scenario, name: str, gains: PIGains, limits: Limits) -> MimoPI:
+def exported_law(
+    scenario: Scenario, name: str, gains: PIGains, limits: Limits
+) -> MimoPI | ExactLaw:
     """The controller of a scenario that other programs can be given.
 
     Parameters
@@ -23,16 +26,16 @@ def exported_law(scenario: Scenario, name: str, gains: PIGains, limits: Limits) 
     Raises
     ------
     InputError
-        If `name` or `gains` are of another law than the paper's; the message names it.
+        If `name` is of a law in Python; the message names it.
     """
     law = scenario.law_of(name)[0] if ":" in name else None
-    controller = None
-    if law is None or law.kind != "python":
-        controller = controller_of(scenario, name, gains, limits)
-    if isinstance(controller, MimoPI):
-        return controller
-    kind = "python" if law is not None and law.kind == "python" else "exact"
-    raise InputError(
-        f"`gains` must be flown by the paper's law to be exported, got {name!r} of the law "
-        f"{law.name if law else kind!r} ({kind})."
+    if law is not None and law.kind == "python":
+        raise refusal(name, law.name, "paper or exact")
+    return controller_of(scenario, name, gains, limits)
+
+
+def refusal(name: str, law: str, known: str) -> InputError:
+    """Why the gains of a law cannot be exported."""
+    return InputError(
+        f"`gains` must be flown by the law {known} to be exported, got {name!r} of the law {law!r}."
     )
