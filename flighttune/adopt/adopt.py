@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -151,7 +152,7 @@ def adopt(
     """
     began = time.monotonic()
     if model.endswith(".xml"):
-        model = str(Path(model).resolve())
+        model = os.path.relpath(Path(model).resolve(), folder.resolve())
     made_folder(folder)
     found = None
     try:

@@ -16,6 +16,7 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS
 from flighttune.plants.jsbsim.model_files import main_root, model_files, source_folders
 from flighttune.units import DEG, FT, G_0, LBF
 
@@ -48,9 +49,6 @@ SETTLED = 1e-3
 PROPELLER_SETTLES = 15.0
 LONGEST_SETTLING = 40.0
 
-EFFECTS = {"aileron": ("p_dot", 1.0), "elevator": ("q_dot", -1.0), "rudder": ("r_dot", -1.0)}
-"""Acceleration that a surface is for, and the sign of it by a positive position."""
-
 COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 CLIPPED = 0.2
 """Share of the first effect below which more command has none."""
@@ -61,11 +59,6 @@ LEAST_EFFECT = 1e-6
 USUAL_TRAVEL = 0.35
 """rad, where no position of the model shows the travel."""
 
-POSITIONS = {
-    "aileron": ("fcs/left-aileron-pos-rad", "fcs/right-aileron-pos-rad", "fcs/aileron-pos-rad"),
-    "elevator": ("fcs/elevator-pos-rad",),
-    "rudder": ("fcs/rudder-pos-rad",),
-}
 LARGEST_TRAVEL = 60.0 * DEG
 
 HELD = 3.0, 4.0
@@ -345,7 +338,7 @@ def _engines(
     propeller = settle > 0.0
     tables["engines"]["settle_s"] = settle
     full = settled(V, 1.0)
-    dead = [i for i in range(count) if not running[i]()]
+    dead = [i for i in range(count) if not (running[i]() or full[i] > 0.0)]
     if dead:
         raise Refusal(f"engine {dead[0] + 1} of {count} does not run after a start in flight")
     if not full.max() > 0.0:
@@ -455,15 +448,22 @@ def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
     sides = []
     for side in (-1.0, 1.0):
         effects = np.array([at(side * full * part)[0] - neutral for part in COMMANDS])
-        travel = max(
-            (abs(p - r) for p, r in zip(at(side * full)[1], rest, strict=True)), default=0.0
-        )
         slopes = np.diff(effects, prepend=0.0) / np.diff(COMMANDS, prepend=0.0)
         first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
         more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)
         last = len(more) if more.all() else int(np.argmin(more))
         usable = float(COMMANDS[last - 1]) if last else 0.0
-        sides.append((float(effects[-1]), travel, usable))
+        reach = [
+            max(
+                (abs(p - was) for p, was in zip(at(side * full * part)[1], rest, strict=True)),
+                default=0,
+            )
+            for part in (COMMANDS[0], usable)
+        ]
+        # Position at the whole command, and the part of it that is used: a command may be clipped.
+        whole = max(reach[0] / COMMANDS[0], reach[1] / usable) if usable else 0.0
+        used = reach[1] / whole if whole else usable
+        sides.append((float(effects[-1]), float(whole), float(used)))
     (effect_low, travel_low, usable_low), (effect_high, travel_high, usable_high) = sides
     if max(abs(effect_low), abs(effect_high)) < LEAST_EFFECT or not (usable_low and usable_high):
         how = max(abs(effect_low), abs(effect_high))

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from flighttune import __version__
+from flighttune.cli.adopt import adopt
 from flighttune.cli.aircraft import design, identify, trim
 from flighttune.cli.campaign import campaign
 from flighttune.cli.certificates import certify, verify
@@ -43,6 +44,7 @@ COMMANDS = {
         (verify, "verifying", "flighttune verify certificate.json"),
         (trim, "trimming", "flighttune trim aerosonde --V-a 25 --gamma 0"),
         (design, "designing", "flighttune design aerosonde --dry-run"),
+        (adopt, "adopting", "flighttune adopt 737"),
         (identify, "identifying", "flighttune identify aerosonde --V-a 25"),
     ],
     "Fly": [

@@ -23,6 +23,9 @@ from flighttune.tuning.robust import tune_worst_case
 from flighttune.tuning.tune import tune
 from flighttune.units import wrap_angle
 
+INTEGRAL_TIME = 4.0
+"""Of the course loop over the time by which a limited roll is late: design/roll_rate.md."""
+
 
 def tuning_problem(scenario: Scenario, *, rates: bool | None = None) -> TuningProblem:
     """The optimisation model for a scenario, on the model that its [tuning] names.
@@ -89,20 +92,21 @@ def identified_problems(scenario: Scenario, *, rates: bool = False) -> tuple[Tun
     )
 
 
-def _followed_roll(scenario: Scenario, one: DesignModel, rates: bool) -> float:
-    """Largest gain from course to roll that the rate limit of roll can follow; inf for any.
+def _followed_roll(scenario: Scenario, one: DesignModel, rates: bool) -> tuple[float, float]:
+    """Largest K_P and K_I from course to roll that the rate limit of roll can follow.
 
     From the largest bank phi, roll taken out at its largest rate and late by its lag turns the
-    course by ``g/V (phi^2 / (2 rate) + phi lag)`` on. That must not be more than the course error
-    which commands this bank, ``phi / K_P``: else every turn ends beyond its course, and in a limit
-    cycle.
+    course on by ``g/V phi T`` with ``T = phi / (2 rate) + lag``. That must not be more than the
+    course error that commands this bank, ``phi / K_P``: else every turn ends beyond its course, and
+    in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T.
     """
     limits = scenario.limits.limits()
     phi, rate = min(limits.upper[0], -limits.lower[0]), limits.rate_upper[0]
     if not scenario.tuning.roll_rate or not np.isfinite([phi, rate]).all():
-        return math.inf
-    turn_per_roll = 1.0 if rates else scenario.flight.g_mps2 / one.V_a
-    return 1.0 / (turn_per_roll * (phi / (2.0 * rate) + one.roll_lag))
+        return math.inf, math.inf
+    roll_per_turn = 1.0 if rates else one.V_a / scenario.flight.g_mps2
+    late = phi / (2.0 * rate) + one.roll_lag
+    return roll_per_turn / late, roll_per_turn / (INTEGRAL_TIME * late**2)
 
 
 def _problem(
@@ -110,13 +114,13 @@ def _problem(
     model: LinearModel,
     scaling: FloatArray | None,
     I_star: float,
-    roll_gain_max: float = math.inf,
+    roll_gains_max: tuple[float, float] = (math.inf, math.inf),
 ) -> TuningProblem:
     chi_ref, gamma_ref = scenario.followed().initial
     condition, settings = scenario.condition, scenario.tuning
     _, m, p = model.shape
     bound = np.full((m, 2 * p), settings.gain_max or LARGEST_GAIN)
-    bound[0, 0] = min(bound[0, 0], roll_gain_max)
+    bound[0, [0, p]] = np.minimum(bound[0, [0, p]], roll_gains_max)
     return TuningProblem(
         model=model,
         I_star=I_star,

@@ -40,6 +40,14 @@ DUTCH_ROLL_DAMPING = 0.7
 SIDE_FORCE = 1.0
 """Bandwidth at which the rudder takes the lateral load factor to zero, rad/s."""
 
+LEAST_WEATHERCOCK = 0.5
+"""Yaw acceleration by sideslip that the rudder makes up for, 1/s^2."""
+ACCELEROMETER = 0.015
+"""Delay of the lateral load factor, s: two samples and half a hold."""
+YAW_MARGIN = 1.3
+"""Factor on the gains at which the yaw loop is still stable."""
+LEAST_YAW_SHARE = 0.02
+
 LARGEST_DAMPER = 0.6
 """Largest gain from pitch rate to pitch acceleration over the bandwidth of the actuator."""
 
@@ -193,8 +201,8 @@ def inner_loop_gains(airframe: Airframe, design: Design) -> dict[str, float]:
 
 
 def _check_effects(airframe: Airframe) -> None:
-    positive = ("p_dot", "aileron"), ("u_dot", "throttle"), ("n_z", "alpha"), ("r_dot", "beta")
-    negative = ("q_dot", "elevator"), ("r_dot", "rudder")
+    positive = ("p_dot", "aileron"), ("u_dot", "throttle"), ("n_z", "alpha")
+    negative = ("q_dot", "elevator"), ("r_dot", "rudder"), ("n_y", "beta")
     for what, by in (*positive, *negative):
         slope = airframe.of(what, by)
         sign, word = (1.0, "positive") if (what, by) in positive else (-1.0, "negative")
@@ -284,18 +292,45 @@ def _yaw(airframe: Airframe) -> dict[str, float]:
     effect, weathercock = -of("r_dot", "rudder"), of("r_dot", "beta")
     side = of("n_y", "beta")
     damping = -of("r_dot", "r") - side * G_0 / airframe.V_a
-    goal = 2.0 * DUTCH_ROLL_DAMPING * math.sqrt(weathercock)
-    static = abs(side * effect / weathercock)
+    # An airframe without weathercock stability gets it from the lateral load factor.
+    lacking = max(0.0, LEAST_WEATHERCOCK - weathercock)
+    stiffness = weathercock + lacking
+    goal = 2.0 * DUTCH_ROLL_DAMPING * math.sqrt(stiffness)
+    static = abs(side * effect / stiffness)
     roll_k_ff = -of("p_dot", "p") / of("p_dot", "aileron")
     adverse = of("r_dot", "p") + of("r_dot", "aileron") * roll_k_ff
     k_r = max(0.0, goal - damping) / effect
     straight = adverse - G_0 / airframe.V_a + airframe.alpha * of("r_dot", "r")
+    k_p, k_i = 0.75 * SIDE_FORCE / static, SIDE_FORCE / static
+    k_p += lacking / abs(side * effect)
+    share = 1.0
+    while share > LEAST_YAW_SHARE and not _yaw_is_stable(airframe, k_r, share * k_p, share * k_i):
+        share *= 0.8
     return {
         "yaw/k_ff": straight / effect - airframe.alpha * k_r,
         "yaw/k_r": k_r,
-        "yaw/k_p": 0.75 * SIDE_FORCE / static,
-        "yaw/k_i": SIDE_FORCE / static,
+        "yaw/k_p": share * k_p,
+        "yaw/k_i": share * k_i,
     }
+
+
+def _yaw_is_stable(airframe: Airframe, k_r: float, k_p: float, k_i: float) -> bool:
+    """Whether sideslip and yaw rate are, behind actuator and accelerometer and with a margin."""
+    of, g_over_V = airframe.of, G_0 / airframe.V_a
+    beta, r, rudder, n_y, integral = range(5)
+    side, direct = of("n_y", "beta"), of("n_y", "rudder")
+    A = np.zeros((5, 5))
+    A[beta, [beta, r, rudder]] = g_over_V * side, -1.0, g_over_V * direct
+    A[r, [beta, r, rudder]] = of("r_dot", "beta"), of("r_dot", "r"), of("r_dot", "rudder")
+    A[rudder, [r, rudder, n_y, integral]] = np.array([k_r, -1.0, k_p, 1.0]) * ACTUATOR
+    A[n_y, [beta, rudder, n_y]] = np.array([side, direct, -1.0]) / ACCELEROMETER
+    A[integral, n_y] = k_i
+    for factor in (1.0, YAW_MARGIN):
+        scaled = A.copy()
+        scaled[rudder, [n_y, integral]] *= factor
+        if not np.linalg.eigvals(scaled).real.max() < 0.0:
+            return False
+    return True
 
 
 def _speed(airframe: Airframe, bandwidth: float) -> dict[str, float]:

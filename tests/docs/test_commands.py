@@ -50,6 +50,9 @@ NOT_RUN = {
     "flighttune design a4": "writes into the package",
     "flighttune design aerosonde": "writes into the package, without --dry-run",
     "flighttune design c172p": "writes into the package",
+    "flighttune adopt models/mine.xml": "a model of the reader's own",
+    "flighttune design mine": "an aircraft of the reader's own",
+    "flighttune identify mine": "an aircraft of the reader's own",
     "flighttune compare baseline/paper": "files of the reader's own",
     "flighttune report runs/mine": "of the flight of a page's Python",
 }

@@ -47,6 +47,9 @@ MOTIONS = [
 ]
 
 EARTH = Path(__file__).with_name("earth.xml")
+_BOTH_MAGNETOS = 3.0
+_STARTING = 8.0
+"""Time that the starter turns a piston engine, s."""
 
 
 @lru_cache(maxsize=1024)
@@ -152,7 +155,16 @@ class Fdm:
 
     def start_engines(self) -> None:
         """Start those that do not run, at the airspeed and throttle there are."""
-        # -1 starts all engines at once; those that run already do not notice.
+        if all(read() for read in self._running):
+            return
+        if self.has("propulsion/magneto_cmd"):
+            self.writer("propulsion/active_engine")(-1.0)
+            self.writer("propulsion/magneto_cmd")(_BOTH_MAGNETOS)
+            self.writer("propulsion/starter_cmd")(1.0)
+            self.hold(_STARTING)
+            self.writer("propulsion/starter_cmd")(0.0)
+        # JSBSim's own start goes to a steady state in steps of half a second, in which some
+        # propellers stop: it comes last. -1 means all engines.
         if not all(read() for read in self._running):
             self.writer("propulsion/set-running")(-1.0)
 

@@ -91,6 +91,15 @@ def source_folders(config: AircraftConfig) -> ModelFolders:
     return ModelFolders(file.parent, engines, systems, file.stem)
 
 
+def models_of_jsbsim() -> list[str]:
+    """Names of the models in JSBSim's own set."""
+    import jsbsim
+
+    folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
+    found = [one.name for one in folder.iterdir() if (one / f"{one.name}.xml").is_file()]
+    return sorted(found, key=str.lower)
+
+
 def main_root(config: AircraftConfig) -> Element:
     """The root of a model's main file.
 

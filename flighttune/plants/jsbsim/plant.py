@@ -146,10 +146,13 @@ class JSBSimPlant:
         from flighttune.plants.jsbsim.air import carry_along, weather_step
         from flighttune.plants.jsbsim.fdm import Fdm
         from flighttune.plants.jsbsim.guard import Guard
+        from flighttune.plants.jsbsim.load_check import check_moves
         from flighttune.plants.jsbsim.signal_reader import signal_reader
         from flighttune.plants.jsbsim.trim import trim
 
         self._observe = self._write_phi_cmd = _not_started
+        inner_loop_settings(self.config)  # refuses gains of another model
+        check_moves(self.config)
         self.fdm = fdm = Fdm(self.config, steps=self._steps, ground=self._ground)
         self._write_settings(fdm)
         point = trim(fdm, condition)

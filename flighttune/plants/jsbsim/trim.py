@@ -142,6 +142,9 @@ _STEPS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 3e-4)
 its thrust has kinks. The unknown that the engine follows comes last.
 """
 
+_THROTTLES = (0.6, 0.85, 0.45, 0.15)
+"""Where else a search begins, as shares of the way from the closed throttle to the open one."""
+
 _MOST_STEPS = 60
 """Steps of least squares."""
 
@@ -184,15 +187,7 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
         raise InputError(f"`{name}` {fault}.")
     problem = _TrimProblem(fdm, condition)
     start = problem.start
-    x = None
-    if not thrust_short:
-        x = interior_root(
-            problem.residuals,
-            start,
-            (problem.lower, problem.upper),
-            widths=problem.widths,
-            enough=_SETTLED if fdm.engine_settles else 0.0,
-        )
+    x = None if thrust_short else problem.root(start)
     c = condition
     none = (
         f"{fdm.config.file}: no steady flight at V_a {c.V_a:g} m/s, h {c.h:g} m, "
@@ -227,6 +222,7 @@ class _TrimProblem:
             fdm.config.engines.throttle,
         )
         self.lower, self.upper = np.array(intervals).T
+        self.enough = _SETTLED if fdm.engine_settles else 0.0
         span = self.upper - self.lower
         self.widths = np.array(_STEPS) if fdm.engine_settles else _DIFFERENCE * span
         alpha = 0.05 * math.cos(condition.gamma) / math.cos(condition.phi)
@@ -262,16 +258,34 @@ class _TrimProblem:
         rest = [measured[name] for name in ("p_dot", "q_dot", "r_dot", "n_y")]
         return np.array(linear + rest)
 
+    def root(self, start: FloatArray) -> FloatArray | None:
+        """Return the steady flight that Newton's method finds from `start`, if it does."""
+        return interior_root(
+            self.residuals,
+            start,
+            (self.lower, self.upper),
+            widths=self.widths,
+            enough=self.enough,
+        )
+
     def best_compromise(self, start: FloatArray) -> FloatArray:
         """Return the least squares of `residuals` within the bounds.
 
         Most flights that cannot be trimmed lack thrust or have too much of it, so that the throttle
-        is tried at its stops first. An engine that takes its time then settles once only.
+        is tried at its stops first. An engine that takes its time then settles once only. Where
+        full throttle is enough, the root is looked for from other throttles as well: thrust may
+        fall with the throttle before it grows.
         """
         from scipy.optimize import least_squares  # takes as long to import as all the rest
 
         span = self.upper - self.lower
         for stop, sense in ((self.upper[-1], -1.0), (self.lower[-1], 1.0)):
+            if stop == self.lower[-1]:
+                starts = (np.append(start[:-1], stop + share * span[-1]) for share in _THROTTLES)
+                roots = (self.root(other) for other in starts)
+                found = next((x for x in roots if x is not None), None)
+                if found is not None:
+                    return found
             at_stop = least_squares(
                 lambda six, stop=stop: self.residuals(np.append(six, stop)),
                 start[:-1],

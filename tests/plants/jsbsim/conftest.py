@@ -16,6 +16,11 @@ from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.shipped import aircraft_folder
 
 
+@pytest.fixture(name="of_this_model")
+def of_this_model_fixture():
+    return of_this_model
+
+
 def of_this_model(folder):
     """Let the gains in a folder be those of its model as it is now."""
     config = load_aircraft(folder)

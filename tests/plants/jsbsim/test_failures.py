@@ -121,9 +121,10 @@ def test_state_that_is_no_number_stops_the_flight(changed_aircraft):
     # Zero times one over the seconds left until t = 1 s: not a number there, and ever after.
     folder = with_channel(
         changed_aircraft,
-        '<fcs_function name="x/lost"> <function> <product> <value> 0 </value> <sqrt> <difference>'
-        "<value> 1 </value> <property> simulation/sim-time-sec </property> </difference> </sqrt>"
-        "</product> </function> <output> fcs/rudder-pos-rad </output> </fcs_function>",
+        '<fcs_function name="x/lost"> <function> <sum> <property> ft/rudder-rad </property>'
+        "<product> <value> 0 </value> <sqrt> <difference> <value> 1 </value>"
+        "<property> simulation/sim-time-sec </property> </difference> </sqrt>"
+        "</product> </sum> </function> <output> fcs/rudder-pos-rad </output> </fcs_function>",
     )
     plant = started(folder)
 

@@ -1,0 +1,145 @@
+"""The command that makes an aircraft of a model of JSBSim's."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
+
+from flighttune.cli.options import JsonOption
+from flighttune.cli.progress import raise_on_interrupt
+from flighttune.cli.show import INTERRUPTED, NO, emit, fail, quiet, table, tell
+from flighttune.errors import InputError
+from flighttune.present.tables import Table
+
+if TYPE_CHECKING:
+    from flighttune.adopt.adopt import Adoption
+
+
+def adopt(
+    model: Annotated[
+        str | None,
+        Argument(
+            metavar="[MODEL|FILE.xml]",
+            help="An aircraft of JSBSim's own set, or the main file of one.",
+            show_default=False,
+        ),
+    ] = None,
+    V_a: Annotated[
+        float | None, Option("--V-a", help="Airspeed in m/s [default: chosen by the model].")
+    ] = None,
+    h: Annotated[float, Option("--h", help="Height above sea level in m.")] = 1000.0,
+    all_models: Annotated[
+        bool, Option("--all", help="Adopt JSBSim's whole set into folders, with one table.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        Option(
+            "--out", help="Folder to write to [default: aircraft/MODEL; runs/hangar with --all]."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Make an aircraft of a model of JSBSim's: find its surfaces and engines, tune it and fly it.
+
+    Surfaces, engines and airspeed are found by experiment; the inner loop is designed, flown and
+    identified, the outer loop is tuned on that, and both are flown in a turn against the paper's
+    gains scaled with airspeed.
+    """
+    if (model is None) == (not all_models):
+        raise InputError("adopt takes a model, or --all.")
+    try:
+        with raise_on_interrupt():
+            if model is None:
+                _adopt_all(out or Path("runs") / "hangar", h, as_json=as_json)
+            else:
+                _adopt_one(model, V_a, h, out, as_json=as_json)
+    except KeyboardInterrupt:
+        fail("interrupted; what is written is whole", INTERRUPTED)
+
+
+def _adopt_one(model: str, V_a: float | None, h: float, out: Path | None, *, as_json: bool) -> None:
+    from flighttune.adopt.adopt import adopt as adopted
+    from flighttune.adopt.page import write_adoption
+
+    folder = out or Path("aircraft") / Path(model).stem
+    found = adopted(model, folder, V_a=V_a, h=h, say=_progress)
+    page = write_adoption(found) if found.folder else None
+    emit(answer_of(found) | {"page": page}, _text(found, page), as_json=as_json)
+    if found.status != "adopted":
+        fail(f"{model}: {found.status}: {found.reason}", NO)
+
+
+def _adopt_all(out: Path, h: float, *, as_json: bool) -> None:
+    from flighttune.adopt.hangar import TABLE, Hangar, counts, hangar_text
+    from flighttune.plants.jsbsim.model_files import models_of_jsbsim
+    from flighttune.whole_file import made_folder, whole_file
+
+    hangar = Hangar(made_folder(out), h)
+
+    def seen(one: dict[str, Any]) -> None:
+        reason = f": {one['reason']}" if one["reason"] else ""
+        _progress(f"{one['model']}: {one['status']}{reason}")
+
+    answers = hangar.adopt_all(models_of_jsbsim(), seen)
+    with whole_file(out / TABLE) as part:
+        part.write_text(hangar_text(answers), encoding="utf-8")
+    emit(
+        {"models": answers, "table": out / TABLE},
+        [counts(answers), f"table: {out / TABLE}"],
+        as_json=as_json,
+    )
+
+
+def _progress(line: str) -> None:
+    if not quiet():
+        tell(line)
+
+
+def answer_of(found: "Adoption") -> dict[str, Any]:
+    """An adoption as plain values; angles in deg."""
+    return {
+        "status": found.status,
+        "reason": found.reason,
+        "folder": found.folder,
+        "V_a_mps": found.V_a,
+        "engines": found.engines,
+        "fit_percent": dict(found.fit_percent),
+        "flown": {
+            name: {
+                "status": flight["status"],
+                "ITAE": {c: flight[c]["ITAE"] for c in ("chi", "gamma") if c in flight},
+                "ST_deg": {
+                    c: math.degrees(flight[c]["ST"]) for c in ("chi", "gamma") if c in flight
+                },
+            }
+            for name, flight in found.flown.items()
+        },
+        "notes": found.notes,
+        "seconds": found.seconds,
+    }
+
+
+def _text(found: "Adoption", page: Path | None) -> Iterator[Table | str]:
+    if found.flown:
+        rows = [
+            (
+                name,
+                flight["status"],
+                *(
+                    f"{flight[c][measure] * unit:.3g}" if c in flight else "-"
+                    for measure, unit in (("ITAE", 1.0), ("ST", math.degrees(1.0)))
+                    for c in ("chi", "gamma")
+                ),
+            )
+            for name, flight in found.flown.items()
+        ]
+        head = ("gains", "flight", "ITAE χ", "ITAE γ", "ST χ deg", "ST γ deg")
+        yield table(f"{found.name} at {found.V_a:.0f} m/s: turn of 20 deg, climb of 3", head, rows)
+        fits = ", ".join(f"{name} {fit:.1f} %" for name, fit in found.fit_percent.items())
+        yield f"fit of the identified lags: {fits}"
+    yield from found.notes
+    yield f"{found.status} in {found.seconds:.0f} s"
+    if found.folder:
+        yield f"aircraft: {found.folder}   page: {page}"

@@ -1,0 +1,123 @@
+"""Check of an aircraft before its first flight: engines push, surfaces move what they should."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.errors import PlantError
+from flighttune.plants.jsbsim.bench import AirframeState, Bench
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.units import DEG
+
+EFFECTS = {"aileron": ("p_dot", 1.0), "elevator": ("q_dot", -1.0), "rudder": ("r_dot", -1.0)}
+"""Acceleration that a surface is for, and the sign of it by a positive position."""
+
+POSITIONS = {
+    "aileron": ("fcs/left-aileron-pos-rad", "fcs/right-aileron-pos-rad", "fcs/aileron-pos-rad"),
+    "elevator": ("fcs/elevator-pos-rad",),
+    "rudder": ("fcs/rudder-pos-rad",),
+}
+"""Where a model may show the position of a surface."""
+
+TRAVEL = 0.02
+"""Share by which the travel of a model may differ from its file."""
+
+LAST_HALF = 0.1
+"""Share of the effect of half the travel that the other half must have at least."""
+
+SMALL = 1e-6
+"""Position (rad) and acceleration (rad/s^2) that count as none."""
+
+ALPHA, HEIGHT, FULL = 3.0 * DEG, 1000.0, 0.95
+"""Flight in which an aircraft is checked: angle of attack, height and throttle."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """An aircraft: equal while its model and what its file says about it are the same."""
+
+    config: AircraftConfig = field(compare=False)
+    model: str
+    surfaces: str
+
+
+def check_moves(config: AircraftConfig) -> None:
+    """Refuse an aircraft that does not do what its file says.
+
+    What this process has checked once is not checked again while the files stay.
+
+    Parameters
+    ----------
+    config : AircraftConfig
+
+    Raises
+    ------
+    PlantError
+        If an engine does not run or push, a surface does not move what it should or has no effect
+        over the last half of its travel, or its travel differs from the file.
+    """
+    nominal = config.with_off_nominal(None)
+    fault = _fault(_Checked(nominal, model_hash(config), config.fingerprint))
+    if fault:
+        raise PlantError(f"{config.file}: {fault}.")
+
+
+@lru_cache(maxsize=256)
+def _fault(checked: _Checked) -> str:
+    config = checked.config
+    fdm = Fdm(config)
+    low, high = config.envelope.V_a
+    V_a = config.design.V_a if config.design else 0.5 * (low + high)
+    bench = Bench(fdm, config.design.h if config.design else HEIGHT)
+    none = dict.fromkeys(AirframeState.__slots__, 0.0)
+    level = AirframeState(**none | {"V_a": V_a, "alpha": ALPHA, "theta": ALPHA})
+    level = replace(level, throttle=FULL * config.engines.throttle[1])
+    return next(_engine_faults(fdm, bench, level), "") or next(
+        _surface_faults(fdm, bench, level), ""
+    )
+
+
+def _engine_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str]:
+    count = fdm.config.engines.count
+    if fdm.has(f"propulsion/engine[{count}]/set-running"):
+        yield f"[engines] `count` must be that of the model, which has more, got {count}"
+    bench.accelerations(level)
+    for i in range(count):
+        if not fdm.reader(f"propulsion/engine[{i}]/thrust-lbs")() > 0.0:
+            runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
+            how = "runs and does not" if runs else "does not start"
+            yield f"[engines] engine {i + 1} of {count} must push at full throttle, it {how}"
+
+
+def _surface_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str]:
+    for name, surface in fdm.config.surfaces.named():
+        what, sign = EFFECTS[name]
+        shown = [fdm.reader(one) for one in POSITIONS[name] if fdm.has(one)]
+        neutral = bench.accelerations(level)[what]
+        rest = [read() for read in shown]
+        for stop in surface.travel:
+            halfway = bench.accelerations(replace(level, **{name: 0.5 * stop}))[what] - neutral
+            whole = bench.accelerations(replace(level, **{name: stop}))[what] - neutral
+            moved = max(
+                (abs(read() - was) for read, was in zip(shown, rest, strict=True)), default=0
+            )
+            if not math.isfinite(whole):
+                return  # the trim says so
+            key = f"[surfaces] `{name}`"
+            if not sign * stop * whole > SMALL * abs(stop):
+                yield (
+                    f"{key} must {'raise' if sign * stop > 0.0 else 'lower'} {what} at "
+                    f"{stop / DEG:.3g} deg, got {whole:.2g} rad/s2"
+                )
+            if abs(whole) < (1.0 + LAST_HALF) * abs(halfway):
+                yield (
+                    f"{key} must have an effect up to {stop / DEG:.3g} deg, it is saturated at half"
+                )
+            if not surface.replaces and moved > SMALL and abs(moved / abs(stop) - 1.0) > TRAVEL:
+                yield (
+                    f"{key} must move to {abs(stop) / DEG:.3g} deg as `travel_deg` says, the model "
+                    f"moves it by {moved / DEG:.3g} deg"
+                )

@@ -1,0 +1,204 @@
+"""A model of JSBSim's becomes an aircraft: what is found, what is refused, what is written."""
+
+import json
+import math
+import re
+import shutil
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+import pytest
+from commands import answer, flighttune
+
+from flighttune.adopt.hangar import hangar_text
+from flighttune.adopt.survey import survey
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.plants.jsbsim.model_files import models_of_jsbsim
+from flighttune.shipped import aircraft_folder
+
+ROOT = Path(jsbsim.get_default_root_dir())
+DEG = math.pi / 180.0
+CENTIDEGREE = 0.01
+
+
+@pytest.fixture(scope="module")
+def adopted(tmp_path_factory):
+    """The T-38, adopted by the command."""
+    folder = tmp_path_factory.mktemp("hangar") / "T38"
+    return folder, answer("adopt", "T38", "--out", folder)
+
+
+@pytest.mark.slow
+def test_a_jet_is_adopted(adopted):
+    folder, found = adopted
+
+    assert found["status"] == "adopted"
+    assert found["reason"] == ""
+    assert found["engines"] == 2
+    assert min(found["fit_percent"].values()) >= 90.0
+    tuned, paper = found["flown"]["tuned"], found["flown"]["paper"]
+    assert tuned["status"] == "completed"
+    assert tuned["ST_deg"]["chi"] <= 0.5
+    for channel in ("chi", "gamma"):
+        assert tuned["ITAE"][channel] < paper["ITAE"][channel]
+    assert {one.name for one in folder.iterdir()} == {
+        *("aircraft.toml", "gains.json", "identified.json", "turn.toml"),
+        *("adoption.json", "adoption.html"),
+    }
+    page = (folder / "adoption.html").read_text(encoding="utf-8")
+    assert "Is it adopted?" in page
+
+
+@pytest.mark.slow
+def test_other_commands_take_the_folder(adopted, tmp_path):
+    folder, found = adopted
+
+    flown = answer("fly", folder / "turn.toml", "--out", tmp_path / "out")
+    tuned = flown["runs"][0]
+
+    assert tuned["metrics"]["chi"]["ITAE"] == pytest.approx(found["flown"]["tuned"]["ITAE"]["chi"])
+    assert answer("trim", folder, "--V-a", found["V_a_mps"], "--gamma", 0)["trims"][0]["trim"]
+
+
+@pytest.mark.slow
+def test_the_airspeed_is_that_of_a_trim_by_jsbsim_itself(adopted):
+    folder, found = adopted
+    V_a = found["V_a_mps"]
+    ours = answer("trim", folder, "--V-a", V_a, "--gamma", 0)["trims"][0]["trim"]
+    fdm = jsbsim.FGFDMExec(str(ROOT))
+    fdm.set_debug_level(0)
+    fdm.load_model("T38")
+    fdm["ic/h-sl-ft"] = 1000.0 / 0.3048
+    fdm["ic/vt-fps"] = V_a / 0.3048
+    fdm["gear/gear-cmd-norm"] = 0.0
+    fdm.run_ic()
+    fdm["propulsion/set-running"] = -1
+    fdm["simulation/do_simple_trim"] = 1
+
+    assert ours["alpha_deg"] == pytest.approx(fdm["aero/alpha-deg"], abs=10.0 * CENTIDEGREE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("model", "surface", "travel_deg"),
+    [
+        ("c172p", "elevator", (-28.0, 23.0)),  # aerosurface scale of its flight control
+        ("c172p", "rudder", (-16.0, 16.0)),
+        ("A4", "elevator", (-0.35 / DEG, 0.30 / DEG)),
+        ("737", "rudder", (-0.35 / DEG, 0.35 / DEG)),
+    ],
+)
+def test_travel_is_found_as_the_model_has_it(tmp_path, model, surface, travel_deg):
+    found = survey(model, tmp_path, h=1000.0).tables["surfaces"][surface]
+
+    assert found["travel_deg"] == pytest.approx(travel_deg, abs=5.0 * CENTIDEGREE)
+
+
+def test_a_clipped_command_is_used_as_far_as_it_goes(tmp_path):
+    rudder = survey("A4", tmp_path, h=1000.0).tables["surfaces"]["rudder"]
+
+    # The A-4's flight control clips the rudder command to 0.35 of the travel of 0.35 rad.
+    assert rudder["full_rad"] == pytest.approx([-0.35, 0.35], rel=0.02)
+    assert max(rudder["travel_deg"]) == pytest.approx(0.35 * 0.35 / DEG, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("model", "sentence"),
+    [
+        ("SGS", "it has no engine: no steady level flight"),
+        ("ball", "no lift or normal-force axis"),
+        ("weather-balloon", "carried by buoyancy"),
+        ("J246", "lack a moment axis: ROLL, PITCH, YAW"),
+        ("paraglider", "lift does not grow with alpha"),
+        ("OV10", r"thrust is below its drag at every airspeed: at best 0\.9\d of the drag"),
+        ("wrightFlyer1903", "its rudder command .* moves nothing"),
+    ],
+)
+def test_what_is_no_case_is_refused_in_one_sentence(tmp_path, model, sentence):
+    out, err = flighttune("adopt", model, "--out", tmp_path / model, "--json", status=1)
+    found = json.loads(out)
+
+    assert found["status"] == "refused"
+    assert re.search(sentence, found["reason"])
+    assert found["folder"] is None
+    assert not (tmp_path / model).exists()
+    assert err.splitlines()[-1].startswith(f"flighttune: {model}: refused: ")
+
+
+@pytest.mark.slow
+def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
+    shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "models")
+    for file in (tmp_path / "models").glob("*.json"):
+        file.unlink()
+
+    found = answer("adopt", tmp_path / "models/aerosonde.xml", "--out", tmp_path / "mine")
+
+    # Its published lift slope of 5.61 and largest C_L of 1.5 at 1000 m: the stall.
+    stall = math.sqrt(2.0 * 11.0 * 9.80665 / (1.11164 * 0.55 * 1.5))
+    assert found["status"] == "adopted"
+    assert found["V_a_mps"] == pytest.approx(1.6 * stall, rel=0.02)
+    # It has no flight control: its aerodynamics read positions that nothing else writes.
+    assert "its flight control is passed by" in found["notes"][0]
+    assert load_aircraft(tmp_path / "mine").model == "../models/aerosonde.xml"
+
+
+@pytest.mark.parametrize(("arguments", "status"), [((), 2), (("737", "--all"), 2)])
+def test_a_model_or_all_of_them(arguments, status):
+    _, err = flighttune("adopt", *arguments, status=status)
+
+    assert err == "flighttune: adopt takes a model, or --all.\n"
+
+
+def test_a_model_that_is_not_there_is_one_line(tmp_path):
+    _, err = flighttune("adopt", "concorde9", "--out", tmp_path / "x", status=1)
+
+    assert "`model` must be shipped with jsbsim" in err.splitlines()[-1]
+    assert not (tmp_path / "x").exists()
+
+
+def test_the_table_has_a_row_for_every_model():
+    answers = [
+        {"model": "a", "status": "refused", "reason": "no|engine"},
+        {
+            "model": "b", "status": "adopted", "reason": "", "engines": 2, "V_a_mps": 100.0,
+            "fit_percent": {"phi": 99.0, "n_z": 98.0}, "seconds": 2.0, "notes": ["x"],
+            "flown": {
+                "tuned": {"status": "completed", "ITAE": {"chi": 1.0, "gamma": 0.5}},
+                "paper": {"status": "left_envelope", "ITAE": {"chi": 2.0, "gamma": 1.0}},
+            },
+        },
+    ]  # fmt: skip
+
+    text = hangar_text(answers)
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
+
+    assert "1 adopted, 0 flies, 1 refused, of 2" in text
+    assert rows[1] == (
+        "| b | adopted | 2 | 100 | 99.0 / 98.0 | 1 / 0.5 | 2 / 1 (left envelope) | 2 | x |"
+    )
+    assert rows[2].endswith("| no/engine |")
+
+
+def test_the_table_of_the_docs_names_every_model_of_the_wheel():
+    text = (Path(__file__).parents[2] / "docs/hangar.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| ")][1:]
+    status = {name.strip(): status.strip() for name, status in rows}
+
+    assert set(status) == set(models_of_jsbsim())
+    assert list(status.values()).count("adopted") >= 30
+    for name in ("737", "A320", "c182", "DHC6", "J3Cub", "T38", "B747"):
+        assert status[name] == "adopted", name
+    assert status["f16"] in ("adopted", "flies")
+
+
+ADOPTED = sorted(one.name for one in (Path(__file__).parents[1] / "adopted").iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ADOPTED)
+def test_an_adopted_aircraft_can_be_loaded_and_has_gains(name):
+    config = load_aircraft(Path(__file__).parents[1] / "adopted" / name)
+
+    assert config.gains is not None
+    assert np.isfinite(list(config.gains.gains.values())).all()

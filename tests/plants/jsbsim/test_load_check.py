@@ -1,0 +1,82 @@
+"""Silent wrong physics: found before the first flight, and said in one line."""
+
+import re
+import shutil
+
+import pytest
+
+from flighttune.errors import PlantError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.shipped import aircraft_folder
+
+
+@pytest.fixture
+def changed(tmp_path, of_this_model):
+    def changed(name, pattern, replacement):
+        """Return a copy of an aircraft's folder with a text in its ``aircraft.toml`` replaced."""
+        folder = shutil.copytree(aircraft_folder(name), tmp_path / name)
+        file = folder / "aircraft.toml"
+        text, count = re.subn(pattern, replacement, file.read_text(), count=1)
+        assert count == 1
+        file.write_text(text)
+        of_this_model(folder)
+        return folder
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern", "replacement", "message"),
+    [
+        ("a4", '"A4"', '"737"', r"\[engines\] `count` must be that of the model, which has more"),
+        (
+            "a4", r"\[engines\]\n|\[envelope\]", "[engines]\ncount = 2\n\n[envelope]",
+            r"must have the property `propulsion/engine\[1\]/set-running`",
+        ),
+        (
+            "c172p", r"travel_deg = \[-28.0, 23.0\], full_rad = \[-0.4886, 0.40135\]",
+            "travel_deg = [-20.0, 15.0], full_rad = [-0.35, 0.26]",
+            r"`elevator` must move to 20 deg as `travel_deg` says, the model moves it by 27\.9 deg",
+        ),
+        (
+            "c172p", r"full_rad = \[-0.2792, 0.2792\]", "full_rad = [0.2792, -0.2792]",
+            r"`rudder` must raise r_dot at -16 deg, got -",
+        ),
+        (
+            "a4", r"travel_deg = \[-7.0, 7.0\]", "travel_deg = [-20.0, 20.0]",
+            r"`rudder` must have an effect up to -20 deg, it is saturated at half",
+        ),
+        (
+            "aerosonde", '"fcs/rudder-pos-rad"', '"fcs/speedbrake-pos-rad"',
+            r"`rudder` must raise r_dot at -25 deg, got 0 rad/s2",
+        ),
+        (
+            "aerosonde", r'command = "fcs/throttle-pos-norm"', 'command = "fcs/flap-cmd-norm"',
+            r"engine 1 of 1 must push at full throttle",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_not_as_the_file_says_is_named(changed, name, pattern, replacement, message):
+    folder = changed(name, pattern, replacement)
+
+    with pytest.raises(PlantError, match=message) as error:
+        JSBSimPlant(folder).start(FlightCondition(V_a=150.0 if name == "a4" else 50.0))
+    assert "\n" not in str(error.value)
+
+
+def test_gains_of_another_model_are_refused(changed):
+    folder = changed("a4", "title", "title")
+    file = folder / "aircraft.toml"
+    file.write_text(file.read_text().replace('"A4"', '"T38"'))
+
+    with pytest.raises(PlantError, match=r"gains\.json: must be made for the model"):
+        JSBSimPlant(folder).start(FlightCondition(V_a=200.0))
+
+
+def test_an_aircraft_without_gains_says_what_writes_them(changed):
+    folder = changed("a4", "title", "title")
+    (folder / "gains.json").unlink()
+
+    with pytest.raises(PlantError, match=r"gains\.json: must be there; `flighttune design`"):
+        JSBSimPlant(folder).start(FlightCondition(V_a=200.0))

@@ -1,0 +1,71 @@
+"""An aircraft is found beside the scenario, in ./aircraft, in the user's folder, or shipped."""
+
+import shutil
+
+import pytest
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.errors import InputError
+from flighttune.scenario.load import load_scenario
+from flighttune.shipped import OWN_AIRCRAFT, aircraft_folder, scenario_files
+
+
+@pytest.fixture
+def places(tmp_path, monkeypatch):
+    """A working directory and a folder of the user's, both empty."""
+    work, own = tmp_path / "work", tmp_path / "own"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    monkeypatch.setenv(OWN_AIRCRAFT, str(own))
+    return work / "aircraft", own
+
+
+def copied(place, name="aerosonde"):
+    return shutil.copytree(aircraft_folder("aerosonde"), place / name)
+
+
+def test_the_nearest_place_counts(places):
+    shipped = aircraft_folder("aerosonde")
+    here, own = places
+
+    copied(own)
+    assert load_aircraft("aerosonde").folder == own / "aerosonde"
+
+    copied(here)
+    assert load_aircraft("aerosonde").folder == here / "aerosonde"
+
+    shutil.rmtree(here)
+    shutil.rmtree(own)
+    assert load_aircraft("aerosonde").folder == shipped
+
+
+def test_beside_the_scenario_comes_first_and_the_label_stays_short(places, tmp_path):
+    here, _ = places
+    copied(here, "mine")
+    beside = copied(tmp_path / "scenarios", "mine")
+    text = scenario_files()["paper"].read_text(encoding="utf-8")
+    file = tmp_path / "scenarios" / "turn.toml"
+    file.write_text(text.replace('"aerosonde"', '"mine"'), encoding="utf-8")
+
+    plant = next(one for one in load_scenario(file).plant if one.aircraft)
+
+    assert load_aircraft(plant.aircraft).folder == beside
+    assert plant.label == "jsbsim:mine"
+
+
+def test_a_path_in_a_scenario_is_taken_from_its_folder(places, tmp_path):
+    beside = copied(tmp_path / "scenarios", "mine")
+    text = scenario_files()["paper"].read_text(encoding="utf-8")
+    file = tmp_path / "scenarios" / "turn.toml"
+    file.write_text(text.replace('"aerosonde"', '"./mine"'), encoding="utf-8")
+
+    plant = next(one for one in load_scenario(file).plant if one.aircraft)
+
+    assert load_aircraft(plant.aircraft).folder == beside
+
+
+def test_a_name_that_is_nowhere_is_answered_with_those_there_are(places):
+    copied(places[0], "mine")
+
+    with pytest.raises(InputError, match="must be one of a4, aerosonde, c172p, mine, or a folder"):
+        load_aircraft("yours")
