@@ -17,7 +17,6 @@ from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.flight.fly import fly
 from flighttune.paper.style import RC
 from flighttune.present.palette import HUES, INK, NEUTRAL
-from flighttune.report.identification import save_figure
 from flighttune.scenario import load_scenario
 from flighttune.shipped import campaign_files
 from flighttune.simulate.run import Run
@@ -117,4 +116,4 @@ def figure(runs: dict[str, Run], found: dict[str, tuple[float, float, float]]) -
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
-        save_figure(figure(flown(), shares(Path(scratch))), FILE)
+        figure(flown(), shares(Path(scratch))).savefig(FILE, dpi=110)

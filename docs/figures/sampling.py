@@ -23,7 +23,6 @@ from flighttune.identify.model import design_model
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 from flighttune.present.palette import HUES, NEUTRAL
-from flighttune.report.identification import save_figure
 from flighttune.scenario import load_scenario
 from flighttune.simulate.loop import simulate
 from flighttune.simulate.reference import Reference
@@ -367,4 +366,4 @@ def sampled_response(
 
 if __name__ == "__main__":
     steps = sampled_steps(AIRCRAFT, gain_sets(), V_a=V_A)
-    save_figure(sampling_figure(steps), Path(__file__).parents[1] / "sampling.png")
+    sampling_figure(steps).savefig(Path(__file__).parents[1] / "sampling.png", dpi=110)

@@ -94,10 +94,10 @@ def design(
         raise InputError(f"{aircraft}: --out must be given for an aircraft that is shipped.")
     written = None
     if not (dry_run or designed.missed):
-        from flighttune.identify.step_figure import draw_steps
+        from flighttune.identify.step_figure import FILE_NAME, step_figure
 
-        written = save_gains(gains, place)
-        figure = draw_steps(config, designed.checks, place)
+        written, figure = save_gains(gains, place), place / FILE_NAME
+        step_figure(config, designed.checks).save(figure)
     answer = {
         "written": written,
         "figure": figure,
@@ -144,7 +144,7 @@ def identify(
     from flighttune.aircraft.aircraft import load_aircraft
     from flighttune.identify.file import FILE_NAME, identified_tables, save_identified
     from flighttune.identify.identify import identify_aircraft
-    from flighttune.report.identification import identification_figure, save_figure
+    from flighttune.report.identification import identification_figure
 
     check_ending(out, ".json")
     angles = [angle * DEG for angle in gamma or (0.0,)]
@@ -153,10 +153,10 @@ def identify(
     folder = load_aircraft(aircraft).folder
     shipped = Path("runs") / "identified" / f"{name}.json"
     model = out or (shipped if is_shipped(folder) else folder / FILE_NAME)
-    figure = model.with_suffix(".png")
+    figure = model.with_suffix(".svg")
     place = f"{name} at {nominal.condition.V_a:g} m/s, {nominal.condition.gamma / DEG:g} deg"
     save_identified(found.identified, model)
-    save_figure(identification_figure(nominal, place), figure)
+    identification_figure(nominal, place).save(figure)
     tables = identified_tables(found.identified)
     answer = {
         "aircraft": tables["aircraft"],

@@ -25,7 +25,7 @@ Ticks: TypeAlias = Sequence[tuple[float, str]]
 WIDTH, HEIGHT = 460.0, 236.0
 """Of a chart in pixels; a page scales it to its column."""
 
-LEFT, RIGHT, TOP, BOTTOM = 54.0, 10.0, 8.0, 36.0
+LEFT, RIGHT, TOP, BOTTOM = 58.0, 10.0, 8.0, 36.0
 HEAD_AND_FOOT = TOP + BOTTOM
 ROOM = 0.05
 """Part of the height of an axis left free above and below what is drawn."""
@@ -381,7 +381,7 @@ class Chart:
         middle = TOP + a.height / 2.0
         if self.y:
             labels.append(
-                f'<text transform="translate(11 {middle:.1f}) rotate(-90)" '
+                f'<text transform="translate(10 {middle:.1f}) rotate(-90)" '
                 f'text-anchor="middle">{escape(self.y)}</text>'
             )
         labels.append(
@@ -637,7 +637,7 @@ def dashes(style: LineStyle) -> str:
     return DASHED if style.dashed else ""
 
 
-LETTER = 6.2
+LETTER = 6.7
 """Width of a letter in pixels, roughly."""
 
 

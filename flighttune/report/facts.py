@@ -35,7 +35,7 @@ LATE = 0.75
 SMALLEST_ITAE = 0.05
 """ITAE from which on a ratio is meaningful, rad s^2."""
 
-FRONTIER_POINTS = 12
+FRONTIER_POINTS = 9
 LONGEST_LADDER = 6_000
 """Longest aircraft run for which the ladder is flown: beyond it a report would take minutes."""
 

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 def jet(tmp_path):
     """A copy of the jet."""
     shutil.copytree(aircraft_folder("a4"), tmp_path / "a4")
-    (tmp_path / "a4/step_responses.png").unlink()
+    (tmp_path / "a4/step_responses.svg").unlink()
     return tmp_path / "a4"
 
 
@@ -31,7 +31,7 @@ def test_design_writes_gains_and_figure_and_does_so_again(jet):
     assert found["written"] == str(file)
     assert all(step["met"] for step in found["steps"])
     assert file.read_text() == shipped
-    assert (jet / "step_responses.png").read_bytes()[:4] == b"\x89PNG"
+    assert (jet / "step_responses.svg").read_text(encoding="utf-8").count('class="chart"') == 4
 
 
 def test_design_writes_nothing_where_asked_or_where_a_step_misses(jet):
@@ -45,7 +45,7 @@ def test_design_writes_nothing_where_asked_or_where_a_step_misses(jet):
     assert err.startswith("flighttune: phi +30 deg at 150 m/s: t90 must be at most 0.5 s")
     assert err.count("\n") == 1
     assert gains.read_text() == before
-    assert not (jet / "step_responses.png").exists()
+    assert not (jet / "step_responses.svg").exists()
 
 
 def test_trim_answers_with_steady_flights_and_obstacles():

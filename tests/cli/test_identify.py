@@ -4,7 +4,6 @@ import json
 
 import pytest
 from commands import flighttune
-from matplotlib.image import imread
 
 from flighttune.identify.file import load_identified
 
@@ -57,8 +56,11 @@ def test_the_model_file_can_be_tuned_on(aerosonde, tmp_path):
 def test_the_figure_is_drawn_beside_the_model(aerosonde):
     found, out = aerosonde
 
-    assert found["figure"] == str(out.with_suffix(".png"))
-    assert imread(found["figure"]).std() > 0.05
+    assert found["figure"] == str(out.with_suffix(".svg"))
+    figure = out.with_suffix(".svg").read_text(encoding="utf-8")
+    bandwidth = load_identified(out).conditions[0].phi.lag.bandwidth
+    assert f"−3 dB at {bandwidth:.1f} rad/s" in figure
+    assert figure.count('class="chart"') == 8
 
 
 def test_without_json_there_are_tables_and_the_default_place(tmp_path):

@@ -7,7 +7,6 @@ from matplotlib.image import imread
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
-from flighttune.report.identification import save_figure
 
 pytestmark = pytest.mark.slow
 
@@ -60,7 +59,7 @@ def test_the_rate_must_be_positive():
 def test_the_figure_has_units_on_its_axes_and_no_legend_over_a_curve(steps, tmp_path):
     figure = sampling_figure(steps)
     path = tmp_path / "sampling.png"
-    save_figure(figure, path)
+    figure.savefig(path)
 
     for axes in figure.axes:
         assert axes.get_xlabel()
