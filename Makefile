@@ -5,7 +5,7 @@ DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
 PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile
 
-.PHONY: demo check test soak lint bench lines clean picture-packages
+.PHONY: demo check test soak lint docs bench lines clean picture-packages
 
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
@@ -36,6 +36,11 @@ lint: $(STAMP)
 
 bench: $(STAMP)
 	$(PYTHON) benchmarks/all.py
+
+# The site, from the repository's pages and the docstrings; a warning is an error.
+docs: $(STAMP)
+	$(VENV)/bin/sphinx-build -q -W --keep-going -b html -c docs . build/site
+	@echo "build/site/docs/index.html"
 
 lines: $(STAMP)
 	$(PYTHON) tests/lines.py

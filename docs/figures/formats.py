@@ -1,0 +1,144 @@
+"""Write docs/formats.md from what commands print and write: python docs/figures/formats.py."""
+
+import io
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from pathlib import Path
+from unittest import mock
+
+import pyarrow.parquet as pq
+
+from flighttune.cli import main
+
+PAGE = Path(__file__).parents[1] / "formats.md"
+HEAD = """# File formats and JSON
+
+Made by `python docs/figures/formats.py` from what the commands print and write. `[]` stands for
+the entries of a list, `*` for names that depend on what was given (gains, plants, runs), `null` for
+what may be absent. Angles are in rad, rates in rad/s, everything else in SI unless the name ends in
+a unit; numbers that are not finite are null.
+"""
+COMMANDS = (
+    "fly paper --out fly",
+    "tune paper --out gains.json",
+    "certify paper --gains paper --out certificate.json",
+    "verify certificate.json",
+    "frontier paper --out frontier",
+    "gap paper --out gap",
+    "tube paper --gains paper --out tube.npz",
+    "refly fly",
+    "compare fly fly",
+    "report fly --out report.html",
+    "trim aerosonde --V-a 25",
+    "design aerosonde --dry-run",
+    "identify aerosonde --out identified.json",
+    "export paper_identified --gains paper --out exported",
+    "campaign run first_campaign --runs 8 --out campaign",
+    "campaign report campaign",
+    "campaign fly campaign --run 1 --out run",
+    "worst first_campaign --budget 64 --out worst.toml",
+    "list",
+)
+"""Each sees what those before it have written. Left out: what takes minutes or does not end."""
+
+FILES = (
+    ("Certificate", "certificate.json"),
+    ("Identified aircraft", "identified.json"),
+    ("Gains", "gains.json"),
+    ("Plan of a campaign", "campaign/campaign.json"),
+)
+TABLES = (
+    ("Signals of a run", "fly"),
+    ("Rows of a campaign", "campaign/runs"),
+)
+
+
+def answer(command: str) -> object:
+    """What a command prints with ``--json``."""
+    said = io.StringIO()
+    with (
+        redirect_stdout(said),
+        redirect_stderr(io.StringIO()),
+        mock.patch.object(sys, "argv", ["flighttune", *command.split(), "--json"]),
+        mock.patch.dict(os.environ, COLUMNS="80"),
+    ):
+        try:
+            main()
+        except SystemExit as exit_:
+            if exit_.code not in (0, 1, None):
+                raise
+    return json.loads(said.getvalue())
+
+
+def keys(value: object, at: str = "") -> Iterator[tuple[str, str]]:
+    """Every key below a value, and the kind of what it holds."""
+    if isinstance(value, dict) and value:
+        named = all(_is_key(key) for key in value)
+        for key, one in value.items():
+            yield from keys(one, f"{at}.{key if named else '*'}" if at else key if named else "*")
+    elif isinstance(value, list) and value and isinstance(value[0], dict | list):
+        for one in value:
+            yield from keys(one, f"{at}[]")
+    else:
+        yield at, _kind(value)
+
+
+def _is_key(key: str) -> bool:
+    return key.isidentifier()
+
+
+def _kind(value: object) -> str:
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, int | float):
+        return "number"
+    if isinstance(value, str):
+        return "text"
+    if isinstance(value, list):
+        return f"list of {_kind(value[0])}" if value else "list"
+    return "null" if value is None else "object"
+
+
+def table(value: object) -> Iterator[str]:
+    """A table of the keys of a value, each once with all kinds that it had."""
+    kinds: dict[str, list[str]] = {}
+    for key, kind in keys(value):
+        kinds.setdefault(key, []).append(kind)
+    yield from ("| key | |", "|---|---|")
+    for key, found in kinds.items():
+        yield f"| `{key}` | {' or '.join(dict.fromkeys(found))} |"
+
+
+def columns(file: Path) -> Iterator[str]:
+    """A table of the columns of a Parquet file."""
+    schema = pq.read_schema(file if file.is_file() else sorted(file.glob("*.parquet"))[0])
+    yield from ("| column | type | unit |", "|---|---|---|")
+    for field in schema:
+        unit = (field.metadata or {}).get(b"unit", b"").decode()
+        yield f"| `{field.name}` | {field.type} | {unit} |"
+
+
+def page() -> str:
+    """The page as Markdown."""
+    lines = [HEAD]
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        said = {command: answer(command) for command in COMMANDS}
+        lines.append("## Parquet\n")
+        for title, name in TABLES:
+            lines += [f"### {title}\n", *columns(Path(name)), ""]
+        lines.append("## Files of JSON\n")
+        for title, name in FILES:
+            lines += [f"### {title}\n", *table(json.loads(Path(name).read_text())), ""]
+    lines.append("## What commands print with `--json`\n")
+    for command, value in said.items():
+        words = command.split(" --")[0]
+        lines += [f"### flighttune {words}\n", *table(value), ""]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,99 @@
+"""The documentation site: built without a warning, whole, and true."""
+
+import html.parser
+import re
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+import flighttune
+from flighttune.flight.fly import fly
+from flighttune.recording.record import record
+from flighttune.scenario import load_scenario
+
+pytestmark = pytest.mark.soak
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "figures"))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    out = tmp_path_factory.mktemp("site")
+    build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html"]
+    done = subprocess.run(
+        [*build, "-c", "docs", ".", str(out)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+class Page(html.parser.HTMLParser):
+    """Anchors of a page, and what it points to."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.anchors, self.links = set(), []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.anchors.update(filter(None, (values.get("id"), values.get("name"))))
+        self.links += [values[key] for key in ("href", "src") if values.get(key)]
+
+
+def test_every_link_within_the_site_leads_somewhere(site):
+    pages = {path: Page(path.read_text()) for path in site.rglob("*.html")}
+    assert len(pages) > 40
+    for path, page in pages.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc or link.startswith("data:"):
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            assert target.exists(), f"{path.name}: {link}"
+            if parts.fragment and target in pages:
+                assert unquote(parts.fragment) in pages[target].anchors, f"{path.name}: {link}"
+
+
+def test_nothing_is_loaded_from_a_network(site):
+    for path in site.rglob("*.html"):
+        text = path.read_text()
+        loaded = re.findall(r'<(?:script|link|img)[^>]*(?:src|href)="(https?:[^"]*)"', text)
+        assert not loaded, path
+
+
+def test_every_public_name_is_in_the_reference_and_found_by_the_search(site):
+    anchors = Page((site / "docs" / "api.html").read_text()).anchors
+    index = (site / "searchindex.js").read_text().lower()
+    for name in flighttune.__all__:
+        assert any(anchor.rsplit(".", 1)[-1] == name for anchor in anchors), name
+        assert name.lower() in index, name
+
+
+def test_no_key_or_column_that_is_documented_is_lost():
+    import formats
+
+    def entries(text):
+        under, found = "", set()
+        for line in text.splitlines():
+            under = line if line.startswith("#") else under
+            if line.startswith("| `"):
+                found.add((under, line.split(" | ")[0]))
+        return found
+
+    assert entries(formats.PAGE.read_text()) <= entries(formats.page())
+
+
+def test_other_programs_read_our_flights_as_the_page_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    record(fly(load_scenario("paper")), "runs/paper", name="paper")
+    page = (ROOT / "docs" / "reading.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(blocks) == 3
+    for block in blocks:
+        exec(compile(block, "reading.md", "exec"), {})
+        assert "chi_err" in (said := capsys.readouterr().out) or "runs_flown" in said
