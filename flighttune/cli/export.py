@@ -30,6 +30,8 @@ def export(
 
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
+    if Path(name).suffix.lower() in (".json", ".toml"):
+        name = Path(name).stem  # of a file; a colon in its folder names no law
     folder = out or Path("runs") / f"{Path(scenario).stem}-export"
     if form == "c":
         source = export_c(loaded, name, chosen, folder, plant=plant)

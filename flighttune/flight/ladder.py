@@ -278,7 +278,7 @@ def _failure(run: Run) -> str:
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
-    """The jsbsim plant of a scenario that is the top of the ladder.
+    """A jsbsim plant of a scenario: the top of the ladder.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
     aircraft = [table for table in scenario.plant if table.kind == "jsbsim"]
     if not aircraft:
         raise InputError(
-            "`plant` must have one of kind jsbsim for a gap to be explained, got "
+            "`plant` must have one of kind jsbsim, an aircraft, got "
             f"{', '.join(table.label for table in scenario.plant)}."
         )
     if plant is None:
@@ -303,7 +303,9 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
         if table.label == plant:
             return table
     known = ", ".join(table.label for table in aircraft)
-    raise InputError(f"`plant` must be one of {known} for a gap to be explained, got {plant!r}.")
+    raise InputError(
+        f"`plant` must be one of {known}, the aircraft of the scenario, got {plant!r}."
+    )
 
 
 def inner_loop_of(

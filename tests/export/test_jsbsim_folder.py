@@ -1,5 +1,6 @@
 """A folder that JSBSim flies by itself, run by its own console command: the flight of `fly`."""
 
+import json
 import shlex
 import subprocess
 from pathlib import Path
@@ -146,6 +147,17 @@ def test_the_command_says_what_flies_the_folder(tmp_path):
     assert {*found} >= {"folder", "script", "csv", "command"}
     assert Path(found["script"]).is_file()
     assert found["command"].split()[0].endswith("jsbsim")
+
+
+def test_gains_come_from_a_file_too(tmp_path):
+    file = tmp_path / "of: a colleague" / "gains.json"
+    file.parent.mkdir()
+    file.write_text(json.dumps({"K_P": [[2.5, 0.0], [0.0, 3.5]], "K_I": [[1.0, 0.0], [0.0, 2.0]]}))
+
+    found = answer("export", "level_turn", "--gains", file, "--out", tmp_path / "out")
+
+    system = (Path(found["folder"]) / "systems/ft_outer_loop.xml").read_text(encoding="utf-8")
+    assert '<property value="3.5"> ft/outer/K_P/n_z-gamma </property>' in system
 
 
 def test_nothing_in_the_folder_points_out_of_it(tmp_path):
