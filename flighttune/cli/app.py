@@ -57,7 +57,7 @@ COMMANDS = {
         (gap, "flying", "flighttune gap paper"),
         (compare, "comparing", "flighttune compare paper@paper paper@tuned"),
         (worst, "searching", "flighttune worst first_campaign --budget 40"),
-        (tube, "enclosing", "flighttune tube paper_as_printed"),
+        (tube, "enclosing", "flighttune tube paper --gains paper"),
         (conform, "learning", "flighttune conform aerosonde --out conformance.json"),
     ],
     "Publish": [

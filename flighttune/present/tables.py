@@ -139,7 +139,7 @@ class Table:
             for i, width in widths.items():
                 part = wrapped[i][k] if k < len(wrapped[i]) else ""
                 space = " " * (width - len(part))
-                if styles and i in styles:
+                if part and styles and i in styles:
                     part = f"{styles[i]}{part}{PLAIN}"
                 shown.append(space + part if self._is_numbers(i) else part + space)
             yield GAP.join(shown).rstrip()

@@ -10,13 +10,16 @@ import rerun as rr
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import NO_STEP, channel_metrics
 from flighttune.plants.wind import WIND
+from flighttune.present.palette import contrast
 from flighttune.recording.entities import EVENTS, DrawnRun, times
 from flighttune.recording.lanes import HELD, runs_of_equal
 from flighttune.simulate.run import Run
 
 COMMANDS = {"phi": "roll", "n_z": "load-factor"}
 ANGLES = {"chi": "course", "gamma": "path angle"}
-PALE = 0.35
+WHITE, ON_WHITE = (255, 255, 255), 2.6
+"""Text is made lighter, for the dark ground of the viewer, down to this contrast on a light one."""
+
 MOST_HOLDS = 20
 """Times at which a command is listed as held by its limit; after them only their number."""
 
@@ -92,8 +95,16 @@ def log_events(
 
 
 def _readable(colour: tuple[int, int, int]) -> tuple[int, ...]:
-    """The colour, light enough for small text on a dark background."""
-    return tuple(round(part + PALE * (255 - part)) for part in colour)
+    """The colour, as light as small text on a dark ground wants it and a light one allows."""
+    found, lighter = colour, colour
+    while contrast(lighter, WHITE) > ON_WHITE:
+        found, lighter = lighter, _lighter(lighter)
+    return found
+
+
+def _lighter(colour: tuple[int, int, int]) -> tuple[int, int, int]:
+    red, green, blue = (math.ceil(part + 0.03 * (255 - part)) for part in colour)
+    return red, green, blue
 
 
 def _reference(run: Run) -> Iterator[Event]:

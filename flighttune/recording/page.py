@@ -202,7 +202,7 @@ def _reading(runs: Sequence[Run]) -> list[str]:
         length = metres_per_mps(drawn[0], factor * geometry.span_of(drawn[0].run))
         notes.append(
             f"The arrow of an aircraft is its velocity over ground ({length:.3g} m per m/s), the "
-            f"white one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip is the "
+            f"grey one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip is the "
             "certified set: while the tip is inside, the errors of course and path angle are as "
             "guaranteed. There is none while nothing is claimed, or no "
             "less than 45 deg. The thick piece of the path of an aircraft is the "

@@ -50,7 +50,7 @@ SHADOW = 90
 """Opacity of a shadow, of 255."""
 
 GROUND_COLOUR = (88, 88, 88)
-WIND_COLOUR = (235, 235, 235)
+WIND_COLOUR = rgb(NEUTRAL)
 
 
 def log_scene(

@@ -22,7 +22,7 @@ PLACEHOLDER = re.compile(r"\b[A-Z][A-Z]+\b|\.\.\.|\[-")
 """What stands for something else: SCENARIO, [--json], ..."""
 
 COMMAND = re.compile(r"(pip|make|dask|python) |flighttune (list$|(campaign )?[a-z]+ \w)")
-NAMES = ("flighttune campaign run", "flighttune campaign fly")
+NAME = re.compile(r"flighttune campaign \w+$")
 
 NOT_RUN = {
     "pip ": "changes the environment",
@@ -59,9 +59,6 @@ NOT_RUN = {
 """Commands that no test runs, by how they begin, and why."""
 
 RUN_ALL_THE_SAME = ("flighttune design aerosonde --dry-run",)
-SAYS_NO = {"flighttune gap ": 1}
-"""Exit status of commands whose answer is no."""
-
 MADE_BY = {
     "runs/paper": "flighttune fly paper",
     "runs/first_campaign": "flighttune campaign run first_campaign",
@@ -81,7 +78,7 @@ def printed(path):
     lines += [" ".join(code.split()) for code in re.findall(r"`([^`]+)`", prose)]
     for line in lines:
         command = line.partition(" #")[0].strip()
-        if COMMAND.match(command) and command not in NAMES:
+        if COMMAND.match(command) and not NAME.match(command):
             yield command
 
 
@@ -137,5 +134,4 @@ def run(command, folder):
     if "campaign run" in command and "--dry-run" not in command:
         command += " --resume"  # a campaign is on several pages
     words = [word.replace("scenarios/", f"{ROOT}/scenarios/") for word in shlex.split(command)[1:]]
-    status = next((s for begin, s in SAYS_NO.items() if command.startswith(begin)), 0)
-    flighttune(*words, cwd=folder, status=status)
+    flighttune(*words, cwd=folder)
