@@ -4,14 +4,22 @@ import math
 import tomllib
 from collections.abc import Iterator
 from contextlib import nullcontext, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune.cli.options import JsonOption, ScenarioArgument, out_folder
+from flighttune.cli.options import (
+    ConformanceOption,
+    JsonOption,
+    ScenarioArgument,
+    TubeOption,
+    out_folder,
+)
 from flighttune.cli.progress import progress_bar, raise_on_interrupt
 from flighttune.cli.show import NO, emit, fail, pick, say, table, tell
+from flighttune.cli.tube import run_tubes, run_tubes_json, run_tubes_text
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.tables import Bad, Table
@@ -38,6 +46,8 @@ def fly(
         Option("--live", help="Show the flights in the viewer; Ctrl-C ends them, and keeps them."),
     ] = False,
     pace: Annotated[str, Option(help="With --live: seconds of flight a second, or max.")] = "1",
+    tube: TubeOption = False,
+    conformance: ConformanceOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
@@ -55,11 +65,16 @@ def fly(
     with viewer as observer:
         with progress_bar() as progress:
             flown = fly_scenario(loaded, progress=progress, observer=observer)
+        tubes = run_tubes(flown.runs, folder, make=tube, conformance=conformance)
+        flown = replace(flown, runs=tubes.runs)
         files = record(flown, folder, name=name)
         claim = flown.claim
         emit(
-            _flown_json(flown, claim, files),
-            _flown_text(flown, claim, files.recording, scenario),
+            {**_flown_json(flown, claim, files), "tubes": run_tubes_json(tubes)},
+            [
+                *_flown_text(flown, claim, files.recording, scenario),
+                *run_tubes_text(tubes, f"flighttune fly {scenario} --tube"),
+            ],
             as_json=as_json,
         )
     if view:

@@ -2,15 +2,24 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
 from flighttune.cli.gain_sets import chosen_gains
-from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument, out_folder
+from flighttune.cli.options import (
+    ConformanceOption,
+    GainsOption,
+    JsonOption,
+    ScenarioArgument,
+    TubeOption,
+    out_folder,
+)
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, pick, table, tell
+from flighttune.cli.tube import run_tubes, run_tubes_json, run_tubes_text
 from flighttune.present.numbers import number
 from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD
@@ -42,6 +51,8 @@ def gap(
             "[default: the model file, where there is one]."
         ),
     ] = None,
+    tube: TubeOption = False,
+    conformance: ConformanceOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
@@ -64,6 +75,9 @@ def gap(
         found = explain_gap(
             loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
         )
+    top = found.runs[-1]
+    tubes = run_tubes([top], folder, make=tube, conformance=conformance)
+    found = replace(found, runs=(*found.runs[:-1], *tubes.runs))
     files = record(found.flown(), folder, name=stem)
     figure = page = None
     if found.ladder is not None:
@@ -71,8 +85,14 @@ def gap(
         gap_sheet(found).save(figure)
         write_gap_page(found, page)
     written = {"recording": files.recording, "figure": figure, "page": page}
-    text = [*_text(found), *(f"{what}: {path}" for what, path in written.items())]
-    emit({**gap_json(found, files.signals), **written}, text, as_json=as_json)
+    how = f"flighttune gap {scenario} --tube --conformance FILE"
+    text = [
+        *_text(found),
+        *run_tubes_text(tubes, how),
+        *(f"{what}: {path}" for what, path in written.items()),
+    ]
+    answer = {**gap_json(found, files.signals), "tubes": run_tubes_json(tubes), **written}
+    emit(answer, text, as_json=as_json)
     if found.status != "explained":
         fail(f"{scenario}: {found.reason}", NO)
     if found.verdict is None or not found.verdict.held:

@@ -54,3 +54,14 @@ def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None
     """Refuse a file that does not end in one of `endings`, before anything is computed."""
     if out is not None and out.suffix.lower() not in endings:
         raise InputError(f"{out}: {option} must end in {endings[0]}.")
+
+
+TubeOption = Annotated[
+    bool,
+    Option("--tube", help="Make the tube of each flight, and draw it around the errors."),
+]
+
+ConformanceOption = Annotated[
+    Path | None,
+    Option(help="With --tube: file of `flighttune conform`, for the tube of an aircraft."),
+]

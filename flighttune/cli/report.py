@@ -2,14 +2,16 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.options import ConformanceOption, JsonOption, TubeOption, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import emit, table
+from flighttune.cli.tube import run_tubes, run_tubes_json, run_tubes_text
 from flighttune.present.tables import Bad, Table
 
 if TYPE_CHECKING:
@@ -25,22 +27,32 @@ def report(
         ),
     ],
     out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
+    tube: TubeOption = False,
+    conformance: ConformanceOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write one page about runs: headline, figures, tables and how to fly them again.
 
     The page is one file and needs no network.
     """
+    from flighttune.comparison import load_source
     from flighttune.report.page import write_report
 
     check_ending(out, ".html", ".htm")
-    written = write_report(path, out)
+    source = load_source(path)
+    folder = Path(path)
+    if not folder.is_dir():
+        folder = folder.parent if folder.exists() else out.parent
+    tubes = run_tubes(source.runs, folder, make=tube, conformance=conformance)
+    lines = [*run_tubes_text(tubes, f"flighttune report {path} --tube")]
+    written = write_report(replace(source, runs=tubes.runs), out, tubes=lines)
     answer = {
         "report": written.path,
         "bytes": written.path.stat().st_size,
         "summary": written.summary,
         "headline": written.answers,
         "sections": written.sections,
+        "tubes": run_tubes_json(tubes),
     }
 
     def text() -> Iterator[str]:

@@ -14,6 +14,10 @@ from flighttune.present.tables import Table
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flighttune.simulate.run import Run
+    from flighttune.tube.of_run import RunTubes
     from flighttune.tube.result import Tube
 
 
@@ -146,3 +150,45 @@ def _text(
     yield f"signals: {answer['signals']}"
     if out is not None and found.status == "bounded":
         yield f"proof: {out}   (check it with: flighttune verify {out})"
+
+
+def run_tubes(
+    runs: "Sequence[Run]", folder: Path, *, make: bool, conformance: Path | None
+) -> "RunTubes":
+    """The tubes of runs that are in a folder; with `make` also those that are not."""
+    from flighttune.conformance import load_conformance
+    from flighttune.tube.of_run import tubes_of
+
+    with progress_bar() as progress:
+        return tubes_of(
+            runs,
+            folder,
+            make=make,
+            conformance=conformance and load_conformance(conformance),
+            progress=progress,
+        )
+
+
+def run_tubes_json(found: "RunTubes") -> dict[str, Any]:
+    """Tubes of runs as ``--json`` has them, by label of the run."""
+    return {
+        label: {
+            **pick(one, "status reason model"),
+            "half_width_deg": dict(
+                zip(("chi", "gamma"), (one.half_widths / DEG).tolist(), strict=True)
+            ),
+            "handed_over_s": one.handed_over,
+            "inside": label not in found.outside,
+        }
+        for label, one in found.found.items()
+    }
+
+
+def run_tubes_text(found: "RunTubes", how: str) -> Iterator[str]:
+    """A line for each tube, for each that could not be made, or how to make them."""
+    for label in found.found:
+        yield found.sentence(label)
+    for label, why in found.why_not.items():
+        yield f"{label}: no tube: {why}"
+    if not (found.found or found.why_not):
+        yield f"no tube around the errors yet: {how} makes it"

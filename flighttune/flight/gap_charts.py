@@ -105,6 +105,13 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
     chart = _over_time(gap, title, f"e_{CHANNEL_SYMBOLS[channel]} [deg]")
     error = run.signals[f"{channel}_err"].to_numpy() * DEG_PER_RAD
     chart.line(run.t, error, own, name="error", width=1.8)
+    bounds = [f"{channel}_err_{end}" for end in ("low", "high")]
+    if set(bounds) <= set(run.signals):
+        low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in bounds)
+        left = bool(((error < low) | (error > high)).any())
+        name = f"its tube, {'left' if left else 'flight inside'}"
+        chart.band(run.t, low, high, LIMIT, name=name)
+        return chart
     if gap.check is None or gap.verdict is None:
         chart.title += "; the linear loop has no certificate"
         return chart

@@ -10,7 +10,7 @@ from flighttune.errors import RecordingError
 from flighttune.flight.fly import Progress, fly, library_versions
 from flighttune.flight.own import LawMaker, PlantMaker
 from flighttune.scenario import scenario_from
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import TUBE_SIGNALS, Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +171,18 @@ def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
     n = min(len(recorded.signals), len(reflown.signals))
     if not n:
         return
-    columns = [list(map(str, run.signals)) for run in (recorded, reflown)]
+    columns = [
+        [name for name in map(str, run.signals) if name not in TUBE_SIGNALS]
+        for run in (recorded, reflown)
+    ]
     if columns[0] != columns[1]:
         odd = [", ".join(sorted(set(a) - set(b))) or "others" for a, b in (columns, columns[::-1])]
         yield Difference("signals", None, *odd)
         return
-    then, now = (run.signals.reset_index().to_numpy(dtype=float)[:n] for run in (recorded, reflown))
+    then, now = (
+        run.signals[names].reset_index().to_numpy(dtype=float)[:n]
+        for run, names in zip((recorded, reflown), columns, strict=True)
+    )
     # Bits, not values: a NaN equals itself, and zeros of either sign are two numbers.
     bits = [np.ascontiguousarray(table).view(np.uint64) for table in (then, now)]
     for row, column in np.argwhere(bits[0] != bits[1])[:1].tolist():

@@ -15,7 +15,7 @@ from flighttune.recording import geometry
 from flighttune.recording.entities import runs_to_draw, styles_of
 from flighttune.recording.plots import SEEN_AS
 from flighttune.recording.scene import WIND_TIMES, metres_per_mps
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import TUBE_SIGNALS, Run
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
@@ -86,7 +86,10 @@ def _runs(runs: Sequence[Run]) -> str:
     for run, style in zip(runs, styles_of(runs), strict=True):
         colour = style.name if len(run.signals) > 1 else "not drawn"
         rows.append([run.label, colour, f"{run.duration:.2f}", run.outcome])
-    return _table(["run", "colour", "flown [s]", "outcome"], rows)
+    table = _table(["run", "colour", "flown [s]", "outcome"], rows)
+    if any(set(TUBE_SIGNALS) <= set(run.signals) for run in runs):
+        return f"{table}\n\nThin red lines around the errors: the tube of the run."
+    return f"{table}\n\nNo tube around the errors: `flighttune fly SCENARIO --tube` makes it."
 
 
 def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float] | None]) -> str:

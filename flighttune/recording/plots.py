@@ -12,7 +12,7 @@ from flighttune.arrays import FloatArray
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.present.names import shown_unit
 from flighttune.recording.derived import UNITS
-from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.simulate.run import SIGNAL_UNITS, TUBE_SIGNALS, Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +98,8 @@ TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
         Plot("chi", "Course chi, reference grey", common="chi_ref", band=TUBES["chi"]),
         Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref", band=TUBES["gamma"]),
-        Plot("chi_err", "Course error, certified bounds thin"),
-        Plot("gamma_err", "Path angle error, certified bounds thin"),
+        Plot("chi_err", "Course error, certified bounds thin", band=TUBE_SIGNALS[:2]),
+        Plot("gamma_err", "Path angle error, certified bounds thin", band=TUBE_SIGNALS[2:]),
     ),
     COMMANDS_TAB: (
         Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),

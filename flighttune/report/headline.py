@@ -1,6 +1,7 @@
 """The headline of a report: three questions, answered in sentences with computed numbers."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from flighttune.report.facts import (
     Facts,
     GainFacts,
 )
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import TUBE_SIGNALS, Run
 from flighttune.units import DEG_PER_RAD
 
 CRITERION = (
@@ -31,9 +32,16 @@ CRITERION = (
 )
 
 
-def headline(facts: Facts) -> tuple[Answer, ...]:
-    """Does it converge, is it certified, what does the full aircraft change?"""
-    answers = [_converges(facts), _certified(facts)]
+def headline(facts: Facts, tubes: Sequence[str] = ()) -> tuple[Answer, ...]:
+    """Does it converge, how far can it be off, is it certified, what does the aircraft change?
+
+    Parameters
+    ----------
+    facts : Facts
+    tubes : sequence of str
+        What the tubes of the runs say.
+    """
+    answers = [_converges(facts), *_enclosed(facts, tubes), _certified(facts)]
     if facts.aircraft is not None:
         answers.append(_changed(facts))
     return tuple(answers)
@@ -52,6 +60,21 @@ def _converges(facts: Facts) -> Answer:
         sentences=tuple(sentences),
         criterion=CRITERION,
     )
+
+
+def _enclosed(facts: Facts, tubes: Sequence[str]) -> list[Answer]:
+    """What the tubes of the runs say."""
+    if not tubes:
+        return []
+    having = [run for run in facts.runs if set(TUBE_SIGNALS) <= set(run.signals)]
+    return [
+        Answer(
+            question="How far can it be off?",
+            verdict="none",
+            short=f"a tube around {len(having)} of {len(facts.runs)} runs",
+            sentences=tuple(tubes),
+        )
+    ]
 
 
 def _convergence(facts: Facts, run: Run) -> str:
@@ -206,6 +229,8 @@ def largest_step(gap: Gap) -> str:
 
 def bound_in_flight(gap: Gap) -> str:
     """What is certified for the measured mismatch, and whether the flight kept it."""
+    if set(TUBE_SIGNALS) <= set(gap.aircraft.signals):
+        return f"With {gap.name} the tube says how far the aircraft can be off."
     settled = gap.check and gap.check.settled
     if gap.verdict is None or settled is None:
         return f"With {gap.name} there is no certified set to compare with the aircraft."

@@ -1,5 +1,6 @@
 """The report as one HTML file that needs nothing else."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from flighttune.comparison import Source, load_source
@@ -30,7 +31,9 @@ NO_CURVE = (
 )
 
 
-def write_report(source: str | Path | Source, path: str | Path) -> Report:
+def write_report(
+    source: str | Path | Source, path: str | Path, *, tubes: Sequence[str] = ()
+) -> Report:
     """Write one self-contained page about the runs of a scenario.
 
     Parameters
@@ -40,6 +43,8 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
         ``scenario@gains``.
     path : path-like
         HTML file to write or replace; parent folders are made.
+    tubes : sequence of str
+        What the tubes of the runs say, a sentence each. They are drawn where the runs have them.
 
     Returns
     -------
@@ -58,7 +63,7 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
         Path(path),
         page_template("flighttune.report", "page.html.jinja"),
         summary=(f"{facts.claim.short}.", best_sentence(facts)),
-        answers=headline(facts),
+        answers=headline(facts, tubes),
         claim_sentence=f"{facts.claim.sentence}.",
         matrix=matrix(facts),
         duration=f"{max(run.duration for run in facts.runs):g}",
@@ -77,13 +82,13 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
 
 
 def _sections(facts: Facts) -> list[Section]:
-    curve = frontier_panel(facts)
     sections = [
         Section(id="runs", title="", charts=tracking(facts.flights), folded=False),
         Section(
             id="tracking",
             title="Errors and metrics",
-            note="Errors are reference minus actual, the course error wrapped to ±180°.",
+            note="Errors are reference minus actual, the course error wrapped to ±180°. A band is "
+            "the tube of a run: every flight of its model is in it.",
             charts=errors(facts.flights),
             tables=[tracking_table(facts), runs_table(facts)],
         ),
@@ -93,21 +98,27 @@ def _sections(facts: Facts) -> list[Section]:
             note="Commands after magnitude and rate limits.",
             charts=[*commands(facts.flights), *paths(facts.flights)],
         ),
-        Section(
-            id="certificate",
-            title="Certificate",
-            note="s stacks error rates and errors. Dashed: the guaranteed bound, i.e. the linear "
-            "law's decay plus the ultimate bound (dotted) for the mismatch measured in the second "
-            "half of the flight. It pauses while a command is limited and restarts when the "
-            "reference changes slope. A red cross marks where a flight first exceeds it. "
-            f"{SENSED if facts.scenario.sensors else ''}{'' if curve else NO_CURVE}",
-            charts=[*certificate_panels(facts), *curve],
-            tables=[gains_table(facts)],
-        ),
     ]
     if facts.gaps:
         sections.append(_gap_section(facts))
+    sections.append(_certificate_section(facts))
     return sections
+
+
+def _certificate_section(facts: Facts) -> Section:
+    """The norm of s against its bound: for experts, last."""
+    curve = frontier_panel(facts)
+    return Section(
+        id="certificate",
+        title="Certificate",
+        note="s stacks error rates and errors. Dashed: the guaranteed bound, i.e. the linear "
+        "law's decay plus the ultimate bound (dotted) for the mismatch measured in the second "
+        "half of the flight. It pauses while a command is limited and restarts when the "
+        "reference changes slope. A red cross marks where a flight first exceeds it. "
+        f"{SENSED if facts.scenario.sensors else ''}{'' if curve else NO_CURVE}",
+        charts=[*certificate_panels(facts), *curve],
+        tables=[gains_table(facts)],
+    )
 
 
 def _gap_section(facts: Facts) -> Section:

@@ -11,6 +11,7 @@ from flighttune.present.palette import NEUTRAL, LineStyle
 from flighttune.present.thinning import MOST_DRAWN
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.simulate.run import Run
+from flighttune.units import DEG_PER_RAD
 
 ANGLES = (
     ("chi", "Course; reference grey", "χ [deg]"),
@@ -64,11 +65,16 @@ def tracking(flights: Flights) -> list[Chart]:
 
 
 def errors(flights: Flights) -> list[Chart]:
-    """Both errors."""
+    """Both errors, each in the tube of its run where that is known."""
     charts = []
     for signal, title, unit in ERRORS:
         chart = over_time(flights, title, unit)
         chart.level(0.0, NEUTRAL, dash="")
+        bounds = [f"{signal}_{end}" for end in ("low", "high")]
+        for run, style in styled(flights):
+            if set(bounds) <= set(run.signals):
+                low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in bounds)
+                chart.band(run.t, low, high, style.colour, run=run.label)
         charts.append(_with_runs(chart, flights, signal))
     return charts
 

@@ -1,10 +1,12 @@
 """A tube over time as a Parquet file."""
 
+import json
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from flighttune.tube.of_run import ABOUT, flight_sha256
 from flighttune.tube.result import QUANTITIES, Tube
 from flighttune.whole_file import whole_file
 
@@ -13,6 +15,8 @@ UNITS = {"chi_err": "rad", "gamma_err": "rad", "phi_cmd": "rad", "n_z_cmd": "1"}
 
 def write_signals(tube: Tube, path: Path) -> None:
     """Write the bounds: ``t`` in s, and every quantity with ``_low`` and ``_high``.
+
+    The metadata have the hash of the flight, by which `flighttune.tube.of_run` finds its tube.
 
     Parameters
     ----------
@@ -31,5 +35,14 @@ def write_signals(tube: Tube, path: Path) -> None:
             columns.append(pa.array(tube.bounds[:, i, j]))
             unit = {"unit": UNITS[name]}
             fields.append(pa.field(f"{name}_{end}", pa.float64(), metadata=unit))
+    problem = tube.problem
+    about = {
+        "run": flight_sha256(problem.scenario.as_dict(), problem.plant, problem.gains),
+        "status": tube.status,
+        "reason": tube.reason,
+        "model": tube.model,
+        "handed_over_s": tube.handed_over,
+    }
+    schema = pa.schema(fields, metadata={ABOUT: json.dumps(about).encode()})
     with whole_file(path) as part:
-        pq.write_table(pa.table(columns, schema=pa.schema(fields)), part, compression="zstd")
+        pq.write_table(pa.table(columns, schema=schema), part, compression="zstd")

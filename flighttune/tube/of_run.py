@@ -1,0 +1,252 @@
+"""The tube of a flight: found by its hash, or made, and put around the errors flown."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from flighttune.arrays import FloatArray
+from flighttune.control.gains import PIGains
+from flighttune.errors import FlightTuneError, InputError
+from flighttune.scenario.load import scenario_from
+from flighttune.simulate.run import TUBE_SIGNALS, Run
+from flighttune.units import DEG
+
+if TYPE_CHECKING:
+    from flighttune.conformance import Conformance
+    from flighttune.tube.result import Tube
+
+FOLDER = "tubes"
+"""Where the tubes of the runs in a folder are."""
+
+ABOUT = b"flighttune.tube"
+"""Key in the metadata of a tube's file: what the bounds are of, as JSON."""
+
+WORDS = ("title", "verifies", "source", "seed", "gains", "expect", "tuning", "envelope")
+"""Of a scenario, what a tube does not depend on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunTube:
+    """Bounds that hold for the errors of a run, and what they rest on.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,), s
+        To where the bounds last.
+    bounds : ndarray, shape (k, 4), rad
+        Of `TUBE_SIGNALS`.
+    status, reason, model : str
+        As of `Tube`.
+    handed_over : float or None, s
+        From when on they hold for ever.
+    """
+
+    t: FloatArray
+    bounds: FloatArray
+    status: str
+    reason: str
+    model: str
+    handed_over: float | None
+
+    @property
+    def half_widths(self) -> FloatArray:
+        """Largest half width of course and flight-path-angle error, shape (2,), rad."""
+        low, high = self.bounds[:, ::2], self.bounds[:, 1::2]
+        return 0.5 * (high - low).max(axis=0, initial=0.0)
+
+    def around(self, run: Run) -> Run:
+        """The run with the bounds as signals; NaN where they do not last."""
+        at = np.full((len(run.signals), len(TUBE_SIGNALS)), np.nan)
+        n = min(len(at), len(self.bounds))
+        at[:n] = self.bounds[:n]
+        return replace(
+            run, signals=run.signals.assign(**dict(zip(TUBE_SIGNALS, at.T, strict=True)))
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunTubes:
+    """Tubes of runs.
+
+    Attributes
+    ----------
+    runs : tuple of Run
+        With the bounds as signals where there are any.
+    found : mapping of str to RunTube
+        By label of the run.
+    why_not : mapping of str to str
+        Why there is none, of runs for which one was to be made.
+    """
+
+    runs: tuple[Run, ...]
+    found: Mapping[str, RunTube]
+    why_not: Mapping[str, str]
+
+    def sentence(self, label: str) -> str:
+        """What the tube of a run says, in a sentence."""
+        one = self.found[label]
+        chi, gamma = one.half_widths / DEG
+        flown = "leaves it" if label in self.outside else "is inside"
+        end = f" It is lost: {one.reason}." if one.reason else ""
+        ever = "" if one.handed_over is None else f", from {one.handed_over:.1f} s on for ever"
+        return (
+            f"{label}: every flight of {one.model} stays within ±{chi:.2g}° of course and "
+            f"±{gamma:.2g}° of path angle of the middle of its tube{ever}; the flight flown "
+            f"{flown}.{end}"
+        )
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """Labels of runs that leave their tube."""
+        return tuple(run.label for run in self.runs if run.label in self.found and leaves_tube(run))
+
+
+def leaves_tube(run: Run) -> bool:
+    """Whether a run that has the bounds of its tube is outside at any sample."""
+    names = [*TUBE_SIGNALS, "chi_err", "gamma_err"]
+    chi_low, chi_high, gamma_low, gamma_high, chi, gamma = run.signals[names].to_numpy().T
+    pairs = (chi < chi_low) | (chi > chi_high), (gamma < gamma_low) | (gamma > gamma_high)
+    return bool(np.any(pairs))
+
+
+def tubes_of(
+    runs: Sequence[Run],
+    folder: Path,
+    *,
+    make: bool = False,
+    conformance: "Conformance | None" = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> RunTubes:
+    """The tubes of runs that are in a folder, and where asked those that are not.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+    folder : Path
+        Its subfolder `FOLDER` is read, and written to.
+    make : bool
+        Make what is not there.
+    conformance : Conformance, optional
+        For runs of its aircraft with its gains.
+    progress : callable, optional
+        Called with the label of the run and the part done.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+    """
+    known = dict(_known(folder / FOLDER))
+    found: dict[str, RunTube] = {}
+    why_not: dict[str, str] = {}
+    for run in runs:
+        if len(run.signals) < 2:
+            continue
+        sha256 = run_sha256(run)
+        if sha256 not in known and make:
+            try:
+                made = _tube(run, conformance, progress)
+            except FlightTuneError as error:
+                why_not[run.label] = str(error)
+                continue
+            from flighttune.tube.signals import write_signals
+
+            path = folder / FOLDER / f"{sha256[:16]}.parquet"
+            write_signals(made, path)
+            known[sha256] = path
+        if sha256 in known:
+            found[run.label] = read_tube(known[sha256])
+    drawn = [found[run.label].around(run) if run.label in found else run for run in runs]
+    return RunTubes(runs=tuple(drawn), found=found, why_not=why_not)
+
+
+def _tube(
+    run: Run,
+    conformance: "Conformance | None",
+    progress: Callable[[str, float], None] | None,
+) -> "Tube":
+    from flighttune.tube.tube import tube
+
+    scenario, gains = scenario_from(dict(run.provenance.scenario)), run.provenance.gains
+    if gains is None:
+        raise InputError("a law of one's own has no tube.")
+    aircraft = run.provenance.aircraft is not None
+    return tube(
+        scenario,
+        gains,
+        plant=run.provenance.plant,
+        conformance=conformance if aircraft else None,
+        law=run.provenance.gains_name.rpartition(":")[0] or "exact",
+        progress=progress and (lambda part: progress(f"tube {run.label}", part)),
+    )
+
+
+def _known(folder: Path) -> Iterator[tuple[str, Path]]:
+    for path in sorted(folder.glob("*.parquet")):
+        try:
+            yield about_tube(path)["run"], path
+        except InputError:
+            continue
+
+
+def run_sha256(run: Run) -> str:
+    """Hash of what the tube of a run depends on: manoeuvre, limits, controller, plant and gains."""
+    made = run.provenance
+    return flight_sha256(made.scenario, made.plant, made.gains)
+
+
+def flight_sha256(scenario: Mapping[str, Any], plant: str, gains: PIGains | None) -> str:
+    """Hash of what the tube of a flight depends on.
+
+    Parameters
+    ----------
+    scenario : mapping
+        As written in TOML.
+    plant : str
+        Label of the plant.
+    gains : PIGains or None
+    """
+    flown = {key: value for key, value in scenario.items() if key not in WORDS}
+    of = {**flown, "label": plant, "gains": gains and gains.as_lists()}
+    return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()
+
+
+def about_tube(path: Path) -> dict[str, Any]:
+    """What stands in the file of a tube beside its bounds.
+
+    Raises
+    ------
+    InputError
+        If it is no such file.
+    """
+    try:
+        return json.loads(pq.read_schema(path).metadata[ABOUT])
+    except (OSError, TypeError, KeyError, ValueError, pa.ArrowException) as error:
+        raise InputError(f"{path}: must hold a tube, got none.") from error
+
+
+def read_tube(path: Path) -> RunTube:
+    """The bounds in the file of a tube.
+
+    Raises
+    ------
+    InputError
+        If it is no such file.
+    """
+    stated = about_tube(path)
+    table = pq.read_table(path, columns=["t", *TUBE_SIGNALS])
+    return RunTube(
+        t=table["t"].to_numpy(),
+        bounds=np.column_stack([table[name].to_numpy() for name in TUBE_SIGNALS]),
+        status=stated["status"],
+        reason=stated["reason"],
+        model=stated["model"],
+        handed_over=stated["handed_over_s"],
+    )

@@ -1,0 +1,121 @@
+"""Tubes of flights: found by their hash, made where asked, drawn in recording, report and gap."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from commands import answer, flighttune
+
+from flighttune import record
+from flighttune.flight.fly import fly
+from flighttune.flight.gap import explain_flight
+from flighttune.flight.gap_charts import bound_chart
+from flighttune.recording.load import load_recording
+from flighttune.recording.plots import shown_plots, value_range
+from flighttune.scenario import scenario_from
+from flighttune.simulate.run import TUBE_SIGNALS
+from flighttune.tube.of_run import leaves_tube, run_sha256, tubes_of
+from tests.tube.test_aircraft import conformance, flight
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """A gentle turn on the law and on the aircraft."""
+    tables = flight().as_dict()
+    tables["plant"] = [{"kind": "kinematic"}, *tables["plant"]]
+    return fly(scenario_from(tables | {"gains": ["paper"], "expect": []}))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("runs")
+
+
+@pytest.fixture(scope="module")
+def tubes(flown, folder):
+    known = conformance(flown.scenario)
+    known = replace(
+        known,
+        distribution=replace(known.distribution, fixed=conformance(flight()).distribution.fixed),
+    )
+    return tubes_of(flown.runs, folder, make=True, conformance=known)
+
+
+def test_every_run_is_inside_its_tube_and_carries_it(flown, tubes):
+    assert tubes.why_not == {}
+    assert set(tubes.found) == {run.label for run in flown.runs}
+    assert tubes.outside == ()
+    for run in tubes.runs:
+        low, high = (run.signals[name] for name in TUBE_SIGNALS[:2])
+        assert (low < high).all()
+        assert run.signals["chi_err"].between(low, high).all()
+
+
+def test_one_that_left_is_told(tubes):
+    run = tubes.runs[0]
+    moved = replace(run, signals=run.signals.assign(gamma_err=run.signals["gamma_err"] + 1.0))
+
+    assert leaves_tube(moved)
+    assert not leaves_tube(run)
+
+
+def test_they_are_found_again_by_hash_and_not_for_other_gains(flown, tubes, folder):
+    again = tubes_of(flown.runs, folder)
+    assert again.found.keys() == tubes.found.keys()
+
+    run = flown.runs[0]
+    gains = replace(run.provenance.gains, K_P=2.0 * run.provenance.gains.K_P)
+    other = replace(run, provenance=replace(run.provenance, gains=gains))
+    assert run_sha256(other) != run_sha256(run)
+    assert tubes_of([other], folder).found == {}
+
+
+def test_the_tube_of_an_aircraft_without_its_conformance_is_refused_by_name(flown, tmp_path):
+    found = tubes_of(flown.runs, tmp_path, make=True)
+
+    assert list(found.why_not) == ["jsbsim:aerosonde / paper"]
+    assert "`flighttune conform` makes one" in found.why_not["jsbsim:aerosonde / paper"]
+
+
+def test_a_recording_has_them_as_bands_and_flies_again(flown, tubes, tmp_path):
+    files = record(replace(flown, runs=tubes.runs), tmp_path)
+
+    runs = load_recording(tmp_path).runs
+    (plot,) = (one for one in shown_plots(runs)["Tracking"] if one.signal == "chi_err")
+    assert plot.band == TUBE_SIGNALS[:2]
+    low, high = value_range(plot, runs)
+    widest = max(np.rad2deg(run.signals["chi_err_high"].max()) for run in runs)
+    assert low < widest < high
+    flighttune("refly", files.recording)
+
+
+def test_the_gap_figure_shows_the_tube_in_place_of_the_certified_set(flown, tubes):
+    gap = explain_flight(flown.scenario, tubes.runs[1])
+
+    legend = [name for name, *_ in bound_chart(gap, "chi").legend]
+
+    assert legend == ["error", "its tube, flight inside"]
+
+
+def test_commands_make_them_and_say_how_where_there_are_none(tmp_path):
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(
+        'title = "short"\ngains = ["paper"]\n[flight]\nV_a_mps = 25.0\nduration_s = 1.0\n'
+        '[reference]\nchi_deg = 1.0\ngamma_deg = 0.0\n[[plant]]\nkind = "kinematic"\n'
+    )
+
+    out = tmp_path / "runs"
+    shown, _ = flighttune("fly", scenario, "--out", out)
+    assert "--tube makes it" in shown
+    page = tmp_path / "report.html"
+    assert answer("report", out, "--out", page)["tubes"] == {}
+    assert f"flighttune report {out} --tube makes it" in page.read_text()
+
+    made = answer("report", out, "--out", page, "--tube")["tubes"]
+    assert made["kinematic / paper"]["inside"] is True
+    assert made["kinematic / paper"]["status"] == "bounded"
+    assert "the flight flown is inside" in page.read_text()
+    assert answer("report", out, "--out", page)["tubes"] == made
+    assert answer("fly", scenario, "--out", out)["tubes"] == made
