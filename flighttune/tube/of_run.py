@@ -1,6 +1,5 @@
 """The tube of a flight: found by its hash, or made, and put around the errors flown."""
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,10 +11,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flighttune.arrays import FloatArray
-from flighttune.control.gains import PIGains
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.scenario.load import scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS, Run
+from flighttune.tube.flight_hash import ABOUT, flight_sha256
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
@@ -24,12 +23,6 @@ if TYPE_CHECKING:
 
 FOLDER = "tubes"
 """Where the tubes of the runs in a folder are."""
-
-ABOUT = b"flighttune.tube"
-"""Key in the metadata of a tube's file: what the bounds are of, as JSON."""
-
-WORDS = ("title", "verifies", "source", "seed", "gains", "expect", "tuning", "envelope")
-"""Of a scenario, what a tube does not depend on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -200,22 +193,6 @@ def run_sha256(run: Run) -> str:
     """Hash of what the tube of a run depends on: manoeuvre, limits, controller, plant and gains."""
     made = run.provenance
     return flight_sha256(made.scenario, made.plant, made.gains)
-
-
-def flight_sha256(scenario: Mapping[str, Any], plant: str, gains: PIGains | None) -> str:
-    """Hash of what the tube of a flight depends on.
-
-    Parameters
-    ----------
-    scenario : mapping
-        As written in TOML.
-    plant : str
-        Label of the plant.
-    gains : PIGains or None
-    """
-    flown = {key: value for key, value in scenario.items() if key not in WORDS}
-    of = {**flown, "label": plant, "gains": gains and gains.as_lists()}
-    return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()
 
 
 def about_tube(path: Path) -> dict[str, Any]:

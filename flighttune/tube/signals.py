@@ -6,7 +6,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from flighttune.tube.of_run import ABOUT, flight_sha256
+from flighttune.tube.flight_hash import ABOUT, flight_sha256
 from flighttune.tube.result import QUANTITIES, Tube
 from flighttune.whole_file import whole_file
 

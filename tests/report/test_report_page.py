@@ -113,8 +113,8 @@ def test_every_part_of_a_report_is_there(written, page):
     assert written.sections == (
         "Errors and metrics",
         "Commands and path",
-        "Certificate",
         "From the law to the aircraft",
+        "Certificate",
     )
     for part in ("Provenance", "How to reproduce", *written.sections):
         assert f"<h2>{part}</h2>" in page
