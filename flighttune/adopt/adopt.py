@@ -13,15 +13,16 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from flighttune.adopt.files import PAPER, TUNED, TURN, aircraft_text, turn_text
+from flighttune.adopt.files import PAPER, SOURCE, TUNED, TURN, aircraft_text, turn_text
 from flighttune.adopt.survey import Refusal, Survey, survey
 from flighttune.aircraft.aircraft import (
+    GAINS_FILE,
     AircraftConfig,
     aircraft_from,
     load_aircraft,
     save_gains,
 )
-from flighttune.errors import PlantError, TrimError
+from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.flight.fly import FlownScenario, fly
 from flighttune.identify.design import Airframe, DesignedAircraft, airframe, design_aircraft
 from flighttune.identify.file import FILE_NAME, save_identified
@@ -31,6 +32,7 @@ from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.plants.jsbsim.trim import TrimRow, trim_table
 from flighttune.scenario.load import load_scenario
+from flighttune.table_file import toml_tables
 from flighttune.units import DEG
 from flighttune.whole_file import made_folder, whole_file
 
@@ -43,6 +45,8 @@ CALM = 0.5 * DEG
 """Largest standard deviation of the course error over the last quarter of the turn."""
 
 RECORD = "adoption.json"
+WRITTEN = ("aircraft.toml", GAINS_FILE, FILE_NAME, TURN)
+"""Files of every try."""
 
 SLOWER = (1.0, 0.7, 0.5)
 """Shares of the bandwidths that are tried in turn, until a flight meets the criteria."""
@@ -154,6 +158,7 @@ def adopt(
     if model.endswith(".xml"):
         model = os.path.relpath(Path(model).resolve(), folder.resolve())
     made_folder(folder)
+    _check_own(folder / "aircraft.toml")
     found = None
     try:
         found = survey(model, folder, h=h, V_a=V_a, say=say)
@@ -172,6 +177,12 @@ def adopt(
     return replace(
         best, notes=tuple(found.notes) if found else (), seconds=time.monotonic() - began
     )
+
+
+def _check_own(file: Path) -> None:
+    """Refuse to write over an aircraft that was not adopted."""
+    if file.exists() and toml_tables(file).get("source") != SOURCE:
+        raise InputError(f"{file.parent}: must not hold an aircraft that `adopt` did not make.")
 
 
 def _sentence(error: PlantError) -> str:
@@ -195,7 +206,8 @@ def _best(
             refused = refused or error
             continue
         if best is None or _merit(tried) > _merit(best):
-            best, files = tried, {file: file.read_bytes() for file in folder.glob("*.*")}
+            best = tried
+            files = {folder / name: (folder / name).read_bytes() for name in WRITTEN}
         if best.status == "adopted":
             break
     if best is None:
@@ -226,8 +238,8 @@ def _tried(
     wide = aircraft_from(found.tables, folder)
     at = airframe(Fdm(wide), condition)
     tables = final_tables(found, at, h, share)
-    for stale in folder.glob("*.json"):
-        stale.unlink()
+    for stale in (GAINS_FILE, FILE_NAME, RECORD):
+        (folder / stale).unlink(missing_ok=True)
     _write(folder / "aircraft.toml", aircraft_text(tables, found.notes))
     say("designing the inner loop")
     designed = design_aircraft(load_aircraft(folder))

@@ -8,6 +8,9 @@ from flighttune.control.gains import PAPER_GAINS
 
 TURN = "turn.toml"
 
+SOURCE = "flighttune adopt"
+"""What an adopted aircraft says of itself."""
+
 TUNED, PAPER = "tuned_identified", "paper_scaled"
 """Gain sets of the turn."""
 
@@ -62,7 +65,7 @@ def turn_text(aircraft: str, V_a: float, h: float, limits: Mapping[str, Any]) ->
     }
     return f"""title    = "A turn of 20 deg with a climb of 3 deg"
 verifies = "gains tuned on the identified aircraft against those of the paper, scaled with airspeed"
-source   = "flighttune adopt"
+source   = "{SOURCE}"
 gains    = ["{TUNED}", {_value(gains)}]
 
 [flight]

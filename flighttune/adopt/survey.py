@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from flighttune.adopt.files import SOURCE
 from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, aircraft_from
 from flighttune.aircraft.model_xml import found_file, read_xml
 from flighttune.arrays import FloatArray
@@ -178,8 +179,8 @@ def wide_tables(model: str) -> dict[str, Any]:
     """Tables of an aircraft whose surfaces take commands of -1 to 1 as positions in rad."""
     surface = {"travel_deg": [-ONE_RADIAN, ONE_RADIAN], "full_rad": [-1.0, 1.0]}
     return {
-        "title": model,
-        "source": "",
+        "title": Path(model).stem,
+        "source": SOURCE,
         "model": model,
         "surfaces": {name: dict(surface) for name in SURFACES},
         "engines": {"count": 1, "settle_s": 0.0},

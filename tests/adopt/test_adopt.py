@@ -157,6 +157,16 @@ def test_a_model_that_is_not_there_is_one_line(tmp_path):
     assert not (tmp_path / "x").exists()
 
 
+def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
+    folder = shutil.copytree(aircraft_folder("c172p"), tmp_path / "c172p")
+    before = (folder / "aircraft.toml").read_text()
+
+    _, err = flighttune("adopt", "c172p", "--out", folder, status=2)
+
+    assert "must not hold an aircraft that `adopt` did not make" in err
+    assert (folder / "aircraft.toml").read_text() == before
+
+
 def test_the_table_has_a_row_for_every_model():
     answers = [
         {"model": "a", "status": "refused", "reason": "no|engine"},

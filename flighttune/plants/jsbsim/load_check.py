@@ -9,7 +9,6 @@ from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.units import DEG
 
 EFFECTS = {"aileron": ("p_dot", 1.0), "elevator": ("q_dot", -1.0), "rudder": ("r_dot", -1.0)}
@@ -37,11 +36,10 @@ ALPHA, HEIGHT, FULL = 3.0 * DEG, 1000.0, 0.95
 
 @dataclass(frozen=True, slots=True)
 class _Checked:
-    """An aircraft: equal while its model and what its file says about it are the same."""
+    """An aircraft: equal while its gains are for the same model, surfaces and engines."""
 
     config: AircraftConfig = field(compare=False)
     model: str
-    surfaces: str
 
 
 def check_moves(config: AircraftConfig) -> None:
@@ -52,6 +50,7 @@ def check_moves(config: AircraftConfig) -> None:
     Parameters
     ----------
     config : AircraftConfig
+        With gains that were made for its files as they are.
 
     Raises
     ------
@@ -60,7 +59,7 @@ def check_moves(config: AircraftConfig) -> None:
         over the last half of its travel, or its travel differs from the file.
     """
     nominal = config.with_off_nominal(None)
-    fault = _fault(_Checked(nominal, model_hash(config), config.fingerprint))
+    fault = _fault(_Checked(nominal, config.gains.made_for if config.gains else ""))
     if fault:
         raise PlantError(f"{config.file}: {fault}.")
 

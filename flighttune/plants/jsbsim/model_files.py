@@ -76,16 +76,21 @@ class ModelFolders:
 
 def source_folders(config: AircraftConfig) -> ModelFolders:
     """Where the files of an aircraft's model are: in JSBSim's own set, or the user's."""
+    return _source_folders(config.folder, config.model)
+
+
+@lru_cache(maxsize=256)
+def _source_folders(folder: Path, name: str) -> ModelFolders:
     import jsbsim
 
     shipped = Path(jsbsim.get_default_root_dir())
-    if not config.model.endswith(".xml"):
-        model = shipped / "aircraft" / config.model
-        return ModelFolders(model, shipped / "engine", shipped / "systems", config.model)
-    file = (config.folder / config.model).resolve()
+    if not name.endswith(".xml"):
+        model = shipped / "aircraft" / name
+        return ModelFolders(model, shipped / "engine", shipped / "systems", name)
+    file = (folder / name).resolve()
     # In a folder laid out like JSBSim's own, parts that models share are two levels up.
     engines, systems = (
-        folder if (folder := file.parent.parent.parent / kind).is_dir() else shipped / kind
+        shared if (shared := file.parent.parent.parent / kind).is_dir() else shipped / kind
         for kind in ("engine", "systems")
     )
     return ModelFolders(file.parent, engines, systems, file.stem)

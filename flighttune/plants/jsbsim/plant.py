@@ -151,10 +151,10 @@ class JSBSimPlant:
         from flighttune.plants.jsbsim.trim import trim
 
         self._observe = self._write_phi_cmd = _not_started
-        inner_loop_settings(self.config)  # refuses gains of another model
+        settings = inner_loop_settings(self.config)  # refuses gains of another model
         check_moves(self.config)
         self.fdm = fdm = Fdm(self.config, steps=self._steps, ground=self._ground)
-        self._write_settings(fdm)
+        self._write_settings(fdm, settings)
         point = trim(fdm, condition)
         if self._weather is not None:
             carry_along(fdm, self._weather.deterministic(0.0, condition.h))
@@ -220,9 +220,8 @@ class JSBSimPlant:
             return self._end(self._guard.gave_up(error))
         return self._end(self._guard.diagnosis())
 
-    def _write_settings(self, fdm: Fdm) -> None:
+    def _write_settings(self, fdm: Fdm, settings: dict[str, float]) -> None:
         fdm.writer("simulation/randomseed")(float(self._seed))
-        settings = inner_loop_settings(self.config)
         for name, value in settings.items():
             fdm.writer(name)(value)
         missing = [name for name in fdm.names(properties.GAINS) if name not in settings]
