@@ -149,7 +149,7 @@ def _rungs(gap: Gap, channel: str) -> Chart:
         if channel == "chi":
             values, reference = np.unwrap(values), np.unwrap(reference)
         if run is gap.runs[0]:
-            chart.line(run.t, reference * DEG_PER_RAD, NEUTRAL, width=2.2, name="reference")
+            chart.line(run.t, reference * DEG_PER_RAD, NEUTRAL, dash=DASHED, name="reference")
         chart.line(run.t, values * DEG_PER_RAD, colour, name=run.provenance.plant)
     return chart
 

@@ -108,7 +108,7 @@ def _sections(found: Findings) -> list[Section]:
             id="measures",
             title="Metrics",
             note="Curves count all flights: where some were not completed they end below 100 %. "
-            "The table is of completed flights that have a value; `--json` has the confidence "
+            "The table is of completed flights that have a value; --json has the confidence "
             "interval of each percentile.",
             charts=distributions(found),
             tables=_filled(tables.metrics_table(found)),
