@@ -272,29 +272,38 @@ class _TrimProblem:
         """Return the least squares of `residuals` within the bounds.
 
         Most flights that cannot be trimmed lack thrust or have too much of it, so that the throttle
-        is tried at its stops first. An engine that takes its time then settles once only. Where
-        full throttle is enough, the root is looked for from other throttles as well: thrust may
-        fall with the throttle before it grows.
+        is tried at its stops first. An engine that takes its time then settles once only. In
+        between the root is looked for from other throttles: thrust may fall with the throttle
+        before it grows.
         """
         from scipy.optimize import least_squares  # takes as long to import as all the rest
 
         span = self.upper - self.lower
-        for stop, sense in ((self.upper[-1], -1.0), (self.lower[-1], 1.0)):
-            if stop == self.lower[-1]:
-                starts = (np.append(start[:-1], stop + share * span[-1]) for share in _THROTTLES)
-                roots = (self.root(other) for other in starts)
-                found = next((x for x in roots if x is not None), None)
-                if found is not None:
-                    return found
-            at_stop = least_squares(
-                lambda six, stop=stop: self.residuals(np.append(six, stop)),
+
+        def at_stop(stop: float) -> FloatArray:
+            six = least_squares(
+                lambda six: self.residuals(np.append(six, stop)),
                 start[:-1],
                 bounds=(self.lower[:-1], self.upper[:-1]),
                 x_scale=span[:-1],
                 max_nfev=_MOST_STEPS,
             )
-            if sense * at_stop.fun[0] > _RESIDUAL_ALLOWED:
-                return np.append(at_stop.x, stop)
+            return np.append(six.x, stop)
+
+        opened = at_stop(self.upper[-1])
+        if self.residuals(opened)[0] < -_RESIDUAL_ALLOWED:
+            return opened
+        closed = at_stop(self.lower[-1])
+        speeds_up = self.residuals(closed)[0] > _RESIDUAL_ALLOWED
+        for share in _THROTTLES:
+            throttle = self.lower[-1] + share * span[-1]
+            if speeds_up and self.residuals(np.append(closed[:-1], throttle))[0] > 0.0:
+                continue  # no less thrust than with the throttle closed
+            found = self.root(np.append(start[:-1], throttle))
+            if found is not None:
+                return found
+        if speeds_up:
+            return closed
 
         def slopes(x: FloatArray) -> FloatArray:
             return slopes_within(self.residuals, x, self.residuals(x), self.widths, self.upper)
