@@ -5,7 +5,7 @@ import pytest
 
 from flighttune.control.exact_law import rate_gains
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import certify_scenario, gain_set, tune_scenario
 from flighttune.flight.refly import refly
@@ -13,7 +13,6 @@ from flighttune.guarantee.flight_check import flight_check
 from flighttune.metrics import METRICS
 from flighttune.recording.parquet import read_run, write_run
 from flighttune.scenario import load_gains, scenario_from
-from flighttune.tube.problem import tube_problem
 
 ENVELOPE = {
     "V_a_mps": [20.0, 30.0],
@@ -125,13 +124,6 @@ def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     assert everywhere.status == "certified"
     assert everywhere.certificate.claim.rate == at_trim.certificate.claim.rate
     assert certify_scenario(both, paper, envelope=True).status != "certified"
-
-
-def test_a_tube_of_the_exact_law_is_refused():
-    both = scenario()
-
-    with pytest.raises(InputError, match="`gains` must be of the paper's law for a tube"):
-        tube_problem(both, gain_set(both, "exact:paper"))
 
 
 def test_an_expectation_may_name_law_and_gains():
