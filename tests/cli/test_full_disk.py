@@ -98,7 +98,7 @@ def test_a_disk_that_fills_up_is_one_line_and_leaves_what_was_there(
     status, _, alone_s = run(COMMANDS[name], tmp_path, short)
     assert status in (0, 1)  # gap: a second of flight says nothing of the certified set
     needed = sum(-(-path.stat().st_size // PAGE) for path in files_in(tmp_path))
-    # Of two in one run, one may be whole before the next one fails: gap.png, after the recording.
+    # Of two in one run, one may be whole before the next one fails: gap.svg, after the recording.
     for free in sorted({needed * k // SIZES for k in range(SIZES)}):
         folder = disk / f"{name}-{free}"
         ballast = disk / "ballast"

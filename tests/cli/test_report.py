@@ -22,7 +22,7 @@ def test_a_scenario_becomes_a_page_whose_headline_is_printed(tmp_path):
     assert found["report"] == str(out)
     assert found["bytes"] == out.stat().st_size
     questions = [answer["question"] for answer in found["headline"]]
-    assert questions == ["Does it converge?", "Is it certified?"]
+    assert questions == ["Does it converge?", "How far can it be off?", "Is it certified?"]
     assert out.read_text().startswith("<!doctype html>")
 
 
