@@ -147,7 +147,7 @@ def test_the_recording_holds_both_families(reproduction):
 
     for name in ["K1", "K6"]:
         assert any(path.endswith(f"/kinematic_{name}") for path in paths), sorted(paths)[:40]
-    assert sum("/plots/chi_err/" in path for path in paths) == 15
+    assert sum("/plots/chi_err/kinematic_" in path for path in paths) == 15
 
 
 @pytest.mark.slow
