@@ -1,9 +1,10 @@
 """Tubes of the paper's manoeuvre: how wide, how long, and whether any flight leaves one.
 
 Run it with ``python benchmarks/bench_tube.py``; ``--json`` prints one object, ``--flights N`` says
-how many flights are flown against each tube. The flights have random and bang-bang disturbances and
-starts in the set, half of them at its edge; their loop is written here a second time. Exits with 1
-where a target is missed or a flight leaves a tube.
+how many flights are flown against each tube. With ``--conformance FILE`` (of ``flighttune conform
+feasible_starts``) there is a row of the Aerosonde, without such flights. The flights have random
+and bang-bang disturbances and starts in the set, half of them at its edge; their loop is written
+here a second time. Exits with 1 where a target is missed or a flight leaves a tube.
 """
 
 import argparse
@@ -15,7 +16,9 @@ from pathlib import Path
 import numpy as np
 
 import flighttune as ft
+from flighttune.conformance import load_conformance
 from flighttune.flight.outer_loop import gain_set
+from flighttune.tube.flights import flights_inside
 from flighttune.tube.proof import save_tube, verify_tube
 from flighttune.tube.tube import tube
 from flighttune.units import DEG
@@ -30,6 +33,9 @@ ROWS = {
 }
 """Gains, start (deg), disturbance (rad/s), then the targets: largest half-widths (deg), that at the
 end (deg), processor time (s), ratio to the widest flights found."""
+
+AIRCRAFT_DEG, AIRCRAFT_END_DEG, AIRCRAFT_S = (0.6, 0.4), 0.3, 2.0 * 3.0
+"""Of the Aerosonde on a feasible reference: half-widths, that at the end, processor time."""
 
 VERIFY_S, FILE_MB = 60.0, 50.0
 AT_ONCE = 20_000
@@ -138,16 +144,42 @@ def row(name, folder, flights):
     return measured | {"target_met": bool(met)}
 
 
+def aircraft_row(path):
+    """The tube of the Aerosonde on the feasible reference, in the boxes of a file."""
+    scenario = ft.load_scenario("feasible")
+    began = time.process_time()
+    found = tube(
+        scenario, gain_set(scenario, "tuned_identified"), conformance=load_conformance(path)
+    )
+    cpu = time.process_time() - began
+    widths = found.half_widths[:, :2] / DEG
+    largest, end = widths.max(axis=0), widths[-1]
+    inside = flights_inside(found)
+    met = found.status == "bounded" and inside and bool((largest <= AIRCRAFT_DEG).all())
+    return {
+        "row": "Aerosonde, calm, feasible reference",
+        "status": found.status,
+        "cpu_s": cpu,
+        "largest_deg": largest.tolist(),
+        "end_deg": end.tolist(),
+        "inside": inside,
+        "target_met": met and bool(end.max() <= AIRCRAFT_END_DEG) and cpu <= AIRCRAFT_S,
+    }
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true", help="print one object")
     parser.add_argument("--flights", type=int, default=20_000, help="against each tube")
     parser.add_argument("--row", help="only the rows with this in their name")
+    parser.add_argument("--conformance", help="file: adds the row of its aircraft")
     options = parser.parse_args()
 
     names = [name for name in ROWS if options.row is None or options.row in name]
     with tempfile.TemporaryDirectory() as folder:
         rows = [row(name, folder, options.flights) for name in names]
+    if options.conformance is not None:
+        rows.append(aircraft_row(options.conformance))
     if options.json:
         print(json.dumps({"rows": rows}, indent=2))
     else:

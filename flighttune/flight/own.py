@@ -13,7 +13,7 @@ from typing import Any
 from flighttune.control.controller import Controller, LawSetup
 from flighttune.errors import ScenarioError
 from flighttune.plants.base import Plant
-from flighttune.plants.guarded import GuardedPlant, failure
+from flighttune.plants.guarded import FAILURES, GuardedPlant, failure
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
 from flighttune.simulate.guarded import GuardedLaw, LawError
@@ -50,7 +50,7 @@ class Own:
         try:
             law = self.laws[table.name](setup, **(table.parameters or {}))
             guarded = GuardedLaw(law, setup.limits, name)
-        except Exception as error:
+        except FAILURES as error:
             raise LawError(failure(name, error, 0.0)) from error
         if guarded.dt != setup.dt:
             raise LawError(
@@ -69,7 +69,7 @@ class Own:
         name = f"plant {table.label}"
         try:
             return GuardedPlant(self.plants[table.label](**(table.parameters or {})), name)
-        except Exception as error:
+        except FAILURES as error:
             raise ScenarioError(failure(name, error, 0.0)) from error
 
 
@@ -146,7 +146,7 @@ def _loaded(scenario: Scenario, key: str, name: str, table: LawTable | PlantTabl
         )
     try:
         return getattr(_module(str(path.resolve()), digest), table.class_)
-    except Exception as error:
+    except FAILURES as error:
         raise ScenarioError(failure(f"{where}: {table.module}", error, None)) from error
 
 

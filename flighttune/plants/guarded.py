@@ -7,8 +7,11 @@ from flighttune.control.controller import FlightCondition
 from flighttune.errors import FlightTuneError, InputError, TrimError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 
+FAILURES = (Exception, SystemExit)
+"""What ends a flight and nothing else: code of a user's must not end the program either."""
 
-def failure(name: str, error: Exception, t: float | None) -> str:
+
+def failure(name: str, error: BaseException, t: float | None) -> str:
     """What raised, when and why, in one line.
 
     Parameters
@@ -65,7 +68,7 @@ class GuardedPlant:
             self._plant.start(condition)
         except FlightTuneError:
             raise
-        except Exception as error:
+        except FAILURES as error:
             raise TrimError(failure(self._name, error, 0.0)) from error
 
     def observe(self) -> tuple[float, ...]:
@@ -80,7 +83,7 @@ class GuardedPlant:
             seen = tuple(map(float, self._plant.observe()))
             if len(seen) != len(self.signals) or not all(map(math.isfinite, seen)):
                 raise ValueError(f"`observe` must return {len(self.signals)} finite numbers")
-        except Exception as error:
+        except FAILURES as error:
             reason = failure(self._name, error, self._t)
             if not self._last:
                 raise TrimError(reason) from error
@@ -95,7 +98,7 @@ class GuardedPlant:
             return self._stop
         try:
             stop = self._plant.advance(phi_cmd, n_z_cmd, duration)
-        except Exception as error:
+        except FAILURES as error:
             return Stop("plant_failed", failure(self._name, error, self._t))
         self._t += duration
         return stop

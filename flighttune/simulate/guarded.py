@@ -1,9 +1,10 @@
 """A law of the user's in the loop: limits on what it commands, and an end where it fails."""
 
 import math
+import textwrap
 import time
 from collections.abc import Iterable, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from flighttune.control.controller import Controller, FlightCondition, Measured, ReferenceSample
 from flighttune.control.exact_law import ExactLaw
@@ -12,10 +13,14 @@ from flighttune.control.limits import CommandLimiter, Limits
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError
-from flighttune.plants.guarded import failure
+from flighttune.plants.guarded import FAILURES, failure
 
 BEHIND = 5.0
 """By how much the steps of a law may take longer than the flight they fly, s."""
+
+
+LONGEST = 40
+"""Characters of what a law returned that are repeated."""
 
 
 class LawError(Exception):
@@ -73,7 +78,7 @@ class GuardedLaw:
         self._spent = 0.0
         try:
             self._law.start(condition)
-        except Exception as error:
+        except FAILURES as error:
             raise self._failed(error, 0.0) from error
         self.limiter = getattr(self._law, "limiter", self._limits)
 
@@ -88,16 +93,17 @@ class GuardedLaw:
         """
         began = time.perf_counter()
         try:
-            returned = self._law.step(measured, reference, t)
-            values = [float(value) for value in returned]
-        except Exception as error:
+            returned: object = self._law.step(measured, reference, t)
+        except FAILURES as error:
             raise self._failed(error, t) from error
         self._spent += time.perf_counter() - began
-        if len(values) != self._width:
+        values = _numbers(returned)
+        if values is None or len(values) != self._width:
             names = ", ".join(("phi_cmd", "n_z_cmd", *self.signals))
+            got = textwrap.shorten(repr(returned), LONGEST) if values is None else len(values)
             raise LawError(
                 f"{self._name} at t = {t:.2f} s: `step` must return {self._width} numbers "
-                f"({names}), got {len(values)}."
+                f"({names}), got {got}."
             )
         for name, value in zip(("phi_cmd", "n_z_cmd"), values, strict=False):
             if not math.isfinite(value):
@@ -122,11 +128,19 @@ class GuardedLaw:
         linear = getattr(self._law, "linear", None)
         try:
             return None if linear is None else linear()
-        except Exception as error:
+        except FAILURES as error:
             raise self._failed(error, 0.0) from error
 
-    def _failed(self, error: Exception, t: float) -> LawError:
+    def _failed(self, error: BaseException, t: float) -> LawError:
         return LawError(failure(self._name, error, t))
+
+
+def _numbers(returned: Any) -> list[float] | None:
+    """What a law returned as numbers; None where it is something else."""
+    try:
+        return [float(value) for value in returned]
+    except (TypeError, ValueError):
+        return None
 
 
 def limited_law(law: Controller, limits: Limits | None) -> LimitedLaw:

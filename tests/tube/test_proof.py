@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -130,3 +132,12 @@ def test_a_damaged_file_is_refused(proven, tmp_path):
     assert not is_tube_file(path)
     with pytest.raises(InputError, match=r"cut\.npz"):
         load_tube(path)
+
+
+def test_the_check_imports_neither_the_search_nor_what_looks_for_a_set_that_is_kept():
+    code = "import sys, flighttune.tube.proof; print([m for m in sys.modules if 'tube' in m])"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert "flighttune.tube.proof" in shown.stdout
+    assert "flighttune.tube.search" not in shown.stdout
+    assert "flighttune.tube.settling" not in shown.stdout
