@@ -18,8 +18,9 @@ HEAD = """# Commands
 Exit status: 0 fine; 1 the answer is no (infeasible, unstable, refused, ended early, out of
 tolerance); 2 the command could not run: one line on stderr names the file and the key. With
 `--json` a command prints one object on stdout and nothing else (with status 2, nothing on stdout).
-`-q` prints failures only. A file of gains is JSON or TOML with `K_P` and `K_I`; what `tune --json`
-prints is one. Tables fit the terminal; in a pipe they have 120 characters, or what `COLUMNS` says.
+`-q` prints failures only. A gains file is JSON or TOML with `K_P` and `K_I`; the output of
+`tune --json` is one. Tables fit the terminal; in a pipe they are 120 characters wide, or as wide as
+`COLUMNS` says.
 `flighttune --install-completion` completes commands and the names of scenarios, campaigns and
 aircraft in the shell.
 

@@ -30,7 +30,7 @@ from flighttune.table_file import toml_tables
 from flighttune.units import DEG
 
 MARGIN = "margin"
-"""Metric: how far a flight is beyond the nearest demand, as a share of the bound; 0 meets it."""
+"""Metric: largest excess over a requirement relative to its bound; 0 just meets it."""
 
 TUBE = "tube"
 """Metric: distance of the errors from the middle of a tube in half widths; 1 leaves it."""
@@ -88,14 +88,14 @@ class WorstSettings:
         Flights at most.
     metric : str or None
         Column of a campaign's rows, such as ``chi.ITAE``, or ``margin``; by default the margin
-        where the campaign or scenario has demands with bounds, else ``chi.ITAE``. With a tube it
-        is ``tube``.
+        where the campaign or scenario has requirements with bounds, else ``chi.ITAE``. With a tube
+        it is ``tube``.
     tube : TubeBounds or None
-        What flights shall come near to.
+        Tube that flights are to come close to leaving.
     gains, plant : str or None
         By default ``tuned_identified`` or the first gain set, and the first plant.
     completed : bool
-        Look among flights flown to their end alone; else one that is not is worse than all others.
+        Consider only flights that reach their end time; else the others count as worse than all.
     start_deg, disturbance : float, deg and rad/s
         Of a scenario: how far the start may be off, and the largest amplitude of square waves that
         disturb the two rates.
@@ -147,7 +147,7 @@ class WorstFlight:
     distance, radius : float, 1
         Of the flight from the median in the standard normal space, and of the region searched.
     status, missed : str
-        How it ended, and the demands it does not meet.
+        How it ended, and the requirements it does not meet.
     scenario : Scenario
         The flight alone; ``flighttune fly`` flies it.
     """
@@ -278,7 +278,7 @@ def rare_miss(
     source, settings, workers, scheduler, observer
         As of `find_worst`; a fifth of the budget is flown at each level.
     threshold : float
-        Value of the metric from which on a flight is a miss: 0 for the margin of the demands.
+        Value of the metric from which on a flight is a miss: 0 for the margin.
 
     Returns
     -------
@@ -564,7 +564,7 @@ def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
     metric : str
         A column, ``margin`` or ``tube``.
     scenario : Scenario
-        With the demands.
+        With the requirements.
     """
     if row["status"] != "completed":
         return FAILED
@@ -589,7 +589,7 @@ def _in_unit_of(name: str, value: float | None) -> float:
 
 
 def _metric_of(plan: Plan, group: Group) -> str:
-    """The margin where the group has demands with bounds, else ITAE of the course."""
+    """The margin where the group has requirements with bounds, else ITAE of the course."""
     bounded = any(
         table.at_most or table.at_least
         for table in plan.scenario.expect

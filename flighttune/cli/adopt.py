@@ -1,4 +1,4 @@
-"""The command that makes an aircraft of a model of JSBSim's."""
+"""The command that makes an aircraft from a JSBSim model."""
 
 import math
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ def adopt(
         str | None,
         Argument(
             metavar="[MODEL|FILE.xml]",
-            help="An aircraft of JSBSim's own set, or the main file of one.",
+            help="A model that comes with JSBSim, or the main file of another.",
             show_default=False,
         ),
     ] = None,
@@ -31,7 +31,7 @@ def adopt(
     ] = None,
     h: Annotated[float, Option("--h", help="Height above sea level in m.")] = 1000.0,
     all_models: Annotated[
-        bool, Option("--all", help="Adopt JSBSim's whole set into folders, with one table.")
+        bool, Option("--all", help="Adopt all models that come with JSBSim; write one table.")
     ] = False,
     out: Annotated[
         Path | None,
@@ -41,11 +41,11 @@ def adopt(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make an aircraft of a model of JSBSim's: find its surfaces and engines, tune it and fly it.
+    """Make an aircraft from a JSBSim model: find its surfaces and engines, tune it and fly it.
 
     Surfaces, engines and airspeed are found by experiment; the inner loop is designed, flown and
-    identified, the outer loop is tuned on that, and both are flown in a turn against the paper's
-    gains scaled with airspeed.
+    identified, the outer loop is tuned on the identified model and flown in a turn, compared with
+    the paper's gains scaled with airspeed.
     """
     if (model is None) == (not all_models):
         raise InputError("adopt takes a model, or --all.")

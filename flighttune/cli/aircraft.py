@@ -76,7 +76,9 @@ def trim(
 
 def design(
     aircraft: AircraftArgument,
-    out: Annotated[Path | None, out_folder("that of the aircraft, if it is the user's")] = None,
+    out: Annotated[
+        Path | None, out_folder("the aircraft's own; required for a shipped one")
+    ] = None,
     dry_run: Annotated[
         bool, Option("--dry-run", help="Print the gains; write no file and no figure.")
     ] = False,
@@ -134,8 +136,8 @@ def identify(
     out: Annotated[
         Path | None,
         Option(
-            help="Model file; a figure of the same name goes with it [default: identified.json of "
-            "an aircraft of the user's, runs/identified/AIRCRAFT.json of a shipped one]."
+            help="Model file to write, with a figure of the same name [default: identified.json in "
+            "the aircraft's folder; for a shipped one runs/identified/AIRCRAFT.json]."
         ),
     ] = None,
     as_json: JsonOption = False,

@@ -70,7 +70,9 @@ def report(
     ],
     out: Annotated[
         Path | None,
-        Option("--out", "-o", help="HTML file to write [default: report.html in a local DIR]."),
+        Option(
+            "--out", "-o", help="HTML file to write [default: DIR/report.html, if DIR is local]."
+        ),
     ] = None,
     interval: Annotated[
         Literal["wilson", "clopper-pearson"], Option(help="Confidence interval of rates.")
@@ -78,7 +80,7 @@ def report(
     confidence: Annotated[float, Option(help="Confidence of intervals, 0 to 1.")] = 0.95,
     as_json: JsonOption = False,
 ) -> None:
-    """Report success rates with intervals, failures and influences of the campaign in DIR.
+    """Report success rates with intervals, failures and influential parameters of a campaign.
 
     The page is one file and needs no network.
     """
@@ -165,7 +167,7 @@ def run(
     scheduler: SchedulerOption = None,
     out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
     resume: Annotated[
-        bool, Option("--resume", help="Fly what is missing of the campaign in --out.")
+        bool, Option("--resume", help="Fly the missing runs of the campaign in --out.")
     ] = False,
     until_halfwidth: Annotated[
         float | None,
@@ -175,14 +177,14 @@ def run(
         ),
     ] = None,
     dry_run: Annotated[
-        bool, Option("--dry-run", help="Show the plan, its cost and disk space; keep nothing.")
+        bool, Option("--dry-run", help="Show the plan, its time and disk space; keep nothing.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Fly the campaign CAMPAIGN into a dataset, one row a run.
+    """Fly CAMPAIGN and write a dataset with one row per run.
 
-    Flights that fail are results: the exit status is 0. It is 1 where --until-halfwidth was not
-    reached, 2 where the campaign was cut short, 130 after Ctrl-C; --resume does what is missing.
+    A flight that fails is a result: the exit status stays 0. It is 1 if --until-halfwidth was not
+    reached, 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
     from flighttune.campaign.engine.flyer import Flyer
 
@@ -373,7 +375,8 @@ def _outcome_text(done: "CampaignOutcome") -> Iterator[str]:
     )
     yield (
         f"{done.runs} runs: {done.completed} completed, {done.failed} failed"
-        f"{others and f' ({others})'}, {done.crashed} crashed; {done.succeeded} met every demand"
+        f"{others and f' ({others})'}, {done.crashed} crashed; "
+        f"{done.succeeded} met every requirement"
     )
     yield (
         f"flown now: {done.flown} in {duration(done.wall_s)}, {rate(done.rate_per_s)} a second"

@@ -53,7 +53,7 @@ def certify(
     figure: Annotated[
         Path | None,
         Option(
-            help="SVG file for Bode and Nyquist diagrams with the margins, and eigenvalues; with "
+            help="SVG file to write: Bode and Nyquist diagrams with margins, eigenvalues; with "
             "--envelope also the certified rate over the size of the envelope."
         ),
     ] = None,

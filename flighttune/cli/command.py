@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 from flighttune.cli.show import working
 
 QuietOption = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print failures only, and a JSON object.")
+    bool, typer.Option("--quiet", "-q", help="Print only failures, and the object of --json.")
 ]
 
 LONGEST_SENTENCE = 200

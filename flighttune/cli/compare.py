@@ -30,17 +30,17 @@ def compare(
     others: Annotated[list[str], Argument(metavar="B...", help="What to compare A with.")],
     tolerance: Annotated[
         Path | None,
-        Option(help="TOML file with the changes allowed; exit status 1 if one is exceeded."),
+        Option(help="TOML file of allowed changes; exit status 1 if one is exceeded."),
     ] = None,
     out: Annotated[
         Path | None,
-        Option(help="Recording (.rrd) or page (.html) of all runs, one over the other."),
+        Option(help="Recording (.rrd) or page (.html) to write, with all runs overlaid."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Compare runs: metrics, which is better, and how far apart the paths are.
 
-    Exit status 2 if manoeuvre or aircraft are not the same.
+    Exit status 2 if manoeuvre or aircraft differ.
     """
     from flighttune.comparison import compare as compare_sources
     from flighttune.comparison import load_tolerances, violations

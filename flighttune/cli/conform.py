@@ -22,17 +22,19 @@ def conform(
         str,
         typer.Argument(
             metavar="CAMPAIGN|AIRCRAFT",
-            help="Folder of a campaign, a campaign file or the name of a shipped one, or an "
-            "aircraft, which flies random starts and references of its own.",
+            help="Folder of a campaign, a campaign file or the name of a shipped one; or an "
+            "aircraft, which is flown from random starts on random references.",
             autocompletion=lambda: campaign_names() + aircraft_names(),
         ),
     ],
     out: Annotated[Path, Option("--out", help="JSON file to write.")],
     epsilon: Annotated[
-        float, Option(help="Probability of leaving the boxes that is still accepted, 0 to 1.")
+        float, Option(help="Accepted probability of leaving the boxes, 0 to 1.")
     ] = 0.01,
     confidence: Annotated[float, Option(help="Confidence of the claim, 0 to 1.")] = 0.999,
-    attempts: Annotated[int, Option(help="Counts at most; they share the confidence.", min=1)] = 3,
+    attempts: Annotated[
+        int, Option(help="Attempts at most; they share the confidence.", min=1)
+    ] = 3,
     gains: Annotated[
         str | None,
         Option(help="Gain set of the campaign [default: tuned_identified, else its first]."),
@@ -51,18 +53,19 @@ def conform(
     boxes: Annotated[
         Literal["time", "phase"] | None,
         Option(
-            help="Divide boxes by time, or by the time since the reference last moved [default: "
-            "time where all flights follow the same reference]."
+            help="One box per window of time, or per window of the time since the reference last "
+            "moved [default: time if all flights follow the same reference]."
         ),
     ] = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Learn boxes for what the point mass behind the identified lag leaves of an aircraft's rates.
+    """Learn bounds (boxes) on the part of an aircraft's rates that its identified model misses.
 
-    They are fitted to the campaign's flights and counted on fresh random ones. Exit status 1 if
-    flights leave them in every attempt.
+    The model is the exact point mass behind the identified lag. The boxes are fitted to the
+    campaign's flights and tested on new random ones. Exit status 1 if flights leave them in every
+    attempt.
     """
     check_ending(out, ".json")
     from flighttune.campaign.conform import ConformSettings

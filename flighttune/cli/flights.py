@@ -43,9 +43,12 @@ def fly(
     view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
     live: Annotated[
         bool,
-        Option("--live", help="Show the flights in the viewer; Ctrl-C ends them, and keeps them."),
+        Option(
+            "--live",
+            help="Show the flights in the viewer as they fly; Ctrl-C ends and records them.",
+        ),
     ] = False,
-    pace: Annotated[str, Option(help="With --live: seconds of flight a second, or max.")] = "1",
+    pace: Annotated[str, Option(help="With --live: simulated seconds per second, or max.")] = "1",
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
     as_json: JsonOption = False,
@@ -185,8 +188,8 @@ def view(
         Option(
             min=1,
             max=65534,
-            help="Serve it to a browser at this port, its data at the next one; both go through a "
-            "tunnel [default: a window; without a screen, a browser at free ports].",
+            help="Serve the viewer to a browser at this port, its data at the next one; both can "
+            "be tunnelled [default: a window; without a screen, a browser at free ports].",
         ),
     ] = None,
 ) -> None:

@@ -39,7 +39,7 @@ def tune(
     scenario: ScenarioArgument,
     method: Annotated[
         Literal["gradient", "genetic", "convex"] | None,
-        Option(help="Optimiser [default: that of the scenario, else gradient]."),
+        Option(help="Optimiser [default: the scenario's, else gradient]."),
     ] = None,
     envelope: Annotated[
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")

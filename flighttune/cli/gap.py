@@ -47,8 +47,8 @@ def gap(
     lag: Annotated[
         Literal["identified", "fitted"] | None,
         Option(
-            help="Lag of the third rung: from the aircraft's model file, or fitted to this flight "
-            "[default: the model file, where there is one]."
+            help="Inner-loop lag of the third plant: from the aircraft's model file, or fitted to "
+            "this flight [default: the model file, if there is one]."
         ),
     ] = None,
     tube: TubeOption = False,
@@ -57,7 +57,7 @@ def gap(
 ) -> None:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
-    Exit status 1 if a rung cannot be flown, or the flight breaks its certified bound.
+    Exit status 1 if a flight ends early, or the aircraft does not stay in the certified set.
     """
     from flighttune.flight.gap import explain_gap
     from flighttune.flight.gap_charts import gap_sheet

@@ -58,7 +58,7 @@ def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None
 
 TubeOption = Annotated[
     bool,
-    Option("--tube", help="Make the tube of each flight, and draw it around the errors."),
+    Option("--tube", help="Compute the tube of each flight and draw it around the errors."),
 ]
 
 ConformanceOption = Annotated[

@@ -27,11 +27,13 @@ def tube(
     plant: Annotated[
         str | None,
         Option(
-            help="Label of the plant as `fly` prints it [default: the first that is no aircraft]."
+            help="Label of the plant as `fly` prints it [default: the first that is not an "
+            "aircraft]."
         ),
     ] = None,
     start_deg: Annotated[
-        float, Option(help="Distance of the start from the scenario's, course and path angle, deg.")
+        float,
+        Option(help="Largest deviation from the scenario's start, course and path angle, deg."),
     ] = 0.0,
     disturbance: Annotated[
         float | None,
@@ -42,14 +44,17 @@ def tube(
     ] = None,
     conformance: Annotated[
         Path | None,
-        Option(help="File of `flighttune conform`: the tube is of its aircraft, in its boxes."),
+        Option(
+            help="File of `flighttune conform`: bound its aircraft, with residual rates in the "
+            "boxes."
+        ),
     ] = None,
     out: Annotated[
         Path | None, Option("--out", help="Proof file (.npz) to write; `verify` checks it.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Enclose all flights of SCENARIO with one gain set, with every limit; prove the bounds.
+    """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
 
     Exit status 1 if the set cannot be bounded for the whole time.
     """

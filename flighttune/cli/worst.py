@@ -33,8 +33,9 @@ def worst(
     metric: Annotated[
         str | None,
         Option(
-            help="Column of a campaign's rows, such as chi.ITAE, or margin: how far beyond the "
-            "nearest demand, as a share of its bound [default: margin where there are demands]."
+            help="Metric to maximise: a column of a campaign's rows, such as chi.ITAE, or margin, "
+            "the largest excess over a requirement relative to its bound [default: margin if there "
+            "are requirements]."
         ),
     ] = None,
     gains: Annotated[
@@ -44,27 +45,27 @@ def worst(
         str | None, Option(help="Label of the plant as `fly` prints it [default: the first].")
     ] = None,
     completed: Annotated[
-        bool, Option("--completed", help="Look among flights that were flown to their end alone.")
+        bool, Option("--completed", help="Consider only flights that reach their end time.")
     ] = False,
     start_deg: Annotated[
-        float, Option(help="Largest error of course and path angle at a scenario's start.")
+        float, Option(help="Largest deviation from a scenario's start, course and path angle, deg.")
     ] = 0.0,
     disturbance: Annotated[
         float,
-        Option(help="Largest disturbance of a scenario's two rates, a square wave, rad/s."),
+        Option(help="Largest square-wave disturbance of a scenario's two rates, rad/s."),
     ] = 0.0,
     rare: Annotated[
         bool, Option("--rare", help="Estimate the probability of a miss by subset simulation.")
     ] = False,
     threshold: Annotated[
-        float, Option(help="Value of the metric from which on --rare counts a miss.")
+        float, Option(help="Value of the metric at which --rare counts a miss.")
     ] = 0.0,
-    seed: Annotated[int, Option(help="Of the search.", min=0)] = 1,
+    seed: Annotated[int, Option(help="Seed of the search.", min=0)] = 1,
     tube: Annotated[
         Path | None,
         Option(
             help="Signals of a tube (Parquet): search for the flight nearest to leaving it, and "
-            "print how many times wider it is."
+            "print how many times wider the tube is."
         ),
     ] = None,
     out: Annotated[
@@ -74,9 +75,9 @@ def worst(
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Search dispersions and disturbances for the flight nearest to breaking a demand.
+    """Search dispersions and disturbances for the flight nearest to missing a requirement.
 
-    It is written as a scenario that `flighttune fly` flies.
+    Writes that flight as a scenario for `flighttune fly`.
     """
     check_ending(out, ".toml")
     from flighttune.campaign.planning.tube_bounds import TubeBounds
@@ -139,7 +140,7 @@ def _text(found: "WorstFlight", written: Path, ratios: dict[str, float] | None) 
         f"{number(found.distance)} standard deviations from the median, of the "
         f"{number(found.radius)} that hold 99.9 % of the distribution"
     )
-    yield f"{found.status}; {found.missed or 'no demand is missed'}"
+    yield f"{found.status}; {found.missed or 'no requirement is missed'}"
     for name, ratio in (ratios or {}).items():
         yield f"tube over flight, {name}: {number(ratio)}"
     yield f"scenario: {written}   (fly it with: flighttune fly {written})"
