@@ -84,6 +84,7 @@ gamma_deg = 3.0
 feed_forward = true
 
 [tuning]
+model     = "identified"
 roll_rate = true
 
 [[plant]]

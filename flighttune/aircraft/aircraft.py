@@ -251,6 +251,12 @@ class InnerLoopGains(AircraftTable):
     jsbsim: str
     gains: dict[PropertyName, Gain]
 
+    @property
+    def sha256(self) -> str:
+        """Hash of the gains and of what they were made for."""
+        values = json.dumps([self.made_for, self.gains], sort_keys=True)
+        return hashlib.sha256(values.encode()).hexdigest()
+
 
 class AircraftConfig(AircraftTable):
     """One aircraft as its ``aircraft.toml`` describes it, in SI and radians.

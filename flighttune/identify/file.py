@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from flighttune.aircraft.aircraft import GAINS_FILE, load_aircraft
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import ScenarioError
 from flighttune.identify.model import (
@@ -114,6 +115,7 @@ class _File(_Table):
     format: Literal["flighttune identified aircraft 1"]
     aircraft: str
     seed: int
+    gains_sha256: str = ""
     conditions: Annotated[list[_Condition], Field(min_length=1)]
 
 
@@ -123,6 +125,7 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
         "format": FORMAT,
         "aircraft": aircraft.aircraft,
         "seed": aircraft.seed,
+        **({"gains_sha256": aircraft.gains} if aircraft.gains else {}),
         "units": UNITS,
         "conditions": [_condition_table(one) for one in aircraft.conditions],
     }
@@ -180,10 +183,24 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
         aircraft=found.aircraft,
         conditions=tuple(one.condition() for one in found.conditions),
         seed=found.seed,
+        gains=found.gains_sha256,
     )
+    _check_gains(aircraft, path)
     for fault in _contradictions(tables, identified_tables(aircraft)):
         raise ScenarioError(f"{path}: {fault}.")
     return aircraft
+
+
+def _check_gains(aircraft: IdentifiedAircraft, path: Path) -> None:
+    """Refuse a model that was measured with other gains than those of the aircraft beside it."""
+    if not (aircraft.gains and (path.parent / "aircraft.toml").is_file()):
+        return
+    gains = load_aircraft(path.parent).gains
+    if gains is None or gains.sha256 != aircraft.gains:
+        raise ScenarioError(
+            f"{path}: must be identified with the gains in {GAINS_FILE}, got others; "
+            "`flighttune identify` measures it anew."
+        )
 
 
 def _contradictions(given: Any, derived: Any, key: str = "") -> Iterator[str]:

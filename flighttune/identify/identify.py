@@ -193,6 +193,7 @@ def identify_aircraft(
             aircraft=plant.config.folder.name,
             conditions=tuple(one.condition for one in chosen),
             seed=seed,
+            gains=plant.config.gains.sha256 if plant.config.gains else "",
         ),
         conditions=chosen,
         skipped=tuple(skipped),

@@ -77,11 +77,14 @@ class IdentifiedAircraft:
         At least one; the first is the nominal one.
     seed : int
         Of the excitation.
+    gains : str
+        Hash of the inner loop's gains; empty where it is not known.
     """
 
     aircraft: str
     conditions: tuple[IdentifiedCondition, ...]
     seed: int = 0
+    gains: str = ""
 
     def __post_init__(self) -> None:
         if not self.conditions:

@@ -62,6 +62,19 @@ def test_other_commands_take_the_folder(adopted, tmp_path):
 
 
 @pytest.mark.slow
+def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
+    folder = shutil.copytree(adopted[0], tmp_path / "T38")
+    file = folder / "gains.json"
+    tables = json.loads(file.read_text())
+    tables["gains"]["roll/k_p"] *= 2.0
+    file.write_text(json.dumps(tables))
+
+    _, err = flighttune("tune", folder / "turn.toml", status=2)
+
+    assert "identified.json: must be identified with the gains in gains.json" in err
+
+
+@pytest.mark.slow
 def test_the_airspeed_is_that_of_a_trim_by_jsbsim_itself(adopted):
     folder, found = adopted
     V_a = found["V_a_mps"]
