@@ -12,7 +12,7 @@ TABLES = {
     "plant": [
         {"kind": "kinematic"},
         {"kind": "jsbsim", "aircraft": "aerosonde"},
-        {"kind": "jsbsim", "aircraft": "./my.aircraft/x8"},
+        {"kind": "jsbsim", "aircraft": "./my.aircraft/x8.2"},
         {"kind": "point_mass_lag", "roll_lag_rad_s": 5.0, "n_z_lag_rad_s": 9.0},
     ],
 }
@@ -29,7 +29,7 @@ TABLES = {
         ("plant.roll_lag_rad_s", 4.0, [("plant", 3, "roll_lag_rad_s")]),
         ("plant[1].throttle_max", 0.5, [("plant", 1, "throttle_max")]),
         ("plant[jsbsim:aerosonde].throttle_max", 0.5, [("plant", 1, "throttle_max")]),
-        ("plant[jsbsim:./my.aircraft/x8].throttle_max", 0.5, [("plant", 2, "throttle_max")]),
+        ("plant[jsbsim:x8.2].throttle_max", 0.5, [("plant", 2, "throttle_max")]),
         (
             "plant[1].airframe.coefficient_factors[aero/coefficient/CL.alpha]",
             1.1,
