@@ -29,6 +29,7 @@ from flighttune.campaign.planning.schema import (
     Grid,
 )
 from flighttune.conformance.boxes import (
+    WINDOW_S,
     Over,
     RateBoxes,
     ResidualSummary,
@@ -81,6 +82,9 @@ class ConformSettings:
     over : "time", "phase" or None
         How boxes are divided; by default by time where all flights follow the same reference, else
         by phase.
+    window : float, s
+        Length of the windows of the boxes. Shorter ones follow what is the same in all flights, and
+        are left more easily by what is not.
     """
 
     epsilon: float = 0.01
@@ -90,6 +94,7 @@ class ConformSettings:
     plant: str | None = None
     air: str | None = None
     over: Over | None = None
+    window: float = WINDOW_S
 
     @property
     def flights(self) -> int:
@@ -160,7 +165,7 @@ def conform(
     summary = ResidualSummary(
         model=conformant_model(campaign.nominal, group.plant),
         windows=Windows.covering(
-            settings.over or _over(in_this_air), campaign.nominal.flight.duration_s
+            settings.over or _over(in_this_air), campaign.nominal.flight.duration_s, settings.window
         ),
     )
     aircraft = plant_table(campaign.nominal, group.plant).aircraft or ""

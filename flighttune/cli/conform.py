@@ -57,6 +57,9 @@ def conform(
             "moved [default: time if all flights follow the same reference]."
         ),
     ] = None,
+    window: Annotated[
+        float, Option(help="Length of the windows of the boxes, s; shorter ones are narrower.")
+    ] = 0.5,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
@@ -80,6 +83,7 @@ def conform(
         plant=plant,
         air=air,
         over=boxes,
+        window=window,
     )
     with campaign_display() as observer:
         found = learn_and_count(

@@ -17,7 +17,10 @@ from flighttune.simulate.run import Run
 Over: TypeAlias = Literal["time", "phase"]
 
 WINDOW_S = 0.5
-"""Length of a window, s."""
+"""Length of a window where none is asked for, s."""
+
+SHORTEST_S = 0.02
+"""Shortest window, s: a sample."""
 
 LEAST_SHARE = 0.05
 """Half width of a box at least, as a share of the widest one of its rate: a window in which the
@@ -38,12 +41,19 @@ class Windows:
         others by the time since it last moved, or since the start.
     count : int
         How many windows.
+    length : float, s
+        Of each.
     """
 
     over: Over
     count: int
+    length: float = WINDOW_S
 
     def __post_init__(self) -> None:
+        if not SHORTEST_S <= self.length < math.inf:
+            raise InputError(
+                f"`window` must be at least {SHORTEST_S:g} s long, got {self.length:g} s."
+            )
         least = 2 if self.over == "phase" else 1
         if self.over not in ("time", "phase") or self.count < least:
             raise InputError(
@@ -52,9 +62,10 @@ class Windows:
             )
 
     @classmethod
-    def covering(cls, over: Over, duration: float) -> "Windows":
-        """The windows of flights of `duration` (s)."""
-        return cls(over=over, count=math.ceil(duration / WINDOW_S - 1e-9) + (over == "phase"))
+    def covering(cls, over: Over, duration: float, length: float = WINDOW_S) -> "Windows":
+        """The windows of `length` (s) of flights of `duration` (s)."""
+        count = math.ceil(duration / max(SHORTEST_S, length) - 1e-9) + (over == "phase")
+        return cls(over=over, count=count, length=length)
 
     def of_samples(
         self, t: FloatArray, chi_ref: FloatArray, gamma_ref: FloatArray
@@ -78,8 +89,8 @@ class Windows:
         if self.over == "phase":
             moves = (np.diff(chi_ref) != 0.0) | (np.diff(gamma_ref) != 0.0)
             stopped = np.maximum.accumulate(np.where(moves, t[1:], t[0]))
-            since, first = np.where(moves, -WINDOW_S, t[:-1] - stopped), 1
-        window = first + np.floor(since / WINDOW_S + 1e-9).astype(np.intp)
+            since, first = np.where(moves, -self.length, t[:-1] - stopped), 1
+        window = first + np.floor(since / self.length + 1e-9).astype(np.intp)
         return np.minimum(window, self.count - 1)
 
     def extremes(

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.conformance.boxes import WINDOW_S, Over, RateBoxes, Windows
+from flighttune.conformance.boxes import SHORTEST_S, Over, RateBoxes, Windows
 from flighttune.conformance.residual import ConformantModel
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
@@ -248,7 +248,7 @@ class Conformance:
             "attempts": [asdict(one) for one in self.attempts],
             "boxes": {
                 "over": self.boxes.windows.over,
-                "window_s": WINDOW_S,
+                "window_s": self.boxes.windows.length,
                 "d_chi_rad_s": _pairs(self.boxes, 0),
                 "d_gamma_rad_s": _pairs(self.boxes, 1),
             },
@@ -306,14 +306,14 @@ Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
 
 class _Boxes(_Table):
     over: Over
-    window_s: Annotated[float, Field(ge=WINDOW_S, le=WINDOW_S)]
+    window_s: Annotated[float, Field(ge=SHORTEST_S, allow_inf_nan=False)]
     d_chi_rad_s: list[Pair]
     d_gamma_rad_s: list[Pair]
 
     def value(self) -> RateBoxes:
         """The boxes as a value."""
         both = np.array([self.d_chi_rad_s, self.d_gamma_rad_s], dtype=float)
-        windows = Windows(over=self.over, count=both.shape[1])
+        windows = Windows(over=self.over, count=both.shape[1], length=self.window_s)
         return RateBoxes(windows=windows, low=both[:, :, 0].T, high=both[:, :, 1].T)
 
 

@@ -79,3 +79,14 @@ def test_a_window_that_no_flight_was_in_is_as_wide_as_all():
 def test_no_flight_is_refused():
     with pytest.raises(InputError, match="at least one flight"):
         fitted_boxes(Windows(over="time", count=2), np.empty((0, 2, 2)), np.empty((0, 2, 2)))
+
+
+def test_windows_may_be_shorter():
+    windows = Windows.covering("time", 1.0, 0.1)
+    t = np.arange(51) * 0.02
+
+    assert windows.count == 10
+    found = windows.of_samples(t, np.zeros(51), np.zeros(51))
+    assert found.tolist() == [k // 5 for k in range(50)]
+    with pytest.raises(InputError, match=r"`window` must be at least 0\.02 s long, got 0 s"):
+        Windows.covering("time", 1.0, 0.0)
