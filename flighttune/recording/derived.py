@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.guarantee.mismatch import CHANNELS, inverts_the_point_mass, law_of
 from flighttune.plants.point_mass import turn_rates
-from flighttune.recording.entities import DrawnRun
-from flighttune.recording.geometry import positions
 from flighttune.simulate.run import Run
+
+if TYPE_CHECKING:
+    from flighttune.recording.entities import DrawnRun
 
 PARTS = ("lift", "lag", "rest")
 """What the law leaves out, in the order of the ladder: the lift there is, the lag, the rest."""
@@ -23,7 +25,7 @@ UNITS = {
 FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
 
 
-def with_derived(drawn: Sequence[DrawnRun]) -> list[DrawnRun]:
+def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
     """The runs with the signals of `UNITS` that they have; and height and speed over ground.
 
     A run is compared with that of the same gains on the plant before it: `step_chi` and
@@ -49,6 +51,8 @@ def _over_ground(run: Run) -> dict[str, FloatArray]:
     if "h" not in signals and "h_m" in flight:
         found["h"] = float(flight["h_m"]) - signals["down"].to_numpy()
     if "V_g" not in signals and len(signals) > 1:
+        from flighttune.recording.geometry import positions
+
         level = positions(signals)[:, :2]
         found["V_g"] = np.linalg.norm(np.gradient(level, run.t, axis=0), axis=1)
     return found
@@ -80,6 +84,8 @@ def _parts(run: Run) -> dict[str, FloatArray]:
 def _compared(run: Run, lower: Sequence[Run]) -> dict[str, FloatArray]:
     if not lower:
         return {}
+    from flighttune.recording.geometry import positions  # reports do without Rerun and its scene
+
     found = {}
     for channel in CHANNELS:
         values = np.unwrap(run.signals[channel].to_numpy())
