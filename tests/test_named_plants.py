@@ -161,7 +161,7 @@ def test_the_gap_is_that_of_the_plant_asked_for(tables, flown):
     heavy = next(run for run in flown.runs if run.label == f"{HEAVY} / paper")
     assert np.array_equal(gap.runs[-1].signals[[*heavy.signals]], heavy.signals)
     assert explain_gap(scenario, PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
-    with pytest.raises(InputError, match=rf"`plant` must be one of {NOMINAL}, {HEAVY} .*got 'h'"):
+    with pytest.raises(InputError, match=rf"`plant` must be one of {NOMINAL}, {HEAVY}, .*got 'h'"):
         explain_gap(scenario, PAPER_GAINS, plant="h")
 
 
