@@ -128,15 +128,15 @@ def adopt(
     h: float = 1000.0,
     say: Callable[[str], object] = lambda _: None,
 ) -> Adoption:
-    """Make an aircraft of a model, and fly it.
+    """Make an aircraft from a JSBSim model, and fly it.
 
     Parameters
     ----------
     model : str
-        Aircraft of JSBSim's own set by name, or the path of a main file, which ends in ``.xml``.
+        Name of a model that comes with JSBSim, or the path of a main file, which ends in ``.xml``.
     folder : path
-        Of the aircraft: ``aircraft.toml``, gains, identified model, the turn as a scenario and the
-        record are written to it.
+        Folder of the aircraft: ``aircraft.toml``, gains, identified model, the turn as a scenario
+        and the record are written to it.
     V_a : float, m/s, optional
         Airspeed; chosen by default.
     h : float, m

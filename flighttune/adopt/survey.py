@@ -22,14 +22,14 @@ from flighttune.plants.jsbsim.model_files import main_root, model_files, source_
 from flighttune.units import DEG, FT, G_0, LBF
 
 MOST_DECLARED = 60
-"""Properties of another simulator that are made for a model."""
+"""Most properties of another simulator that are declared for a model."""
 
 MISSING = re.compile(
     r"(?:property|node)[^\w/]*([\w/.-]+(?:\[\d+\])?[\w/.-]*)\W+(?:does not|is not)", re.I
 )
 
 STALL_SHARE = 1.0 / 3.0
-"""Share of the slope of lift below which the wing stalls."""
+"""The wing stalls where the slope of lift falls below this share of its usual value."""
 
 ALPHAS = np.arange(-14.0, 30.5, 1.0) * DEG
 STALL_AT_MOST, NEGATIVE_STALL_AT_MOST = 18.0 * DEG, -12.0 * DEG
@@ -45,17 +45,17 @@ SPARE_THRUST = 0.08
 """Thrust beyond drag over weight that a climb of 3 deg and a turn take."""
 
 SETTLED = 1e-3
-"""Share of its end that a thrust has settled to."""
+"""Departure from the final thrust, as a share of it, below which a thrust has settled."""
 
 PROPELLER_SETTLES = 15.0
 LONGEST_SETTLING = 40.0
 
 COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 CLIPPED = 0.2
-"""Share of the first effect below which more command has none."""
+"""A command is clipped where more of it adds less than this share of the first effect."""
 
 LEAST_EFFECT = 1e-6
-"""Of full travel, rad/s^2."""
+"""Smallest effect of full travel, rad/s^2."""
 
 USUAL_TRAVEL = 0.35
 """rad, where no position of the model shows the travel."""
@@ -71,7 +71,7 @@ ONE_RADIAN = math.degrees(1.0)
 
 
 class Refusal(PlantError):
-    """The model is no aeroplane that can be adopted; the message is why, in one sentence."""
+    """The model is no aeroplane that can be adopted; the message says why, in one sentence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,7 +119,7 @@ class Survey:
     spare_thrust : float, 1
         Thrust beyond drag over weight there, at full throttle.
     notes : list of str
-        What was done to the model, a sentence each.
+        Changes made to the model, one sentence each.
     """
 
     tables: dict[str, Any]
@@ -149,7 +149,7 @@ def survey(
     V_a : float, m/s, optional
         Airspeed; chosen by default.
     say : callable
-        Called with what is done.
+        Called with the name of each stage.
 
     Raises
     ------

@@ -23,8 +23,8 @@ SHORTEST_S = 0.02
 """Shortest window, s: a sample."""
 
 LEAST_SHARE = 0.05
-"""Half width of a box at least, as a share of the widest one of its rate: a window in which the
-learned flights agree to the last digit would be left by the next one."""
+"""Smallest half width of a box, as a share of the widest one of its rate: a window in which the
+flights learned from agree to the last digit would be left by the next flight."""
 
 MARGIN = 1.25
 """Half width of the boxes over that of the smallest ones that hold the flights learned from."""
@@ -150,7 +150,7 @@ class ResidualSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateBoxes:
-    """What the two residual rates stay in, window by window.
+    """Bounds on the two residual rates, window by window.
 
     Attributes
     ----------
@@ -237,7 +237,7 @@ def fitted_boxes(windows: Windows, lows: FloatArray, highs: FloatArray) -> RateB
     low, high = lows.min(axis=0), highs.max(axis=0)
     for column in range(low.shape[1]):
         known = low[:, column] <= high[:, column]
-        # A window that no flight was in: as wide as all of them.
+        # A window without a flight gets the hull of all the others.
         low[~known, column] = low[known, column].min()
         high[~known, column] = high[known, column].max()
     half = 0.5 * (high - low)

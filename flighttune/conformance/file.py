@@ -1,4 +1,4 @@
-"""What was learned and counted of an aircraft's residual rates, and the file that holds it."""
+"""Boxes of an aircraft's residual rates, the count of flights behind them, and their file."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -37,7 +37,7 @@ FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
 """Tables of a scenario that must be those of the flights counted, but for what was dispersed."""
 
 AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "plant")
-"""Tables that a scenario may leave out, and in which it may say nothing else."""
+"""Tables that a scenario may leave out; keys that it does have must match those flights."""
 
 SAME_GAINS = 1e-6
 """Relative difference of gains below which they are the same: tuning repeats to 1e-9."""
@@ -91,7 +91,7 @@ class Distribution:
         return f'"{self.title}", drawn at random ({keys}) in {air}'
 
     def difference(self, scenario: Scenario, plant: PlantTable) -> str | None:
-        """Why no flight of the distribution is one of this scenario; None where one may be.
+        """Why no flight of the distribution can be one of this scenario; None if one can.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class Distribution:
 
 
 def flown_values(scenario: Scenario, plant: PlantTable) -> dict[str, Any]:
-    """What a scenario says of a flight, by dotted path; the table of the plant is ``plant``.
+    """Keys of a scenario that determine a flight, by dotted path; the plant's table is ``plant``.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Conformance:
     gains_name : str
     gains : PIGains
     model : ConformantModel
-        What the rates are the residual of; the same for all flights.
+        Model whose rates are subtracted; the same for all flights.
     boxes : RateBoxes
     epsilon, confidence : float, 1
         Of the claim.
@@ -199,20 +199,20 @@ class Conformance:
         )
 
     def check(self, scenario: Scenario, plant: PlantTable, gains: PIGains) -> None:
-        """Refuse a scenario whose flights the boxes say nothing about.
+        """Refuse a scenario whose flights the boxes do not cover.
 
         Parameters
         ----------
         scenario : Scenario
         plant : PlantTable
-            The aircraft of the scenario that is meant.
+            The aircraft of the scenario that flies.
         gains : PIGains
 
         Raises
         ------
         InputError
-            If aircraft, gains, manoeuvre, limits, controller or air are others; one line that names
-            the key.
+            If aircraft, gains, manoeuvre, limits, controller or air differ; one line that names the
+            key.
         """
         if plant.aircraft is None or files_hash(plant.aircraft) != self.sha256["aircraft"]:
             raise InputError(
@@ -230,7 +230,7 @@ class Conformance:
             raise InputError(f"conformance: must be of the flights of the scenario: {why}.")
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything as plain values, as it stands in the file."""
+        """Everything as plain values, as written to the file."""
         last = self.attempts[-1]
         return {
             "format": FORMAT,

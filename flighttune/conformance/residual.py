@@ -1,4 +1,4 @@
-"""Rates of course and path angle that the conformant model leaves over, sample by sample."""
+"""Residual rates: the part of a flight's course and path-angle rates that the model misses."""
 
 import math
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ at 50 Hz: five leave rounding."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConformantModel:
-    """The exact point mass behind the identified lag, driven by commands that are held.
+    """The exact point mass behind the identified lag; commands are constant over a sample.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def residual_rates(
     commands: FloatArray,
     start: tuple[float, float],
 ) -> FloatArray:
-    r"""Disturbance of the two rates under which the model flies what was flown.
+    r"""Disturbance of the two rates under which the model reproduces a flight.
 
     Parameters
     ----------
@@ -83,8 +83,8 @@ def residual_rates(
         .. math:: \dot\chi = \frac{g n_z \sin\phi}{V \cos\gamma} + d_\chi,\quad
                   \dot\gamma = \frac{g}{V} (n_z \cos\phi - \cos\gamma) + d_\gamma
 
-        lead from the flown course and path angle to those flown one sample later. What is flown
-        at the samples therefore *is* a flight of the model under these disturbances.
+        lead from the flown course and path angle to those one sample later. At the samples the
+        flight therefore *is* one of the model under these disturbances.
 
     Raises
     ------
@@ -154,5 +154,6 @@ def _within_samples(
     lag: InnerLag, dt: float, commands: FloatArray, start: float, at: float
 ) -> FloatArray:
     """Response of a lag `at` seconds after each sample but the last, shape (n - 1,)."""
-    # One sample later and delayed by what is left of it: the response at a sample is known.
+    # The response `at` seconds into a sample is that at the next sample of a lag that is delayed by
+    # the rest of the sample.
     return lag_response(lag.delayed(dt - at), dt, commands, start)[1:]

@@ -35,7 +35,7 @@ from flighttune.whole_file import reason_of
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
 
 AT_REST = 10.0
-"""Time for which the aircraft is held still before the flight, besides that of its engine, s:
+"""Time for which the aircraft is held still before the flight, plus that of its engine, s:
 delays of sensors fill, and filters of the model's own flight control settle.
 """
 
@@ -60,14 +60,14 @@ MOVED_BY_AIR = "wind", "gust", "turbulence"
 
 @dataclass(frozen=True, slots=True)
 class JSBSimFolder:
-    """What was written.
+    """A folder as written, and how to fly it.
 
     Attributes
     ----------
     folder, script, csv : Path
         The folder, the script in it, and the file that JSBSim writes there.
     command : str
-        What flies it, from anywhere.
+        Command line that flies it, from any working directory.
     t_0 : float, s
         JSBSim's time at the start of the flight; the aircraft is held still before.
     """

@@ -37,22 +37,22 @@ class Gap:
     ----------
     scenario : Scenario
     status : "explained", "cut_short" or "not_flown"
-        Cut short: a rung ended early, and everything is about the time all of them flew.
+        Cut short: a rung ended early; all results are about the time that all of them flew.
     reason : str
-        Why, where it is not ``explained``.
+        Why the status is not ``explained``; else empty.
     runs : tuple of Run
         The rungs, lowest first; the aircraft with its mismatch and error bounds as signals.
     indicators : Indicators
-        Of the kinematic law's loop about level flight on the first reference.
+        Of the kinematic law's loop about wings-level flight on the first reference.
     ladder : Ladder or None
     mismatch : Mismatch or None
         Of the aircraft against the paper's law.
     check : FlightCheck or None
         The aircraft's flight against the guarantee; None also where the loop is unstable.
     verdict : Verdict or None
-        Of the whole flight.
+        On the whole flight of the aircraft.
     free : FreeFlight or None
-        The part of the flight that no limit holds, in the reach of the linear loop.
+        The part of the flight in which no command is limited, against the linear loop's reach.
     """
 
     scenario: Scenario
@@ -73,7 +73,7 @@ class Gap:
 
     @property
     def name(self) -> str:
-        """Name of the gains, and of the plant in brackets where it has one of its own."""
+        """Name of the gains, with that of the plant in brackets if the scenario names it."""
         made_by = self.aircraft.provenance
         names = {table.label: table.name for table in self.scenario.plant}
         plant = names.get(made_by.plant)
@@ -113,12 +113,12 @@ def explain_gap(
     name : str
         Their name in labels.
     plant : str, optional
-        Label of the jsbsim plant, where it is not the first one.
+        Label of the jsbsim plant; by default the first one.
     lag : {"identified", "fitted"}, optional
-        Where the lag of the third rung comes from: the aircraft's model file, or this very flight.
-        By default the model file, where there is one.
+        Source of the lag of the third rung: the aircraft's model file, or a fit to this flight.
+        By default the model file, if there is one.
     progress : callable, optional
-        Called with how far each run is.
+        Called with the progress of each run.
 
     Returns
     -------
@@ -199,7 +199,7 @@ def _indicators(scenario: Scenario, gains: PIGains) -> Indicators:
 def with_mismatch(run: Run, found: Mismatch, check: FlightCheck | None) -> Run:
     """The run with the mismatch and, around its reference, the error bounds as signals.
 
-    What is constant over a sample interval stands at the start of it; the last sample repeats.
+    Values that are constant over a sample interval are stored at its start; the last is repeated.
     """
     columns = {f"mismatch_{name}": found.d[:, i] for i, name in enumerate(CHANNELS)}
     if check is not None:

@@ -15,7 +15,7 @@ from flighttune.plants.point_mass import LOST
 from flighttune.simulate.disturbance import Sinusoid
 
 TOLERANCE = 1e-12
-"""Relative and absolute, of a step of the integration; and how far beyond a switch it is seen."""
+"""Relative and absolute tolerance of an integration step; how far past a switch it is detected."""
 
 LOOK_EVERY = 0.01
 """Longest step where a switch could be missed, s: events are looked for at the ends of steps."""

@@ -30,7 +30,7 @@ AIRSPEED = "V_a"
 """Plot on Overview too, where a flight ended early."""
 
 HEIGHT = 620.0
-"""Height of a tab in a window of 720 points, the smallest that everything must fit in."""
+"""Height of a tab in a window of 720 points, the smallest in which everything must fit."""
 
 ABOVE_AXIS = 50.0
 """Height of the title of a plot and of the labels of its time axis, points."""
@@ -60,11 +60,11 @@ def blueprint(
     Parameters
     ----------
     drawn : sequence of DrawnRun
-        Runs that flew; with none the page is all there is.
+        Runs that flew; without any, only the page is shown.
     plots : mapping
         Plots of each tab, see `flighttune.recording.plots.shown_plots`.
     claims, loops : mapping, optional
-        Guarantees and frozen loops by key of the run; the tab of each is there if any are.
+        Guarantees and frozen loops by key of the run; each has a tab if there are any.
     """
     page: rrb.Container | rrb.View = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
     if not drawn:
@@ -102,7 +102,7 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     height = HEIGHT / max(len(beside), 1) - ABOVE_AXIS
     plants = {run.provenance.plant for run in runs}
     text = min(AROUND_READOUT + LINE * (1 + len(plants) + len(runs)), 0.55 * HEIGHT)
-    # The view from behind is as wide as high, or a little wider: so is the aircraft in it.
+    # The view from behind is as wide as high, or a little wider, like the aircraft in it.
     lanes = min(max(ABOVE_LANES + LANE * len(drawn), 0.5 * HEIGHT), 0.6 * HEIGHT)
     views = rrb.Horizontal(
         rrb.Vertical(
@@ -115,7 +115,7 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
         column_shares=[1.0 - SIDE - 0.31, 0.31, SIDE],
     )
     reading = rrb.TextDocumentView(origin=entities.READING, name="How to read", titlebar=False)
-    # Above: the viewer panics when a view without title at the lower edge is taken a picture of.
+    # On top: the viewer panics when a screenshot has a view without title at the lower edge.
     return rrb.Vertical(reading, views, row_shares=[READING, HEIGHT - READING], name="Overview")
 
 

@@ -1,4 +1,4 @@
-"""Lanes over time, one a run: which limit holds its commands, and whether its guarantee holds."""
+"""Lanes over time, one per run: which limit acts on its commands, and if its guarantee holds."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,13 +13,13 @@ from flighttune.recording.entities import END, RUNS, DrawnRun, plain_name, times
 from flighttune.simulate.run import Run
 
 HELD = {1: "limit", 2: "rate"}
-"""What holds a command, by the value of the ``*_limited`` signal: magnitude or rate limit."""
+"""Limit that acts, by the value of the ``*_limited`` signal: magnitude or rate."""
 
 LIMITED = {"roll": "phi_limited", "n_z": "n_z_limited"}
 BROKEN, GUARANTEED, FREE, ENDED = "broken", "guaranteed", "no claim", "ended"
 NO_CERTIFICATE = "no certificate"
 SHORTEST = 0.3
-"""Shorter pieces of a lane (s) are drawn as the one before: sensor noise shreds it otherwise."""
+"""Shorter pieces of a lane (s) are drawn as the one before: sensor noise would fragment it."""
 
 DIMMED = 0.45
 """Brightness of a lane while a limit holds a command."""

@@ -33,7 +33,7 @@ LATE = 0.75
 """Part of the flight after which its last quarter begins."""
 
 SMALLEST_ITAE = 0.05
-"""ITAE from which on a ratio is meaningful, rad s^2."""
+"""Smallest ITAE of which a ratio is meaningful, rad s^2."""
 
 FRONTIER_POINTS = 9
 LONGEST_LADDER = 6_000
@@ -100,13 +100,13 @@ class Facts:
     checks : mapping of str to FlightCheck
         Flights against the guarantee, by label; without runs whose gains have none.
     aircraft : Comparison or None
-        Each gain set on the first plant that is no aircraft against the first aircraft.
+        Each gain set on the first plant that is not an aircraft against the first aircraft.
     gaps : tuple of Gap
-        One each run of the first aircraft, nominal or not, for which the ladder could be flown.
+        One for each run of the first aircraft, nominal or not, for which the ladder was flown.
     without_gap : tuple of str
-        Why not for the others.
+        Why it was not flown for the others.
     missing : tuple of str
-        What was recorded and cannot be had.
+        What was recorded but cannot be read.
     frontier : DataFrame
         R_K against I_K with the gains marked.
     """

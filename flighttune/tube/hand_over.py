@@ -1,11 +1,11 @@
-r"""For ever: a set that the loop, once settled, maps into itself.
+r"""Bounds for all later times: a set that N samples of the settled loop map into itself.
 
-A tube ends with its scenario. Where the reference stands still from a sample on and every flight is
-inside a set ``T = {z : |W z - c| <= s}`` (rows; z the state of the sampled loop), from which N
-samples lead back into T without a limit holding a command, no limit ever will: after N samples it
-is the same again. On every later round the flights are where the second one from T leads, since
-they begin it in what the first made of T. The loop is the one that flies: nonlinear, sampled,
-behind its lags and delays, under every disturbance within the last bounds.
+A tube ends with its scenario. If from some sample on the reference is constant, every flight is
+inside a set ``T = {z : |W z - c| <= s}`` (rows; z the state of the sampled loop), and N samples map
+T into itself without a limit acting on a command, then no command is ever limited again. Every
+round of N samples after the first stays within the ranges of the second, because it begins in the
+image of T. The loop is the one that flies: nonlinear, sampled, behind its lags and delays, under
+every disturbance within the last bounds.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ from flighttune.tube.sample import (
 )
 
 SYMBOLS = 300
-"""Most symbols of the set on its way round."""
+"""Most symbols of the set while it is mapped through the samples."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,16 +33,16 @@ class HandOver:
     Attributes
     ----------
     sample : int
-        Sample from which on it holds: the state there is inside.
+        First sample at which every flight is inside.
     W : ndarray, shape (n, n)
     centre, size : ndarray, shape (n,)
         The set is ``|W z - centre| <= size`` for the state z of the loop.
     samples : int
-        After how many samples it is back.
+        Number N of samples that map the set into itself.
     bounds : ndarray, shape (4, 2)
-        Between which errors (rad) and commands (rad, 1) are after the last sample, for ever.
+        Lowest and highest errors (rad) and commands (rad, 1) at all times after the last sample.
     chosen : ndarray, shape (m,), float32
-        What makes the proof short to check.
+        Choices of the search, which the check replays.
     """
 
     sample: int
@@ -55,7 +55,7 @@ class HandOver:
 
 
 def settled(loop: SampledLoop, samples: int) -> SampledLoop:
-    """The loop from its last sample on, for so many samples: all that changes stands still."""
+    """The loop after its last sample: references and disturbance bounds stay as they are there."""
 
     def last(values: FloatArray) -> FloatArray:
         return np.repeat(values[-1:], samples + 1, axis=0)
@@ -66,9 +66,9 @@ def settled(loop: SampledLoop, samples: int) -> SampledLoop:
 
 
 def settled_from(loop: SampledLoop) -> int:
-    """First sample after which nothing changes but for disturbances that are within the last.
+    """First sample from which the reference is constant and disturbances stay in the last bounds.
 
-    The number of samples where the reference still moves at the end.
+    The number of samples if the reference still moves at the end.
     """
     still = np.all(
         [
@@ -142,9 +142,9 @@ def way_round(
     *,
     rounds: int = 2,
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Where the set leads in some rounds: ranges of ``W z`` after the first, and of the quantities.
+    """Map the set through the samples of some rounds; None if a limit may act on a command.
 
-    None where a limit may hold a command.
+    The ranges of ``W z`` after the first round, and of errors and commands at every sample.
 
     Parameters
     ----------
@@ -178,14 +178,14 @@ def way_round(
 
 
 def for_ever(passed: FloatArray, beyond: int) -> FloatArray:
-    """Bounds of the quantities, shape (4, 2), from some samples after the set on.
+    """Bounds of errors and commands, shape (4, 2), from some samples after the set was entered.
 
     Parameters
     ----------
     passed : ndarray, shape (2 N, 4, 2)
         As of `way_round`.
     beyond : int
-        Samples. Before the second round has begun they count.
+        Number of these samples; more than one round of them change nothing.
     """
     later = passed[min(beyond, len(passed) // 2) :]
     return np.stack([later[:, :, 0].min(axis=0), later[:, :, 1].max(axis=0)], axis=1)

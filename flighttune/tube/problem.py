@@ -1,4 +1,4 @@
-"""What a tube is asked about: a scenario's flights, from where, and under which disturbances."""
+"""The flights that a tube encloses: scenario, gains, starts and disturbances."""
 
 import math
 from dataclasses import dataclass, replace
@@ -43,8 +43,8 @@ class TubeProblem:
     start : float, rad
         Course and flight-path angle start within this of the scenario's.
     d_low, d_high : ndarray, shape (k, 2), rad/s
-        Between which the disturbance of the course and of the flight-path-angle rate is, in any
-        shape, from each of the k samples to the next.
+        Bounds on the disturbances of the course and the flight-path-angle rate, of any shape, from
+        each of the k samples to the next.
     reference : ndarray, shape (k, 6), rad, rad, rad, 1, rad/s, rad/s
         Course and flight-path angle to follow, the commands planned for them (zeros where none
         are), and their rates.
@@ -53,9 +53,9 @@ class TubeProblem:
     lags : tuple of InnerLag, length 0 or 2
         Of roll and load factor.
     basis : str
-        On what the disturbance of an aircraft rests; empty for other plants.
+        Where the disturbance bounds of an aircraft come from; empty for other plants.
     law : str
-        Name of the exact law in the scenario, where the gains are of one.
+        Name of the exact law in the scenario, if the gains belong to one.
     """
 
     scenario: Scenario
@@ -101,7 +101,7 @@ class TubeProblem:
 
     @property
     def model(self) -> str:
-        """What flies, in words."""
+        """The plant enclosed, in words."""
         kind = MODELS[plant_table(self.scenario, self.plant).kind]
         return f"{kind}; {self.basis}" if self.basis else kind
 
@@ -111,11 +111,11 @@ class TubeProblem:
         return sample_times(self.scenario)
 
     def controller(self) -> MimoPI | ExactLaw:
-        """A controller that has not flown."""
+        """A controller in its initial state."""
         return controller_of(self.scenario, f"{self.law}:", self.gains, self.limits)
 
     def loop(self) -> SampledLoop:
-        """The loop as it flies: the numbers of the controller and of the plant themselves."""
+        """The loop that flies, with the numbers of its controller and its plant."""
         controller, flight, condition = (
             self.controller(),
             self.scenario.flight,
@@ -176,7 +176,7 @@ def tube_problem(
     conformance : Conformance, optional
         Of an aircraft: its model flies, under every disturbance in its boxes.
     law : str
-        Name of the exact law in the scenario, where the gains are of one.
+        Name of the exact law in the scenario, if the gains belong to one.
 
     Raises
     ------

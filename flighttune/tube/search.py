@@ -1,4 +1,4 @@
-"""Choosing an enclosure: slopes, splits and symbols to give up. Nothing here is trusted."""
+"""Choosing an enclosure: slopes, splits and symbols to remove. The proof trusts none of it."""
 
 from collections.abc import Iterator, Sequence
 
@@ -19,13 +19,13 @@ from flighttune.tube.sample import (
 )
 
 SPARE = 10 * FRESH_SYMBOLS
-"""Symbols given up at a time."""
+"""Symbols removed at a time."""
 
 GRID = np.linspace(0.0, 1.0, 21)
 """Slopes tried for `let_through`."""
 
 WEIGHT = {EXTRA_LIFT: 0.5, CHI_ERR: 0.1, GAMMA_ERR: 0.1}
-"""What a unit of a row costs when symbols are given up; 1 for the others."""
+"""Cost of widening a row when symbols are removed; 1 for the other rows."""
 
 CONSTRAINT_WEIGHT = 0.02
 
@@ -40,7 +40,7 @@ class Search:
         Pieces are split where a limit may or may not hold a command, if both sides are larger than
         twice this part of what the command can move in a sample.
     most : int
-        Pieces from which on none is split.
+        Number of pieces at which splitting stops.
     """
 
     def __init__(self, loop: SampledLoop, *, tolerance: float, most: int) -> None:
@@ -63,13 +63,13 @@ class Search:
         return self._record(found[:, :, 0])
 
     def slope(self, values: Interval) -> FloatArray:
-        """The chord's."""
+        """Slope of the chord of ``max(x, 0)`` over the values."""
         low, high = values.low, values.high
         rise = np.maximum(high, 0.0) - np.maximum(low, 0.0)
         return self._record(rise / np.maximum(high - low, 1e-300))
 
     def plane(self, beyond: Interval, by: Interval) -> FloatArray:
-        """The best on a grid."""
+        """The pair of slopes on a grid whose plane has the smallest error."""
         y = _corners(beyond, by)
         j = _corners(by, beyond)
         y, j = np.repeat(y, len(j), axis=0), np.tile(j, (len(y), 1))
@@ -102,7 +102,7 @@ class Search:
         return None
 
     def pairs(self, pieces: Pieces) -> Indices:
-        """Neighbours in time of the same kind where they are alike, else what is small."""
+        """Symbols to merge: neighbours in time of one kind if they are alike, else small ones."""
         found = _alike(pieces, pieces.used + SPARE + pieces.values.shape[1] - pieces.capacity)
         self._record(np.array([float(len(found))]))
         self._record(found)

@@ -6,16 +6,16 @@ from collections.abc import Iterable
 from flighttune.campaign.dataset import Span
 
 LONGEST_S = 10.0
-"""Longest time a chunk should take: what is lost where a worker is lost, or Ctrl-C is pressed."""
+"""Longest time a chunk should take: it is lost with its worker, or at Ctrl-C."""
 
 SHORTEST_S = 0.25
-"""Shortest time of a chunk: it costs 5 ms beside its flights, 2 % of this."""
+"""Shortest time of a chunk: handing it out costs 5 ms, 2 % of this."""
 
 CHUNKS_LEFT = 4
 """Each worker should get this many more chunks of the runs left, so that all end together."""
 
 GROWTH = 8
-"""A chunk is at most this many times the largest so far: the first runs may be quick ones."""
+"""A chunk is at most this many times the largest so far: the first runs may be unusually quick."""
 
 
 class Chunks:

@@ -24,7 +24,7 @@ from flighttune.flight.fly import library_versions
 from flighttune.simulate.batch import cores
 
 WAITING_PER_THREAD = 2
-"""Tasks handed out for each that can run: one that runs, and one that is ready when it ends."""
+"""Tasks handed out per thread: one that runs, and one that is ready when it ends."""
 
 LOOK_S = 0.2
 MOST_LOSSES = 5
@@ -40,11 +40,11 @@ def campaign_workers(
     Parameters
     ----------
     workers : int, optional
-        Flights at a time on this machine; by default one a core.
+        Flights at a time on this machine; by default one per core.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
     flyer : Flyer, optional
-        A process for this machine's first thread, which has begun already; closed in any case.
+        A process, started already, for this machine's first thread; closed in any case.
 
     Yields
     ------
@@ -115,9 +115,9 @@ class WorkerPool:
         keep : callable
             Gets the rows of each chunk; chunks come in any order.
         tally : Tally, optional
-            Of the rows that are there already; these are added.
+            Of the rows that exist already; the new ones are added.
         doing : str
-            For the observer.
+            Name of the activity, for the observer.
 
         Returns
         -------

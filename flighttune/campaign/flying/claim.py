@@ -31,9 +31,9 @@ def claims(plan: Plan) -> Mapping[Group, UltimateSet | None]:
     Returns
     -------
     mapping of Group to UltimateSet or None
-        None where the gains have none: they were not found, their loop is not stable, or the
-        undispersed flight that is to give ``L_d`` was not completed or has no mismatch, being that
-        of the law itself.
+        None where there is no claim: no gains were found, their loop is not stable, or the
+        undispersed flight from which ``L_d`` is measured was not completed, or is one of the law
+        itself and has no mismatch.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def claims(plan: Plan) -> Mapping[Group, UltimateSet | None]:
 
 
 class _PlanByContent:
-    """A plan that equals every other one of the same content."""
+    """A plan that compares equal to any other with the same content."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan

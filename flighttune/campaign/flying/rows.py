@@ -1,4 +1,4 @@
-"""Run numbers of a plan to rows, one a run, the same bits however the runs are divided."""
+"""Fly runs of a plan into rows, one per run: the same bits however the runs are divided."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +30,7 @@ BLOCK = 256
 """Draws of a block: its kinematic flights are flown as a batch."""
 
 SAMPLES = 4
-"""Length of a flight that warms up."""
+"""Length, in samples, of the flights of `warm_up`."""
 
 INVALID = "invalid"
 """Status of a run whose drawn values the scenario or an aircraft refuses."""
@@ -56,15 +56,15 @@ def fly_runs(plan: Plan, runs: Sequence[int], *, begins: Begins | None = None) -
     Returns
     -------
     Table
-        One row a run in order of `run`; its schema is `row_schema` of the plan. All of it but
-        ``wall_s`` depends on the plan and the run alone, to the bit.
+        One row per run in order of `run`; its schema is `row_schema` of the plan. All of it but
+        ``wall_s`` depends only on the plan and the run, to the bit.
 
     Raises
     ------
     InputError
         If there is no such run, or one is named twice.
     PlantError
-        If an aircraft cannot be built as it is, undispersed.
+        If an undispersed aircraft cannot be built.
 
     Notes
     -----
@@ -113,7 +113,7 @@ def warm_up(plan: Plan) -> None:
     Parameters
     ----------
     plan : Plan
-        What is refused here is so, with its reason, in every run.
+        Its errors are ignored here: every run of the group reports them in its row.
     """
     scenario = plan.scenario
     short = scenario.flight.model_copy(update={"duration_s": SAMPLES / scenario.controller.rate_hz})

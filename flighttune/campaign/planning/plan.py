@@ -27,7 +27,7 @@ from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, Table
 
 VERSION = 1
-"""Of the form of a plan as plain values; another is refused."""
+"""Version of a plan as plain values; others are refused."""
 
 FOR_THE_READER = ("title", "verifies", "source")
 """Keys that change no row."""
@@ -37,7 +37,7 @@ TUNING_ROUNDING = 1e-6
 """Share of the largest gain by which tuning the same problem twice may differ."""
 
 BLOCK = 1024
-"""Draws that are made at a time where they are asked for one by one."""
+"""Draws that are made at a time when they are requested one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,18 +73,19 @@ class Plan:
     gain_sets : mapping of str to PIGains or None
         By name; None where tuning found none.
     groups : tuple of Group
-        Plant by plant; in wind aircraft first, as the other plants replay what they met.
+        Plant by plant; in wind aircraft first, as the other plants replay the wind they met.
     runs : int
         Flights in total.
     aircraft : mapping of str to str
         Hash of the files of every aircraft, by the name or folder in the scenario.
     residuals : ResidualSummary or None
-        What rows have of the residual rates of flights that are not flown in batches; by default
-        nothing.
+        How rows summarise the residual rates of flights that are not flown in batches; by default
+        they do not.
     given : tuple of mapping, or None
         Draws in place of those of the design, each as `values_of` returns it.
     tube : TubeBounds or None
-        What rows have the nearness of the flight to; all are flown one by one then.
+        Tube of which rows state how near a flight comes to leaving it; all flights are then flown
+        one by one.
 
     Raises
     ------
@@ -117,7 +118,7 @@ class Plan:
 
     @property
     def draws(self) -> int:
-        """Number of draws; the last one may be flown by the first groups alone."""
+        """Number of draws; the last one may be flown by the first groups only."""
         return -(-self.runs // len(self.groups))
 
     @property

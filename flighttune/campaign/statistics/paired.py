@@ -26,11 +26,11 @@ class Paired:
     n : int
         Draws that both flew.
     wins_a, wins_b : int
-        Draws on which one has less than the other.
+        Draws on which one has the smaller measure.
     win_rate, lo, hi : float, 1
-        Share of the draws that were not tied on which `a` has less, with its interval.
+        Share of the draws without a tie on which `a` has the smaller measure, with its interval.
     median, median_lo, median_hi : float
-        Median over the draws of the measure with `a` less that with `b`, with its interval.
+        Median over the draws of the measure with `a` minus that with `b`, with its interval.
     only_a, only_b : int
         Draws on which one succeeded and the other did not.
     p_success : float, 1
@@ -59,14 +59,14 @@ class Paired:
 def paired(
     rows: pd.DataFrame, measure: str, *, confidence: float = CONFIDENCE
 ) -> tuple[Paired, ...]:
-    """Every two gain sets on every plant, draw by draw.
+    """Compare every two gain sets on every plant, draw by draw.
 
     Parameters
     ----------
     rows : DataFrame
         Columns ``plant``, ``gains``, ``draw``, ``status``, ``success`` and `measure`.
     measure : str
-        A column of which less is better. A flight that was not completed, or has no value, counts
+        A column to be minimised. A flight that was not completed, or has no value, counts
         as worse than any other; two such are tied.
     confidence : float, 1
 
