@@ -1,4 +1,4 @@
-"""The command that learns what an aircraft's model leaves over, and counts fresh flights."""
+"""The command that learns boxes of an aircraft's residual rates, and counts new flights."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the exact point mass behind the identified lag leaves over of an aircraft's flights."""
+"""Residual rates of an aircraft against the exact point mass behind its identified lag, in boxes."""
 
 from flighttune.conformance.boxes import RateBoxes, Windows
 from flighttune.conformance.file import Conformance, load_conformance, save_conformance
