@@ -1,4 +1,4 @@
-"""Residual rates of an aircraft against the exact point mass behind its identified lag, in boxes."""
+"""Boxes of an aircraft's residual rates against the exact point mass behind its identified lag."""
 
 from flighttune.conformance.boxes import RateBoxes, Windows
 from flighttune.conformance.file import Conformance, load_conformance, save_conformance
