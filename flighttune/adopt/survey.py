@@ -222,7 +222,7 @@ def _check_parts(config: AircraftConfig) -> int:
 
 
 def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
-    """A part of a main file, which may stand in a file of its own."""
+    """A part of a main file, which may be in a file of its own."""
     part = root.find(tag)
     if part is None:
         return Element(tag)
@@ -231,7 +231,7 @@ def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
 
 
 def _loaded(tables: dict[str, Any], folder: Path) -> Fdm:
-    """The model; what it refers to and nobody has is declared."""
+    """The model, loaded; properties that it refers to but nothing defines are declared."""
     for _ in range(MOST_DECLARED):
         try:
             return Fdm(aircraft_from(tables, folder))

@@ -1,4 +1,4 @@
-"""Boxes of an aircraft's residual rates, learned on some flights and counted on fresh ones."""
+"""Boxes of an aircraft's residual rates, fitted to some flights and tested on new ones."""
 
 import hashlib
 import json
@@ -55,7 +55,7 @@ UNIT_ENDS = (1e-9, 1.0 - 1e-9)
 """Points of the unit interval at which a dispersed key counts as lowest and highest."""
 
 LOOKED_AT = 16
-"""Draws by which it is decided whether references of a campaign move at the same instants."""
+"""Draws used to decide whether the references of a campaign move at the same instants."""
 
 OWN_FLIGHTS = 500
 """Flights learned from where an aircraft has no campaign."""
@@ -63,7 +63,7 @@ OWN_FLIGHTS = 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConformSettings:
-    """What is claimed, and of which flights of a campaign.
+    """What is claimed, and for which flights of a campaign.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class ConformSettings:
     confidence : float, 1
         Of that claim, in (0, 1); all attempts share it.
     attempts : int
-        Counts at most, fixed beforehand.
+        Largest number of counts, fixed beforehand.
     gains, plant : str or None
         Name of the gain set (by default ``tuned_identified`` where the campaign has it, else its
         first) and label of the aircraft (by default its first).
@@ -83,8 +83,8 @@ class ConformSettings:
         How boxes are divided; by default by time where all flights follow the same reference, else
         by phase.
     window : float, s
-        Length of the windows of the boxes. Shorter ones follow what is the same in all flights, and
-        are left more easily by what is not.
+        Length of the windows of the boxes. Shorter ones follow more closely what all flights have
+        in common; differing flights leave them more easily.
     """
 
     epsilon: float = 0.01
@@ -100,9 +100,9 @@ class ConformSettings:
     def flights(self) -> int:
         """Fresh flights of each attempt.
 
-        None of them outside happens with probability at most ``(1 - epsilon)^flights`` where a
-        flight is outside with more than epsilon; that is the part of ``1 - confidence`` of one
-        attempt.
+        If a flight is outside with probability above epsilon, none of them is outside with
+        probability at most ``(1 - epsilon)^flights``; this must not exceed the attempt's part of
+        ``1 - confidence``.
         """
         each = (1.0 - self.confidence) / self.attempts
         return math.ceil(math.log(each) / math.log1p(-self.epsilon))

@@ -1,4 +1,4 @@
-"""One campaign at a time in a folder: a file that the process that flies into it has locked."""
+"""One campaign at a time in a folder: the process that flies into it locks a file there."""
 
 import os
 import socket
@@ -38,7 +38,7 @@ def locked(folder: Path) -> Iterator[None]:
     except OSError as error:
         got = reason_of(error)
         raise OutputError(f"{path}: must be writable and locked, got {got}.") from error
-    with suppress(OSError):  # who has it is said for the user's sake
+    with suppress(OSError):  # the owner is only for the message; the lock works without it
         os.truncate(lock, 0)
         os.write(lock, f" by process {os.getpid()} on {socket.gethostname()}".encode())
     try:

@@ -1,4 +1,4 @@
-"""What can be exported: the paper's law and the exact one, none in Python."""
+"""Laws that can be exported: the paper's and the exact one, but none written in Python."""
 
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import PIGains
@@ -12,7 +12,7 @@ from flighttune.scenario.schema import Scenario
 def exported_law(
     scenario: Scenario, name: str, gains: PIGains, limits: Limits
 ) -> MimoPI | ExactLaw:
-    """The controller of a scenario that other programs can be given.
+    """The controller of a scenario, if it can be exported.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def exported_law(
     Raises
     ------
     InputError
-        If `name` is of a law in Python; the message names it.
+        If `name` belongs to a law in Python; the message names it.
     """
     law = scenario.law_of(name)[0] if ":" in name else None
     if law is not None and law.kind == "python":

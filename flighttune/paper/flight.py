@@ -31,11 +31,11 @@ class PaperFlight:
     ----------
     t : ndarray, shape (k,), s
     x, error, error_rate : ndarray, shape (k, 2), rad, rad, rad/s
-        Course and flight-path angle; reference minus them; its rate by the law.
+        Course and flight-path angle; errors (reference minus actual); their rates by the law.
     u, unlimited, integral : ndarray, shape (k, 2), rad and 1
-        Roll and load factor after the limits, before them, and the part from the integrator.
+        Commands of roll and load factor after the limits, before them, and their integral part.
     reason : str
-        A sentence where it diverged; empty where it did not.
+        Why the flight diverged, in a sentence; empty if it did not.
     disturbance : Sinusoid or None
     """
 
@@ -69,7 +69,7 @@ class PaperFlight:
 
     @cached_property
     def measures(self) -> pd.DataFrame:
-        """The paper's measures over the printed 20 s, one row a channel."""
+        """The paper's measures over the printed 20 s, one row per channel."""
         inside = self.t <= printed.DURATION + 0.5 * SAMPLE
         return measures(self.t[inside], {name: x[inside] for name, x in self.channels.items()})
 
@@ -89,13 +89,13 @@ class PaperFlight:
 
     @property
     def released(self) -> float:
-        """Last time at which a limit held a command, s; 0 if none ever did."""
+        """Last time at which a command was limited, s; 0 if none ever was."""
         held = self.t[np.any(self.u != self.unlimited, axis=1)]
         return float(held[-1]) if len(held) else 0.0
 
     @property
     def converged(self) -> bool:
-        """Whether both errors end, and stay for the last two seconds, below `NEAR`."""
+        """Whether both errors stay below `NEAR` for the last two seconds."""
         if self.status != "completed":
             return False
         late = self.t >= self.t[-1] - 2.0

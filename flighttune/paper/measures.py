@@ -24,7 +24,7 @@ CHANNELS = ("chi", "gamma", "chi_dot", "gamma_dot", "s_chi", "s_gamma")
 
 
 def measures(t: FloatArray, signals: Mapping[str, FloatArray]) -> pd.DataFrame:
-    """The paper's measures of each signal, which all aim at zero.
+    """The paper's measures of each signal; every signal should go to zero.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def measures(t: FloatArray, signals: Mapping[str, FloatArray]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a signal, columns `MEASURES`.
+        One row per signal, columns `MEASURES`.
 
     Notes
     -----

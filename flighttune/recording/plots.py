@@ -32,11 +32,11 @@ class Plot:
     limit : str or None
         Table key of the scenario's ``[limits]`` without unit, drawn as two lines.
     band : (str, str) or None
-        Signals of a run between which `signal` is promised to stay, drawn as two thin red lines.
+        Signals of a run that bound `signal`, drawn as two thin red lines.
     measured : str or None
-        `signal` as the sensors of a run showed it, drawn faintly behind it in the same colour.
+        `signal` as measured by the sensors of a run, drawn faintly behind it in the same colour.
     unit : str or None
-        Of a signal that `SIGNAL_UNITS` does not know; drawn as it is.
+        Unit of a signal that `SIGNAL_UNITS` does not have; drawn without conversion.
     """
 
     signal: str
@@ -68,26 +68,26 @@ CALMEST = 1e-6
 """Wind (m/s) and disturbance (rad/s) below this are rounding."""
 
 ROOM = 0.05
-"""Part of the range that an axis is longer at each end."""
+"""Part of the range by which an axis extends beyond it at each end."""
 
 LABEL = 22.0
 """Distance of two labels, points: nearer ones fade before the next power of ten."""
 
 LONGEST = 2.2
-"""Length of an axis over what is drawn, beyond which a second label is not worth it."""
+"""Length of an axis over the range drawn, beyond which it gets no second label."""
 
 SMALLEST_SPAN = 1e-6
 
 COMMANDS_TAB, LAW_TAB = "Commands and limits", "Controller"
 WHY_TAB = "Why"
-"""What an aircraft has and the law has not: the rates that lift, inner loop and the rest add to
-those of the law under the same commands; and what becomes of it."""
+"""Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
+under the same commands, and the resulting differences of course, path angle and path."""
 
 TUBES = {name: (f"{name}_tube_low", f"{name}_tube_high") for name in ("chi", "gamma")}
 """Certified tube around the reference of a channel, where a run has one."""
 
 SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
-"""What sensors showed of a signal, in runs that have them."""
+"""Name of the measured value of a signal, in runs with sensors."""
 
 LOAD_FACTOR = Plot(
     "n_z", "Load factor n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z"

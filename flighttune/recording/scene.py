@@ -34,13 +34,13 @@ TRAIL_SHARE = 1.0 / 8.0
 """Length of the trail in points, and over the flight."""
 
 WIND_TIMES = 4.0
-"""How much longer the arrow of the wind is than that of a speed."""
+"""Scale of the wind arrow over that of the velocity arrow."""
 
 REACH = 0.9
-"""Length of the velocity arrow at the start over the width of the aircraft as drawn."""
+"""Length of the velocity arrow at the start, in drawn widths of the aircraft."""
 
 WIDEST = math.radians(45.0)
-"""FlightCheck errors beyond this have no ring: it would be larger than the picture."""
+"""Error bounds beyond this have no ring: it would be larger than the picture."""
 
 CORNERS = 32
 STILL_AIR = 1e-3

@@ -1,10 +1,10 @@
 r"""One sample of the exact law for a whole set of flights.
 
-The rates wanted are affine in errors and integrals; roll ``atan(a/b)`` and load factor
+The commanded rates are affine in errors and integrals; roll ``atan(a/b)`` and load factor
 ``b / cos(phi)`` follow from the lifts a and b that they need, and the point mass turns them back
-into the rates wanted: what is left of errors of these functions is of second order. Where a limit
-holds a command, the integrator of its channel stands still. That is a jump, so that a piece with
-flights on both sides is split, and each half remembers which it is.
+into the commanded rates, so that the errors of enclosing these functions cancel to second order.
+While a command is limited, the integrator of its channel is stopped. That is a discontinuity: a
+piece with flights on both sides is split, and each half records its side.
 """
 
 import math
@@ -43,11 +43,11 @@ from flighttune.tube.sample import (
 )
 
 OVERLAP = 1e-9
-"""By how much the halves of a piece overlap, rad and 1: a computed flight may be on the other side
-of a limit than the exact one by rounding."""
+"""Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may be on the other
+side of a limit than the exact one."""
 
 STEEPEST_ROLL = 14.0
-"""Largest tangent of a roll wanted: 86 deg."""
+"""Largest tangent of a roll command before limits: 86 deg."""
 
 FREE, LIMITED, OPEN = -1, 1, 0
 """Whether no flight of a piece is beyond a limit, all are, or it is not known."""
@@ -102,7 +102,7 @@ class ExactEnclosure(Enclosure):
     def _lifts(
         self, k: int, state: Sequence[Form], errors: Sequence[Form], inversion: Inversion
     ) -> tuple[Form, Form]:
-        """Horizontal and vertical lift that the rates wanted need, in weights."""
+        """Horizontal and vertical lift that the commanded rates need, in weights."""
         turn, climb = (
             combined(
                 *zip(law.K_P, errors, strict=True),

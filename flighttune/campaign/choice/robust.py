@@ -1,4 +1,4 @@
-"""Gains of the frontier, chosen by what they fly to on the draws of a campaign."""
+"""Gains of the frontier, chosen by flying them on the draws of a campaign."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -72,13 +72,13 @@ class CandidateResult:
     success : Estimate, 1
         Part of the draws on which it succeeds on every plant, with the 95 % interval.
     p_best : float, 1
-        Part of the resamples in which it is the best candidate; of one that was dropped the part in
-        which it did as well as the leader then, of one that is not to be chosen NaN.
+        Part of the resamples in which it is the best candidate; for a dropped candidate the part in
+        which it was as good as the leader at that time; NaN for a set that cannot be chosen.
     dropped : bool
         Whether it was dropped before the last draws.
     behind : Estimate
-        Median and 95 % interval over the resamples of how far its percentile lies above that of the
-        chosen one; NaN where it was dropped.
+        How far its percentile lies above that of the chosen one: median and 95 % interval over the
+        resamples; NaN if it was dropped.
     """
 
     candidate: Candidate
@@ -90,7 +90,7 @@ class CandidateResult:
 
     @property
     def draws(self) -> int:
-        """Draws it was flown on."""
+        """Number of draws on which it was flown."""
         return self.success.n
 
 
