@@ -1,1 +1,1 @@
-"""A model of JSBSim's to an aircraft that every command takes: surveyed, designed, identified."""
+"""Aircraft that every command takes, made from JSBSim models: survey, design, identification."""

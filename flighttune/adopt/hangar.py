@@ -1,4 +1,4 @@
-"""JSBSim's whole set: every model adopted in a process of its own, and one table."""
+"""All models that come with JSBSim: each adopted in a process of its own, and one table."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The commands, and what becomes of errors."""
+"""The commands, and how errors end them."""
 
 import sys
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""What every command has: a place in the help, an example, -q, and a word while it works."""
+"""What every command has: a place in the help, an example, -q, and a status line while it works."""
 
 import inspect
 from collections.abc import Callable

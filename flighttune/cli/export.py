@@ -1,4 +1,4 @@
-"""The command by which gains leave: for JSBSim alone, or for a board."""
+"""The command that exports gains: for JSBSim alone, or in C for a board."""
 
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""Commands that find gains: the best ones, and what each radius would allow."""
+"""Commands that find gains: the best ones, and the frontier of R_K against I_K."""
 
 from collections.abc import Iterator
 from pathlib import Path

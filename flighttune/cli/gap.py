@@ -1,4 +1,4 @@
-"""The command that explains why the aircraft flies otherwise than the paper's law."""
+"""The command that explains why the aircraft flies differently from the paper's law."""
 
 import math
 from collections.abc import Iterator, Mapping

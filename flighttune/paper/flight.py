@@ -1,4 +1,4 @@
-"""One flight of the paper's loop over time, and what can be read off it."""
+"""One flight of the paper's loop over time, and its measures."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The families as runs, in one recording."""
+"""The paper's gain sets and disturbances, flown, as runs in one recording."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""The paper again, in a folder: figures, tables, texts, page, errata and recording."""
+"""The paper reproduced in a folder: figures, tables, texts, page, errata and recording."""
 
 import base64
 from collections.abc import Callable, Mapping, Sequence

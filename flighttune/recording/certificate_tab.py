@@ -1,4 +1,4 @@
-"""The tab that holds flights against the guarantees of their gains."""
+"""The tab that compares flights with the guarantees of their gains."""
 
 from collections.abc import Mapping, Sequence
 

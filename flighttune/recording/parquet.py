@@ -1,4 +1,4 @@
-"""One Parquet file a run: the record, exact to the bit."""
+"""One Parquet file per run: the record, exact to the bit."""
 
 import re
 from collections.abc import Iterator, Sequence

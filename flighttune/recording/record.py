@@ -1,4 +1,4 @@
-"""A flown scenario to a folder: one recording, and one Parquet file a run."""
+"""Writing a flown scenario to a folder: one recording, and one Parquet file per run."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack

@@ -1,4 +1,4 @@
-"""A comparison as a page: runs one over the other, and their metrics."""
+"""A comparison as a page: runs overlaid, and their metrics."""
 
 from collections import Counter
 from pathlib import Path

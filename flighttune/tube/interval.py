@@ -1,4 +1,4 @@
-"""Intervals of floats, one an entry of an array, rounded outwards."""
+"""Intervals of floats, one per entry of an array, rounded outwards."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Looking for a set that the settled loop maps into itself. Nothing here is trusted."""
+"""The search for a set that the settled loop maps into itself; the proof trusts none of it."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,1 +1,1 @@
-"""Gains chosen by what they fly to."""
+"""Gains chosen by flying them."""

@@ -1,1 +1,1 @@
-"""Plans flown by the workers of a cluster."""
+"""Plans flown by workers, on this machine or on a cluster."""

@@ -1,4 +1,4 @@
-"""A plan flown into a folder by the workers of a cluster; what is there already is not flown."""
+"""Flying a plan into a folder, here or on a cluster; runs that have a row are not repeated."""
 
 import math
 import time

@@ -1,4 +1,4 @@
-"""What a worker of the cluster does: a chunk of runs, flown by a subprocess of its own.
+"""What a worker does, here or on a cluster: a chunk of runs, flown by a subprocess of its own.
 
 A worker never flies itself. A run that crashes its process, or does not end, therefore costs a
 process that is replaced in a second, and the worker knows which run it was.

@@ -1,4 +1,4 @@
-"""A campaign file to a campaign that has been checked against its scenario."""
+"""Loading a campaign file, checked against its scenario."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations

@@ -1,4 +1,4 @@
-"""Dispersed keys of a scenario, by dotted path: where they stand, and values put there."""
+"""Dispersed keys of a scenario, by dotted path: finding them, and setting drawn values."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence

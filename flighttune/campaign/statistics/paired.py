@@ -1,4 +1,4 @@
-"""Gain sets against each other on the same draws."""
+"""Gain sets compared on the same draws."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What an item of the paper is, and what making it gives."""
+"""An item of the paper, and the result of making it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
