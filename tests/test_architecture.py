@@ -16,6 +16,7 @@ ONLY_IN = {
     "dask": "campaign/engine/cluster",
     "distributed": "campaign/engine/cluster",
     "jsbsim": "plants/jsbsim",
+    "matplotlib": "paper",
     "numba": "simulate/kernel.py",
     "rerun": "recording",
 }  # a file, or the folder it may be used in

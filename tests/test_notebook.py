@@ -110,11 +110,11 @@ def test_a_flight_is_drawn_with_a_line_a_run(flown):
 
 def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, monkeypatch):
     shown = []
-    monkeypatch.setattr("flighttune.recording.notebook.find_spec", lambda name: None)
+    monkeypatch.setattr("flighttune.extras.find_spec", lambda name: None)
     with pytest.raises(ft.FlightTuneError, match=r"flighttune\[notebook\]"):
         ft.show(flown)
 
-    monkeypatch.setattr("flighttune.recording.notebook.find_spec", lambda name: name)
+    monkeypatch.setattr("flighttune.extras.find_spec", lambda name: name)
     monkeypatch.setattr(
         "rerun.RecordingStream.notebook_show", lambda self, **size: shown.append(size)
     )

@@ -23,6 +23,7 @@ from flighttune.cli.streams import StandardStreams
 from flighttune.cli.tube import tube
 from flighttune.cli.worst import worst
 from flighttune.errors import FlightTuneError
+from flighttune.extras import missing_extra
 
 app = typer.Typer(
     name="flighttune",
@@ -115,6 +116,8 @@ def _run() -> None:
     except Exception as error:
         if "--debug" in sys.argv:
             raise
+        if isinstance(error, ImportError) and (message := missing_extra(error, "this command")):
+            fail(message, COULD_NOT_RUN)
         what = f"{type(error).__name__}: {error}"
         fail(
             f"a fault of flighttune: {what} (its traceback: flighttune --debug ...)", COULD_NOT_RUN

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from flighttune.extras import need
 from flighttune.paper import style
 from flighttune.paper.claims import CLAIMS
 from flighttune.paper.claims.base import VERDICTS, Finding, text_of
@@ -126,11 +127,12 @@ def reproduce(
     Raises
     ------
     InputError
-        If there is no item of a name.
+        If there is no item of a name, or the extra ``figures`` is not installed.
     RecordingError
         If a file cannot be written.
     """
     items = chosen(names)
+    need("`reproduce`", "matplotlib")
     study, folder = Study() if study is None else study, Path(out)
     tell = progress if progress is not None else _silent
     made = tuple(_made(item, study, folder, k / len(items), tell) for k, item in enumerate(items))

@@ -2,9 +2,9 @@
 
 import uuid
 from collections.abc import Iterable
-from importlib.util import find_spec
 
 from flighttune.errors import InputError
+from flighttune.extras import need
 from flighttune.flight.fly import FlownScenario
 from flighttune.present.chart import Chart, Sheet
 from flighttune.present.palette import NEUTRAL
@@ -75,12 +75,9 @@ def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     InputError
         If the viewer for notebooks is not installed.
     """
+    need("`show`", "rerun_notebook")
     import rerun as rr
 
-    if find_spec("rerun_notebook") is None:
-        raise InputError(
-            "`show` needs rerun-notebook; install it with: pip install 'flighttune[notebook]'"
-        )
     title = flown.scenario.title
     with rr.RecordingStream(application(title), recording_id=uuid.uuid4()) as stream, strict():
         log_recording(stream, flown.runs, page=page_of(flown), title=title)

@@ -170,7 +170,7 @@ def test_without_dask_one_line_says_what_to_install(file):
 
     assert done.returncode == 2
     assert done.stderr == (
-        "flighttune: `scheduler` needs dask, distributed; install it with: pip install "
+        "flighttune: `scheduler` needs distributed; install it with: pip install "
         "'flighttune[cluster]'\n"
     )
 

@@ -10,12 +10,12 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from flighttune.campaign.engine.tasks import Done, Task, translated
 from flighttune.errors import CampaignError, InputError
+from flighttune.extras import need
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -32,8 +32,6 @@ QUIET = (
 )
 """Loggers that report what is an outcome here: lost workers and closed connections."""
 
-NEEDED = ("dask", "distributed")
-INSTALL = "install it with: pip install 'flighttune[cluster]'"
 CONNECT_S = 10.0
 
 STOP_S = 5.0
@@ -64,8 +62,7 @@ def cluster(scheduler: str) -> Iterator[Callable[[], "ClusterWorkers"]]:
     CampaignError
         From the call, if no scheduler answers there.
     """
-    if not all(map(find_spec, NEEDED)):
-        raise InputError(f"`scheduler` needs {', '.join(NEEDED)}; {INSTALL}")
+    need("`scheduler`", "dask", "distributed")
     _host_and_port(scheduler)
     _check_certificates(scheduler)
     with ExitStack() as stack:

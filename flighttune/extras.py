@@ -1,0 +1,54 @@
+"""Packages that single features need, and the extra of flighttune that installs each."""
+
+from importlib.util import find_spec
+
+from flighttune.errors import InputError
+
+EXTRAS = {
+    "dask": "cluster",
+    "distributed": "cluster",
+    "matplotlib": "figures",
+    "numba": "fast",
+    "rerun_notebook": "notebook",
+}
+"""Extra by module, as in pyproject.toml."""
+
+
+def need(what: str, *modules: str) -> None:
+    """Refuse a feature whose modules are not all installed.
+
+    Parameters
+    ----------
+    what : str
+        The feature, as the message names it.
+    *modules : str
+        Any of `EXTRAS`.
+
+    Raises
+    ------
+    InputError
+        If one is missing; names the extra.
+    """
+    absent = [module for module in modules if find_spec(module) is None]
+    if absent:
+        raise InputError(_message(what, absent))
+
+
+def missing_extra(error: ImportError, what: str) -> str | None:
+    """The message of `need` for an import that failed; None where no extra would help.
+
+    Parameters
+    ----------
+    error : ImportError
+    what : str
+        What imported it.
+    """
+    module = (error.name or "").partition(".")[0]
+    absent = module in EXTRAS and find_spec(module) is None
+    return _message(what, [module]) if absent else None
+
+
+def _message(what: str, absent: list[str]) -> str:
+    extra = EXTRAS[absent[0]]
+    names = ", ".join(absent).replace("_", "-")
+    return f"{what} needs {names}; install it with: pip install 'flighttune[{extra}]'"

@@ -1,0 +1,57 @@
+"""A feature whose packages are not installed: one line that names the extra."""
+
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+from commands import flighttune
+
+from flighttune.errors import InputError
+from flighttune.extras import EXTRAS, missing_extra, need
+
+OPTIONAL = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"][
+    "optional-dependencies"
+]
+OUT_OF_NAMESAKE = {"rerun_notebook": "rerun-sdk[notebook]"}
+
+
+@pytest.mark.parametrize(("module", "extra"), EXTRAS.items())
+def test_each_module_comes_with_the_extra_of_its_message(module, extra):
+    distribution = OUT_OF_NAMESAKE.get(module) or packages_distributions()[module][0]
+
+    assert any(one.startswith(distribution) for one in OPTIONAL[extra])
+
+
+def test_only_what_is_missing_is_named(monkeypatch):
+    need("this", "matplotlib", "dask")
+    monkeypatch.setitem(sys.modules, "dask", None)
+
+    with pytest.raises(InputError, match=r"^this needs dask; .*'flighttune\[cluster\]'$"):
+        need("this", "matplotlib", "dask")
+
+
+def test_the_paper_again_without_matplotlib_is_one_line(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+
+    printed, said = flighttune("reproduce", "gains", status=2, cwd=tmp_path)
+
+    install = "install it with: pip install 'flighttune[figures]'"
+    assert (printed, said) == ("", f"flighttune: `reproduce` needs matplotlib; {install}\n")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_import_that_fails_inside_a_command_names_the_extra_too(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setattr("flighttune.paper.reproduce.need", lambda *_: None)
+
+    _, said = flighttune("reproduce", "gains", status=2, cwd=tmp_path)
+
+    assert said.startswith("flighttune: this command needs matplotlib; ")
+    assert "'flighttune[figures]'" in said
+
+
+@pytest.mark.parametrize("module", ["made_up", "numpy", "matplotlib.made_up"])
+def test_an_import_that_no_extra_cures_stays_a_fault(module):
+    assert missing_extra(ModuleNotFoundError(name=module), "this") is None
