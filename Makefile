@@ -5,7 +5,7 @@ DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
 PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile
 
-.PHONY: demo check test soak lint docs bench lines clean picture-packages
+.PHONY: demo check test soak lint docs bench bounds lines clean picture-packages
 
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
@@ -41,6 +41,10 @@ bench: $(STAMP)
 docs: $(STAMP)
 	$(VENV)/bin/sphinx-build -q -W --keep-going -b html -c docs . build/site
 	@echo "build/site/docs/index.html"
+
+# The lowest and the newest versions of the dependencies, and wheels for other systems; minutes.
+bounds: $(STAMP)
+	$(PYTHON) tests/bounds.py
 
 lines: $(STAMP)
 	$(PYTHON) tests/lines.py

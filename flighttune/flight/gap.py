@@ -191,11 +191,6 @@ def explain_flight(
     )
 
 
-def _indicators(scenario: Scenario, gains: PIGains) -> Indicators:
-    """R_K and I_K on the law that the gains are of."""
-    return indicators(closed_loop(scenario.kinematic_model(rates=acts_on_rates(gains)), gains))
-
-
 def with_mismatch(run: Run, found: Mismatch, check: FlightCheck | None) -> Run:
     """The run with the mismatch and, around its reference, the error bounds as signals.
 
