@@ -6,12 +6,17 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None
+
+_FAR = 2**30
+"""Byte that is locked on Windows, where no process can read what another has locked."""
 
 SCRATCH = "flighttune-scratch-"
 """What the names of temporary folders begin with."""
@@ -41,15 +46,14 @@ def try_lock(path: Path, *, make: bool = False) -> int | None:
 
     Notes
     -----
-    ``flock(2)``. The lock belongs to the open file, so that it holds against this process too; a
-    process started from this one does not get it, because Python opens no file for its children.
+    ``flock(2)``, on Windows ``_locking``. The lock belongs to the open file, so that it holds
+    against this process too; a process started from this one does not get it, because Python opens
+    no file for its children. Windows opens no folders, so that none can be locked there.
     """
-    if fcntl is None:
-        raise OSError(None, "a system with flock")
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT if make else os.O_RDONLY, 0o644)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(descriptor)
             with suppress(FileNotFoundError):
                 if os.path.samestat(os.fstat(descriptor), os.stat(path)):
                     return descriptor
@@ -59,6 +63,27 @@ def try_lock(path: Path, *, make: bool = False) -> int | None:
                 return None
             raise
         os.close(descriptor)  # who had the lock removed the file: what is there now is another
+
+
+def _lock(descriptor: int) -> None:
+    """Lock an open file.
+
+    Raises
+    ------
+    BlockingIOError
+        If another one has it.
+    """
+    if fcntl is not None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return
+    msvcrt: Any = import_module("msvcrt")
+    os.lseek(descriptor, _FAR, os.SEEK_SET)
+    try:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+    except PermissionError as error:
+        raise BlockingIOError(*error.args) from error
+    finally:
+        os.lseek(descriptor, 0, os.SEEK_SET)
 
 
 @contextmanager

@@ -11,3 +11,4 @@ settings.load_profile("here")
 
 # The aircraft of the tests are ours: a trial of each copy would cost 0.3 s.
 os.environ[TRUST_AIRCRAFT] = "1"
+os.environ.pop("COLUMNS", None)  # a worker of xdist has the width of a terminal there is not

@@ -151,3 +151,35 @@ def test_no_two_of_four_processes_ever_have_one_lock(tmp_path, end):
         for process in processes:
             process.kill()
             process.communicate()
+
+
+class Msvcrt:
+    """What Windows does: a byte of a file is one open file's at a time."""
+
+    LK_NBLCK = 2
+
+    def __init__(self):
+        self.held = {}
+
+    def locking(self, descriptor, mode, count):
+        assert (mode, count) == (self.LK_NBLCK, 1)
+        place = os.fstat(descriptor).st_ino, os.lseek(descriptor, 0, os.SEEK_CUR)
+        if self.held.setdefault(place, descriptor) != descriptor:
+            raise PermissionError(13, "Permission denied")
+
+
+def test_on_windows_a_byte_that_nobody_reads_is_locked(tmp_path, monkeypatch):
+    windows = Msvcrt()
+    monkeypatch.setattr(file_lock, "fcntl", None)
+    monkeypatch.setitem(sys.modules, "msvcrt", windows)
+    path = tmp_path / "lock"
+
+    first = try_lock(path, make=True)
+    second = try_lock(path, make=True)
+    os.write(first, b"owner")
+    os.close(first)
+
+    assert second is None
+    assert path.read_bytes() == b"owner"
+    ((_, byte),) = windows.held
+    assert byte > len(b"owner")

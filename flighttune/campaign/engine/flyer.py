@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from flighttune.errors import FlightTuneError, PlantError
+from flighttune.processes import crash_of
 from flighttune.shipped import TRUST_AIRCRAFT
 
 if TYPE_CHECKING:
@@ -204,11 +205,7 @@ class Flyer:
             return "its output closed"
         finally:
             self.close()
-        if code >= 0:
-            return f"exit status {code}"
-        with suppress(ValueError):
-            return signal.Signals(-code).name
-        return f"signal {-code}"
+        return crash_of(code) or f"exit status {code}"
 
 
 def _read_messages(stream: IO[bytes], messages: "queue.SimpleQueue[Message]") -> None:

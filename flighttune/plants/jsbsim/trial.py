@@ -1,6 +1,5 @@
 """A first load of an aircraft's files in a process of its own: some make JSBSim end the process."""
 
-import signal
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import NoReturn
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.model_files import file_tree, model_folders, source_folders, stamps
+from flighttune.processes import crash_of
 from flighttune.shipped import is_trusted
 
 LONGEST_S = 60.0
@@ -82,9 +82,9 @@ def _end_of_trial(files: _Files) -> str:
             ).returncode
         except subprocess.TimeoutExpired:
             return f"it did not within {LONGEST_S:g} s"
-    if code >= 0:
-        return f"the process that tried ended with status {code}" if code else ""
-    return f"it ended the process that tried: {signal.Signals(-code).name}"
+    if crash := crash_of(code):
+        return f"it ended the process that tried: {crash}"
+    return f"the process that tried ended with status {code}" if code else ""
 
 
 def _unweighed(config: AircraftConfig) -> NoReturn:
