@@ -8,6 +8,8 @@ import pytest
 from flighttune.flight.fly import fly
 from flighttune.scenario import load_scenario, scenario_from
 
+pytestmark = pytest.mark.slow
+
 WIND = ("wind_north", "wind_east", "wind_down")
 LAGS = {"roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
 SAMPLE_TO_SAMPLE = 1e-9

@@ -246,6 +246,7 @@ def test_a_name_that_is_mistyped_gets_the_one_that_is_meant(command, name, meant
     assert err.endswith(f"; did you mean {meant}?\n")
 
 
+@pytest.mark.slow
 def test_quiet_prints_failures_only(tmp_path):
     assert flighttune("tune", "paper", "-q") == ("", "")
     assert flighttune("--help")[0]
@@ -255,6 +256,7 @@ def test_quiet_prints_failures_only(tmp_path):
     assert "nowhere" in err
 
 
+@pytest.mark.slow
 def test_a_terminal_sees_at_once_what_a_command_does(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):

@@ -53,6 +53,7 @@ def test_a_change_beyond_tolerance_is_status_1_with_the_rows(tmp_path):
     compare("paper_as_printed@paper", "paper_as_printed@paper", "--tolerance", tolerance)
 
 
+@pytest.mark.slow
 def test_a_page_shows_both_runs_and_says_who_is_better(tmp_path):
     out = tmp_path / "compared.html"
 

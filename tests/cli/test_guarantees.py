@@ -276,6 +276,7 @@ def test_certify_draws_the_margins_that_it_prints_and_the_rate_over_the_envelope
         assert title in figure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["tune", "certify"])
 def test_gains_are_tuned_and_certified_without_libraries_of_flight_and_figures(command):
     heavy = ["clarabel", "control", "jsbsim", "matplotlib", "numba", "pandas", "pyarrow", "rerun"]

@@ -21,6 +21,8 @@ from flighttune.report.facts import facts_of
 from flighttune.report.headline import headline
 from flighttune.scenario import load_scenario, scenario_from
 
+pytestmark = pytest.mark.slow
+
 SAME = 1e-12
 
 

@@ -97,6 +97,7 @@ def test_the_papers_peaks_are_those_of_magnitude_limits_alone(study):
     assert flight.t[flight.error.argmax(axis=0)] == pytest.approx([5.24, 2.69], abs=0.01)
 
 
+@pytest.mark.slow
 def test_commands_are_the_clipped_ones_before_the_limits_where_only_ranges_hold(study):
     flight = study.readings["ranges only"]
 

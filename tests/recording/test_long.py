@@ -15,6 +15,8 @@ from flighttune.simulate.run import SIGNAL_UNITS
 from .conftest import fly
 from .test_rrd import Contents
 
+pytestmark = pytest.mark.slow
+
 LARGEST = 30e6
 """Bytes of 600 s at 50 Hz with 40 signals."""
 

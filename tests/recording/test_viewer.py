@@ -114,7 +114,19 @@ def test_the_tabs_are_in_order(viewer):
 
 
 @pytest.mark.parametrize(
-    ("tab", "at"), [("Overview", 0.0), *((tab, 4.4) for tab in IN_CALM_FLIGHT), ("Tracking", 20.0)]
+    ("tab", "at"),
+    [
+        ("Overview", 4.4),
+        ("Why", 4.4),
+        *(
+            pytest.param(tab, at, marks=pytest.mark.soak)
+            for tab, at in (
+                ("Overview", 0.0),
+                *((tab, 4.4) for tab in IN_CALM_FLIGHT if tab not in ("Overview", "Why")),
+                ("Tracking", 20.0),
+            )
+        ),
+    ],
 )
 def test_no_view_is_empty_and_nothing_is_complained_of(viewer, tab, at, flown, tmp_path):
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in flown.runs]

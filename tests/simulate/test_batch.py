@@ -82,6 +82,7 @@ def as_run(signals):
     return Run(signals=signals, status="completed", reason="", provenance=provenance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("anti_windup", ["none", "conditional", "back_calculation"])
 @pytest.mark.parametrize(
     ("dt", "settings"),

@@ -113,6 +113,7 @@ def test_in_a_turn_its_tube_is_narrower_than_that_of_the_paper_s_law_and_is_prov
     assert verify_tube(tmp_path / "tube.npz").valid
 
 
+@pytest.mark.slow
 def test_where_it_does_not_invert_the_reason_says_why():
     scenario = with_exact(made_up(gamma_deg=45.0), {"kind": "point_mass"})
 
