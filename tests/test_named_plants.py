@@ -205,6 +205,7 @@ def test_a_campaign_does_not_disperse_a_name(tmp_path):
         load_campaign(file)
 
 
+@pytest.mark.slow
 def test_the_table_of_the_page_is_what_the_shipped_scenario_flies():
     flown = fly(load_scenario("heavy_and_aft"))
     rows = re.findall(r"^\| `(jsbsim:\S+)` \| `(\w+)` \| (\S+) \| (\S+) \|$", PAGE, re.MULTILINE)

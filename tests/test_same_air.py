@@ -134,6 +134,7 @@ def test_steered_through_the_air_the_aircraft_meets_the_papers_disturbance(storm
     assert (aircraft - law).loc[45.0:].abs().max().max() < 0.05
 
 
+@pytest.mark.slow
 def test_the_aerosonde_lives_through_the_wind_of_the_printed_amplitude():
     flown = fly(
         scenario(

@@ -80,6 +80,7 @@ def test_what_no_file_of_ours_holds_is_refused_in_one_line(
     assert re.search(message, refusal(read, path))
 
 
+@pytest.mark.slow
 @EVERY_READER
 def test_an_unknown_key_and_a_value_of_any_length_are_abridged(tmp_path, read, suffix):
     key, value = "k" * 5000, "v" * 5000

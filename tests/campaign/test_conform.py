@@ -267,6 +267,7 @@ def test_bad_input_is_one_line(options, message, tmp_path):
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_it_says(tmp_path):
     with flown_here(small_plan()):
         said = answer(

@@ -29,6 +29,7 @@ def points(design, first=0, end=64, keys=KEYS, seed=4, of=64):
     return unit_points(design, keys, seed=seed, first=first, end=end, points=of)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", DESIGNS)
 @settings(max_examples=30)
 @given(cuts=st.lists(st.integers(0, 64), max_size=4), seed=st.integers(0, 2**31 - 1))

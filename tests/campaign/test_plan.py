@@ -75,6 +75,7 @@ def campaigns(draw):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(campaign=campaigns())
 def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):

@@ -221,6 +221,7 @@ def test_one_draw_that_is_refused_takes_no_other_with_it():
     assert statuses == ["invalid" if one else "completed" for one in bad]
 
 
+@pytest.mark.slow
 def test_gains_that_tuning_did_not_find_are_rows_too():
     tables = tables_of(gains=["tuned", "paper"], tuning={"I_star": 1e-6})
     plan = plan_of(tables, *START, runs=4)

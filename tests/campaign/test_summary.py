@@ -241,6 +241,7 @@ def test_a_saltelli_design_gives_indices_and_wider_intervals(tmp_path):
     assert success.hi - success.lo > 1.5 * (plain[1] - plain[0])
 
 
+@pytest.mark.slow
 def test_indices_come_from_the_cycles_that_have_flown(tmp_path):
     plan = made_up_plan(tmp_path, design="saltelli", runs=4 * 5 * 64)
     rows = made_up_rows(plan)

@@ -145,6 +145,7 @@ def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was
     assert measures(run)["chi"]["peak_rad"] == pytest.approx(found.value, rel=SAME)
 
 
+@pytest.mark.slow
 def test_probability_of_a_miss_agrees_with_counting():
     """Starts are uniform and the error is largest at the start: |chi_0| > 35 of 40 deg."""
     plan = small_plan(expect=[DEMAND])

@@ -250,6 +250,7 @@ def test_unstable_gains_are_refused_with_the_eigenvalue():
     assert "is not in the open left half plane" in refused.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", [PAPER_GAINS, TUNED])
 def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot(gains):
     trim = Envelope.at(V_a=25.0, gamma=np.pi / 12)

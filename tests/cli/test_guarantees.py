@@ -59,6 +59,7 @@ def test_verify_shows_the_claim_and_the_gains_that_it_checked(certificate):
     assert "phi 1.6968 0.5906 3.4869 0.1784" in text
 
 
+@pytest.mark.slow
 def test_verify_shows_where_a_claim_over_an_envelope_holds(tmp_path):
     path = tmp_path / "c.json"
     answer("certify", "paper", "--envelope", "--out", path)

@@ -36,6 +36,7 @@ def inside(point, corners):
 fractions = st.floats(0.0, 1.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(st.tuples(*[fractions] * 4), st.sampled_from(["entries", "speed"]))
 def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at, hull):

@@ -40,6 +40,7 @@ def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
     assert {run.duration for run in paper_gap.runs} == {20.0}
 
 
+@pytest.mark.slow
 def test_first_and_last_rung_are_the_flights_of_fly(paper_gap):
     flown = {run.label: run.signals for run in fly(paper_gap.scenario).runs}
 
@@ -232,6 +233,7 @@ def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
         assert last == pytest.approx(metrics[paper_gap.aircraft.label, channel], abs=0.005)
 
 
+@pytest.mark.slow
 def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
     plots = {plot.signal: plot for tab in TABS.values() for plot in tab}
     tube = paper_gap.runs[-1].signals[["chi_tube_low", "chi_tube_high"]]

@@ -109,6 +109,7 @@ def test_a_design_is_that_of_the_file_and_meets_what_it_asks_for(name):
     assert [check.name for check in designed.missed] == []
 
 
+@pytest.mark.slow
 def test_a_design_does_not_depend_on_the_gains_there_are():
     config = load_aircraft("a4")
     other = config.with_gains(load_aircraft("aerosonde").gains)

@@ -346,6 +346,7 @@ def test_an_identified_aircraft_has_a_condition():
         IdentifiedAircraft(aircraft="x", conditions=())
 
 
+@pytest.mark.slow
 def test_the_aircraft_is_left_as_it_was():
     plant = JSBSimPlant()
     plant.start(LEVEL)

@@ -237,6 +237,7 @@ def test_the_page_is_what_the_caller_wrote(contents):
     assert contents.static["/page"]["TextDocument:text"].to_pylist() == [["# Page\n"]]
 
 
+@pytest.mark.slow
 def test_recordings_of_the_same_scenario_can_be_open_together(contents, four_runs, tmp_path):
     write_recording(four_runs, tmp_path / "again.rrd", page="", title="Flight")
     again = Contents(tmp_path / "again.rrd")
@@ -261,6 +262,7 @@ def test_it_opens_paused_with_linked_time_axes_and_nothing_added_by_the_viewer(c
     assert set(map(tuple, blueprint_values(contents, "TimeAxis:link"))) == {(2,)}
 
 
+@pytest.mark.slow
 def test_tabs_are_those_that_have_something_to_show(contents, four_runs, in_sinusoid, tmp_path):
     write_recording([*four_runs, in_sinusoid], tmp_path / "windy.rrd", page="", title="Flight")
     calm, windy = (

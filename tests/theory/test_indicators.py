@@ -71,6 +71,7 @@ def test_state_scaling_is_a_change_of_variables():
     assert found.scaling.tolist() == scale.tolist()
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 6))
 def test_the_rate_never_promises_more_than_the_slowest_eigenvalue(seed, n):

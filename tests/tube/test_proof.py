@@ -89,6 +89,7 @@ def test_a_limit_said_not_to_hold_is_refused(changed):
     assert "phi_cmd" in found.reason
 
 
+@pytest.mark.slow
 def test_what_is_wrong_in_the_choices_makes_the_set_wider_and_is_refused(changed):
     assert not verify_tube(changed("chosen", lambda chosen: chosen * 0.9)).valid
     assert "early" in verify_tube(changed("chosen", lambda chosen: chosen[:-40])).reason
