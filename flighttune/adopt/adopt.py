@@ -29,9 +29,10 @@ from flighttune.identify.file import FILE_NAME, save_identified
 from flighttune.identify.identify import AircraftIdentification, identify_aircraft
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.plants.jsbsim.model_files import model_hash, models_of_jsbsim
 from flighttune.plants.jsbsim.trim import TrimRow, trim_table
 from flighttune.scenario.load import load_scenario
+from flighttune.shipped import nearest_name
 from flighttune.table_file import toml_tables
 from flighttune.units import DEG
 from flighttune.whole_file import made_folder, whole_file
@@ -152,9 +153,10 @@ def adopt(
     Raises
     ------
     InputError
-        If a file cannot be read or written.
+        If there is no such model, or a file cannot be written.
     """
     began = time.monotonic()
+    _check_there(model)
     if model.endswith(".xml"):
         model = os.path.relpath(Path(model).resolve(), folder.resolve())
     made_folder(folder)
@@ -177,6 +179,19 @@ def adopt(
     return replace(
         best, notes=tuple(found.notes) if found else (), seconds=time.monotonic() - began
     )
+
+
+def _check_there(model: str) -> None:
+    if model.endswith(".xml"):
+        if not Path(model).is_file():
+            raise InputError(f"{model}: must be the main file of a model, got no file.")
+        return
+    known = models_of_jsbsim()
+    if model not in known:
+        raise InputError(
+            f"{model}: must be a model of JSBSim's set, or the path of a main file (.xml)"
+            f"{nearest_name(model, known)}"
+        )
 
 
 def _check_own(file: Path) -> None:

@@ -164,10 +164,21 @@ def test_a_model_or_all_of_them(arguments, status):
 
 
 def test_a_model_that_is_not_there_is_one_line(tmp_path):
-    _, err = flighttune("adopt", "concorde9", "--out", tmp_path / "x", status=1)
+    _, err = flighttune("adopt", "concorde9", "--out", tmp_path / "x", status=2)
 
-    assert "`model` must be shipped with jsbsim" in err.splitlines()[-1]
+    (line,) = err.splitlines()
+    assert "must be a model of JSBSim's set" in line
+    assert "Concorde" in line
     assert not (tmp_path / "x").exists()
+
+
+def test_a_main_file_that_is_not_there_is_one_line(tmp_path):
+    _, err = flighttune("adopt", tmp_path / "x8.xml", "--out", tmp_path / "x", status=2)
+
+    assert (
+        err
+        == f"flighttune: {tmp_path / 'x8.xml'}: must be the main file of a model, got no file.\n"
+    )
 
 
 def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
