@@ -13,11 +13,11 @@ import pyarrow as pa
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
-from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
+from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import plant_table
-from flighttune.campaign.planning.load import campaign_on, load_campaign
+from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.places import spelled
 from flighttune.campaign.planning.plan import Group, Plan, plan_campaign
 from flighttune.campaign.planning.schema import (
@@ -28,6 +28,7 @@ from flighttune.campaign.planning.schema import (
     Dispersion,
     Grid,
 )
+from flighttune.campaign.stated_set import planned
 from flighttune.conformance.boxes import (
     WINDOW_S,
     Over,
@@ -58,7 +59,11 @@ LOOKED_AT = 16
 """Draws used to decide whether the references of a campaign move at the same instants."""
 
 OWN_FLIGHTS = 500
-"""Flights learned from where an aircraft has no campaign."""
+"""Flights learned from where there is no campaign."""
+
+
+PART = 4096
+"""Fresh flights flown before it is looked whether one is outside, which ends the count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +90,8 @@ class ConformSettings:
     window : float, s
         Length of the windows of the boxes. Shorter ones follow more closely what all flights have
         in common; differing flights leave them more easily.
+    start_deg : float, deg
+        Of a scenario: how far starts may be off in course and path angle, all equally likely.
     """
 
     epsilon: float = 0.01
@@ -95,6 +102,7 @@ class ConformSettings:
     air: str | None = None
     over: Over | None = None
     window: float = WINDOW_S
+    start_deg: float = 0.0
 
     @property
     def flights(self) -> int:
@@ -129,8 +137,8 @@ def conform(
     Parameters
     ----------
     source : str
-        Folder of a campaign, whose draws are learned from; a campaign file or the name of a shipped
-        one; or an aircraft (name or folder), which flies a random campaign of its own.
+        Folder of a campaign, whose draws are learned from; a campaign or scenario file or the name
+        of a shipped one; or an aircraft (name or folder), which flies a random campaign of its own.
     settings : ConformSettings
     workers, scheduler
         As of `flighttune.campaign.run_campaign`.
@@ -155,9 +163,9 @@ def conform(
     number of attempts are fixed beforehand, and the flights of an attempt are used to fit the boxes
     of the next one only, so that the error probabilities of all attempts add up to at most
     ``1 - confidence`` (Bonferroni). Fresh flights are those of ``design = "random"``, whatever the
-    design of those learned from.
+    design of those learned from. A count ends early once a flight is outside: it has failed.
     """
-    plan = _planned(source)
+    plan = _planned(source, settings)
     group = _chosen(plan, settings)
     air = settings.air or air_of(plan.campaign.central)
     campaign = in_air(plan.campaign, air)
@@ -185,16 +193,30 @@ def conform(
         pool = WorkerPool(start, observer)
         known = _flown(pool, learned, Span(0, first), "learning")
         while known is not None:
-            boxes = fitted_boxes(summary.windows, *known.completed)
-            counted = _flown(pool, fresh, Span(first, first + each), "counting")
+            boxes, widened = fitted_boxes(summary.windows, *known.completed, each)
+            counted = _counted(pool, fresh, Span(first, first + each), boxes)
             if counted is None:
                 break
             outside = int(np.sum(~boxes.hold(counted.low, counted.high)))
-            attempts.append(Attempt(len(known.low), each, outside))
+            attempts.append(Attempt(len(known.low), len(counted.low), outside, widened))
             if not outside or len(attempts) == settings.attempts:
                 return _conformance(fresh, group, settings, boxes, attempts)
-            known, first = known.joined(counted), first + each
+            first += len(counted.low)
+            known = _Residuals.joined([known, counted])
     return None
+
+
+def _counted(pool: WorkerPool, plan: Plan, span: Span, boxes: RateBoxes) -> "_Residuals | None":
+    """Fresh flights until one is outside, `PART` at a time; None where it was stopped."""
+    parts: list[_Residuals] = []
+    for first in range(span.first, span.end, PART):
+        part = _flown(pool, plan, Span(first, min(first + PART, span.end)), "counting")
+        if part is None:
+            return None
+        parts.append(part)
+        if not boxes.hold(part.low, part.high).all():
+            break
+    return _Residuals.joined(parts)
 
 
 def _conformance(
@@ -237,13 +259,11 @@ class _Residuals:
             raise InputError("`flights` must be flown to their end to be learned from, none was.")
         return self.low[known], self.high[known]
 
-    def joined(self, other: "_Residuals") -> "_Residuals":
-        """These flights and others."""
-        return _Residuals(
-            *(
-                np.concatenate(two)
-                for two in zip((self.low, self.high), (other.low, other.high), strict=True)
-            )
+    @classmethod
+    def joined(cls, parts: "Sequence[_Residuals]") -> "_Residuals":
+        """The flights of all parts."""
+        return cls(
+            *(np.concatenate([getattr(one, end) for one in parts]) for end in ("low", "high"))
         )
 
 
@@ -263,14 +283,17 @@ def _flown(pool: WorkerPool, plan: Plan, span: Span, doing: str) -> _Residuals |
     return found if pool.fly_rows(plan, [span], keep, doing=doing) else None
 
 
-def _planned(source: str) -> Plan:
-    """The plan of a campaign in a folder, of a campaign file, or of an aircraft."""
-    folder = Path(source)
-    if (folder / CAMPAIGN).is_file():
-        return open_dataset(source).plan
-    if source in aircraft_folders() or (folder / "aircraft.toml").is_file():
+def _planned(source: str, settings: ConformSettings) -> Plan:
+    """The plan of an aircraft, or of a campaign or scenario."""
+    if source in aircraft_folders() or (Path(source) / "aircraft.toml").is_file():
         return plan_campaign(own_campaign(source))
-    return plan_campaign(load_campaign(source))
+    return planned(
+        source,
+        plant=settings.plant,
+        kind="jsbsim",
+        start_deg=settings.start_deg,
+        draws=OWN_FLIGHTS,
+    )
 
 
 def _chosen(plan: Plan, settings: ConformSettings) -> Group:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,21 +11,19 @@ import pyarrow as pa
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
+from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import TUBE_SHARE
 from flighttune.campaign.flying.refly import scenario_of_run
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
-from flighttune.campaign.planning.load import campaign_on, load_campaign
-from flighttune.campaign.planning.plan import Group, Plan, plan_campaign
-from flighttune.campaign.planning.schema import MEASURES, Campaign, CampaignTable
+from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.planning.tube_bounds import TubeBounds
+from flighttune.campaign.stated_set import planned
 from flighttune.errors import InputError
-from flighttune.scenario.load import load_scenario, scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED_IDENTIFIED, in_rad
-from flighttune.table_file import toml_tables
 from flighttune.units import DEG
 
 MARGIN = "margin"
@@ -55,9 +52,6 @@ LEVEL = 0.1
 
 STRIDE = 0.6
 """Length of a step of its chains, in standard deviations; 1 would be a new draw."""
-
-FREQUENCIES = (0.05, 6.0)
-"""Angular frequencies searched of a disturbance without a stated one, rad/s."""
 
 
 class Draws(NamedTuple):
@@ -498,7 +492,12 @@ class _Search:
         InputError, ScenarioError
             As `find_worst`.
         """
-        plan = planned(source, settings)
+        plan = planned(
+            source,
+            plant=settings.plant,
+            start_deg=settings.start_deg,
+            disturbance=settings.disturbance,
+        )
         group = _chosen(plan, settings)
         if not plan.keys:
             raise InputError(
@@ -596,73 +595,6 @@ def _metric_of(plan: Plan, group: Group) -> str:
         if table.meant(group.plant, group.gains)
     )
     return MARGIN if bounded else "chi.ITAE"
-
-
-def planned(source: str, settings: WorstSettings) -> Plan:
-    """The plan of a campaign in a folder, of a campaign file, or of a scenario's stated set.
-
-    Parameters
-    ----------
-    source : str
-    settings : WorstSettings
-        Says how far starts of a scenario may be off, and its disturbance.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no such campaign or scenario, or the scenario cannot be disturbed.
-    """
-    if (Path(source) / CAMPAIGN).is_file():
-        return open_dataset(source).plan
-    if _is_scenario(source):
-        scenario = load_scenario(source)
-        return plan_campaign(_of_scenario(scenario, Path(source).stem, settings))
-    if settings.start_deg or settings.disturbance:
-        raise InputError("`start_deg` and `disturbance` are of a scenario: a campaign has its own.")
-    return plan_campaign(load_campaign(source))
-
-
-def _is_scenario(source: str) -> bool:
-    from flighttune.shipped import campaign_files, scenario_files
-
-    path = Path(source)
-    if path.is_file() and path.suffix == ".toml":
-        return "scenario" not in toml_tables(path)
-    stem = path.name.removesuffix(".toml")
-    return stem in scenario_files() and stem not in campaign_files()
-
-
-def _of_scenario(scenario: Scenario, name: str, settings: WorstSettings) -> Campaign:
-    """Starts and disturbances of one plant of a scenario, all equally likely."""
-    labels = [table.label for table in scenario.plant]
-    plant, tables = settings.plant or labels[0], scenario.as_dict()
-    if plant in labels:  # another plant may not stand the disturbance; `_chosen` refuses no plant
-        tables["plant"] = [tables["plant"][labels.index(plant)]]
-        tables["expect"] = [one for one in tables["expect"] if one.get("plant") in (None, plant)]
-    ranges: dict[str, tuple[float, float, str]] = {}
-    if settings.start_deg:
-        for key in ("flight.chi_deg", "flight.gamma_deg"):
-            ranges[key] = (-settings.start_deg, settings.start_deg, "adds")
-    if settings.disturbance:
-        for channel in ("chi", "gamma"):
-            size = settings.disturbance
-            ranges[f"disturbance.{channel}_amplitude"] = (-size, size, "sets")
-            ranges[f"disturbance.{channel}_omega_rad_s"] = (*FREQUENCIES, "sets")
-            ranges[f"disturbance.{channel}_phase_deg"] = (-180.0, 180.0, "sets")
-        tables["disturbance"] = {"wave": "square"}
-    scenario = scenario_from(tables)
-    table = CampaignTable.model_validate(
-        {
-            "title": f"worst of {name}",
-            "scenario": name,
-            "runs": 1,
-            "disperse": [
-                {"key": key, "distribution": "uniform", "lower": low, "upper": high, "acts": acts}
-                for key, (low, high, acts) in ranges.items()
-            ],
-        }
-    )
-    return campaign_on(table, scenario, name)
 
 
 def _chosen(plan: Plan, settings: WorstSettings) -> Group:

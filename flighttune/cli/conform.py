@@ -8,7 +8,13 @@ import typer
 from typer import Option
 
 from flighttune.cli.campaign import SchedulerOption, WorkersOption
-from flighttune.cli.options import JsonOption, aircraft_names, campaign_names, check_ending
+from flighttune.cli.options import (
+    JsonOption,
+    aircraft_names,
+    campaign_names,
+    check_ending,
+    scenario_names,
+)
 from flighttune.cli.progress import campaign_display
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, table
 from flighttune.present.tables import Table
@@ -21,10 +27,11 @@ def conform(
     source: Annotated[
         str,
         typer.Argument(
-            metavar="CAMPAIGN|AIRCRAFT",
-            help="Folder of a campaign, a campaign file or the name of a shipped one; or an "
-            "aircraft, which is flown from random starts on random references.",
-            autocompletion=lambda: campaign_names() + aircraft_names(),
+            metavar="CAMPAIGN|SCENARIO|AIRCRAFT",
+            help="Folder of a campaign, a campaign file or the name of a shipped one; a scenario "
+            "with --start-deg; or an aircraft, which is flown from random starts on random "
+            "references.",
+            autocompletion=lambda: campaign_names() + scenario_names() + aircraft_names(),
         ),
     ],
     out: Annotated[Path, Option("--out", help="JSON file to write.")],
@@ -60,6 +67,10 @@ def conform(
     window: Annotated[
         float, Option(help="Length of the windows of the boxes, s; shorter ones are narrower.")
     ] = 0.5,
+    start_deg: Annotated[
+        float,
+        Option(help="Largest deviation from a scenario's start, course and path angle, deg."),
+    ] = 0.0,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
@@ -84,6 +95,7 @@ def conform(
         air=air,
         over=boxes,
         window=window,
+        start_deg=start_deg,
     )
     with campaign_display() as observer:
         found = learn_and_count(
@@ -120,8 +132,8 @@ def _text(found: "Conformance", out: Path) -> Iterator[Table | str]:
     )
     for number, one in enumerate(found.attempts, 1):
         yield (
-            f"count {number}: learned from {one.learned} flights, {one.outside} of "
-            f"{one.counted} fresh ones outside"
+            f"count {number}: learned from {one.learned} flights, widened by {one.widened:.2f}, "
+            f"{one.outside} of {one.counted} fresh ones outside"
         )
     if found.holds:
         yield found.sentence

@@ -27,7 +27,13 @@ LEAST_SHARE = 0.05
 flights learned from agree to the last digit would be left by the next flight."""
 
 MARGIN = 1.25
-"""Half width of the boxes over that of the smallest ones that hold the flights learned from."""
+"""Widening of boxes learned from too few flights to see a tail."""
+
+TAIL, FEW = 0.1, 50
+"""Share of the scores that are the tail, and how many flights are too few to have one."""
+
+CHANCE = 0.1
+"""Probability, by the fitted tail, that any of the fresh flights leaves the boxes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,14 +224,24 @@ class RateBoxes:
         return np.all((low >= self.low) & (high <= self.high), axis=(-2, -1))
 
 
-def fitted_boxes(windows: Windows, lows: FloatArray, highs: FloatArray) -> RateBoxes:
-    """Boxes around the residuals of the flights learned from.
+def fitted_boxes(
+    windows: Windows, lows: FloatArray, highs: FloatArray, fresh: int
+) -> tuple[RateBoxes, float]:
+    """Boxes around the residuals of the flights learned from, wide enough for fresh ones.
 
     Parameters
     ----------
     windows : Windows
     lows, highs : ndarray, shape (flights, count, 2), rad/s
         `Windows.extremes` of each.
+    fresh : int
+        How many flights are to stay inside.
+
+    Returns
+    -------
+    boxes : RateBoxes
+    widened : float, 1
+        Half width over that of the smallest boxes that hold the flights learned from.
 
     Raises
     ------
@@ -234,6 +250,56 @@ def fitted_boxes(windows: Windows, lows: FloatArray, highs: FloatArray) -> RateB
     """
     if not len(lows):
         raise InputError("`lows` must be of at least one flight, got none.")
+    widened = widening(lows, highs, fresh)
+    centre, half = _smallest(lows, highs)
+    half = widened * half
+    return RateBoxes(windows=windows, low=centre - half, high=centre + half), widened
+
+
+def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> float:
+    """By how much boxes must be widened for fresh flights to stay inside.
+
+    Parameters
+    ----------
+    lows, highs : ndarray, shape (flights, count, 2), rad/s
+        Of the flights learned from.
+    fresh : int
+        How many flights are to stay inside.
+
+    Returns
+    -------
+    float, 1
+        At least 1.
+
+    Notes
+    -----
+    The score of a flight is the widening with which it stays in the smallest boxes around the other
+    half of the flights. Above its upper `TAIL` the score is taken as exponential (a generalised
+    Pareto distribution of shape 0: S. Coles, *An Introduction to Statistical Modeling of Extreme
+    Values*, chapter 4), which is on the safe side for a normal or a bounded one. At the value
+    returned one of the fresh flights is outside with a probability of `CHANCE`. What is claimed
+    does not rest on this, only how often a count succeeds.
+    """
+    flights = len(lows)
+    if flights < FEW:
+        return MARGIN
+    halves = slice(0, None, 2), slice(1, None, 2)
+    scores = np.sort(
+        np.concatenate(
+            [
+                _scores(lows[one], highs[one], *_smallest(lows[other], highs[other]))
+                for one, other in (halves, halves[::-1])
+            ]
+        )
+    )
+    above = round(TAIL * flights)
+    start = scores[-above - 1]
+    excess = float(np.mean(scores[-above:] - start))
+    return max(1.0, float(start) + excess * math.log(above / flights * fresh / CHANCE))
+
+
+def _smallest(lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Centres and half widths, shape (count, 2), of the smallest boxes around flights."""
     low, high = lows.min(axis=0), highs.max(axis=0)
     for column in range(low.shape[1]):
         known = low[:, column] <= high[:, column]
@@ -241,6 +307,11 @@ def fitted_boxes(windows: Windows, lows: FloatArray, highs: FloatArray) -> RateB
         low[~known, column] = low[known, column].min()
         high[~known, column] = high[known, column].max()
     half = 0.5 * (high - low)
-    half = MARGIN * np.maximum(half, LEAST_SHARE * half.max(axis=0))
-    centre = 0.5 * (low + high)
-    return RateBoxes(windows=windows, low=centre - half, high=centre + half)
+    return 0.5 * (low + high), np.maximum(half, LEAST_SHARE * half.max(axis=0))
+
+
+def _scores(
+    lows: FloatArray, highs: FloatArray, centre: FloatArray, half: FloatArray
+) -> FloatArray:
+    """Widening of boxes with which each flight stays inside, shape (flights,)."""
+    return (np.maximum(highs - centre, centre - lows) / half).max(axis=(1, 2))

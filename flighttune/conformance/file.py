@@ -55,11 +55,14 @@ class Attempt:
         Fresh flights.
     outside : int
         Those of them that left a box, or were not flown to their end.
+    widened : float, 1
+        Half width of the boxes over that of the smallest around the flights learned from.
     """
 
     learned: int
     counted: int
     outside: int
+    widened: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -299,6 +302,7 @@ class _Attempt(_Table):
     learned: Count
     counted: Count
     outside: Count
+    widened: Annotated[float, Field(ge=1.0, allow_inf_nan=False)]
 
 
 Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]

@@ -19,11 +19,11 @@ from flighttune.campaign import worst as worst_module
 from flighttune.campaign.conform import at_random
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.tube_bounds import TubeBounds
+from flighttune.campaign.stated_set import planned
 from flighttune.campaign.worst import (
     SEEDS_EVERY,
     WorstSettings,
     find_worst,
-    planned,
     rare_miss,
     region_radius,
     search_worst,
@@ -203,7 +203,7 @@ def test_flights_that_end_early_are_the_worst_or_left_out():
 
 
 def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
-    plan = planned("paper", WorstSettings(start_deg=5.0, disturbance=0.01))
+    plan = planned("paper", start_deg=5.0, disturbance=0.01)
 
     assert {"flight.chi_deg", "disturbance.gamma_amplitude"} <= set(plan.keys)
     assert [table.label for table in plan.scenario.plant] == ["kinematic"]

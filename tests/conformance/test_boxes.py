@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from flighttune.conformance.boxes import MARGIN, Windows, fitted_boxes
+from flighttune.conformance.boxes import CHANCE, MARGIN, Windows, fitted_boxes, widening
 from flighttune.errors import InputError
 
 ROUNDING = 1e-12
@@ -44,7 +45,7 @@ def test_boxes_hold_what_they_were_fitted_to_with_a_margin():
     windowed = [windows.extremes(one, np.arange(30) // 10) for one in residual]
     lows, highs = map(np.array, zip(*windowed, strict=True))
 
-    boxes = fitted_boxes(windows, lows, highs)
+    boxes, _ = fitted_boxes(windows, lows, highs, 100)
 
     low = residual.reshape(20, 3, 10, 2).min(axis=(0, 2))
     high = residual.reshape(20, 3, 10, 2).max(axis=(0, 2))
@@ -56,7 +57,7 @@ def test_boxes_hold_what_they_were_fitted_to_with_a_margin():
 def test_a_flight_that_leaves_one_box_or_was_not_flown_is_outside():
     windows = Windows(over="time", count=2)
     low, high = np.full((1, 2, 2), -1.0), np.full((1, 2, 2), 1.0)
-    boxes = fitted_boxes(windows, low, high)
+    boxes, _ = fitted_boxes(windows, low, high, 100)
     leaves = high.copy()
     leaves[0, 1, 0] = MARGIN + 0.01
 
@@ -70,15 +71,36 @@ def test_a_window_that_no_flight_was_in_is_as_wide_as_all():
     windows = Windows(over="phase", count=3)
     low, high = windows.extremes(np.array([[-1.0, 0.0], [2.0, 3.0]]), np.array([0, 1]))
 
-    boxes = fitted_boxes(windows, low[None], high[None])
+    boxes, _ = fitted_boxes(windows, low[None], high[None], 100)
 
     assert boxes.centre[2] == pytest.approx([0.5, 1.5])
     assert boxes.half_width[2] == pytest.approx([MARGIN * 1.5, MARGIN * 1.5])
 
 
+@pytest.mark.parametrize(("learned", "fresh"), [(500, 797), (2000, 138_149)])
+def test_boxes_are_widened_as_far_as_so_many_normal_residuals_need(learned, fresh):
+    rng = np.random.default_rng(3)
+    residual = rng.normal(size=(learned, 4, 2))
+    # so that each of the 8 is inside with a probability of (1 - CHANCE)^(1 / (8 fresh))
+    needed = norm.isf(0.5 * CHANCE / (8 * fresh))
+
+    widened = widening(residual, residual, fresh)
+
+    half = 0.5 * (residual.max(axis=0) - residual.min(axis=0)).mean()
+    assert needed < widened * half < 1.3 * needed
+
+
+def test_boxes_are_widened_more_for_more_flights_and_not_where_residuals_end():
+    rng = np.random.default_rng(3)
+    bounded = rng.uniform(-1.0, 1.0, size=(1000, 4, 2))
+
+    assert widening(bounded, bounded, 797) < 1.05
+    assert widening(bounded, bounded, 797) < widening(bounded, bounded, 138_149) < 1.1
+
+
 def test_no_flight_is_refused():
     with pytest.raises(InputError, match="at least one flight"):
-        fitted_boxes(Windows(over="time", count=2), np.empty((0, 2, 2)), np.empty((0, 2, 2)))
+        fitted_boxes(Windows(over="time", count=2), np.empty((0, 2, 2)), np.empty((0, 2, 2)), 1)
 
 
 def test_windows_may_be_shorter():

@@ -33,7 +33,7 @@ NOT_RUN = {
     "flighttune view ": "does not end; tests/recording/test_view.py",
     "flighttune campaign run campaign.toml --scheduler": "a cluster; tests/campaign/test_faults.py",
     "flighttune conform random_starts": "minutes",
-    "flighttune conform feasible_starts": "minutes",
+    "flighttune conform feasible": "minutes",
     "flighttune conform c172p": "minutes",
     "flighttune conform runs/mine": "minutes",
     "flighttune conform aerosonde": "minutes",

@@ -1,0 +1,99 @@
+"""The flights that a campaign states, or starts and disturbances about a scenario."""
+
+from pathlib import Path
+
+from flighttune.campaign.dataset import CAMPAIGN, open_dataset
+from flighttune.campaign.planning.load import campaign_on, load_campaign
+from flighttune.campaign.planning.plan import Plan, plan_campaign
+from flighttune.campaign.planning.schema import Campaign, CampaignTable
+from flighttune.errors import InputError
+from flighttune.scenario.load import load_scenario, scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.shipped import campaign_files, scenario_files
+from flighttune.table_file import toml_tables
+
+FREQUENCIES = (0.05, 6.0)
+"""Angular frequencies of a disturbance without a stated one, rad/s."""
+
+
+def planned(
+    source: str,
+    *,
+    plant: str | None = None,
+    kind: str | None = None,
+    start_deg: float = 0.0,
+    disturbance: float = 0.0,
+    draws: int = 1,
+) -> Plan:
+    """The plan of a campaign in a folder, of a campaign file, or of flights about a scenario.
+
+    Parameters
+    ----------
+    source : str
+        A folder, a file or the name of a shipped one.
+    plant, kind : str, optional
+        Label of the plant of a scenario; by default its first, or its first of a kind.
+    start_deg : float, deg
+        How far starts of a scenario may be off in course and path angle, all equally likely.
+    disturbance : float, rad/s
+        Largest amplitude of square waves that disturb the two rates of a scenario.
+    draws : int
+        Of a scenario.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no such campaign or scenario, or the scenario cannot be disturbed.
+    """
+    if _is_scenario(source):
+        scenario = load_scenario(source)
+        labels = [one.label for one in scenario.plant if kind in (None, one.kind)]
+        chosen = plant or next(iter(labels), None)
+        plan = plan_campaign(_about(scenario, Path(source).stem, chosen, start_deg, disturbance))
+        return plan.with_runs(draws * len(plan.groups))
+    if start_deg or disturbance:
+        raise InputError("`start_deg` and `disturbance` are of a scenario: a campaign has its own.")
+    if (Path(source) / CAMPAIGN).is_file():
+        return open_dataset(source).plan
+    return plan_campaign(load_campaign(source))
+
+
+def _is_scenario(source: str) -> bool:
+    path = Path(source)
+    if path.is_file() and path.suffix == ".toml":
+        return "scenario" not in toml_tables(path)
+    stem = path.name.removesuffix(".toml")
+    return stem in scenario_files() and stem not in campaign_files()
+
+
+def _about(
+    scenario: Scenario, name: str, plant: str | None, start_deg: float, disturbance: float
+) -> Campaign:
+    """Starts and disturbances of one plant of a scenario, all equally likely."""
+    labels = [table.label for table in scenario.plant]
+    tables = scenario.as_dict()
+    if plant in labels:  # another may not stand the disturbance; callers refuse one that is unknown
+        tables["plant"] = [tables["plant"][labels.index(plant)]]
+        tables["expect"] = [one for one in tables["expect"] if one.get("plant") in (None, plant)]
+    ranges: dict[str, tuple[float, float, str]] = {}
+    if start_deg:
+        for key in ("flight.chi_deg", "flight.gamma_deg"):
+            ranges[key] = (-start_deg, start_deg, "adds")
+    if disturbance:
+        for channel in ("chi", "gamma"):
+            ranges[f"disturbance.{channel}_amplitude"] = (-disturbance, disturbance, "sets")
+            ranges[f"disturbance.{channel}_omega_rad_s"] = (*FREQUENCIES, "sets")
+            ranges[f"disturbance.{channel}_phase_deg"] = (-180.0, 180.0, "sets")
+        tables["disturbance"] = {"wave": "square"}
+    table = CampaignTable.model_validate(
+        {
+            "title": scenario.title,
+            "scenario": name,
+            "runs": 1,
+            "disperse": [
+                {"key": key, "distribution": "uniform", "lower": low, "upper": high, "acts": acts}
+                for key, (low, high, acts) in ranges.items()
+            ],
+        }
+    )
+    return campaign_on(table, scenario_from(tables), name)
