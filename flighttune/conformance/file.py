@@ -1,6 +1,7 @@
 """Boxes of an aircraft's residual rates, the count of flights behind them, and their file."""
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -39,6 +40,9 @@ FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
 AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "plant")
 """Tables that a scenario may leave out; keys that it does have must match those flights."""
 
+ROUNDING = 1e-6
+"""Degrees by which the ends of a range may be rounded."""
+
 SAME_GAINS = 1e-6
 """Relative difference of gains below which they are the same: tuning repeats to 1e-9."""
 
@@ -62,7 +66,7 @@ class Attempt:
     learned: int
     counted: int
     outside: int
-    widened: float
+    widened: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +205,9 @@ class Conformance:
             f"{self.confidence:.10g}"
         )
 
-    def check(self, scenario: Scenario, plant: PlantTable, gains: PIGains) -> None:
+    def check(
+        self, scenario: Scenario, plant: PlantTable, gains: PIGains, start: float = 0.0
+    ) -> None:
         """Refuse a scenario whose flights the boxes do not cover.
 
         Parameters
@@ -210,12 +216,14 @@ class Conformance:
         plant : PlantTable
             The aircraft of the scenario that flies.
         gains : PIGains
+        start : float, rad
+            How far flights start from the scenario's course and path angle.
 
         Raises
         ------
         InputError
-            If aircraft, gains, manoeuvre, limits, controller or air differ; one line that names the
-            key.
+            If aircraft, gains, manoeuvre, limits, controller, starts or air differ; one line that
+            names the key.
         """
         if plant.aircraft is None or files_hash(plant.aircraft) != self.sha256["aircraft"]:
             raise InputError(
@@ -231,6 +239,15 @@ class Conformance:
                 )
         if why := self.distribution.difference(scenario, plant):
             raise InputError(f"conformance: must be of the flights of the scenario: {why}.")
+        flight = flown_values(scenario, plant)
+        for key in ("flight.chi_deg", "flight.gamma_deg") if start else ():
+            low, *_, high = self.distribution.dispersed.get(key, 2 * [flight[key]])
+            most = min(flight[key] - low, high - flight[key])
+            if math.degrees(start) > most + ROUNDING:
+                raise InputError(
+                    f"conformance: `start` must be at most {most:.4g} deg from `{key}`, as in the "
+                    f"flights counted, got {math.degrees(start):.4g} deg."
+                )
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as plain values, as written to the file."""
@@ -302,7 +319,7 @@ class _Attempt(_Table):
     learned: Count
     counted: Count
     outside: Count
-    widened: Annotated[float, Field(ge=1.0, allow_inf_nan=False)]
+    widened: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 1.0
 
 
 Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]

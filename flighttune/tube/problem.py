@@ -15,6 +15,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import ChannelLaw, MimoPI
 from flighttune.errors import InputError
 from flighttune.flight.fly import controller_of
+from flighttune.plants.wind import course_of, velocity_along
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.feasible import FeasibleReference
@@ -76,6 +77,11 @@ class TubeProblem:
             raise InputError(
                 f"`start` must lie in 0..45 deg, got {math.degrees(self.start):g} deg."
             )
+        if self.scenario.wind is not None and self.start > 0.0:
+            raise InputError(
+                f"`start` must be 0 in wind, got {math.degrees(self.start):g} deg: the path over "
+                "ground begins elsewhere than that through the air."
+            )
         k = len(self.t)
         for name, columns in (("d_low", 2), ("d_high", 2), ("reference", 6)):
             given = read_only_matrix(name, getattr(self, name))
@@ -110,6 +116,17 @@ class TubeProblem:
         """Times of the samples, s."""
         return sample_times(self.scenario)
 
+    @property
+    def path_at_start(self) -> tuple[float, float]:
+        """Course and path angle over ground; [flight] has those through the air, rad."""
+        condition, wind = self.scenario.condition, self.scenario.wind
+        if wind is None:
+            return condition.chi, condition.gamma
+        north, east, down = velocity_along(condition.V_a, condition.chi, condition.gamma)
+        w_north, w_east, w_down = wind.profile().at(condition.h)
+        chi, gamma = course_of((north + w_north, east + w_east, down + w_down))
+        return condition.chi + math.remainder(chi - condition.chi, math.tau), gamma
+
     def controller(self) -> MimoPI | ExactLaw:
         """A controller in its initial state."""
         return controller_of(self.scenario, f"{self.law}:", self.gains, self.limits)
@@ -121,6 +138,7 @@ class TubeProblem:
             self.scenario.flight,
             self.scenario.condition,
         )
+        chi, gamma = self.path_at_start
         planned, inversion = self.reference[:, 2:4], None
         if isinstance(controller, ExactLaw):
             law = controller.law
@@ -142,7 +160,7 @@ class TubeProblem:
             gamma_ref=self.reference[:, 1],
             d_low=self.d_low,
             d_high=self.d_high,
-            start=(condition.chi, condition.gamma, condition.phi, condition.n_z),
+            start=(chi, gamma, condition.phi, condition.n_z),
             exact=plant_table(self.scenario, self.plant).kind != "kinematic",
             lags=tuple(SampledLag.of(lag, controller.dt) for lag in self.lags),
             inversion=inversion,
@@ -215,7 +233,7 @@ def tube_problem(
                 "`feed_forward` must be off, or [reference] of shape feasible, for the tube of an "
                 "aircraft: no box is known for the roll that the feed-forward sees."
             )
-        conformance.check(scenario, table, gains)
+        conformance.check(scenario, table, gains, start)
         if not conformance.holds:
             raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
         limits = limits.within(load_aircraft(table.aircraft).limits.limits())
@@ -277,9 +295,10 @@ def _within(scenario: Scenario, disturbance: float | None, samples: int) -> Floa
 
 def _check_known(scenario: Scenario, plant: str) -> None:
     """Refuse what no set is known for."""
-    plant_table(scenario, plant)
+    # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted there.
+    moving = plant_table(scenario, plant).aircraft is None and scenario.windy
     swings = scenario.disturbance is not None and scenario.disturbance.as_wind
-    for key, given in (("sensors", scenario.sensors), ("wind", scenario.windy or swings)):
+    for key, given in (("sensors", scenario.sensors), ("wind", moving or swings)):
         if given:
             raise InputError(f"`{key}` must not be in the scenario of a tube: it is not enclosed.")
     if scenario.controller.anti_windup == "back_calculation":

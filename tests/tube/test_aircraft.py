@@ -1,5 +1,7 @@
 """An aircraft's tube: its conformant model under every disturbance in the boxes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,6 +78,37 @@ def test_wider_boxes_make_a_wider_tube():
     # Both bounds move by what a constant disturbance does, which is proportional to it.
     ratio = wide.half_widths[-1, :2] / narrow.half_widths[-1, :2]
     assert ratio == pytest.approx([2.0, 2.0], rel=0.02)
+
+
+def test_turbulence_is_that_of_the_boxes_and_no_other():
+    windy = flight(duration_s=0.3).as_dict()
+    windy["wind"] = {"speed_mps": 3.0, "from_deg": 90.0}
+    windy["turbulence"] = {"intensity": "light"}
+    scenario = scenario_from(windy)
+    known = conformance(scenario, half_width=10.0 * WIDE)
+
+    found = tube(scenario, PAPER_GAINS, conformance=known)
+
+    assert found.status == "bounded"
+    assert flights_inside(found)
+    windy["turbulence"]["intensity"] = "severe"
+    with pytest.raises(InputError, match=r"`turbulence.intensity` must be 'light', got 'severe'"):
+        tube(scenario_from(windy), PAPER_GAINS, conformance=known)
+    with pytest.raises(InputError, match=r"`wind.speed_mps` must be None, got 3"):
+        tube(scenario, PAPER_GAINS, conformance=conformance(flight(duration_s=0.3)))
+
+
+def test_starts_are_those_of_the_boxes():
+    scenario = flight(duration_s=0.3)
+    known = conformance(scenario)
+    dispersed = {"flight.chi_deg": [2.0, 7.0], "flight.gamma_deg": [-3.0, 3.0]}
+    wider = replace(known, distribution=replace(known.distribution, dispersed=dispersed))
+
+    with pytest.raises(InputError, match=r"`start` must be at most 0 deg from `flight.chi_deg`"):
+        tube(scenario, PAPER_GAINS, conformance=known, start=0.01)
+    assert tube(scenario, PAPER_GAINS, conformance=wider, start=0.03).status == "bounded"
+    with pytest.raises(InputError, match=r"`start` must be at most 2 deg from .*, got 2.29 deg"):
+        tube(scenario, PAPER_GAINS, conformance=wider, start=0.04)
 
 
 def test_what_the_boxes_say_nothing_about_is_refused():
