@@ -14,7 +14,9 @@ from flighttune.cli.show import INTERRUPTED, emit, fail, pick
 from flighttune.present.numbers import number
 
 if TYPE_CHECKING:
+    from flighttune.campaign.planning.tube_bounds import TubeBounds
     from flighttune.campaign.worst import RareMiss, WorstFlight
+    from flighttune.simulate.run import Run
 
 GONE = "interrupted, nothing is written"
 
@@ -110,7 +112,7 @@ def worst(
         fail(f"{source}: {GONE}", INTERRUPTED)
     written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
     _write(found, written)
-    ratios = None if bounds is None else bounds.ratios(fly(found.scenario).runs[0])
+    ratios = None if bounds is None else _beside(tube, bounds, fly(found.scenario).runs[0])
     answer = {
         **pick(found, "metric value first flights distance radius status missed drawn"),
         **pick(found.group, "plant gains"),
@@ -118,6 +120,16 @@ def worst(
         "scenario": written,
     }
     emit(answer, _text(found, written, ratios), as_json=as_json)
+
+
+def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, float]:
+    """How many times wider a tube is than a flight needs, which is written next to it."""
+    from flighttune.tube.of_run import write_worst
+
+    ratios = bounds.ratios(run)
+    if tube is not None:
+        write_worst(tube, run, ratios)
+    return ratios
 
 
 def _write(found: "WorstFlight", path: Path) -> None:

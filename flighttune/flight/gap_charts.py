@@ -111,6 +111,9 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
         left = bool(((error < low) | (error > high)).any())
         name = f"its tube, {'left' if left else 'flight inside'}"
         chart.band(run.t, low, high, LIMIT, name=name)
+        if f"{channel}_err_worst" in run.signals:
+            worst = run.signals[f"{channel}_err_worst"].to_numpy() * DEG_PER_RAD
+            chart.line(run.t, worst, LIMIT, dash=DASHED, name="worst flight found in it")
         return chart
     if gap.check is None or gap.verdict is None:
         chart.title += "; the linear loop has no certificate"

@@ -10,7 +10,7 @@ from flighttune.errors import RecordingError
 from flighttune.flight.fly import Progress, fly, library_versions
 from flighttune.flight.own import LawMaker, PlantMaker
 from flighttune.scenario import scenario_from
-from flighttune.simulate.run import TUBE_SIGNALS, Run
+from flighttune.simulate.run import TUBE_SIGNALS, WORST_SIGNALS, Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +172,7 @@ def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
     if not n:
         return
     columns = [
-        [name for name in map(str, run.signals) if name not in TUBE_SIGNALS]
+        [name for name in map(str, run.signals) if name not in (*TUBE_SIGNALS, *WORST_SIGNALS)]
         for run in (recorded, reflown)
     ]
     if columns[0] != columns[1]:

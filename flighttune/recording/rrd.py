@@ -178,12 +178,14 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
                 stream, f"{folder}/{entities.MEASURED}/{drawn_run.key}", style, run, [plot.measured]
             )
         if plot.band and set(plot.band) <= set(signals):
+            names = [*plot.band, *({f"{plot.signal}_worst"} & set(signals))]
+            whats = ("lower end of its tube", "upper end of its tube", "worst flight found in it")
             style = rr.SeriesLines(
-                colors=[(*rgb(LIMIT), FAINT)] * 2,
-                widths=[1.0] * 2,
-                names=[f"{run.label}, {side} end of its tube" for side in ("lower", "upper")],
+                colors=[(*rgb(LIMIT), FAINT)] * len(names),
+                widths=[1.0] * len(names),
+                names=[f"{run.label}, {what}" for what in whats[: len(names)]],
             )
-            _log_signals(stream, f"{folder}/{drawn_run.key}_tube", style, run, plot.band)
+            _log_signals(stream, f"{folder}/{drawn_run.key}_tube", style, run, names)
     longest = max((drawn_run.run for drawn_run in having), key=lambda run: run.duration)
     if plot.common is not None and plot.common in longest.signals:
         path = f"{folder}/{entities.REFERENCE}"

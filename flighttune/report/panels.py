@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.present.chart import Chart
+from flighttune.present.chart import DASHED, Chart
 from flighttune.present.palette import NEUTRAL, LineStyle
 from flighttune.present.thinning import MOST_DRAWN
 from flighttune.recording.plots import displayed, limits_of
@@ -75,6 +75,10 @@ def errors(flights: Flights) -> list[Chart]:
             if set(bounds) <= set(run.signals):
                 low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in bounds)
                 chart.band(run.t, low, high, style.colour, run=run.label)
+            if f"{signal}_worst" in run.signals:
+                worst = displayed(run.signals, f"{signal}_worst")
+                chart.run_line(run.t, worst, style, run.label, dash=DASHED, width=1.2)
+                chart.title = f"{title}; dashed: the worst flight found in the tube"
         charts.append(_with_runs(chart, flights, signal))
     return charts
 

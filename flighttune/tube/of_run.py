@@ -1,5 +1,6 @@
 """The tube of a flight: found by its hash, or made, and put around the errors flown."""
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,9 +14,10 @@ import pyarrow.parquet as pq
 from flighttune.arrays import FloatArray
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.scenario.load import scenario_from
-from flighttune.simulate.run import TUBE_SIGNALS, Run
+from flighttune.simulate.run import TUBE_SIGNALS, WORST_SIGNALS, Run
 from flighttune.tube.flight_hash import ABOUT, flight_sha256
 from flighttune.units import DEG
+from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from flighttune.conformance import Conformance
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
 
 FOLDER = "tubes"
 """Where the tubes of the runs in a folder are."""
+
+ABOUT_WORST = b"flighttune.worst"
+"""Key in the metadata of the file of a worst flight: of which tube, and how near, as JSON."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,6 +44,9 @@ class RunTube:
         As of `Tube`.
     handed_over : float or None, s
         From when on they hold for ever.
+    file : Path
+    worst : WorstOfTube or None
+        Where `flighttune worst` found one.
     """
 
     t: FloatArray
@@ -47,6 +55,8 @@ class RunTube:
     reason: str
     model: str
     handed_over: float | None
+    file: Path
+    worst: "WorstOfTube | None" = None
 
     @property
     def half_widths(self) -> FloatArray:
@@ -56,12 +66,35 @@ class RunTube:
 
     def around(self, run: Run) -> Run:
         """The run with the bounds as signals; NaN where they do not last."""
-        at = np.full((len(run.signals), len(TUBE_SIGNALS)), np.nan)
-        n = min(len(at), len(self.bounds))
-        at[:n] = self.bounds[:n]
-        return replace(
-            run, signals=run.signals.assign(**dict(zip(TUBE_SIGNALS, at.T, strict=True)))
-        )
+        names, values = TUBE_SIGNALS, self.bounds
+        signals = run.signals.assign(**_as_long(values, names, len(run.signals)))
+        if self.worst is not None:
+            signals = signals.assign(**_as_long(self.worst.errors, WORST_SIGNALS, len(signals)))
+        return replace(run, signals=signals)
+
+
+def _as_long(values: FloatArray, names: Sequence[str], samples: int) -> dict[str, FloatArray]:
+    """Columns by name, as many samples long: cut, or with NaN at their end."""
+    at = np.full((samples, len(names)), np.nan)
+    n = min(samples, len(values))
+    at[:n] = values[:n]
+    return dict(zip(names, at.T, strict=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WorstOfTube:
+    """The flight found that comes nearest to leaving a tube.
+
+    Attributes
+    ----------
+    errors : ndarray, shape (samples, 2), rad
+        Of course and flight-path angle.
+    ratio : mapping of str to float
+        How many times wider the tube is than this flight needs, of ``chi`` and ``gamma``.
+    """
+
+    errors: FloatArray
+    ratio: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,13 +125,24 @@ class RunTubes:
         return (
             f"{label}: every flight of {one.model} stays within ±{chi:.2g}° of course and "
             f"±{gamma:.2g}° of path angle of the middle of its tube{ever}; the flight flown "
-            f"{flown}.{end}"
+            f"{flown}.{end} {_nearest(one)}"
         )
 
     @property
     def outside(self) -> tuple[str, ...]:
         """Labels of runs that leave their tube."""
         return tuple(run.label for run in self.runs if run.label in self.found and leaves_tube(run))
+
+
+def _nearest(tube: RunTube) -> str:
+    """What the worst flight found says of a tube, or how to find one."""
+    if tube.worst is None:
+        return (
+            "The worst flight inside is not known yet: "
+            f"flighttune worst SCENARIO|CAMPAIGN --tube {tube.file} searches it."
+        )
+    chi, gamma = tube.worst.ratio["chi"], tube.worst.ratio["gamma"]
+    return f"It is {chi:.2g} and {gamma:.2g} times as wide as the worst flight found needs."
 
 
 def leaves_tube(run: Run) -> bool:
@@ -226,4 +270,57 @@ def read_tube(path: Path) -> RunTube:
         reason=stated["reason"],
         model=stated["model"],
         handed_over=stated["handed_over_s"],
+        file=path,
+        worst=_read_worst(path),
     )
+
+
+def write_worst(tube: Path, run: Run, ratio: Mapping[str, float]) -> Path:
+    """Write the errors of the worst flight found next to the file of its tube.
+
+    Parameters
+    ----------
+    tube : Path
+    run : Run
+        The flight.
+    ratio : mapping of str to float
+        As of `WorstOfTube`.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    path = _worst_file(tube)
+    columns = {"t": run.t, **{name: run.signals[name[: -len("_worst")]] for name in WORST_SIGNALS}}
+    about = {"tube": _sha256(tube), "ratio": dict(ratio)}
+    with whole_file(path) as part:
+        table = pa.table(columns).replace_schema_metadata({ABOUT_WORST: json.dumps(about).encode()})
+        pq.write_table(table, part, compression="zstd")
+    return path
+
+
+def _worst_file(tube: Path) -> Path:
+    return tube.with_name(f"{tube.stem}-worst.parquet")
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _read_worst(tube: Path) -> WorstOfTube | None:
+    """The worst flight of a tube; None where none is known of these very bounds."""
+    try:
+        table = pq.read_table(_worst_file(tube))
+        about = json.loads(table.schema.metadata[ABOUT_WORST])
+        if about["tube"] != _sha256(tube):
+            return None
+        errors = np.column_stack([table[name].to_numpy() for name in WORST_SIGNALS])
+    except (OSError, TypeError, KeyError, ValueError, pa.ArrowException):
+        return None
+    return WorstOfTube(errors=errors, ratio=about["ratio"])

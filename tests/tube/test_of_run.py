@@ -1,8 +1,10 @@
 """Tubes of flights: found by their hash, made where asked, drawn in recording, report and gap."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from commands import answer, flighttune
 
@@ -14,7 +16,7 @@ from flighttune.recording.load import load_recording
 from flighttune.recording.plots import shown_plots, value_range
 from flighttune.scenario import scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS
-from flighttune.tube.of_run import leaves_tube, run_sha256, tubes_of
+from flighttune.tube.of_run import leaves_tube, run_sha256, tubes_of, write_worst
 from tests.tube.test_aircraft import conformance, flight
 
 pytestmark = pytest.mark.slow
@@ -97,6 +99,29 @@ def test_the_gap_figure_shows_the_tube_in_place_of_the_certified_set(flown, tube
     legend = [name for name, *_ in bound_chart(gap, "chi").legend]
 
     assert legend == ["error", "its tube, flight inside"]
+
+
+def test_the_worst_flight_found_is_drawn_beside_its_tube(flown, tubes, folder, tmp_path):
+    copied = shutil.copytree(folder, tmp_path / "runs")
+    label = flown.runs[0].label
+    path = copied / "tubes" / tubes.found[label].file.name
+    assert f"flighttune worst SCENARIO|CAMPAIGN --tube {tubes.found[label].file}" in (
+        tubes.sentence(label)
+    )
+
+    write_worst(path, flown.runs[1], {"chi": 1.5, "gamma": 2.25})
+
+    again = tubes_of(flown.runs, copied)
+    drawn = again.runs[0]
+    assert "1.5 and 2.2 times as wide as the worst flight found needs" in again.sentence(label)
+    assert drawn.signals["chi_err_worst"].tolist() == flown.runs[1].signals["chi_err"].tolist()
+    files = record(replace(flown, runs=again.runs), tmp_path / "drawn")
+    flighttune("refly", files.recording)
+    page = tmp_path / "report.html"
+    answer("report", copied.parent / "drawn", "--out", page)
+    assert "dashed: the worst flight found in the tube" in page.read_text()
+    pq.write_table(pq.read_table(path).slice(0, 10), path)  # other bounds: not those of that flight
+    assert tubes_of(flown.runs, copied).found[label].worst is None
 
 
 def test_commands_make_them_and_say_how_where_there_are_none(tmp_path):
