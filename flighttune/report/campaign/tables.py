@@ -29,6 +29,9 @@ METRICS = (
 WORST, WORST_OF_GROUP = 20, 2
 """Flights in the table of the worst, and the smallest number of each group."""
 
+FLY_AGAIN = "to fly it again"
+"""Column of commands."""
+
 FAILURES = 12
 PARAMETERS = 5
 """Parameters listed with a flight: the most influential ones."""
@@ -76,7 +79,7 @@ def worst_table(found: Findings) -> Table:
             command = f"flighttune campaign fly {found.flights.url} --run {flight['run']}"
             row = (*_flight(group.label, flight), value, success, *_values(flight, keys), command)
             rows.append(row)
-    head = ("group", "run", "draw", label.heading, "succeeds", *_short(keys), "to fly it again")
+    head = ("group", "run", "draw", label.heading, "succeeds", *_short(keys), FLY_AGAIN)
     return _by_group("Worst completed flights", head, rows)
 
 
@@ -210,5 +213,5 @@ def _values(flight: dict[Any, Any], keys: Iterable[str]) -> list[str]:
 def _by_group(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
     """A table whose first column names the group."""
     labels = [row[0] for row in rows]
-    is_text = head[-1:] in (("reason",), ("ended",))
+    is_text = head[-1:] in (("reason",), ("ended",), (FLY_AGAIN,))
     return Table(title=title, head=head, rows=rows, labels=labels, last_is_text=is_text)
