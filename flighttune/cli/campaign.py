@@ -186,11 +186,12 @@ def run(
     A flight that fails is a result: the exit status stays 0. It is 1 if --until-halfwidth was not
     reached, 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
+    from flighttune.campaign.engine.engine import run_campaign  # first, so that the copy has it
     from flighttune.campaign.engine.flyer import Flyer
 
     with Flyer() as flyer:
         if not (dry_run or scheduler):
-            flyer.begin()  # it loads what flights need while the campaign is planned
+            flyer.begin(copy=True)  # it loads what flights need while the campaign is planned
         folder = out or str(Path("runs") / Path(file).stem)
         plan = _planned(file, runs, folder, resume=resume)
         if dry_run:
@@ -201,7 +202,6 @@ def run(
             emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count), as_json=as_json)
             return
         from flighttune.campaign.dataset import CAMPAIGN
-        from flighttune.campaign.engine.engine import run_campaign
 
         try:
             with campaign_display() as observer:

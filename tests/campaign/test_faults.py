@@ -110,6 +110,26 @@ def test_a_run_that_ends_its_process_is_one_row(
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
 
 
+def test_a_crash_in_the_copy_of_the_command_is_one_row(tmp_path):
+    mass = "plant.airframe.mass_factor"
+    settings = {
+        "runs": 11, "law": False, "top": "gains = ['paper']",
+        "aircraft": (aircraft_with(tmp_path / "aircraft", CIRCULAR),),
+        "disperse": SPEED + CHOICE.format(key=mass, values=[1.0, 1.05], weights=[0.9, 0.1]),
+    }  # fmt: skip
+    ours = plan(tmp_path, **settings)
+    poison = runs_where(ours, mass, lambda factor: factor > 1.0)
+    copies = []
+
+    with flying(write_campaign(tmp_path, **settings), "--out", tmp_path / "out") as command:
+        wait_until(lambda: copies.extend(set(children(command)) - set(copies)) or gone([command]))
+
+    assert len(copies) > 1  # the copy, and what took its place
+    assert gone(copies)
+    reason = "the flight ended the process that flew it: SIGSEGV"
+    check(tmp_path / "out", ours, poison, "crashed", reason)
+
+
 OWN_LAW = """
 class Level:
     signals = {}

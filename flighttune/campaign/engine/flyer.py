@@ -2,21 +2,26 @@
 
 `Flyer` is the side of the worker: it starts ``python -m flighttune.campaign.engine.flyer``, watches
 it, and replaces it when it ends. Requests go to its standard input, messages come back from its
-standard output: pickled dicts there, pickled tuples of a kind, a run and a payload here.
+standard output: pickled dicts there, pickled tuples of a kind, a run and a payload here. The first
+process of a command may be a fork of it instead, which need not import again what flights need.
 """
 
+import ctypes
 import json
+import multiprocessing
 import os
 import pickle
 import queue
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from flighttune.errors import FlightTuneError, PlantError
@@ -39,6 +44,11 @@ ORPHAN_LIMITS = 2.0
 process that is still there has no parent any more."""
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+SET_THREADS = [
+    f"{before}openblas_set_num_threads{after}" for before in ("scipy_", "") for after in ("", "64_")
+]
+"""In the libraries of the wheels of NumPy and SciPy, and in those of distributions."""
 
 Message: TypeAlias = tuple[str, int, Any]
 """Kind, run (-1 where it is about none) and payload."""
@@ -74,13 +84,19 @@ class Flyer:
     """Client of the subprocess that flies; starts a new one after each crash."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: subprocess.Popen[bytes] | _Copy | None = None
         self._messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._cancelled = self._ready = False
         self.versions: dict[str, str] = {}
 
-    def begin(self) -> None:
+    def begin(self, *, copy: bool = False) -> None:
         """Start the process, unless it runs, and do not wait for it.
+
+        Parameters
+        ----------
+        copy : bool
+            Whether a copy of this process will do, where the system can: it starts with what has
+            been imported here.
 
         Raises
         ------
@@ -93,13 +109,16 @@ class Flyer:
             raise PlantError("the flights of this worker have been cancelled.")
         self._messages, self._ready = queue.SimpleQueue(), False
         with _ctrl_c_blocked():
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "flighttune.campaign.engine.flyer"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, **dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1")},
-            )
+            if copy and (one_thread := _thread_setters()):
+                self._process = _Copy(one_thread)
+            else:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "flighttune.campaign.engine.flyer"],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.DEVNULL,
+                    env={**os.environ, **dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1")},
+                )
         assert self._process.stdout is not None
         reader = threading.Thread(
             target=_read_messages, args=(self._process.stdout, self._messages), daemon=True
@@ -206,6 +225,72 @@ class Flyer:
         finally:
             self.close()
         return crash_of(code) or f"exit status {code}"
+
+
+class _Copy:
+    """A copy of this process that flies, with the members of `subprocess.Popen` that are used."""
+
+    def __init__(self, one_thread: Sequence[Callable[[int], Any]]) -> None:
+        requests, to_copy = os.pipe()
+        from_copy, messages = os.pipe()
+        self._process = multiprocessing.get_context("fork").Process(
+            target=_serve_as_copy,
+            args=(requests, messages, (to_copy, from_copy), one_thread),
+            daemon=True,
+        )
+        self._process.start()
+        for theirs in (requests, messages):
+            os.close(theirs)
+        self.stdin, self.stdout = os.fdopen(to_copy, "wb"), os.fdopen(from_copy, "rb")
+
+    def kill(self) -> None:
+        self._process.kill()
+
+    def wait(self, timeout: float | None = None) -> int:
+        self._process.join(timeout)
+        code = self._process.exitcode
+        if code is None:
+            raise subprocess.TimeoutExpired("flights", timeout or 0.0)
+        return code
+
+
+def _serve_as_copy(
+    requests: int,
+    messages: int,
+    of_parent: tuple[int, int],
+    one_thread: Sequence[Callable[[int], Any]],
+) -> None:
+    """Serve in a copy, without its parent's ends of the pipes: they shall end with the parent."""
+    for descriptor in of_parent:
+        os.close(descriptor)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for standard in (0, 1, 2):
+        os.dup2(nothing, standard)
+    for set_threads in one_thread:
+        set_threads(1)
+    os.environ[TRUST_AIRCRAFT] = "1"
+    _serve(os.fdopen(requests, "rb"), os.fdopen(messages, "wb"))
+
+
+def _thread_setters() -> list[Callable[[int], Any]]:
+    """Functions that set the threads of each OpenBLAS in this process.
+
+    None where a copy of this process would not do: the system is another than Linux (frameworks of
+    macOS break in a copy), Python has other threads, whose locks a copy would hold for ever, or the
+    numbers come from a library that computes other bits in several threads and cannot be told.
+    """
+    if sys.platform != "linux" or threading.active_count() > 1:
+        return []
+    maps = Path("/proc/self/maps").read_text().splitlines()
+    libraries = {line.split()[-1] for line in maps if re.search(r"/lib[^/]*(blas|mkl)", line)}
+    setters = []
+    for library in libraries:
+        functions = ctypes.CDLL(library)
+        names = [name for name in SET_THREADS if hasattr(functions, name)]
+        if not names:
+            return []
+        setters.append(getattr(functions, names[0]))
+    return setters
 
 
 def _read_messages(stream: IO[bytes], messages: "queue.SimpleQueue[Message]") -> None:
@@ -315,17 +400,23 @@ def _exit_after(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
-def _preload() -> None:
-    """Load what all flights need before the first request: the plan may still be in the making."""
+def _preload(waiting: "queue.SimpleQueue[dict[str, Any]]") -> None:
+    """Load what flights need until the first request: the plan may still be in the making."""
     from flighttune.campaign.flying import refly, rows
+    from flighttune.campaign.flying.kinematic_batch import fly_batch
     from flighttune.flight.fly import fly
+    from flighttune.flight.outer_loop import gain_set
     from flighttune.recording import parquet
     from flighttune.scenario import load_scenario
 
     scenario = load_scenario("paper")
     short = scenario.flight.model_copy(update={"duration_s": 0.1})
+    scenario = scenario.model_copy(update={"flight": short, "gains": ["paper"]})
+    law, _ = scenario.law_of("paper")
     with suppress(FlightTuneError):
-        fly(scenario.model_copy(update={"flight": short, "gains": ("paper",)}))
+        fly(scenario)
+        if (gains := gain_set(scenario, "paper")) and waiting.empty():
+            fly_batch([scenario], law, gains, None)  # compiled, which takes time to load
     _ = refly, rows, parquet
 
 
@@ -366,17 +457,21 @@ def _requests(source: IO[bytes]) -> "queue.SimpleQueue[dict[str, Any]]":
 
 def main() -> None:
     """Serve until standard input ends."""
-    _leave_no_core_file()
     # Messages have a descriptor of their own. What JSBSim prints to 1 goes to standard error: in
     # the middle of a message it would destroy it.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    waiting = _requests(sys.stdin.buffer)
+    _serve(sys.stdin.buffer, out)
+
+
+def _serve(source: IO[bytes], out: IO[bytes]) -> None:
+    _leave_no_core_file()
+    waiting = _requests(source)
     from flighttune.flight.fly import library_versions
 
     server = _Server(out)
     server.send("ready", payload=library_versions())
-    _preload()
+    _preload(waiting)
     while True:
         server.answer(waiting.get())
 
