@@ -1,1 +1,1 @@
-"""A scenario to runs: tune, fly, hold against expectations, explain, fly again."""
+"""A scenario to runs: tune, fly, hold against requirements, explain, fly again."""

@@ -96,7 +96,7 @@ class ClaimCheck:
     bounds : tuple of BoundCheck
         Every bound that was checked.
     missed : tuple of str
-        A sentence for each expectation that a run does not meet: the run, the measure, its bound,
+        A sentence for each requirement that a run does not meet: the run, the measure, its bound,
         the value and by how much it missed.
     """
 
@@ -132,7 +132,7 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         missed += [f"{run.label}: {one.miss}" for one in own if not one.met]
     verdict = "not met" if missed else "met" if bounds or ends else "not tested"
     expected = len(bounds) + len(ends) + len(missed) - sum(not one.met for one in bounds)
-    counted = f"Claim {verdict}: {expected - len(missed)} of {expected} expectations"
+    counted = f"Claim {verdict}: {expected - len(missed)} of {expected} requirements"
     sentence = _sentence(verdict, counted, bounds, missed, ends)
     return ClaimCheck(
         verdict=verdict,
@@ -149,7 +149,7 @@ def missed(
     reason: str,
     measured: Mapping[str, Mapping[str, float]],
 ) -> tuple[str, ...]:
-    """Return a sentence for each expectation that one run does not meet.
+    """Return a sentence for each requirement that one run does not meet.
 
     Parameters
     ----------

@@ -200,7 +200,7 @@ def with_mismatch(run: Run, found: Mismatch, check: FlightCheck | None) -> Run:
     if check is not None:
         for i, name in enumerate(CHANNELS):
             reference = run.signals[f"{name}_ref"].to_numpy()[:-1]
-            columns[f"{name}_tube_low"] = reference - check.error_bounds[:, i]
-            columns[f"{name}_tube_high"] = reference + check.error_bounds[:, i]
+            columns[f"{name}_bound_low"] = reference - check.error_bounds[:, i]
+            columns[f"{name}_bound_high"] = reference + check.error_bounds[:, i]
     added = {key: np.append(values, values[-1]) for key, values in columns.items()}
     return replace(run, signals=run.signals.assign(**added))

@@ -243,7 +243,11 @@ def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
         kinematic law alone: the ranges are of that law.
     """
     if scenario.envelope is None:
-        raise ScenarioError(f"{scenario.title}: `envelope` must be given for a claim over one.")
+        raise ScenarioError(
+            f"{scenario.title}: `envelope` must be given for a claim over one: add a table "
+            "[envelope] with its ranges, or use the scenario `paper`, which has one; a claim at "
+            'all conditions identified needs none, but [tuning] `model = "identified"`.'
+        )
     states = scenario.linear_model().states
     if len(states) != len(PAPER_GAINS.errors):
         raise ScenarioError(

@@ -83,8 +83,8 @@ WHY_TAB = "Why"
 """Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
 under the same commands, and the resulting differences of course, path angle and path."""
 
-TUBES = {name: (f"{name}_tube_low", f"{name}_tube_high") for name in ("chi", "gamma")}
-"""Certified tube around the reference of a channel, where a run has one."""
+BOUNDS = {name: (f"{name}_bound_low", f"{name}_bound_high") for name in ("chi", "gamma")}
+"""Certified bounds around the reference of a channel, where a run has one."""
 
 SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
 """Name of the measured value of a signal, in runs with sensors."""
@@ -96,8 +96,8 @@ LOAD_FACTOR = Plot(
 
 TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
-        Plot("chi", "Course chi, reference grey", common="chi_ref", band=TUBES["chi"]),
-        Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref", band=TUBES["gamma"]),
+        Plot("chi", "Course chi, reference grey", common="chi_ref", band=BOUNDS["chi"]),
+        Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref", band=BOUNDS["gamma"]),
         Plot("chi_err", "Course error, certified bounds thin", band=TUBE_SIGNALS[:2]),
         Plot("gamma_err", "Path angle error, certified bounds thin", band=TUBE_SIGNALS[2:]),
     ),
@@ -200,7 +200,7 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     """
     values = signals[name].to_numpy(dtype=float)
     # unwrap would spread the gaps of the bound over the rest: it follows its reference instead
-    around = {SEEN_AS["chi"]: "chi", **dict.fromkeys(TUBES["chi"], "chi_ref")}
+    around = {SEEN_AS["chi"]: "chi", **dict.fromkeys(BOUNDS["chi"], "chi_ref")}
     if name in ("chi", "chi_ref"):
         values = np.unwrap(values)
     elif name in around:

@@ -87,7 +87,7 @@ class Facts:
         Where the runs come from.
     scenario : Scenario
     claim : ClaimCheck
-        The runs against the scenario's expectations.
+        The runs against the scenario's requirements.
     runs : tuple of Run
         Those that flew.
     grounded : tuple of Run

@@ -56,9 +56,9 @@ def test_figure_recording_and_signals_are_where_it_says(found):
     aircraft = read_run(found["ladder"][-1]["signals"])
     error = aircraft.signals["mismatch_chi"].abs().max()
     assert 0.0 < error <= found["mismatch"]["bound"]
-    tube = aircraft.signals[["chi_tube_low", "chi_tube_high"]].dropna()
+    tube = aircraft.signals[["chi_bound_low", "chi_bound_high"]].dropna()
     assert 100 < len(tube) < len(aircraft.signals)  # no bound while a limit holds a command
-    assert (tube["chi_tube_low"] <= tube["chi_tube_high"]).all()
+    assert (tube["chi_bound_low"] <= tube["chi_bound_high"]).all()
 
 
 def test_without_json_there_is_a_table_and_sentences(tmp_path):

@@ -163,6 +163,9 @@ def test_an_envelope_must_stand_in_the_scenario():
     _, err = flighttune("certify", "level_turn", "--envelope", status=2)
 
     assert "`envelope` must be given" in err
+    assert "add a table [envelope]" in err
+    assert "`paper`" in err
+    assert flighttune("certify", "paper", "--envelope", "--json", status=0)
 
 
 @pytest.fixture(scope="module")

@@ -95,7 +95,7 @@ MET = (
 )
 MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "saturation_s": 3.0}}
 CLOSEST = (
-    "Claim met: 5 of 5 expectations; closest to its bound: "
+    "Claim met: 5 of 5 requirements; closest to its bound: "
     "peak error χ 2 <= 2.1 deg (kinematic / paper)"
 )
 
@@ -124,8 +124,8 @@ def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, sentence):
     assert (found.verdict, found.sentence) == (verdict, sentence)
     assert found.short in (
         sentence,
-        "Claim met: 5 of 5 expectations",
-        "Claim met: 3 of 3 expectations",
+        "Claim met: 5 of 5 requirements",
+        "Claim met: 3 of 3 requirements",
     )
     assert len(found.short.split()) <= 16
 

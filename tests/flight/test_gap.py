@@ -236,7 +236,7 @@ def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
 @pytest.mark.slow
 def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
     plots = {plot.signal: plot for tab in TABS.values() for plot in tab}
-    tube = paper_gap.runs[-1].signals[["chi_tube_low", "chi_tube_high"]]
+    tube = paper_gap.runs[-1].signals[["chi_bound_low", "chi_bound_high"]]
 
     files = record(paper_gap.flown(), tmp_path)
 

@@ -347,7 +347,7 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
     ----------
     campaign : Campaign
     gains : mapping of str to PIGains
-        By name. Expectations of gain sets that are not among them are left out.
+        By name. Requirements on gain sets that are not among them are left out.
     """
     tables = [GainsTable(name=name, **one.as_lists()) for name, one in gains.items()]
     names = [name for law in campaign.nominal.laws for name in law.names_of(list(gains))]

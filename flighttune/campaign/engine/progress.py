@@ -117,7 +117,7 @@ class CampaignOutcome:
     crashed : int
         Ended the process that flew them.
     succeeded : int
-        Met every expectation.
+        Met every requirement.
     statuses : mapping of str to int
         How many there are of each status.
     flown : int

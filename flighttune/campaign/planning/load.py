@@ -97,7 +97,7 @@ def _scenario_of(name: str, file: Path) -> Path:
 
 
 def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
-    """The scenario with gains, plants, overrides and expectations of a campaign put in."""
+    """The scenario with gains, plants, overrides and requirements of a campaign put in."""
     tables = base.as_dict()
     if table.gains is not None:
         tables["gains"] = _plain(table.gains)
@@ -125,7 +125,7 @@ def _plain(tables: list[Any]) -> list[Any]:
 
 
 def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The scenario's expectations, without those of gains and plants that are not flown."""
+    """The scenario's requirements, without those of gains and plants that are not flown."""
     gains = [entry if isinstance(entry, str) else entry["name"] for entry in tables["gains"]]
     plants = [PlantTable.model_validate(plant).label for plant in tables["plant"]]
     return [

@@ -310,7 +310,7 @@ class CampaignTable(Table):
 class Campaign(CampaignTable):
     """A campaign whose file, scenario and aircraft have been checked against each other.
 
-    ``nominal`` is the scenario with the gains, plants, overrides and expectations of the campaign
+    ``nominal`` is the scenario with the gains, plants, overrides and requirements of the campaign
     put in, undispersed; ``central`` the same at the median of everything dispersed. `load_campaign`
     makes it.
     """
