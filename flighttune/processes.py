@@ -1,6 +1,13 @@
-"""How processes end."""
+"""How processes are named, kept from Ctrl-C, and end."""
 
+import os
+import shlex
 import signal
+import subprocess
+from collections.abc import Sequence
+
+OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+"""Flag of a process that Ctrl-C does not reach on Windows; 0 elsewhere, where sessions do it."""
 
 _EXCEPTION = 0x8000_0000
 """Windows gives a process that crashed the code of an exception, from here on."""
@@ -22,3 +29,8 @@ def crash_of(code: int) -> str:
         return signal.Signals(-code).name
     except ValueError:
         return f"signal {-code}"
+
+
+def joined(command: Sequence[str]) -> str:
+    """A command line as the shell of this system reads it."""
+    return subprocess.list2cmdline(command) if os.name == "nt" else shlex.join(command)

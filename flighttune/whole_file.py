@@ -42,6 +42,24 @@ def whole_file(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> Path:
+    """Write a file whole, in UTF-8 with the line ends of `text`: the same bytes on every system.
+
+    Returns
+    -------
+    Path
+        `path`.
+
+    Raises
+    ------
+    OutputError
+        If the folder or the file cannot be written.
+    """
+    with whole_file(path) as part:
+        part.write_bytes(text.encode())
+    return path
+
+
 def reason_of(error: OSError) -> str:
     """What the system says, without its number and file: ``no space left on device``."""
     text = error.strerror or str(error)

@@ -98,3 +98,13 @@ def test_a_heavy_library_is_imported_in_one_place(library):
     for name, path in MODULES.items():
         roots = {module.split(".")[0] for module in IMPORTED[name]}
         assert library not in roots or where(path).startswith(ONLY_IN[library]), where(path)
+
+
+def test_text_files_have_the_same_encoding_and_line_ends_on_every_system():
+    """UTF-8 is said where they are read; one function writes them, with the line ends of Unix."""
+    for path in MODULES.values():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                called = f"{where(path)}:{node.lineno}: {node.func.attr}"
+                assert node.func.attr != "write_text", called
+                assert node.func.attr != "read_text" or node.keywords, called

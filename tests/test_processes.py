@@ -1,8 +1,10 @@
 """How a process ended, on systems with signals and on Windows."""
 
+import os
+
 import pytest
 
-from flighttune.processes import crash_of
+from flighttune.processes import crash_of, joined
 
 
 @pytest.mark.parametrize(
@@ -17,3 +19,13 @@ from flighttune.processes import crash_of
 )
 def test_a_crash_is_named(code, said):
     assert crash_of(code) == said
+
+
+@pytest.mark.parametrize(
+    ("system", "line"),
+    [("posix", "fly '--root=C:/My Flights'"), ("nt", 'fly "--root=C:/My Flights"')],
+)
+def test_a_command_line_is_quoted_for_the_shell_of_the_system(system, line, monkeypatch):
+    monkeypatch.setattr(os, "name", system)
+
+    assert joined(["fly", "--root=C:/My Flights"]) == line

@@ -11,6 +11,7 @@ from flighttune.comparison import load_tolerances
 from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
 from flighttune.scenario import load_gains, load_scenario
+from flighttune.shipped import scenario_files
 from flighttune.table_file import DEEPEST, MOST_BYTES
 
 TOML, JSON = ".toml", ".json"
@@ -92,3 +93,12 @@ def test_an_unknown_key_and_a_value_of_any_length_are_abridged(tmp_path, read, s
 def test_a_file_without_an_end_is_not_read_to_its_end():
     with pytest.raises(InputError, match="at most 16000000 bytes"):
         load_certificate("/dev/zero")
+
+
+@pytest.mark.parametrize("name", ["paper", "c172_cruise_turn"])
+def test_line_ends_of_windows_are_read_as_those_of_unix(name, tmp_path):
+    shipped = scenario_files()[name]
+    copy = tmp_path / shipped.name
+    copy.write_bytes(shipped.read_bytes().replace(b"\n", b"\r\n"))
+
+    assert load_scenario(copy).as_dict() == load_scenario(shipped).as_dict()

@@ -35,7 +35,7 @@ from flighttune.scenario.load import load_scenario
 from flighttune.shipped import nearest_name
 from flighttune.table_file import toml_tables
 from flighttune.units import DEG
-from flighttune.whole_file import made_folder, whole_file
+from flighttune.whole_file import made_folder, write_text
 
 Status: TypeAlias = Literal["adopted", "flies", "refused"]
 
@@ -235,7 +235,7 @@ def _best(
     config = load_aircraft(folder)
     trims = trim_table(config, V_a=speeds.tolist(), gamma=(-3.0 * DEG, 0.0, 3.0 * DEG), h=h)
     best = replace(best, trims=trims, notes=tuple(found.notes))
-    _write(folder / RECORD, json.dumps(_record(best, found, config), indent=2) + "\n")
+    write_text(folder / RECORD, json.dumps(_record(best, found, config), indent=2) + "\n")
     return best
 
 
@@ -255,7 +255,7 @@ def _tried(
     tables = final_tables(found, at, h, share)
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
         (folder / stale).unlink(missing_ok=True)
-    _write(folder / "aircraft.toml", aircraft_text(tables, found.notes))
+    write_text(folder / "aircraft.toml", aircraft_text(tables, found.notes))
     say("designing the inner loop")
     designed = design_aircraft(load_aircraft(folder))
     gains = designed.config.gains
@@ -264,7 +264,7 @@ def _tried(
     say("identifying roll and load factor")
     identified = identify_aircraft(folder, h=h)
     save_identified(identified.identified, folder / FILE_NAME)
-    _write(folder / TURN, turn_text(folder.name, found.V_a, h, tables["limits"]))
+    write_text(folder / TURN, turn_text(folder.name, found.V_a, h, tables["limits"]))
     say("flying the turn")
     flown = fly(load_scenario(folder / TURN))
     nominal = identified.identified.conditions[0]
@@ -396,11 +396,6 @@ def elevator_zero(at: Airframe) -> float:
     damping = at.of("q_dot", "q")
     root = 0.25 * damping**2 + stiffness
     return 0.5 * damping + math.sqrt(root) if root > 0.0 and stiffness > 0.0 else math.inf
-
-
-def _write(file: Path, text: str) -> None:
-    with whole_file(file) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 def _record(best: Adoption, found: Survey, config: AircraftConfig) -> dict[str, Any]:

@@ -11,6 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from flighttune.processes import OWN_GROUP
+
 LONGEST_S = 300.0
 """Time that one model may take."""
 
@@ -81,6 +83,7 @@ class Hangar:
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,  # Ctrl-C is for the command that started it
+            creationflags=OWN_GROUP,
         )
         self._running.append(process)
         try:

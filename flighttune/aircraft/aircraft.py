@@ -37,7 +37,7 @@ from flighttune.quantities import (
 )
 from flighttune.shipped import aircraft_folder
 from flighttune.table_file import json_tables, toml_tables
-from flighttune.whole_file import whole_file
+from flighttune.whole_file import write_text
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -426,8 +426,7 @@ def save_gains(gains: InnerLoopGains, folder: Path) -> Path:
     """
     file = folder / GAINS_FILE
     text = json.dumps(gains.model_dump(), indent=2, allow_nan=False) + "\n"
-    with whole_file(file) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(file, text)
     return file
 
 

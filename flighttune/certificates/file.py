@@ -16,7 +16,7 @@ from flighttune.errors import InputError
 from flighttune.mistakes import first_mistake
 from flighttune.quantities import Matrix
 from flighttune.table_file import json_tables
-from flighttune.whole_file import whole_file
+from flighttune.whole_file import write_text
 
 FORMAT = "flighttune certificate 1"
 """Readers refuse what they do not know."""
@@ -135,8 +135,7 @@ def save_certificate(certificate: Certificate, path: str | Path) -> None:
     """
     path = Path(path)
     text = json.dumps(certificate_tables(certificate), indent=2, allow_nan=False) + "\n"
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def load_certificate(path: str | Path) -> Certificate:

@@ -74,7 +74,7 @@ def _adopt_one(model: str, V_a: float | None, h: float, out: Path | None, *, as_
 def _adopt_all(out: Path, h: float, *, as_json: bool) -> None:
     from flighttune.adopt.hangar import TABLE, Hangar, counts, hangar_text
     from flighttune.plants.jsbsim.model_files import models_of_jsbsim
-    from flighttune.whole_file import made_folder, whole_file
+    from flighttune.whole_file import made_folder, write_text
 
     hangar = Hangar(made_folder(out), h)
 
@@ -83,8 +83,7 @@ def _adopt_all(out: Path, h: float, *, as_json: bool) -> None:
         _progress(f"{one['model']}: {one['status']}{reason}")
 
     answers = hangar.adopt_all(models_of_jsbsim(), seen)
-    with whole_file(out / TABLE) as part:
-        part.write_text(hangar_text(answers), encoding="utf-8")
+    write_text(out / TABLE, hangar_text(answers))
     emit(
         {"models": answers, "table": out / TABLE},
         [counts(answers), f"table: {out / TABLE}"],

@@ -54,10 +54,9 @@ def gains_table(title: str, gains: "PIGains | None") -> Table:
 
 def write_json(path: Path, value: dict[str, Any]) -> None:
     """Write one JSON object to a file, whole or not at all."""
-    from flighttune.whole_file import whole_file
+    from flighttune.whole_file import write_text
 
-    with whole_file(path) as part:
-        part.write_text(json_text(value) + "\n", encoding="utf-8")
+    write_text(path, json_text(value) + "\n")
 
 
 def margins_json(margins: "LoopMargins | None") -> dict[str, Any] | None:

@@ -74,7 +74,7 @@ def frontier(
     from flighttune.scenario import load_scenario
     from flighttune.tuning.frontier import frontier as frontier_table
     from flighttune.tuning.frontier import frontier_chart
-    from flighttune.whole_file import whole_file
+    from flighttune.whole_file import write_text
 
     loaded = load_scenario(scenario)
     mapped = rate_gains if loaded.for_rates else command_gains
@@ -95,8 +95,7 @@ def frontier(
     found = frontier_table(tuning_problem(loaded), points=points, marked=marked)
     folder = out or Path("runs") / Path(scenario).stem
     csv, svg = folder / "frontier.csv", folder / "frontier.svg"
-    with whole_file(csv) as part:
-        found.to_csv(part, index=False)
+    write_text(csv, found.to_csv(index=False, lineterminator="\n"))
     styles = line_styles([("", name) for name in loaded.gain_names])
     chart = frontier_chart(found, {name: style for (_, name), style in styles.items()})
     Sheet(charts=[chart], columns=1).save(svg)

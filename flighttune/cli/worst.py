@@ -134,10 +134,9 @@ def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, fl
 
 def _write(found: "WorstFlight", path: Path) -> None:
     from flighttune.report.toml_text import toml_text
-    from flighttune.whole_file import whole_file
+    from flighttune.whole_file import write_text
 
-    with whole_file(path) as part:
-        part.write_text(toml_text(found.scenario.as_dict()), encoding="utf-8")
+    write_text(path, toml_text(found.scenario.as_dict()))
 
 
 def _text(found: "WorstFlight", written: Path, ratios: dict[str, float] | None) -> Iterator[str]:

@@ -29,7 +29,7 @@ from flighttune.quantities import (
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.table_file import json_tables
-from flighttune.whole_file import whole_file
+from flighttune.whole_file import write_text
 
 FORMAT = "flighttune conformance 1"
 """Readers refuse what they do not know."""
@@ -364,8 +364,7 @@ def save_conformance(found: Conformance, path: str | Path) -> None:
     OutputError
         If the file cannot be written.
     """
-    with whole_file(Path(path)) as part:
-        part.write_text(json.dumps(found.as_dict(), indent=1) + "\n", encoding="utf-8")
+    write_text(Path(path), json.dumps(found.as_dict(), indent=1) + "\n")
 
 
 def load_conformance(path: str | Path) -> Conformance:

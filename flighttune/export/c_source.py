@@ -11,7 +11,7 @@ from flighttune.export.law import exported_law, refusal
 from flighttune.flight.fly import plant_of
 from flighttune.flight.ladder import aircraft_table
 from flighttune.scenario.schema import Scenario
-from flighttune.whole_file import whole_file
+from flighttune.whole_file import write_text
 
 SOURCE = "ft_outer_loop.c"
 
@@ -49,8 +49,7 @@ def export_c(
     law = exported_law(scenario, name, gains, limits)
     if not isinstance(law, MimoPI):
         raise refusal(name, "exact", "paper")
-    with whole_file(folder / SOURCE) as part:
-        part.write_text(c_source(law, title=scenario.title, gains=name), encoding="utf-8")
+    write_text(folder / SOURCE, c_source(law, title=scenario.title, gains=name))
     return folder / SOURCE
 
 

@@ -1,7 +1,6 @@
 """A flight as a folder that JSBSim flies by itself: aircraft, inner and outer loop, script."""
 
 import math
-import shlex
 import shutil
 import sys
 from collections.abc import Iterable, Mapping
@@ -25,12 +24,13 @@ from flighttune.flight.fly import plant_of
 from flighttune.flight.ladder import aircraft_table
 from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import EARTH, weigh
-from flighttune.plants.jsbsim.model_files import ModelFolders, model_folders
+from flighttune.plants.jsbsim.model_files import ModelFolders, model_folders, not_xml
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
+from flighttune.processes import joined
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.units import FT, G_0
-from flighttune.whole_file import reason_of
+from flighttune.whole_file import reason_of, write_text
 
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
 
@@ -127,7 +127,7 @@ def export_jsbsim(
     rate = f"--simulation-rate={flight.rate!r}"  # the command takes no step from a script
     console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
     command = [console, f"--root={folder}", rate, f"--outputpath={folder}", f"--script={SCRIPT}"]
-    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, shlex.join(command), flight.t_0)
+    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, joined(command), flight.t_0)
 
 
 class _Flight:
@@ -150,7 +150,7 @@ class _Flight:
         systems.mkdir(parents=True, exist_ok=True)
         with model_folders(fdm.config, weigh, fdm.steps) as folders:
             aircraft = folder / "aircraft" / folders.name
-            shutil.copytree(folders.model, aircraft, ignore=_not_xml, dirs_exist_ok=True)
+            shutil.copytree(folders.model, aircraft, ignore=not_xml, dirs_exist_ok=True)
             root = _parsed(folders.file)
             _copy_shared_parts(root, folders, folder)
         root.insert(0, _parsed(EARTH))
@@ -164,9 +164,9 @@ class _Flight:
             ElementTree.ElementTree(tree).write(
                 file.with_suffix(".xml"), "utf-8", xml_declaration=True
             )
-        (aircraft / f"{START}.xml").write_text(self._start(), encoding="utf-8")
+        write_text(aircraft / f"{START}.xml", self._start())
         rest = {name: value for name, value in values.items() if name not in declared}
-        (folder / SCRIPT).write_text(self._script(folders.name, rest), encoding="utf-8")
+        write_text(folder / SCRIPT, self._script(folders.name, rest))
 
     def _outer_loop(self) -> Element:
         """The law as a system: the paper's, or the exact one behind the same measurements."""
@@ -318,10 +318,6 @@ def _sets(values: Mapping[str, float]) -> str:
 
 def _lines(lines: Iterable[str]) -> str:
     return "\n".join(lines)
-
-
-def _not_xml(folder: str, names: list[str]) -> list[str]:
-    return [one for one in names if not (one.endswith(".xml") or (Path(folder) / one).is_dir())]
 
 
 def _parsed(file: Path) -> Element:

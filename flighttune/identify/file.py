@@ -31,7 +31,7 @@ from flighttune.quantities import (
 from flighttune.shipped import aircraft_folder
 from flighttune.table_file import json_tables
 from flighttune.units import DEG, G_0
-from flighttune.whole_file import whole_file
+from flighttune.whole_file import write_text
 
 FORMAT = "flighttune identified aircraft 1"
 """Readers refuse what they do not know."""
@@ -146,8 +146,7 @@ def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
         If the file cannot be written.
     """
     text = json.dumps(identified_tables(aircraft), indent=2, allow_nan=False) + "\n"
-    with whole_file(Path(path)) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(Path(path), text)
 
 
 def load_identified(source: str | Path) -> IdentifiedAircraft:

@@ -16,7 +16,7 @@ from flighttune.paper.items.base import Item, Made
 from flighttune.paper.record import write_families
 from flighttune.paper.study import Study
 from flighttune.present.frame import page_template, page_text
-from flighttune.whole_file import whole_file
+from flighttune.whole_file import write_text
 
 TITLE = (
     "Robust Convergency Indicator using MIMO-PI Controller in the presence of disturbances, "
@@ -152,8 +152,8 @@ def reproduce(
     return Reproduction(
         items=made,
         findings=tuple(findings),
-        page=_written(folder / "index.html", page),
-        errata=_written(folder / "errata.md", errata_text(parts)),
+        page=write_text(folder / "index.html", page),
+        errata=write_text(folder / "errata.md", errata_text(parts)),
         recording=recording,
     )
 
@@ -192,15 +192,9 @@ def _made(item: Item, study: Study, folder: Path, part: float, tell: Progress) -
         files = style.save(made.figures, folder)
     for name, table in made.tables.items():
         text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
-        files.append(_written(folder / f"{name}.csv", text))
-    files.append(_written(folder / f"{item.name}.md", item.text(made)))
+        files.append(write_text(folder / f"{name}.csv", text))
+    files.append(write_text(folder / f"{item.name}.md", item.text(made)))
     return MadeItem(item=item, made=made, files=tuple(files))
-
-
-def _written(path: Path, text: str) -> Path:
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
-    return path
 
 
 def _silent(_: str, __: float) -> None:

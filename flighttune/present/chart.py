@@ -17,7 +17,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
 from flighttune.present.thinning import MOST_DRAWN, peaks, thinned
-from flighttune.whole_file import whole_file
+from flighttune.whole_file import write_text
 
 Range: TypeAlias = tuple[float, float]
 Ticks: TypeAlias = Sequence[tuple[float, str]]
@@ -437,8 +437,7 @@ class Sheet:
         OutputError
             If the file cannot be written.
         """
-        with whole_file(Path(path)) as part:
-            part.write_text(self.svg(), encoding="utf-8")
+        write_text(Path(path), self.svg())
 
     def svg(self) -> str:
         """The picture as an SVG file that needs no other."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from flighttune.present.chart import Chart, dashes, key, style
 from flighttune.present.tables import Table
-from flighttune.whole_file import whole_file
+from flighttune.whole_file import write_text
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -132,9 +132,9 @@ def write_page(
     OutputError
         If the file cannot be written.
     """
-    with whole_file(path) as part:
-        text = page_text(template, summary=summary, answers=answers, sections=sections, **more)
-        part.write_text(text, encoding="utf-8")
+    write_text(
+        path, page_text(template, summary=summary, answers=answers, sections=sections, **more)
+    )
     titles = tuple(one.title for one in sections if one.title)
     return Report(path=path, summary=summary, answers=answers, sections=titles)
 

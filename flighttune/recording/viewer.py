@@ -11,6 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from flighttune.errors import InputError, RecordingError
+from flighttune.processes import OWN_GROUP
 from flighttune.recording.run_columns import check_recording, executable
 from flighttune.whole_file import reason_of
 
@@ -32,8 +33,10 @@ def free_port() -> int:
 def _check_free(*ports: int) -> None:
     for port in ports:
         with socket.socket() as probe:
-            # As the viewer does it: a connection closed a minute ago is no obstacle.
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            # As the viewer does it: a connection closed a minute ago is no obstacle. On Windows it
+            # never is, and the option would let two programs have one port.
+            if os.name != "nt":
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind((LOCAL, port))
             except OSError as error:
@@ -105,6 +108,7 @@ class ViewerProcess:
             stdout=self._output,
             stderr=subprocess.STDOUT,
             start_new_session=True,  # Ctrl-C goes to the command that started it, not to the viewer
+            creationflags=OWN_GROUP,
         )
         try:
             self._await(wait_for or port)

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from flighttune.errors import FlightTuneError, PlantError
-from flighttune.processes import crash_of
+from flighttune.processes import OWN_GROUP, crash_of
 from flighttune.shipped import TRUST_AIRCRAFT
 
 if TYPE_CHECKING:
@@ -117,6 +117,7 @@ class Flyer:
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=subprocess.DEVNULL,
+                    creationflags=OWN_GROUP,
                     env={**os.environ, **dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1")},
                 )
         assert self._process.stdout is not None

@@ -6,8 +6,9 @@ connections to files and sockets. The files it is made of are never written to.
 
 import hashlib
 import os
+import shutil
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -259,16 +260,31 @@ def _private_folder(file: Path, text: str) -> Iterator[Path]:
         try:
             folder = stack.enter_context(scratch_folder(place))
             for beside in file.parent.iterdir():
-                with suppress(OSError):  # of a file system without links
-                    (folder / beside.name).symlink_to(beside)
-            (folder / file.name).unlink(missing_ok=True)
-            (folder / file.name).write_text(text, encoding="utf-8")
+                if beside.name != file.name:
+                    _link(folder / beside.name, beside)
+            (folder / file.name).write_bytes(text.encode())
         except OSError as error:
             where = place or gettempdir()
             raise PlantError(
                 f"{where}: must take a folder for {file.name}, got {error.strerror}."
             ) from error
         yield folder
+
+
+def _link(link: Path, target: Path) -> None:
+    """Let `link` stand for a file or folder: a copy where links need a right, as on Windows."""
+    try:
+        link.symlink_to(target, target_is_directory=target.is_dir())
+    except OSError:
+        if target.is_dir():
+            shutil.copytree(target, link, ignore=not_xml)
+        elif target.suffix == ".xml" and target.is_file():
+            shutil.copyfile(target, link)
+
+
+def not_xml(folder: str, names: list[str]) -> list[str]:
+    """What JSBSim does not load from a folder of a model, as ``shutil.copytree`` asks for it."""
+    return [one for one in names if not (one.endswith(".xml") or (Path(folder) / one).is_dir())]
 
 
 def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
