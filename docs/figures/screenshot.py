@@ -9,8 +9,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
+
+from packaging.version import Version
 
 from flighttune.errors import RecordingError
 from flighttune.recording.entities import TIMELINE
@@ -30,6 +34,9 @@ SETTLE_TIMEOUT = 20.0
 ALIKE_AT_START = 6
 """Pictures in a row without change after which the messages of the start are gone."""
 
+LAYOUTS = Version(version("rerun-sdk")) >= Version("0.41")
+"""Whether the viewer can be told which tab to show."""
+
 POLL = 0.1
 LOADING_GRACE = 10.0
 
@@ -40,6 +47,31 @@ class Complaint:
 
     where: str
     words: str
+
+
+class _Client040:
+    """The client of Rerun 0.40 under the names of 0.41; it cannot choose a tab."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self.get_state, self.get_logs = client.viewer_state, client.viewer_logs
+
+    def open(self, path: str) -> None:
+        self._client.open_url(path)
+
+    def take_screenshot(self, view: str | None = None) -> bytes:
+        with TemporaryDirectory() as folder:
+            picture = Path(folder) / "picture.png"
+            self._client.save_screenshot(str(picture), view)
+            return picture.read_bytes()
+
+
+def viewer_client(url: str) -> Any:
+    """What talks to a running viewer, in any version of Rerun that we take."""
+    from rerun.experimental import ViewerClient
+
+    client = ViewerClient.connect(url)
+    return client if LAYOUTS else _Client040(client)
 
 
 class HeadlessViewer:
@@ -60,8 +92,6 @@ class HeadlessViewer:
     """
 
     def __init__(self, recording: str | Path, *, size: tuple[int, int] = SIZE) -> None:
-        from rerun.experimental import ViewerClient
-
         check_recording(recording)
         self._recording = recording
         path = Path(recording).resolve()
@@ -73,7 +103,7 @@ class HeadlessViewer:
             environment={"CI": "true", "RUST_LOG": "error"},
         )
         try:
-            self._client = ViewerClient.connect(stream_url(port))
+            self._client = viewer_client(stream_url(port))
             self._open(path)
         except BaseException:
             self.close()
@@ -85,10 +115,11 @@ class HeadlessViewer:
         end = time.monotonic() + LOADING_GRACE
         while self._state().loading and time.monotonic() < end:
             time.sleep(POLL)
-        with self._translated_errors():
-            self._layout = self._client.get_blueprint().blueprint
-        self._layout["/top_panel"] = {"PanelBlueprint": {"state": "Hidden"}}
-        self._apply()
+        if LAYOUTS:
+            with self._translated_errors():
+                self._layout = self._client.get_blueprint().blueprint
+            self._layout["/top_panel"] = {"PanelBlueprint": {"state": "Hidden"}}
+            self._apply()
         self._settle(alike=ALIKE_AT_START)
 
     @contextmanager

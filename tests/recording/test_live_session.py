@@ -3,11 +3,9 @@
 import time
 from contextlib import contextmanager
 
-import numpy as np
 import pytest
-from figures.screenshot import NEEDS_DRIVER, NO_GRAPHICS
-from pictures import DEMANDED
-from PIL import Image
+from figures.screenshot import NEEDS_DRIVER, NO_GRAPHICS, viewer_client
+from pictures import DEMANDED, FLAT, pixels
 
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import fly
@@ -17,7 +15,6 @@ from flighttune.scenario import load_scenario, scenario_from
 
 pytestmark = pytest.mark.slow
 
-FLAT = 3.0
 SLOW_MACHINE = 1.0
 TRIES = 6
 """Seconds that pacing may be late."""
@@ -124,8 +121,6 @@ def test_a_viewer_that_goes_away_does_not_stop_the_flight():
 @pytest.fixture(scope="module")
 def window():
     """A viewer without a screen that waits for data, and its client."""
-    from rerun.experimental import ViewerClient
-
     port = free_port()
     try:
         process = ViewerProcess(
@@ -138,7 +133,7 @@ def window():
             raise
         pytest.skip(f"{NEEDS_DRIVER}: {error}")
     with process:
-        yield ViewerClient.connect(stream_url(port)), stream_url(port)
+        yield viewer_client(stream_url(port)), stream_url(port)
 
 
 def test_a_viewer_shows_the_flight_and_complains_of_nothing(window, tmp_path):
@@ -151,10 +146,10 @@ def test_a_viewer_shows_the_flight_and_complains_of_nothing(window, tmp_path):
         time.sleep(0.2)
     time.sleep(1.0)
     state = client.get_state()
-    client.save_screenshot(str(tmp_path / "live.png"))
+    picture = client.take_screenshot()
+    (tmp_path / "live.png").write_bytes(picture)
 
     assert len(state.views) == 1 + len(LIVE_PLOTS)
     assert [report for view in state.views for report in view.reports] == []
     assert [entry for entry in client.get_logs() if entry.level == "ERROR"] == []
-    with Image.open(tmp_path / "live.png") as picture:
-        assert np.asarray(picture.convert("L")).std() > FLAT
+    assert pixels(picture).std() > FLAT

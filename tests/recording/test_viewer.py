@@ -109,6 +109,18 @@ def test_it_opens_at_the_start(viewer):
     assert viewer.cursor == 0.0
 
 
+def test_every_version_of_the_viewer_draws_what_it_opens_with(flown, recording, tmp_path):
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in flown.runs]
+
+    with opened_recording(recording, tabs=False) as opened:
+        window = opened.picture()
+        (tmp_path / "window.png").write_bytes(window)
+        assert opened.complaints() == []
+
+    for pair, style in line_styles(pairs).items():
+        assert count(pixels(window), style.colour) >= FEWEST_PIXELS, f"{pair} is not drawn"
+
+
 def test_the_tabs_are_in_order(viewer):
     assert list(viewer.tabs) == IN_CALM_FLIGHT
 
