@@ -282,7 +282,7 @@ def _thread_setters() -> list[Callable[[int], Any]]:
     """
     if sys.platform != "linux" or threading.active_count() > 1:
         return []
-    maps = Path("/proc/self/maps").read_text().splitlines()
+    maps = Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
     libraries = {line.split()[-1] for line in maps if re.search(r"/lib[^/]*(blas|mkl)", line)}
     setters = []
     for library in libraries:
