@@ -276,24 +276,11 @@ class _TrimProblem:
         between the root is looked for from other throttles: thrust may fall with the throttle
         before it grows.
         """
-        from scipy.optimize import least_squares  # takes as long to import as all the rest
-
         span = self.upper - self.lower
-
-        def at_stop(stop: float) -> FloatArray:
-            six = least_squares(
-                lambda six: self.residuals(np.append(six, stop)),
-                start[:-1],
-                bounds=(self.lower[:-1], self.upper[:-1]),
-                x_scale=span[:-1],
-                max_nfev=_MOST_STEPS,
-            )
-            return np.append(six.x, stop)
-
-        opened = at_stop(self.upper[-1])
+        opened = self.best_at(self.upper[-1], start)
         if self.residuals(opened)[0] < -_RESIDUAL_ALLOWED:
             return opened
-        closed = at_stop(self.lower[-1])
+        closed = self.best_at(self.lower[-1], start)
         speeds_up = self.residuals(closed)[0] > _RESIDUAL_ALLOWED
         for share in _THROTTLES:
             throttle = self.lower[-1] + share * span[-1]
@@ -304,6 +291,8 @@ class _TrimProblem:
                 return found
         if speeds_up:
             return closed
+
+        from scipy.optimize import least_squares
 
         def slopes(x: FloatArray) -> FloatArray:
             return slopes_within(self.residuals, x, self.residuals(x), self.widths, self.upper)
@@ -319,6 +308,29 @@ class _TrimProblem:
             ftol=1e-14,
             gtol=1e-14,
         ).x
+
+    def best_at(self, throttle: float, start: FloatArray) -> FloatArray:
+        """Return the flight at a fixed throttle: balanced but for u_dot, else the least squares."""
+        bounds = self.lower[:-1], self.upper[:-1]
+
+        def left_over(six: FloatArray) -> FloatArray:
+            return self.residuals(np.append(six, throttle))
+
+        six = interior_root(
+            lambda six: left_over(six)[1:],
+            start[:-1],
+            bounds,
+            widths=self.widths[:-1],
+            enough=self.enough,
+        )
+        if six is None:
+            from scipy.optimize import least_squares  # takes as long to import as all the rest
+
+            span = self.upper - self.lower
+            six = least_squares(
+                left_over, start[:-1], bounds=bounds, x_scale=span[:-1], max_nfev=_MOST_STEPS
+            ).x
+        return np.append(six, throttle)
 
     def obstacle(self, x: FloatArray) -> str:
         """Name the bounds that the best compromise `x` leans on."""
