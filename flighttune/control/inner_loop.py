@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, read_only_vector
+from flighttune.arrays import FloatArray, block_diagonal, read_only_vector
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
 
@@ -99,10 +99,6 @@ def _one_per_input(name: str, value: npt.ArrayLike, m: int) -> FloatArray:
     return values
 
 
-HALF_POWER = math.sqrt(0.5)
-ROUNDING = 1e-14
-"""Distance from the half-power gain below which a frequency has it."""
-
 NO_DELAY = 1e-5
 """Delay (s) below which it is neglected: a section of 2/delay would only spoil the arithmetic."""
 
@@ -172,20 +168,15 @@ class InnerLag:
     @property
     def bandwidth(self) -> float:
         """Frequency (rad/s) from which on the magnitude stays below 1/sqrt(2)."""
-        fastest = max(self.natural_frequency, 1.0 / self.lag if self.order == 3 else 0.0)
-        omega = np.geomspace(1e-3 * self.natural_frequency, 1e3 * fastest, 1001)
-        last = int(np.flatnonzero(np.abs(self.response(omega)) >= HALF_POWER)[-1])
-
-        def excess(omega: float) -> float:
-            return float(np.abs(self.response(omega))) - HALF_POWER
-
-        low, high = omega[last : last + 2].tolist()
-        for edge in (low, high):
-            if abs(excess(edge)) < ROUNDING:
-                return edge
-        from scipy.optimize import root_scalar
-
-        return float(root_scalar(excess, bracket=(low, high)).root)
+        # One over the squared magnitude, as a polynomial in (omega / natural frequency)^2, is 2.
+        w, less = self.natural_frequency, np.array([1.0, 1.0])
+        if self.order > 1:
+            less = np.array([1.0, 4.0 * self.damping**2 - 2.0, 1.0])
+        if self.order == 3:
+            less = np.polymul([(w * self.lag) ** 2, 1.0], less)
+        less[-1] -= 2.0
+        roots = np.roots(less)
+        return w * math.sqrt(roots.real[roots.imag == 0.0].max())
 
     @property
     def undelayed(self) -> tuple[FloatArray, FloatArray]:
@@ -239,12 +230,10 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
     n, m, p = model.shape
     if len(lags) != m:
         raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
-    from scipy.linalg import block_diag
-
     parts = [lag.state_space for lag in lags]
     sizes = [len(A) for A, _ in parts]
-    inside = np.asarray(block_diag(*(A for A, _ in parts)), dtype=float)
-    commands = np.asarray(block_diag(*(B[:, None] for _, B in parts)), dtype=float)
+    inside = block_diagonal(*(A for A, _ in parts))
+    commands = block_diagonal(*(B[:, None] for _, B in parts))
     from_lags = np.zeros((n, sum(sizes)))
     from_lags[:, np.cumsum([0, *sizes[:-1]])] = model.B
     names = [

@@ -242,27 +242,25 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
     ndarray, shape (n,)
         At the samples; exact.
     """
-    # scipy.signal has this filter, but imports scipy.stats: longer than a flight takes.
-    from scipy.linalg import get_blas_funcs
-
     # The delay is `whole` samples and a fraction: over each sample the command before it acts for
-    # `late` seconds still, then the one of the sample. Both enter the state at its end, so that the
-    # filter has a tap for each.
+    # `late` seconds still, then the one of the sample. Both enter the state at its end.
     whole = math.floor(lag.delay / dt)
     late = lag.delay - whole * dt
     step, after = transition(lag, dt), transition(lag, dt - late)
     at_rest = rest(lag)
     new = at_rest - after @ at_rest
     old = after @ (at_rest - transition(lag, late) @ at_rest)
-    # The first state's transfer function has the numerator det(z - step + b c) - det(z - step).
-    first_state, denominator = np.eye(1, lag.order), np.poly(step)
-    taps = [np.poly(step - b[:, None] @ first_state) - denominator for b in (new, old)]
-    numerator = np.append(taps[0], 0.0) + np.append(0.0, taps[1])
     change = np.concatenate([np.zeros(whole), commanded - start])[: len(commanded)]
-    driven = np.convolve(numerator, change)[: len(change)]
-    band = np.tile(denominator[:, None], len(change))  # the recursion, as a triangular system
-    (solve,) = get_blas_funcs(("tbsv",), (band,))
-    return start + np.asarray(solve(lag.order, band, driven, lower=1, diag=1), dtype=float)
+    states = np.zeros((len(change), lag.order))
+    states[1:] = np.outer(change[:-1], new)
+    states[2:] += np.outer(change[:-2], old)
+    # Every state is the sum of what entered before, each carried on by a power of `step`: twice as
+    # many samples of it in each pass.
+    passed = 1
+    while passed < len(states):
+        states[passed:] += states[:-passed] @ step.T
+        step, passed = step @ step, 2 * passed
+    return start + states[:, 0]
 
 
 def _fitted(response: FrequencyResponse, order: Order) -> LagCandidate:

@@ -236,8 +236,9 @@ class PointMassPlant:
         start, steps = self._t, math.ceil((end - self._t) / self._step - 1e-9)
         wind = self._wind.piece(start)
         step = (end - start) / max(steps, 1)
+        forcing = self._forcing(start)
         for i in range(steps):
-            self._runge_kutta_step(start + i * step, step, wind)
+            forcing = self._runge_kutta_step(start + i * step, step, wind, forcing)
         self._t = end
         for channel in self._channels:
             channel.move_to(end)
@@ -271,16 +272,17 @@ class PointMassPlant:
             gamma_dot += (ahead * sin_gamma + w_dot[2] * cos_gamma) / V_a
         return chi_dot, gamma_dot, level * cos_chi, level * sin_chi, -V_a * sin_gamma
 
-    def _runge_kutta_step(self, t: float, step: float, wind: WindPiece) -> None:
+    def _runge_kutta_step(
+        self, t: float, step: float, wind: WindPiece, begin: tuple[float, float, float, float]
+    ) -> tuple[float, float, float, float]:
+        """Take a step from the forcing `begin` at `t`; return that at its end."""
         chi, gamma, *position = self._state
         half, sixth = 0.5 * step, step / 6.0
-        middle = self._forcing(t + half)
-        k1 = self._rates(chi, gamma, self._forcing(t), wind.rate)
+        middle, end = self._forcing(t + half), self._forcing(t + step)
+        k1 = self._rates(chi, gamma, begin, wind.rate)
         k2 = self._rates(chi + half * k1[0], gamma + half * k1[1], middle, wind.rate)
         k3 = self._rates(chi + half * k2[0], gamma + half * k2[1], middle, wind.rate)
-        k4 = self._rates(
-            chi + step * k3[0], gamma + step * k3[1], self._forcing(t + step), wind.rate
-        )
+        k4 = self._rates(chi + step * k3[0], gamma + step * k3[1], end, wind.rate)
         change = [
             sixth * (a + 2.0 * (b + c) + d) for a, b, c, d in zip(k1, k2, k3, k4, strict=True)
         ]
@@ -289,6 +291,7 @@ class PointMassPlant:
             for x, dx, w in zip(position, change[2:], wind.at(t + half), strict=True)
         )
         self._state = chi + change[0], gamma + change[1], north, east, down
+        return end
 
 
 def _undisturbed(_: float) -> tuple[float, float]:

@@ -11,7 +11,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import Rotation
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
@@ -68,7 +67,9 @@ def all_positions(drawn: Sequence[DrawnRun]) -> FloatArray:
 
 def headings(signals: pd.DataFrame) -> FloatArray:
     """Rotation to NED from level axes that turn with the course, shape (n, 4): x, y, z, w."""
-    return Rotation.from_euler("Z", signals[["chi"]].to_numpy(dtype=float)).as_quat()
+    half = 0.5 * signals["chi"].to_numpy(dtype=float)
+    none = np.zeros_like(half)
+    return np.column_stack([none, none, np.sin(half), np.cos(half)])
 
 
 def attitudes(signals: pd.DataFrame) -> FloatArray:
@@ -83,11 +84,24 @@ def attitudes(signals: pd.DataFrame) -> FloatArray:
     -------
     ndarray, shape (n, 4), 1
         Unit quaternions x, y, z, w.
+
+    Notes
+    -----
+    B. L. Stevens, F. L. Lewis and E. N. Johnson, *Aircraft Control and Simulation*, Wiley,
+    Eq. (1.8-18): the Euler angles in the order yaw, pitch, roll.
     """
     pitch = signals["theta" if "theta" in signals else "gamma"]
     crab = signals["psi"] - signals["chi"] if "psi" in signals else 0.0 * pitch
-    angles = np.column_stack([crab, pitch, signals["phi"]])
-    return Rotation.from_euler("ZYX", angles).as_quat()
+    halves = 0.5 * np.array([signals["phi"], pitch, crab], dtype=float)
+    (s_x, s_y, s_z), (c_x, c_y, c_z) = np.sin(halves), np.cos(halves)
+    return np.column_stack(
+        [
+            s_x * c_y * c_z - c_x * s_y * s_z,
+            c_x * s_y * c_z + s_x * c_y * s_z,
+            c_x * c_y * s_z - s_x * s_y * c_z,
+            c_x * c_y * c_z + s_x * s_y * s_z,
+        ]
+    )
 
 
 def span_of(run: Run) -> float:

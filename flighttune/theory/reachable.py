@@ -14,6 +14,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.theory.attractor import stable_system
+from flighttune.theory.exponential import exponential
 from flighttune.theory.lyapunov import lyapunov_solution
 
 TAIL = 1e-9
@@ -115,8 +116,6 @@ class ReachableSet:
 
 def _mesh(A: FloatArray, E: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Gauss nodes, weights and responses in panels as wide as the modes still alive allow."""
-    from scipy.linalg import expm
-
     nodes, node_weights = np.polynomial.legendre.leggauss(6)
     nodes, node_weights = (nodes + 1.0) / 2.0, node_weights / 2.0
     eigenvalues = np.linalg.eigvals(A)
@@ -135,8 +134,8 @@ def _mesh(A: FloatArray, E: FloatArray) -> tuple[FloatArray, FloatArray, FloatAr
         alive = np.abs(eigenvalues[eigenvalues.real * start > math.log(1e-14)])
         width = 2.0 ** math.floor(math.log2(PHASE / float(alive.max())))
         if width not in propagators:
-            inside, across = expm(A * width * nodes[:, None, None]), expm(A * width)
-            propagators[width] = np.asarray(inside, dtype=float), np.asarray(across, dtype=float)
+            inside = exponential(A * width * nodes[:, None, None])
+            propagators[width] = inside, exponential(A * width)
         inside, across = propagators[width]
         t.append(start + width * nodes)
         weights.append(width * node_weights)
