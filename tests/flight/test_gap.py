@@ -204,7 +204,7 @@ def test_a_pull_up_without_roll_is_explained_too():
 
 def test_a_scenario_without_aircraft_has_no_gap():
     with pytest.raises(InputError, match="`plant` must have one of kind jsbsim"):
-        explain_gap(changed("paper", plant=[{"kind": "kinematic"}]), PAPER_GAINS)
+        explain_gap(changed("level_turn", plant=[{"kind": "kinematic"}]), PAPER_GAINS)
 
 
 def test_the_charts_have_units_and_the_colours_of_the_recording(paper_gap, tmp_path):
