@@ -7,6 +7,7 @@ from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.plan import Plan, plan_campaign
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.errors import InputError
+from flighttune.plants.label import goes_by
 from flighttune.scenario.load import load_scenario, scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.shipped import campaign_files, scenario_files
@@ -74,7 +75,7 @@ def _about(
     tables = scenario.as_dict()
     if plant in labels:  # another may not stand the disturbance; callers refuse one that is unknown
         tables["plant"] = [tables["plant"][labels.index(plant)]]
-        tables["expect"] = [one for one in tables["expect"] if one.get("plant") in (None, plant)]
+        tables["expect"] = [one for one in tables["expect"] if goes_by(plant, one.get("plant"))]
     ranges: dict[str, tuple[float, float, str]] = {}
     if start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):

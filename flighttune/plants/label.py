@@ -24,6 +24,11 @@ def plant_label(kind: str, aircraft: str | None = None, name: str | None = None)
     return ":".join(part for part in (kind, aircraft and Path(aircraft).name, name) if part)
 
 
+def goes_by(label: str, plant: str | None) -> bool:
+    """Whether ``plant`` of a ``[[expect]]`` (a label, a kind, or None for all) is about a label."""
+    return plant in (None, label, label.partition(":")[0])
+
+
 def aircraft_of(label: str, tables: Sequence[Mapping[str, Any]]) -> str | None:
     """The aircraft of a label; None for a plant that is none.
 

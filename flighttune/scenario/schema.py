@@ -223,8 +223,9 @@ class Scenario(Table):
                 raise ValueError(
                     f"`{key}` must not name anything twice, got {', '.join(labels)}{hint}"
                 )
+            kinds = [p.kind for p in self.plant] if key == "plant" else []
             for name in (getattr(table, key) for table in self.expect):
-                if name not in (None, *labels):
+                if name not in (None, *labels, *kinds):
                     raise ValueError(
                         f"`{key}` of [[expect]] must be one of {', '.join(labels)}, got {name!r}"
                     )

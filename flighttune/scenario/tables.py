@@ -14,7 +14,7 @@ from flighttune.control.exact_law import ExactOptions, Priority
 from flighttune.control.inner_loop import InnerLag
 from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
-from flighttune.plants.label import plant_label
+from flighttune.plants.label import goes_by, plant_label
 from flighttune.plants.sensors import Sensors
 from flighttune.plants.weather import Gust, Turbulence, TurbulenceModel, WindProfile
 from flighttune.plants.wind import NED
@@ -711,7 +711,7 @@ class ExpectTable(Table):
 
     def meant(self, plant: str, gains: str) -> bool:
         """Whether a run of this plant and these gains is meant."""
-        return self.plant in (None, plant) and self.gains in (None, gains)
+        return goes_by(plant, self.plant) and self.gains in (None, gains)
 
 
 def in_rad(measure: str) -> str:

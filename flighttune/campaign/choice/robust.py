@@ -26,6 +26,7 @@ from flighttune.campaign.statistics.paired import ordered_quantile, scores
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
 from flighttune.flight.outer_loop import tuning_problem
+from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import in_rad
 from flighttune.tuning.frontier import frontier
@@ -383,7 +384,7 @@ def on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
 
     def changed(scenario: Scenario) -> Scenario:
         kept = [plant for plant in scenario.plant if plant.label in plants]
-        expect = [one for one in scenario.expect if one.plant in (None, *plants)]
+        expect = [x for x in scenario.expect if any(goes_by(plant, x.plant) for plant in plants)]
         return scenario.model_copy(update={"plant": kept, "expect": expect})
 
     nominal, central = changed(campaign.nominal), changed(campaign.central)

@@ -26,6 +26,7 @@ from flighttune.campaign.planning.schema import (
 )
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import mistakes
+from flighttune.plants.label import goes_by
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.load import existing_file, leaves, load_scenario, validated
 from flighttune.scenario.schema import Scenario
@@ -131,7 +132,8 @@ def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [
         expect
         for expect in tables.get("expect", [])
-        if expect.get("gains") in (None, *gains) and expect.get("plant") in (None, *plants)
+        if expect.get("gains") in (None, *gains)
+        and any(goes_by(label, expect.get("plant")) for label in plants)
     ]
 
 
