@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune.cli.options import JsonOption
 from flighttune.cli.progress import raise_on_interrupt
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, quiet, table, tell
 from flighttune.errors import InputError
@@ -39,7 +38,6 @@ def adopt(
             "--out", help="Folder to write to [default: aircraft/MODEL; runs/hangar with --all]."
         ),
     ] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Make an aircraft from a JSBSim model: find its surfaces and engines, tune it and fly it.
 
@@ -52,26 +50,26 @@ def adopt(
     try:
         with raise_on_interrupt():
             if model is None:
-                _adopt_all(out or Path("runs") / "hangar", h, as_json=as_json)
+                _adopt_all(out or Path("runs") / "hangar", h)
             else:
-                _adopt_one(model, V_a, h, out, as_json=as_json)
+                _adopt_one(model, V_a, h, out)
     except KeyboardInterrupt:
         fail("interrupted; what is written is whole", INTERRUPTED)
 
 
-def _adopt_one(model: str, V_a: float | None, h: float, out: Path | None, *, as_json: bool) -> None:
+def _adopt_one(model: str, V_a: float | None, h: float, out: Path | None) -> None:
     from flighttune.adopt.adopt import adopt as adopted
     from flighttune.adopt.page import write_adoption
 
     folder = out or Path("aircraft") / Path(model).stem
     found = adopted(model, folder, V_a=V_a, h=h, say=_progress)
     page = write_adoption(found) if found.folder else None
-    emit(answer_of(found) | {"page": page}, _text(found, page), as_json=as_json)
+    emit(answer_of(found) | {"page": page}, _text(found, page))
     if found.status != "adopted":
         fail(f"{model}: {found.status}: {found.reason}", NO)
 
 
-def _adopt_all(out: Path, h: float, *, as_json: bool) -> None:
+def _adopt_all(out: Path, h: float) -> None:
     from flighttune.adopt.hangar import TABLE, Hangar, counts, hangar_text
     from flighttune.plants.jsbsim.model_files import models_of_jsbsim
     from flighttune.whole_file import made_folder, write_text
@@ -87,7 +85,6 @@ def _adopt_all(out: Path, h: float, *, as_json: bool) -> None:
     emit(
         {"models": answers, "table": out / TABLE},
         [counts(answers), f"table: {out / TABLE}"],
-        as_json=as_json,
     )
 
 

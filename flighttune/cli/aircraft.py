@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune.cli.options import JsonOption, aircraft_names, check_ending, out_folder
+from flighttune.cli.options import aircraft_names, check_ending, out_folder
 from flighttune.cli.show import NO, emit, fail, pick, table
 from flighttune.errors import InputError
 from flighttune.present.numbers import number
@@ -49,7 +49,6 @@ def trim(
     gamma: Annotated[list[float] | None, _path_angles("-10 to 45")] = None,
     phi: Annotated[float, Option("--phi", help="Bank angle in deg.")] = 0.0,
     h: HeightOption = 1000.0,
-    as_json: JsonOption = False,
 ) -> None:
     """Trim AIRCRAFT over its envelope; where no trim exists, say why."""
     from flighttune.aircraft.aircraft import load_aircraft
@@ -68,7 +67,6 @@ def trim(
                 [_trim_cells(row) for row in rows],
             )
         ],
-        as_json=as_json,
     )
     if not any(row.point for row in rows):
         fail(f"{aircraft}: no steady flight among {len(rows)}: {rows[0].reason}", NO)
@@ -82,7 +80,6 @@ def design(
     dry_run: Annotated[
         bool, Option("--dry-run", help="Print the gains; write no file and no figure.")
     ] = False,
-    as_json: JsonOption = False,
 ) -> None:
     """Design the gains of AIRCRAFT's inner loop, check its step responses and write the gains."""
     from flighttune.aircraft.aircraft import load_aircraft, save_gains
@@ -115,7 +112,7 @@ def design(
             for check in designed.checks
         ],
     }
-    emit(answer, _design_text(designed, written), as_json=as_json)
+    emit(answer, _design_text(designed, written))
     if designed.missed:
         first = designed.missed[0]
         fail(
@@ -140,7 +137,6 @@ def identify(
             "the aircraft's folder; for a shipped one runs/identified/AIRCRAFT.json]."
         ),
     ] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Identify AIRCRAFT's roll and load-factor response in flight; write a model to tune on."""
     from flighttune.aircraft.aircraft import load_aircraft
@@ -182,7 +178,7 @@ def identify(
         yield from _identification_text(found, place)
         yield f"model: {model}   figure: {figure}"
 
-    emit(answer, text(), as_json=as_json)
+    emit(answer, text())
     poor = [
         f"{channel} at {c.V_a:g} m/s, {c.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
         for c in found.identified.conditions

@@ -71,8 +71,15 @@ COMMANDS = {
 
 for panel, commands in COMMANDS.items():
     for command, doing, example in commands:
-        name = "list" if command is list_shipped else None
-        add_command(app, command, doing=doing, example=example, name=name, panel=panel)
+        add_command(
+            app,
+            command,
+            doing=doing,
+            example=example,
+            name="list" if command is list_shipped else None,
+            panel=panel,
+            answers=command is not view,
+        )
     if panel == "Fly":
         app.add_typer(campaign, rich_help_panel=panel)
 

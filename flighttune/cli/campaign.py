@@ -11,7 +11,6 @@ from flighttune.cli.command import add_command
 from flighttune.cli.gain_sets import gains_json, gains_table, write_json
 from flighttune.cli.options import (
     GainsFileOption,
-    JsonOption,
     campaign_names,
     check_ending,
     out_folder,
@@ -78,7 +77,6 @@ def report(
         Literal["wilson", "clopper-pearson"], Option(help="Confidence interval of rates.")
     ] = "wilson",
     confidence: Annotated[float, Option(help="Confidence of intervals, 0 to 1.")] = 0.95,
-    as_json: JsonOption = False,
 ) -> None:
     """Report success rates with intervals, failures and influential parameters of a campaign.
 
@@ -96,14 +94,13 @@ def report(
         out = Path(folder) / "report.html"
     page = None if out is None else write_campaign_report(found, out).path
     answer = {**findings_json(found), "sha256": dataset_hash(folder), "page": page}
-    emit(answer, _findings_text(found, page), as_json=as_json)
+    emit(answer, _findings_text(found, page))
 
 
 def fly(
     folder: Annotated[str, Argument(metavar="DIR", help="Folder of a campaign.")],
     run: Annotated[int, Option(help="Number of the run, as in the column `run`.", min=0)],
     out: Annotated[Path | None, out_folder("runs/NAME-run-N")] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Fly a run of the campaign in DIR again, record it and compare it with its row.
 
@@ -153,7 +150,7 @@ def fly(
             yield f"{library}: {then} in the campaign, {now} now"
         yield f"recording: {files.recording}   (open it with: flighttune view {files.recording})"
 
-    emit(answer, text(), as_json=as_json)
+    emit(answer, text())
     if differences:
         fail(f"{folder}: run {run}: {differences[0].sentence}", NO)
 
@@ -179,7 +176,6 @@ def run(
     dry_run: Annotated[
         bool, Option("--dry-run", help="Show the plan, its time and disk space; keep nothing.")
     ] = False,
-    as_json: JsonOption = False,
 ) -> None:
     """Fly CAMPAIGN and write a dataset with one row per run.
 
@@ -199,7 +195,7 @@ def run(
             from flighttune.simulate.batch import cores
 
             cost, count = campaign_cost(plan), workers or cores()
-            emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count), as_json=as_json)
+            emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count))
             return
         from flighttune.campaign.dataset import CAMPAIGN
 
@@ -219,7 +215,7 @@ def run(
             if not (Path(folder) / CAMPAIGN).exists():
                 raise
             raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
-    emit(done.as_dict(), _outcome_text(done), as_json=as_json)
+    emit(done.as_dict(), _outcome_text(done))
     if done.interrupted:
         there = f"{done.runs} of {done.planned} runs are in {done.dataset}"
         fail(f"interrupted, {there}; go on with the same command and --resume", INTERRUPTED)
@@ -255,7 +251,6 @@ def tune(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     out: GainsFileOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Choose gains on the frontier of CAMPAIGN's scenario by flying them on its draws.
 
@@ -283,7 +278,7 @@ def tune(
     written = out if found.status == "chosen" else None
     if written is not None:
         write_json(written, answer)
-    emit(answer, _choice_text(found, loaded.title, written), as_json=as_json)
+    emit(answer, _choice_text(found, loaded.title, written))
     if found.status != "chosen":
         fail(f"{file}: {found.reason}", INTERRUPTED if found.status == "interrupted" else NO)
 

@@ -14,7 +14,7 @@ from flighttune.cli.gain_sets import (
     margins_of,
     margins_text,
 )
-from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument, check_ending
+from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.show import NO, emit, fail, pick, table
 from flighttune.present.tables import Bad, Table
 
@@ -57,7 +57,6 @@ def certify(
             "--envelope also the certified rate over the size of the envelope."
         ),
     ] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Compute R_K, I_K and margins of gains on the linear model of SCENARIO, and certify them.
 
@@ -71,26 +70,23 @@ def certify(
     check_ending(figure, ".svg", option="--figure")
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
-    if ":" in name and loaded.law_of(name)[0].kind == "python":
-        _certify_own(loaded, name, chosen, L_d=L_d, out=out, figure=figure, as_json=as_json)
-        return
-    rates = chosen.law == "exact"
-    model = loaded.linear_model(rates=rates)
-    found = indicators(closed_loop(model, chosen))
-    scaling = tuning_scaling(loaded, rates=rates)
-    in_tune = None if scaling is None else indicators(closed_loop(model, chosen), scaling=scaling)
-    made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d)
-    identified = loaded.tuning.model == "identified"
-    largest = largest_certified(loaded, chosen) if envelope and not (identified or rates) else None
-    if out is not None and made.certificate is not None:
-        from flighttune.certificates import save_certificate
-
-        save_certificate(made.certificate, out)
-    margins = margins_of(model, chosen)
+    own, rates = loaded.is_own_law(name), chosen.law == "exact"
+    identified = not own and loaded.tuning.model == "identified"
+    if own:
+        model, flown, made = _certified_own(loaded, name, chosen, L_d)
+    else:
+        model, flown = loaded.linear_model(rates=rates), chosen
+        made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d)
+    found = indicators(closed_loop(model, flown))
+    scaling = None if own else tuning_scaling(loaded, rates=rates)
+    in_tune = None if scaling is None else indicators(closed_loop(model, flown), scaling=scaling)
+    may_grow = envelope and not (own or identified or rates)
+    largest = largest_certified(loaded, chosen) if may_grow else None
+    _save(made, out)
+    margins = margins_of(model, flown)
     if figure is not None:
-        grown = largest is not None and largest.factor > 0.0
-        more = [_rate_over_envelope(loaded, name, chosen)] if grown else []
-        _draw(f"{loaded.title}; gains {name}", model, chosen, margins, figure, more)
+        more = [_rate_over_envelope(loaded, name, chosen)] if largest and largest.factor else []
+        _draw(f"{loaded.title}; gains {name}", model, flown, margins, figure, more)
     answer = {
         **pick(found, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
         "scaled": in_tune and pick(in_tune, "R_K I_K scaling"),
@@ -121,7 +117,8 @@ def certify(
         where = "at every condition identified" if identified else "over the envelope"
         if rates and not identified:
             where = "over any envelope: the error dynamics of the exact law are the same everywhere"
-        yield _certification_text(made, where if envelope else "at the trim")
+        where = where if envelope else "at the trim"
+        yield _certification_text(made, "on its own linear model" if own else where)
         if out is not None and made.certificate is not None:
             yield f"certificate: {out}   (check it with: flighttune verify {out})"
         if figure is not None:
@@ -129,11 +126,32 @@ def certify(
         if largest is not None:
             yield f"largest certified envelope: {largest.factor:.3f} times the scenario's"
 
-    emit(answer, text(), as_json=as_json)
+    emit(answer, text())
     if found.status != "stable":
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
-    if made.status != "certified" and (envelope or out is not None):
+    if made.status != "certified" and (own or envelope or out is not None):
         fail(f"{scenario}: gains {name}: {made.reason}", NO)
+
+
+def _save(made: "Certification", out: Path | None) -> None:
+    from flighttune.certificates import save_certificate
+
+    if out is not None and made.certificate is not None:
+        save_certificate(made.certificate, out)
+
+
+def _certified_own(
+    scenario: "Scenario", name: str, gains: "PIGains", L_d: float | None
+) -> "tuple[LinearModel, PIGains, Certification]":
+    """Model and gains that a law of the user's gives itself, and what is proven of them."""
+    from flighttune.certificates import certify as certify_model
+    from flighttune.flight.fly import linear_loop
+    from flighttune.flight.own import with_own
+
+    linear = linear_loop(scenario, name, gains, with_own(scenario)[1])
+    if linear is None:
+        fail(f"{name}: the law must have `linear()` to be certified, got none.", NO)
+    return *linear, certify_model(*linear, L_d=L_d, scenario_sha256=scenario.sha256)
 
 
 def _draw(
@@ -161,7 +179,6 @@ def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "C
 
 def verify(
     certificate: Annotated[Path, Argument(metavar="FILE", help="Certificate, or proof of a tube.")],
-    as_json: JsonOption = False,
 ) -> None:
     """Check a certificate without any solver, or a tube without the search that found it.
 
@@ -170,7 +187,7 @@ def verify(
     from flighttune.tube.proof import is_tube_file
 
     if is_tube_file(certificate):
-        _verify_tube(certificate, as_json=as_json)
+        _verify_tube(certificate)
         return
     from flighttune.certificates import load_certificate
     from flighttune.certificates import verify as verify_certificate
@@ -202,12 +219,12 @@ def verify(
             ],
         ),
     ]
-    emit({**pick(found, "valid reason checks"), "claim": claim}, text, as_json=as_json)
+    emit({**pick(found, "valid reason checks"), "claim": claim}, text)
     if not found.valid:
         fail(f"{certificate}: {found.reason}", NO)
 
 
-def _verify_tube(file: Path, *, as_json: bool) -> None:
+def _verify_tube(file: Path) -> None:
     from flighttune.cli.tube import tube_json, widths_text
     from flighttune.tube.proof import load_tube, verify_tube
 
@@ -228,7 +245,7 @@ def _verify_tube(file: Path, *, as_json: bool) -> None:
         f"{'proven' if found.valid else 'claimed, not proven'}:",
         widths_text(loaded, "of the file"),
     ]
-    emit({**pick(found, "valid reason checks"), "claim": claim}, text, as_json=as_json)
+    emit({**pick(found, "valid reason checks"), "claim": claim}, text)
     if not found.valid:
         fail(f"{file}: {found.reason}", NO)
 
@@ -270,45 +287,6 @@ def _claim_text(certificate: "Certificate") -> str:
         f"stays below {claim.L_d:.6g}"
     )
     return f"s'Qs falls at {claim.rate:.6g} 1/s{radius}; {where}"
-
-
-def _certify_own(
-    scenario: "Scenario",
-    name: str,
-    gains: "PIGains",
-    *,
-    L_d: float | None,
-    out: Path | None,
-    figure: Path | None,
-    as_json: bool,
-) -> None:
-    """A law of the user's, on the linear model that it gives itself."""
-    from flighttune.certificates import certify as certify_model
-    from flighttune.certificates import save_certificate
-    from flighttune.control.linear_model import closed_loop
-    from flighttune.flight.fly import linear_loop
-    from flighttune.flight.own import with_own
-    from flighttune.theory.indicators import indicators
-
-    linear = linear_loop(scenario, name, gains, with_own(scenario)[1])
-    if linear is None:
-        fail(f"{name}: the law must have `linear()` to be certified, got none.", NO)
-    found = indicators(closed_loop(*linear))
-    made = certify_model(*linear, L_d=L_d, scenario_sha256=scenario.sha256)
-    if out is not None and made.certificate is not None:
-        save_certificate(made.certificate, out)
-    if figure is not None:
-        _draw(f"{scenario.title}; gains {name}", *linear, margins_of(*linear), figure)
-    answer = {
-        **pick(found, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
-        "gains": name,
-        "certificate": _certification_json(made, out),
-        "figure": figure,
-    }
-    lines = [*_indicators_text(name, found), _certification_text(made, "on its own linear model")]
-    emit(answer, lines, as_json=as_json)
-    if made.status != "certified":
-        fail(f"{name}: {made.reason}", NO)
 
 
 def _indicators_text(name: str, found: "Indicators") -> Iterator[Table | str]:

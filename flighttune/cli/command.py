@@ -1,4 +1,4 @@
-"""What every command has: a place in the help, an example, -q, and a status line while it works."""
+"""What every command has: a place in the help, an example, --json, -q, and a status line."""
 
 import inspect
 from collections.abc import Callable
@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 
 from flighttune.cli.show import working
 
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print only failures, and the object of --json.")
 ]
@@ -41,6 +42,7 @@ def add_command(
     example: str,
     name: str | None = None,
     panel: str | None = None,
+    answers: bool = True,
 ) -> None:
     """Add a command to an app.
 
@@ -57,21 +59,26 @@ def add_command(
         Where it is not that of the function.
     panel : str, optional
         Heading it is listed under.
+    answers : bool
+        Whether it prints an answer, which can be a JSON object.
     """
+    options = {"as_json": JsonOption} if answers else {}
+    options["quiet"] = QuietOption
 
     @wraps(function)
-    def command(*args: Any, quiet: bool = False, **kwargs: Any) -> None:
-        with working(doing, quiet=quiet):
+    def command(*args: Any, quiet: bool = False, as_json: bool = False, **kwargs: Any) -> None:
+        with working(doing, quiet=quiet, as_json=as_json):
             function(*args, **kwargs)
 
     given = inspect.signature(function)
-    option = inspect.Parameter(
-        "quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QuietOption
-    )
+    added = [
+        inspect.Parameter(one, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
+        for one, option in options.items()
+    ]
     command.__signature__ = given.replace(  # type: ignore[attr-defined]
-        parameters=[*given.parameters.values(), option]
+        parameters=[*given.parameters.values(), *added]
     )
-    command.__annotations__ = {**function.__annotations__, "quiet": QuietOption}
+    command.__annotations__ = function.__annotations__ | options
     app.command(name or function.__name__, rich_help_panel=panel, epilog=f"Example: {example}")(
         command
     )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune.cli.options import JsonOption, check_ending
+from flighttune.cli.options import check_ending
 from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, pick, table
 from flighttune.present.names import shown_unit
 from flighttune.present.numbers import number
@@ -36,7 +36,6 @@ def compare(
         Path | None,
         Option(help="Recording (.rrd) or page (.html) to write, with all runs overlaid."),
     ] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Compare runs: metrics, which is better, and how far apart the paths are.
 
@@ -60,7 +59,7 @@ def compare(
             write_overlay(found, out)
     out = out if found.comparable else None
     text = _text(found, broken, out) if found.comparable else ()
-    emit(_json(found, broken, out), text, as_json=as_json)
+    emit(_json(found, broken, out), text)
     if not found.comparable:
         fail(found.reason, COULD_NOT_RUN)
     if allowed and found.unpaired:

@@ -9,7 +9,7 @@ from typer import Option
 
 from flighttune.cli.campaign import SchedulerOption, WorkersOption
 from flighttune.cli.options import (
-    JsonOption,
+    AircraftPlantOption,
     aircraft_names,
     campaign_names,
     check_ending,
@@ -46,10 +46,7 @@ def conform(
         str | None,
         Option(help="Gain set of the campaign [default: tuned_identified, else its first]."),
     ] = None,
-    plant: Annotated[
-        str | None,
-        Option(help="Label of the aircraft as `fly` prints it [default: the first aircraft]."),
-    ] = None,
+    plant: AircraftPlantOption = None,
     air: Annotated[
         str | None,
         Option(
@@ -73,7 +70,6 @@ def conform(
     ] = 0.0,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Learn bounds (boxes) on the part of an aircraft's rates that its identified model misses.
 
@@ -111,7 +107,7 @@ def conform(
         "air": found.air,
         "out": out if found.holds else None,
     }
-    emit(answer, _text(found, out), as_json=as_json)
+    emit(answer, _text(found, out))
     if not found.holds:
         fail(f"{source}: {found.sentence}; nothing is written", NO)
 

@@ -6,23 +6,19 @@ from typing import Annotated, Literal
 from typer import Option
 
 from flighttune.cli.gain_sets import chosen_gains
-from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument, out_folder
+from flighttune.cli.options import AircraftPlantOption, GainsOption, ScenarioArgument, out_folder
 from flighttune.cli.show import emit
 
 
 def export(
     scenario: ScenarioArgument,
     gains: GainsOption = None,
-    plant: Annotated[
-        str | None,
-        Option(help="Label of the aircraft as `fly` prints it [default: the first aircraft]."),
-    ] = None,
+    plant: AircraftPlantOption = None,
     form: Annotated[
         Literal["jsbsim", "c"],
         Option("--format", help="A folder that JSBSim flies by itself, or one C99 file."),
     ] = "jsbsim",
     out: Annotated[Path | None, out_folder("runs/NAME-export")] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C."""
     from flighttune.export import export_c, export_jsbsim
@@ -35,7 +31,7 @@ def export(
     folder = out or Path("runs") / f"{Path(scenario).stem}-export"
     if form == "c":
         source = export_c(loaded, name, chosen, folder, plant=plant)
-        emit({"folder": folder, "source": source}, [f"source: {source}"], as_json=as_json)
+        emit({"folder": folder, "source": source}, [f"source: {source}"])
         return
     found = export_jsbsim(loaded, name, chosen, folder, plant=plant)
     answer = {
@@ -50,4 +46,4 @@ def export(
         f"fly it: {found.command}",
         f"writes: {found.csv}, the flight from Time = {found.t_0:g} s on",
     ]
-    emit(answer, text, as_json=as_json)
+    emit(answer, text)

@@ -12,7 +12,6 @@ from typer import Argument, Option
 
 from flighttune.cli.options import (
     ConformanceOption,
-    JsonOption,
     ScenarioArgument,
     TubeOption,
     out_folder,
@@ -51,7 +50,6 @@ def fly(
     pace: Annotated[str, Option(help="With --live: simulated seconds per second, or max.")] = "1",
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
     from flighttune.cli.live import live_viewer, pace_of
@@ -64,7 +62,7 @@ def fly(
         tell(f"{scenario}: {note}")
     name = Path(scenario).stem
     folder = out or Path("runs") / (f"{name}-live" if live else name)
-    viewer = live_viewer(loaded, pace=pace_of(pace), quiet=as_json) if live else nullcontext()
+    viewer = live_viewer(loaded, pace=pace_of(pace)) if live else nullcontext()
     with viewer as observer:
         with progress_bar() as progress:
             flown = fly_scenario(loaded, progress=progress, observer=observer)
@@ -78,7 +76,6 @@ def fly(
                 *_flown_text(flown, claim, files.recording, scenario),
                 *run_tubes_text(tubes, f"flighttune fly {scenario} --tube"),
             ],
-            as_json=as_json,
         )
     if view:
         _open(files.recording)
@@ -95,7 +92,6 @@ def refly(
             help="A recording, the folder of one, or a Parquet file of one run.",
         ),
     ],
-    as_json: JsonOption = False,
 ) -> None:
     """Fly RECORDING again from the scenario and seed in it, and compare it bit by bit.
 
@@ -149,7 +145,7 @@ def refly(
         for name, (then, now) in versions.items():
             yield f"{name}: {then} then, {now} now"
 
-    emit(answer, text(), as_json=as_json)
+    emit(answer, text())
     if different:
         fail(f"{recording}: {different[0]}", NO)
 
@@ -158,7 +154,6 @@ def list_shipped(
     verbose: Annotated[
         bool, Option("--verbose", "-v", help="Show what each scenario verifies.")
     ] = False,
-    as_json: JsonOption = False,
 ) -> None:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
     from flighttune import shipped
@@ -178,7 +173,7 @@ def list_shipped(
         text.append(table(kind, head, [[row[name] for name in head] for row in rows]))
     places = (f"{name} ({at})" if at else name for name, at in aircraft.items())
     text.append(f"aircraft: {', '.join(places)}")
-    emit({**listed, "aircraft": list(aircraft)}, text, as_json=as_json)
+    emit({**listed, "aircraft": list(aircraft)}, text)
 
 
 def view(

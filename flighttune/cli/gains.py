@@ -16,7 +16,6 @@ from flighttune.cli.gain_sets import (
 )
 from flighttune.cli.options import (
     GainsFileOption,
-    JsonOption,
     ScenarioArgument,
     check_ending,
     out_folder,
@@ -45,7 +44,6 @@ def tune(
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
     out: GainsFileOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
     check_ending(out, ".json")
@@ -54,7 +52,7 @@ def tune(
     answer, text = _tune_over_envelope(scenario) if envelope else _tune_at_trim(scenario, method)
     if out is not None:
         write_json(out, answer)
-    emit(answer, text, as_json=as_json)
+    emit(answer, text)
     if answer["status"] not in ("optimal", "found"):
         fail(f"{scenario}: {answer['reason']}", NO)
 
@@ -63,7 +61,6 @@ def frontier(
     scenario: ScenarioArgument,
     out: Annotated[Path | None, out_folder("runs/NAME")] = None,
     points: Annotated[int, Option(min=2, max=1000, help="Points of the frontier.")] = 25,
-    as_json: JsonOption = False,
 ) -> None:
     """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains."""
     from flighttune.control.exact_law import command_gains, rate_gains
@@ -115,7 +112,7 @@ def frontier(
         ),
         f"table: {csv}   figure: {svg}",
     ]
-    emit(answer, text, as_json=as_json)
+    emit(answer, text)
 
 
 def _tune_at_trim(source: str, method: str | None) -> Answer:

@@ -10,9 +10,9 @@ from typer import Option
 
 from flighttune.cli.gain_sets import chosen_gains
 from flighttune.cli.options import (
+    AircraftPlantOption,
     ConformanceOption,
     GainsOption,
-    JsonOption,
     ScenarioArgument,
     TubeOption,
     out_folder,
@@ -39,10 +39,7 @@ METRICS = (("ITAE", 1.0), ("MO_rad", DEG_PER_RAD), ("ST_rad", DEG_PER_RAD), ("sa
 def gap(
     scenario: ScenarioArgument,
     gains: GainsOption = None,
-    plant: Annotated[
-        str | None,
-        Option(help="Label of the aircraft as `fly` prints it [default: the first aircraft]."),
-    ] = None,
+    plant: AircraftPlantOption = None,
     out: Annotated[Path | None, out_folder("runs/NAME-gap")] = None,
     lag: Annotated[
         Literal["identified", "fitted"] | None,
@@ -53,7 +50,6 @@ def gap(
     ] = None,
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
@@ -92,7 +88,7 @@ def gap(
         *(f"{what}: {path}" for what, path in written.items()),
     ]
     answer = {**gap_json(found, files.signals), "tubes": run_tubes_json(tubes), **written}
-    emit(answer, text, as_json=as_json)
+    emit(answer, text)
     if found.status != "explained":
         fail(f"{scenario}: {found.reason}", NO)
     if found.verdict is None or not found.verdict.held:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from flighttune.cli.progress import raise_on_interrupt, stop_on_interrupt
-from flighttune.cli.show import say, tell
+from flighttune.cli.show import as_json, say, tell
 from flighttune.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def pace_of(text: str) -> float | None:
 
 
 @contextmanager
-def live_viewer(scenario: "Scenario", *, pace: float | None, quiet: bool) -> Iterator["Observer"]:
+def live_viewer(scenario: "Scenario", *, pace: float | None) -> Iterator["Observer"]:
     """Show the flights of the block in a viewer; Ctrl-C ends the flights, and not the block.
 
     On a terminal the viewer stays open after the flights, until it is closed.
@@ -46,15 +46,13 @@ def live_viewer(scenario: "Scenario", *, pace: float | None, quiet: bool) -> Ite
     scenario : Scenario
     pace : float or None
         Seconds of flight a second.
-    quiet : bool
-        Say nothing on stdout.
     """
     from flighttune.recording.live import LiveSession
     from flighttune.recording.viewer import stream_url, waiting_viewer
 
     with raise_on_interrupt(), waiting_viewer() as viewer:
         if viewer.url:
-            show = tell if quiet else say
+            show = tell if as_json() else say
             show(f"no screen here; open {viewer.url} in a browser on this machine")
         url = stream_url(viewer.port)
         with LiveSession(scenario, url, pace=pace) as session, stop_on_interrupt(session.stop):

@@ -32,12 +32,17 @@ ScenarioArgument = Annotated[
         autocompletion=scenario_names,
     ),
 ]
-JsonOption = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
 GainsOption = Annotated[
     str | None,
     Option(
         help="Gain set (paper, K1..K6, tuned, or a name from the scenario), or a file with K_P and "
         "K_I [default: the first of the scenario]."
+    ),
+]
+AircraftPlantOption = Annotated[
+    str | None,
+    Option(
+        "--plant", help="Label of the aircraft as `fly` prints it [default: the first aircraft]."
     ),
 ]
 GainsFileOption = Annotated[

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli.options import ConformanceOption, JsonOption, TubeOption, check_ending
+from flighttune.cli.options import ConformanceOption, TubeOption, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import emit, table
 from flighttune.cli.tube import run_tubes, run_tubes_json, run_tubes_text
@@ -29,7 +29,6 @@ def report(
     out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Write one page about runs: headline, figures, tables and how to fly them again.
 
@@ -64,7 +63,7 @@ def report(
                     yield f"  {sentence}"
         yield f"report: {written.path}"
 
-    emit(answer, text(), as_json=as_json)
+    emit(answer, text())
 
 
 def reproduce(
@@ -75,7 +74,6 @@ def reproduce(
     out: Annotated[Path, Option(help="Folder for figures, tables and page.")] = Path(
         "runs/reproduce"
     ),
-    as_json: JsonOption = False,
 ) -> None:
     """Reproduce the figures and tables of arXiv 2411.13140 and judge its claims."""
     from flighttune.paper.claims.base import VERDICTS
@@ -100,7 +98,7 @@ def reproduce(
         if made.recording is not None:
             yield f"recording: {made.recording}   (open it with: flighttune view {made.recording})"
 
-    emit(made.as_dict(), text(), as_json=as_json)
+    emit(made.as_dict(), text())
 
 
 def _verdict(verdict: str) -> str:

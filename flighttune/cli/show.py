@@ -22,12 +22,13 @@ LONGEST_REASON = 1500
 """Characters of a line about a failure."""
 
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+_JSON: ContextVar[bool] = ContextVar("as_json", default=False)
 _DOING: ContextVar[str] = ContextVar("doing", default="")
 """What stands on the last line of a terminal's stderr until something else is printed."""
 
 
 @contextmanager
-def working(doing: str, *, quiet: bool) -> Iterator[None]:
+def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]:
     """Say on a terminal, from the first moment on, what a command is `doing`.
 
     Parameters
@@ -36,8 +37,10 @@ def working(doing: str, *, quiet: bool) -> Iterator[None]:
         One word, such as ``tuning``.
     quiet : bool
         Print no progress, and no answer but a JSON object.
+    as_json : bool
+        Print the answer as a JSON object, and nothing else on stdout.
     """
-    asked = _QUIET.set(quiet)
+    asked, form = _QUIET.set(quiet), _JSON.set(as_json)
     shown = _DOING.set(f"{doing} ..." if watched() else "")
     if _DOING.get():
         print(_DOING.get(), end="", file=sys.stderr, flush=True)
@@ -47,6 +50,7 @@ def working(doing: str, *, quiet: bool) -> Iterator[None]:
         clear()
         _DOING.reset(shown)
         _QUIET.reset(asked)
+        _JSON.reset(form)
 
 
 def watched() -> bool:
@@ -59,6 +63,11 @@ def quiet() -> bool:
     return _QUIET.get()
 
 
+def as_json() -> bool:
+    """Whether --json is given: stdout is for one object alone."""
+    return _JSON.get()
+
+
 def clear() -> None:
     """Take what the command is doing off the terminal: something else is going to be printed."""
     if doing := _DOING.get():
@@ -66,9 +75,9 @@ def clear() -> None:
         _DOING.set("")
 
 
-def emit(answer: Mapping[str, Any], text: Iterable[Table | str], *, as_json: bool) -> None:
+def emit(answer: Mapping[str, Any], text: Iterable[Table | str]) -> None:
     """Print what a command found: `answer` with ``--json``, else its tables and lines."""
-    if as_json:
+    if as_json():
         clear()
         print(json_text(answer))
         return

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from flighttune.cli.gain_sets import chosen_gains
-from flighttune.cli.options import GainsOption, JsonOption, ScenarioArgument, check_ending
+from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, pick, table
 from flighttune.present.tables import Table
@@ -52,7 +52,6 @@ def tube(
     out: Annotated[
         Path | None, Option("--out", help="Proof file (.npz) to write; `verify` checks it.")
     ] = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
 
@@ -70,7 +69,7 @@ def tube(
     check_ending(out, ".npz")
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
-    if ":" in name and loaded.law_of(name)[0].kind == "python":
+    if loaded.is_own_law(name):
         fail(
             f"{scenario}: gains {name}: a tube must be of the paper's law, got one of your own.", NO
         )
@@ -93,7 +92,7 @@ def tube(
         save_tube(found, out)
     answer = {**tube_json(found), "inside": inside, "signals": signals}
     answer["seconds"] = time.perf_counter() - began
-    emit(answer, _text(found, name, answer, out), as_json=as_json)
+    emit(answer, _text(found, name, answer, out))
     if found.status != "bounded":
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if not inside:

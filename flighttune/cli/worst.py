@@ -8,7 +8,7 @@ import typer
 from typer import Option
 
 from flighttune.cli.campaign import SchedulerOption, WorkersOption
-from flighttune.cli.options import JsonOption, campaign_names, check_ending, scenario_names
+from flighttune.cli.options import campaign_names, check_ending, scenario_names
 from flighttune.cli.progress import campaign_display
 from flighttune.cli.show import INTERRUPTED, emit, fail, pick
 from flighttune.present.numbers import number
@@ -75,7 +75,6 @@ def worst(
     ] = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Search dispersions and disturbances for the flight nearest to missing a requirement.
 
@@ -106,7 +105,7 @@ def worst(
         else:
             miss, found = None, find_worst(source, settings, **shared)
     if miss is not None:
-        emit(_rare_json(miss), _rare_text(miss), as_json=as_json)
+        emit(_rare_json(miss), _rare_text(miss))
         return
     if found is None:
         fail(f"{source}: {GONE}", INTERRUPTED)
@@ -119,7 +118,7 @@ def worst(
         "ratio": ratios,
         "scenario": written,
     }
-    emit(answer, _text(found, written, ratios), as_json=as_json)
+    emit(answer, _text(found, written, ratios))
 
 
 def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, float]:

@@ -28,9 +28,8 @@ def exported_law(
     InputError
         If `name` belongs to a law in Python; the message names it.
     """
-    law = scenario.law_of(name)[0] if ":" in name else None
-    if law is not None and law.kind == "python":
-        raise refusal(name, law.name, "paper or exact")
+    if scenario.is_own_law(name):
+        raise refusal(name, scenario.law_of(name)[0].name, "paper or exact")
     return controller_of(scenario, name, gains, limits)
 
 

@@ -429,9 +429,9 @@ def fly_once(
     duration = scenario.flight.duration_s
     if limits is None:
         limits = scenario.limits.limits().within(plant.limits)
-    law, _ = scenario.law_of(gains_name) if ":" in gains_name else (None, "")
     controller: MimoPI | ExactLaw | GuardedLaw
-    if law is not None and law.kind == "python":
+    if scenario.is_own_law(gains_name):
+        law, _ = scenario.law_of(gains_name)
         made_with, gains = gains, None  # what it flies by is its own
         try:
             own = with_own(scenario)[1] if own is None else own

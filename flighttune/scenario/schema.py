@@ -329,6 +329,10 @@ class Scenario(Table):
             )
         return known.get(law) or law_named(law), own
 
+    def is_own_law(self, name: str) -> bool:
+        """Whether the law that flies the gain set `name` is the user's, in Python."""
+        return ":" in name and self.law_of(name)[0].kind == "python"
+
     @property
     def for_rates(self) -> bool:
         """Whether the first law is the exact one, so that gains are tuned for it by default."""

@@ -80,7 +80,7 @@ def _claims(by_content: _PlanByContent) -> Mapping[Group, UltimateSet | None]:
 
 def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> UltimateSet | None:
     gains, scenario = plan.gain_sets[group.gains], plan.scenario
-    if gains is None or L_d is None or scenario.law_of(group.gains)[0].kind == "python":
+    if gains is None or L_d is None or scenario.is_own_law(group.gains):
         return None
     model = scenario.kinematic_model(rates=acts_on_rates(gains))
     loop = certified_loop(model, gains)

@@ -262,9 +262,7 @@ def _indicators(
     for run in runs:
         name = plan.group_of(run).gains
         gains = plan.gain_sets[name]
-        if gains is None or run not in scenarios:
-            continue
-        if scenarios[run].law_of(name)[0].kind == "python":
+        if gains is None or run not in scenarios or scenarios[run].is_own_law(name):
             continue
         scenario = scenarios[run]
         flight, controller = scenario.flight, scenario.controller

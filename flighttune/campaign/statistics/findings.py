@@ -1,7 +1,7 @@
 """Everything in the report of a campaign, as numbers."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,7 @@ from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights, is_number
-from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method, share
+from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method
 from flighttune.campaign.statistics.paired import Paired, paired, scores
 from flighttune.campaign.statistics.sensitivity import (
     Influence,
@@ -64,10 +64,6 @@ class Findings:
     Attributes
     ----------
     flights : Flights
-    method : str
-        Interval of shares.
-    confidence : float, 1
-        Of all intervals.
     measure : str or None
         What flights are ordered and compared by; None where no flight has it.
     groups : tuple of GroupSummary
@@ -85,8 +81,6 @@ class Findings:
     """
 
     flights: Flights
-    method: Method
-    confidence: float
     measure: str | None
     groups: tuple[GroupSummary, ...]
     paired: tuple[Paired, ...]
@@ -110,6 +104,7 @@ def findings(
     confidence : float, 1
         Of all intervals.
     """
+    flights = replace(flights, method=method, confidence=confidence)
     measure = _measure(flights)
     looked_at = [SUCCESS] + ([measure] if measure else [])
     found, sobol, splits = {}, {}, []
@@ -121,20 +116,18 @@ def findings(
                 values_of(independent, name),
                 confidence=confidence,
             )
-            indices = _sobol(flights, rows, name, confidence)
+            indices = _sobol(flights, rows, name)
             if indices is not None:
                 sobol[group, name] = indices
-        split = _split(flights, group, rows, found[group, SUCCESS], method, confidence)
+        split = _split(flights, group, rows, found[group, SUCCESS])
         splits += [split] if split is not None else []
-    groups = summaries(flights, method=method, confidence=confidence)
+    groups = summaries(flights)
     pairs, curves = (), ()
     if measure is not None:
         pairs = paired(flights.rows, measure, confidence=confidence)
-        curves = convergence(flights, measure, method=method, confidence=confidence)
+        curves = convergence(flights, measure)
     return Findings(
         flights=flights,
-        method=method,
-        confidence=confidence,
         measure=measure,
         groups=groups,
         paired=pairs,
@@ -168,9 +161,7 @@ def _measure(flights: Flights) -> str | None:
     return flights.worst_by if flights.worst_by in known else next(iter(known), None)
 
 
-def _sobol(
-    flights: Flights, rows: pd.DataFrame, name: str, confidence: float
-) -> SobolIndices | None:
+def _sobol(flights: Flights, rows: pd.DataFrame, name: str) -> SobolIndices | None:
     """Indices over the whole cycles of a Saltelli design that have flown."""
     factors, cycle = flights.plan.factors, flights.plan.cycle
     if not factors:
@@ -182,18 +173,13 @@ def _sobol(
         values[:, 0],
         values[:, 1],
         values[:, 2:].T,
-        confidence=confidence,
+        confidence=flights.confidence,
         seed=flights.plan.campaign.seed,
     )
 
 
 def _split(
-    flights: Flights,
-    group: Group,
-    rows: pd.DataFrame,
-    found: tuple[Influence, ...],
-    method: Method,
-    confidence: float,
+    flights: Flights, group: Group, rows: pd.DataFrame, found: tuple[Influence, ...]
 ) -> Split | None:
     """Success over the parameter that matters most, if any does."""
     apart = [one.parameter for one in found if one.apart and one.parameter != SEED]
@@ -214,12 +200,7 @@ def _split(
             float(np.median(one.astype(float))) if numeric else float(place)
             for place, one in enumerate(values)
         ),
-        success=tuple(
-            share(
-                success[codes == one], clusters[codes == one], method=method, confidence=confidence
-            )
-            for one in classes
-        ),
+        success=tuple(flights.share(success[codes == i], clusters[codes == i]) for i in classes),
     )
 
 

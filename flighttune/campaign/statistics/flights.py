@@ -8,9 +8,17 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
+from flighttune.campaign.statistics.intervals import (
+    CONFIDENCE,
+    Estimate,
+    Method,
+    percentile,
+    share,
+)
 
 TEXTS = ("reason", "missed", "certified")
 """Columns that may be null, which then are empty."""
@@ -29,12 +37,18 @@ class Flights:
         A row a run that is there, in order of ``run``; columns as in the files.
     versions : mapping of str to str
         Of the libraries that shaped the rows.
+    method : "wilson" or "clopper-pearson"
+        Interval of shares.
+    confidence : float, 1
+        Of all intervals.
     """
 
     url: str
     plan: Plan
     rows: pd.DataFrame
     versions: Mapping[str, str]
+    method: Method = "wilson"
+    confidence: float = CONFIDENCE
 
     @property
     def keys(self) -> list[str]:
@@ -62,6 +76,14 @@ class Flights:
         Cycles are independent of each other.
         """
         return rows["draw"].to_numpy() // self.plan.cycle
+
+    def share(self, flags: npt.NDArray[np.bool_], clusters: npt.ArrayLike) -> Estimate:
+        """Share of flights of which something is true."""
+        return share(flags, clusters, method=self.method, confidence=self.confidence)
+
+    def percentile(self, values: FloatArray, q: float, clusters: npt.ArrayLike) -> Estimate:
+        """Quantile of a measure, without NaN."""
+        return percentile(values, q, clusters, confidence=self.confidence)
 
     def independent(self, rows: pd.DataFrame) -> pd.DataFrame:
         """Those of some rows whose parameters were drawn independently.

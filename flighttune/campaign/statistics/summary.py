@@ -8,16 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from flighttune.arrays import FloatArray
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights
-from flighttune.campaign.statistics.intervals import (
-    CONFIDENCE,
-    Estimate,
-    Method,
-    percentile,
-    share,
-)
+from flighttune.campaign.statistics.intervals import Estimate
 
 PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
 BETWEEN_SENTENCES = "; "
@@ -154,30 +147,23 @@ class ConvergenceCurve:
         Success rate of each.
     measure : str
         A measure to be minimised.
-    p50, p95 : tuple of Estimate
-        Its median and 95th percentile over the completed flights of each.
+    p95 : tuple of Estimate
+        Its 95th percentile over the completed flights of each.
     """
 
     group: Group
     n: tuple[int, ...]
     success: tuple[Estimate, ...]
     measure: str
-    p50: tuple[Estimate, ...]
     p95: tuple[Estimate, ...]
 
 
-def summaries(
-    flights: Flights, *, method: Method = "wilson", confidence: float = CONFIDENCE
-) -> tuple[GroupSummary, ...]:
+def summaries(flights: Flights) -> tuple[GroupSummary, ...]:
     """Summarise every group of a campaign.
 
     Parameters
     ----------
     flights : Flights
-    method : "wilson" or "clopper-pearson"
-        Interval of shares.
-    confidence : float, 1
-        Of all intervals.
 
     Returns
     -------
@@ -191,15 +177,10 @@ def summaries(
     Points of a Latin hypercube or Sobol sequence are taken as if they were independent: their
     intervals are wider than they need be.
     """
-    return tuple(
-        _summary(group, rows, flights, method, confidence) for group, rows in flights.groups()
-    )
+    return tuple(_summary(group, rows, flights) for group, rows in flights.groups())
 
 
-def _summary(
-    group: Group, rows: pd.DataFrame, flights: Flights, method: Method, confidence: float
-) -> GroupSummary:
-    clusters = flights.clusters(rows)
+def _summary(group: Group, rows: pd.DataFrame, flights: Flights) -> GroupSummary:
     success = rows["success"].to_numpy(dtype=bool)
     completed = (rows["status"] == "completed").to_numpy()
     failed = rows.loc[completed & ~success]
@@ -207,15 +188,15 @@ def _summary(
         group=group,
         n=len(rows),
         successes=int(success.sum()),
-        success=share(success, clusters, method=method, confidence=confidence),
+        success=flights.share(success, flights.clusters(rows)),
         statuses=_statuses(rows),
         missed=_missed(failed),
         measures={
-            name: _spread(rows[name].to_numpy(dtype=float), completed, clusters, confidence)
+            name: _spread(rows.loc[completed], name, flights)
             for name in flights.measures
             if rows.loc[completed, name].notna().any()
         },
-        certified=_certified(rows, clusters, method, confidence),
+        certified=_certified(rows, flights),
     )
 
 
@@ -242,48 +223,38 @@ def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
     return tuple(replace(one, text=one.text.removesuffix(GOT)) for one in found)
 
 
-def _spread(
-    values: FloatArray, completed: np.ndarray, clusters: np.ndarray, confidence: float
-) -> Spread:
-    kept = completed & ~np.isnan(values)
-    values, clusters = values[kept], clusters[kept]
+def _spread(completed: pd.DataFrame, measure: str, flights: Flights) -> Spread:
+    values, clusters = completed[measure].to_numpy(dtype=float), flights.clusters(completed)
+    known = ~np.isnan(values)
+    values, clusters = values[known], clusters[known]
     return Spread(
         n=len(values),
         mean=float(np.mean(values)),
         percentiles={
-            name: percentile(values, q, clusters, confidence=confidence)
-            for name, q in PERCENTILES.items()
+            name: flights.percentile(values, q, clusters) for name, q in PERCENTILES.items()
         },
     )
 
 
-def _certified(
-    rows: pd.DataFrame, clusters: np.ndarray, method: Method, confidence: float
-) -> CertifiedCount | None:
+def _certified(rows: pd.DataFrame, flights: Flights) -> CertifiedCount | None:
     said = rows["certified"].to_numpy(dtype=object)
     held, broken, outside = (said == word for word in (HELD, BROKEN, NOT_ENTERED))
     lost = (rows["status"] != "completed").to_numpy()
     entered = held | broken
     if not (entered | outside).any():
         return None
-    all_of = entered | outside | lost
-    of_all, of_entered = (
-        share(held[kept], clusters[kept], method=method, confidence=confidence)
-        for kept in (all_of, entered)
-    )
+    clusters, all_of = flights.clusters(rows), entered | outside | lost
     return CertifiedCount(
         held=int(held.sum()),
         broken=int(broken.sum()),
         not_entered=int(outside.sum()),
         lost=int(lost.sum()),
-        of_all=of_all,
-        of_entered=of_entered,
+        of_all=flights.share(held[all_of], clusters[all_of]),
+        of_entered=flights.share(held[entered], clusters[entered]),
     )
 
 
-def convergence(
-    flights: Flights, measure: str, *, method: Method = "wilson", confidence: float = CONFIDENCE
-) -> tuple[ConvergenceCurve, ...]:
+def convergence(flights: Flights, measure: str) -> tuple[ConvergenceCurve, ...]:
     """Success rate and percentiles of every group from its first flights on.
 
     Parameters
@@ -291,9 +262,6 @@ def convergence(
     flights : Flights
     measure : str
         A column of the rows.
-    method : "wilson" or "clopper-pearson"
-        Interval of the success rate.
-    confidence : float, 1
 
     Returns
     -------
@@ -307,20 +275,11 @@ def convergence(
         known = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
         counts = prefixes(len(rows))
         first = [np.flatnonzero(known[:n]) for n in counts]
-        p50, p95 = (
-            tuple(
-                percentile(values[kept], PERCENTILES[q], clusters[kept], confidence=confidence)
-                for kept in first
-            )
-            for q in ("p50", "p95")
-        )
-        rates = tuple(
-            share(success[:n], clusters[:n], method=method, confidence=confidence) for n in counts
-        )
+        q = PERCENTILES["p95"]
+        p95 = tuple(flights.percentile(values[kept], q, clusters[kept]) for kept in first)
+        rates = tuple(flights.share(success[:n], clusters[:n]) for n in counts)
         found.append(
-            ConvergenceCurve(
-                group=group, n=tuple(counts), success=rates, measure=measure, p50=p50, p95=p95
-            )
+            ConvergenceCurve(group=group, n=tuple(counts), success=rates, measure=measure, p95=p95)
         )
     return tuple(found)
 

@@ -22,8 +22,8 @@ def findings_json(found: Findings) -> dict[str, Any]:
         "runs": len(flown.rows),
         "planned": flown.plan.runs,
         "design": flown.plan.campaign.design,
-        "interval": found.method,
-        "confidence": found.confidence,
+        "interval": flown.method,
+        "confidence": flown.confidence,
         "worst_by": found.measure,
         "groups": [
             {

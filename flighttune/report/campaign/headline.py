@@ -70,14 +70,14 @@ def _holds(found: Findings) -> Answer:
         f"on {alike[0].group.plant}"
         for alike in best
     )
-    intervals = "Clopper and Pearson's" if found.method == "clopper-pearson" else "Wilson's"
+    intervals = "Clopper and Pearson's" if found.flights.method == "clopper-pearson" else "Wilson's"
     return Answer(
         question="Which gains hold, and how often?",
         verdict=share_verdict(good, all_of),
         short=short,
         sentences=tuple(sentences),
         criterion=f"{demands(found.flights.plan.scenario.expect)} In brackets {intervals} interval "
-        f"of {100.0 * found.confidence:g} % confidence.",
+        f"of {100.0 * found.flights.confidence:g} % confidence.",
     )
 
 
@@ -228,7 +228,7 @@ def _ranks(found: Findings, group: Group, name: str) -> tuple[str, str]:
     influences = found.influences.get((group, name), ())
     significant = [influence for influence in influences if influence.apart][:MOST_PARAMETERS]
     if significant:
-        texts = (_influence_text(one, 1.0 - found.confidence) for one in significant)
+        texts = (_influence_text(one, 1.0 - found.flights.confidence) for one in significant)
         return significant[0].parameter, "; ".join(texts)
     if not influences:
         return "", ""

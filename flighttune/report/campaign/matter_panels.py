@@ -149,7 +149,7 @@ def _panel(
         for place, one in _placed(own, names):
             size = one.rho if kind == "rho" else 100.0 * max(0.0, one.share)
             lo, hi = (one.lo, one.hi) if kind == "rho" else (0.0, size)
-            apart = (one.p_rho if kind == "rho" else one.p_share) < 1.0 - found.confidence
+            apart = (one.p_rho if kind == "rho" else one.p_share) < 1.0 - found.flights.confidence
             at = Estimate(value=size, lo=lo, hi=hi, n=one.n)
             dot(chart, place + below, at, styles[group.label], group.label, filled=apart)
     chart.x_range = (-1.04, 1.04) if kind == "rho" else (-2.0, 102.0)
