@@ -33,9 +33,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from bench_jsbsim import bare
 
-from flighttune.campaign import Campaign, Plan, plan_campaign, plan_from
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.schema import CampaignTable
+from flighttune.campaign.planning.plan import Plan, plan_campaign, plan_from
+from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.scenario import load_scenario, scenario_from
 
 STEPS, BARE_SECONDS = 4000, 60.0

@@ -7,7 +7,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flighttune.campaign import Campaign, Plan, load_campaign, plan_campaign, run_campaign
+    from flighttune.campaign.engine.engine import run_campaign
+    from flighttune.campaign.planning.load import load_campaign
+    from flighttune.campaign.planning.plan import Plan, plan_campaign
+    from flighttune.campaign.planning.schema import Campaign
     from flighttune.certificates import (
         Certificate,
         certify,
@@ -57,118 +60,45 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "campaign": (
-        "Campaign",
-        "Plan",
-        "load_campaign",
-        "plan_campaign",
-        "run_campaign",
-    ),
-    "certificates": (
-        "Certificate",
-        "certify",
-        "load_certificate",
-        "save_certificate",
-        "verify",
-    ),
-    "comparison": (
-        "Comparison",
-        "compare",
-    ),
-    "control.controller": (
-        "Controller",
-        "FlightCondition",
-        "LawSetup",
-        "Measured",
-        "ReferenceSample",
-    ),
-    "control.exact_law": (
-        "ExactLaw",
-        "command_gains",
-        "rate_gains",
-    ),
-    "control.gains": (
-        "PAPER_GAINS",
-        "PIGains",
-    ),
-    "control.inner_loop": ("InnerLag",),
-    "control.limits": (
-        "CommandLimiter",
-        "Limits",
-    ),
-    "control.linear_model": (
-        "LinearModel",
-        "closed_loop",
-        "kinematic_model",
-    ),
-    "control.mimo_pi": ("MimoPI",),
-    "errors": ("FlightTuneError",),
-    "flight.fly": (
-        "FlownScenario",
-        "fly",
-    ),
-    "flight.gap": (
-        "Gap",
-        "explain_gap",
-    ),
-    "flight.outer_loop": (
-        "certify_scenario",
-        "tune_scenario",
-        "tuning_problem",
-    ),
-    "flight.refly": ("refly",),
-    "identify.file": (
-        "load_identified",
-        "save_identified",
-    ),
-    "identify.identify": ("identify_aircraft",),
-    "metrics": (
-        "channel_metrics",
-        "flight_metrics",
-    ),
-    "plants.base": (
-        "COMMON_SIGNALS",
-        "Plant",
-        "Stop",
-    ),
-    "plants.jsbsim.plant": ("JSBSimPlant",),
-    "plants.lagged": ("LaggedPlant",),
-    "plants.point_mass": ("PointMassPlant",),
-    "plants.sensors": ("Sensors",),
-    "recording.load": (
-        "Recording",
-        "load_recording",
-    ),
-    "recording.notebook": (
-        "plot",
-        "show",
-    ),
-    "recording.record": ("record",),
-    "report.page": (
-        "Report",
-        "write_report",
-    ),
-    "scenario": (
-        "Scenario",
-        "load_gains",
-        "load_scenario",
-        "scenario_from",
-    ),
-    "simulate.reference": ("Reference",),
-    "simulate.run": (
-        "Provenance",
-        "Run",
-    ),
-    "theory.indicators": (
-        "Indicators",
-        "indicators",
-        "indicators_batch",
-    ),
-    "tuning.problem": ("TuningProblem",),
-    "tuning.result": ("TuningResult",),
-    "tuning.tune": ("tune",),
+    "campaign.engine.engine": "run_campaign",
+    "campaign.planning.load": "load_campaign",
+    "campaign.planning.plan": "Plan plan_campaign",
+    "campaign.planning.schema": "Campaign",
+    "certificates": "Certificate certify load_certificate save_certificate verify",
+    "comparison": "Comparison compare",
+    "control.controller": "Controller FlightCondition LawSetup Measured ReferenceSample",
+    "control.exact_law": "ExactLaw command_gains rate_gains",
+    "control.gains": "PAPER_GAINS PIGains",
+    "control.inner_loop": "InnerLag",
+    "control.limits": "CommandLimiter Limits",
+    "control.linear_model": "LinearModel closed_loop kinematic_model",
+    "control.mimo_pi": "MimoPI",
+    "errors": "FlightTuneError",
+    "flight.fly": "FlownScenario fly",
+    "flight.gap": "Gap explain_gap",
+    "flight.outer_loop": "certify_scenario tune_scenario tuning_problem",
+    "flight.refly": "refly",
+    "identify.file": "load_identified save_identified",
+    "identify.identify": "identify_aircraft",
+    "metrics": "channel_metrics flight_metrics",
+    "plants.base": "COMMON_SIGNALS Plant Stop",
+    "plants.jsbsim.plant": "JSBSimPlant",
+    "plants.lagged": "LaggedPlant",
+    "plants.point_mass": "PointMassPlant",
+    "plants.sensors": "Sensors",
+    "recording.load": "Recording load_recording",
+    "recording.notebook": "plot show",
+    "recording.record": "record",
+    "report.page": "Report write_report",
+    "scenario": "Scenario load_gains load_scenario scenario_from",
+    "simulate.reference": "Reference",
+    "simulate.run": "Provenance Run",
+    "theory.indicators": "Indicators indicators indicators_batch",
+    "tuning.problem": "TuningProblem",
+    "tuning.result": "TuningResult",
+    "tuning.tune": "tune",
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
 __all__ = [
     "COMMON_SIGNALS",

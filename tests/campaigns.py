@@ -13,7 +13,8 @@ from pathlib import Path
 import psutil
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.campaign import load_campaign, plan_campaign
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.shipped import aircraft_folder
 

@@ -1,7 +1,7 @@
 """Plans of short flights for tests, without files: a scenario's tables and what is dispersed."""
 
-from flighttune.campaign import Campaign, plan_campaign
-from flighttune.campaign.planning.schema import CampaignTable
+from flighttune.campaign.planning.plan import plan_campaign
+from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.scenario import scenario_from
 
 SOFT = {"name": "soft", "K_P": [[0.8, 0.1], [-0.1, 0.9]], "K_I": [[0.4, 0.0], [0.0, 0.4]]}

@@ -15,9 +15,11 @@ from fuzzing import files, to_json, to_toml
 from hypothesis import HealthCheck, given, settings
 
 from flighttune.aircraft.aircraft import files_hash, load_aircraft
-from flighttune.campaign import dataset, load_campaign, plan_campaign
+from flighttune.campaign import dataset
 from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.certificates import load_certificate, verify
 from flighttune.certificates.file import certificate_tables
 from flighttune.comparison import load_tolerances

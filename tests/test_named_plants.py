@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flighttune.campaign import load_campaign, plan_campaign
 from flighttune.campaign.flying.refly import scenario_of_run
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.comparison import compare, load_source
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, ScenarioError

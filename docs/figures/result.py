@@ -11,8 +11,10 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flighttune.campaign import load_campaign, plan_campaign, run_campaign
 from flighttune.campaign.dataset import open_dataset
+from flighttune.campaign.engine.engine import run_campaign
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.flight.fly import fly
 from flighttune.paper.style import RC

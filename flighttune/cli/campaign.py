@@ -257,8 +257,8 @@ def tune(
     The gains with the lowest percentile of a metric are chosen; their probability of being the
     best of the candidates is given.
     """
-    from flighttune.campaign import load_campaign
     from flighttune.campaign.choice.robust import METRICS, RobustSettings, tune_robust
+    from flighttune.campaign.planning.load import load_campaign
 
     check_ending(out, ".json")
     settings = RobustSettings(
@@ -351,7 +351,8 @@ def _row(dataset: "Dataset", run: int) -> dict[str, Any]:
 
 def _planned(file: str, runs: int | None, folder: str, *, resume: bool) -> "Plan":
     """The plan of a file; a campaign that was made longer by --runs stays so when it is resumed."""
-    from flighttune.campaign import load_campaign, plan_campaign
+    from flighttune.campaign.planning.load import load_campaign
+    from flighttune.campaign.planning.plan import plan_campaign
 
     plan = plan_campaign(load_campaign(file), runs=runs)
     if runs is None and resume:

@@ -28,10 +28,11 @@ from campaigns import (
     write_campaign,
 )
 
-from flighttune.campaign import load_campaign, plan_campaign
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.errors import CampaignError
 
 pytestmark = pytest.mark.slow  # real clusters, processes that are killed

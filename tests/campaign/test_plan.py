@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import sobol_indices
 
-from flighttune.campaign import Campaign, load_campaign, plan_campaign, plan_from
 from flighttune.campaign.planning.draws import SEED
-from flighttune.campaign.planning.schema import CampaignTable
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign, plan_from
+from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_set
 from flighttune.scenario import load_scenario, scenario_from

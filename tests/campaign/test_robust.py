@@ -9,7 +9,6 @@ import pytest
 from campaigns import Notes
 from commands import answer, flighttune
 
-from flighttune.campaign import load_campaign, plan_campaign
 from flighttune.campaign.choice.robust import (
     RobustSettings,
     frontier_candidates,
@@ -19,6 +18,8 @@ from flighttune.campaign.choice.robust import (
     with_gains,
 )
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from flighttune.campaign import load_campaign
+from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.schema import (
     DISTRIBUTIONS,
     CampaignTable,

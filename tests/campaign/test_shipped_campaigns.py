@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from flighttune.campaign import load_campaign, plan_campaign
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.shipped import campaign_files
 
 pytestmark = pytest.mark.slow

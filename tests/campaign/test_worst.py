@@ -14,10 +14,11 @@ from commands import answer, flighttune
 from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
 from scipy.stats import chi2, norm
 
-from flighttune.campaign import load_campaign, plan_campaign
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.conform import at_random
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.planning.tube_bounds import TubeBounds
 from flighttune.campaign.stated_set import planned
 from flighttune.campaign.worst import (

@@ -12,7 +12,8 @@ FLY = """
 import sys
 if sys.argv[1:]:
     sys.modules["numba"] = None
-from flighttune.campaign import load_campaign, plan_campaign
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.flying.rows import fly_runs
 rows = fly_runs(plan_campaign(load_campaign("kinematic_sweep")), range(6))
 print(*rows.column("chi.ITAE").to_pylist(), *rows.column("gamma.peak_rad").to_pylist())
