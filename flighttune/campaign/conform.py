@@ -14,8 +14,7 @@ import pyarrow as pa
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import Span
-from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
-from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import plant_table
 from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.places import spelled
@@ -124,14 +123,7 @@ class ConformSettings:
             raise InputError(f"`attempts` must be at least 1, got {self.attempts}.")
 
 
-def conform(
-    source: str,
-    settings: ConformSettings,
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
-) -> Conformance | None:
+def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conformance | None:
     """Learn boxes of the residual rates of an aircraft, and count fresh flights against them.
 
     Parameters
@@ -140,10 +132,8 @@ def conform(
         Folder of a campaign, whose draws are learned from; a campaign or scenario file or the name
         of a shipped one; or an aircraft (name or folder), which flies a random campaign of its own.
     settings : ConformSettings
-    workers, scheduler
-        As of `flighttune.campaign.run_campaign`.
-    observer : CampaignObserver, optional
-        Told how far it is; may stop it.
+    pool : WorkerPool
+        Flies; its observer may stop it.
 
     Returns
     -------
@@ -166,7 +156,7 @@ def conform(
     design of those learned from. A count ends early once a flight is outside: it has failed.
     """
     plan = _planned(source, settings)
-    group = _chosen(plan, settings)
+    group = plan.chosen_group(settings.plant, settings.gains, kind="jsbsim")
     air = settings.air or air_of(plan.campaign.central)
     campaign = in_air(plan.campaign, air)
     in_this_air = replace(plan, campaign=campaign)
@@ -178,9 +168,7 @@ def conform(
     )
     aircraft = plant_table(campaign.nominal, group.plant).aircraft or ""
     learned = replace(
-        in_this_air,
-        gain_sets={group.gains: plan.gain_sets[group.gains]},
-        groups=(group,),
+        in_this_air.of_group(group),
         runs=plan.draws,
         aircraft={aircraft: plan.aircraft[aircraft]},
         residuals=summary,
@@ -189,20 +177,18 @@ def conform(
     first, each = plan.draws, settings.flights
     fresh = replace(learned, campaign=at_random(campaign), runs=first + settings.attempts * each)
     attempts: list[Attempt] = []
-    with campaign_workers(workers, scheduler) as start:
-        pool = WorkerPool(start, observer)
-        known = _flown(pool, learned, Span(0, first), "learning")
-        while known is not None:
-            boxes, widened = fitted_boxes(summary.windows, *known.completed, each)
-            counted = _counted(pool, fresh, Span(first, first + each), boxes)
-            if counted is None:
-                break
-            outside = int(np.sum(~boxes.hold(counted.low, counted.high)))
-            attempts.append(Attempt(len(known.low), len(counted.low), outside, widened))
-            if not outside or len(attempts) == settings.attempts:
-                return _conformance(fresh, group, settings, boxes, attempts)
-            first += len(counted.low)
-            known = _Residuals.joined([known, counted])
+    known = _flown(pool, learned, Span(0, first), "learning")
+    while known is not None:
+        boxes, widened = fitted_boxes(summary.windows, *known.completed, each)
+        counted = _counted(pool, fresh, Span(first, first + each), boxes)
+        if counted is None:
+            break
+        outside = int(np.sum(~boxes.hold(counted.low, counted.high)))
+        attempts.append(Attempt(len(known.low), len(counted.low), outside, widened))
+        if not outside or len(attempts) == settings.attempts:
+            return _conformance(fresh, group, settings, boxes, attempts)
+        first += len(counted.low)
+        known = _Residuals.joined([known, counted])
     return None
 
 
@@ -294,22 +280,6 @@ def _planned(source: str, settings: ConformSettings) -> Plan:
         start_deg=settings.start_deg,
         draws=OWN_FLIGHTS,
     )
-
-
-def _chosen(plan: Plan, settings: ConformSettings) -> Group:
-    """The aircraft and the gain set that are meant."""
-    plants = [table.label for table in plan.scenario.plant if table.kind == "jsbsim"]
-    plant = settings.plant or next(iter(plants), "")
-    if plant not in plants:
-        known = ", ".join(plants) or "one of kind jsbsim"
-        got = settings.plant or ", ".join(table.label for table in plan.scenario.plant)
-        raise InputError(f"`plant` must be {known}, got {got}.")
-    names = list(plan.gain_sets)
-    name = settings.gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
-    if plan.gain_sets.get(name) is None:
-        got = f"{name!r}, which tuning did not find" if name in names else repr(name)
-        raise InputError(f"`gains` must be one of {', '.join(names)}, got {got}.")
-    return Group(plant, name)
 
 
 def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:

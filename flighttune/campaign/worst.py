@@ -12,8 +12,7 @@ from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import Span
-from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
-from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.columns import TUBE_SHARE
 from flighttune.campaign.flying.refly import scenario_of_run
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
@@ -23,7 +22,7 @@ from flighttune.campaign.planning.tube_bounds import TubeBounds
 from flighttune.campaign.stated_set import planned
 from flighttune.errors import InputError
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED_IDENTIFIED, in_rad
+from flighttune.scenario.tables import in_rad
 from flighttune.units import DEG
 
 MARGIN = "margin"
@@ -188,14 +187,7 @@ class RareMiss:
     flights: int
 
 
-def find_worst(
-    source: str,
-    settings: WorstSettings,
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
-) -> WorstFlight | None:
+def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstFlight | None:
     """Search the stated set of a campaign or scenario for its worst flight.
 
     Parameters
@@ -203,10 +195,8 @@ def find_worst(
     source : str
         Folder of a campaign, a campaign file, a scenario file, or the name of a shipped one.
     settings : WorstSettings
-    workers, scheduler
-        As of `flighttune.campaign.run_campaign`.
-    observer : CampaignObserver, optional
-        Told how far it is; may stop it.
+    pool : WorkerPool
+        Flies; its observer may stop it.
 
     Returns
     -------
@@ -229,12 +219,10 @@ def find_worst(
     ----------
     .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
     """
-    search = _Search.of(source, settings)
-    with campaign_workers(workers, scheduler) as start:
-        search.pool = WorkerPool(start, observer)
-        found = search_worst(
-            search.values, search.dimension, budget=settings.budget, seed=settings.seed
-        )
+    search = _Search(source, settings, pool)
+    found = search_worst(
+        search.values, search.dimension, budget=settings.budget, seed=settings.seed
+    )
     if found is None:
         return None
     z, seed, first = found
@@ -257,19 +245,13 @@ def find_worst(
 
 
 def rare_miss(
-    source: str,
-    settings: WorstSettings,
-    *,
-    threshold: float = 0.0,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
+    source: str, settings: WorstSettings, pool: WorkerPool, *, threshold: float = 0.0
 ) -> RareMiss | None:
     """Probability that a flight of a campaign reaches a threshold, by subset simulation.
 
     Parameters
     ----------
-    source, settings, workers, scheduler, observer
+    source, settings, pool
         As of `find_worst`; a fifth of the budget is flown at each level.
     threshold : float
         Value of the metric from which on a flight is a miss: 0 for the margin.
@@ -284,16 +266,14 @@ def rare_miss(
     InputError, ScenarioError
         As `find_worst`.
     """
-    search = _Search.of(source, settings)
-    with campaign_workers(workers, scheduler) as start:
-        search.pool = WorkerPool(start, observer)
-        found = subset_simulation(
-            search.values,
-            search.dimension,
-            threshold=threshold,
-            budget=settings.budget,
-            seed=settings.seed,
-        )
+    search = _Search(source, settings, pool)
+    found = subset_simulation(
+        search.values,
+        search.dimension,
+        threshold=threshold,
+        budget=settings.budget,
+        seed=settings.seed,
+    )
     return found and replace(found, metric=search.metric)
 
 
@@ -476,43 +456,24 @@ def _rare(
 class _Search:
     """Flies draws of a campaign by the workers, and keeps the worst row."""
 
-    pool: WorkerPool
-
-    def __init__(self, plan: Plan, metric: str, *, completed: bool = False) -> None:
-        self._plan, self.metric, self.flights = plan, metric, 0
-        self._failed = -FAILED if completed else FAILED
-        self.worst: dict[str, Any] = {"value": -math.inf}
-
-    @classmethod
-    def of(cls, source: str, settings: WorstSettings) -> "_Search":
-        """The search of a source.
-
-        Raises
-        ------
-        InputError, ScenarioError
-            As `find_worst`.
-        """
+    def __init__(self, source: str, settings: WorstSettings, pool: WorkerPool) -> None:
         plan = planned(
             source,
             plant=settings.plant,
             start_deg=settings.start_deg,
             disturbance=settings.disturbance,
         )
-        group = _chosen(plan, settings)
+        group = plan.chosen_group(settings.plant, settings.gains)
         if not plan.keys:
             raise InputError(
                 f"{source}: `disperse` must have a key to search; of a scenario give --start-deg "
                 "or --disturbance."
             )
-        plan = replace(
-            plan,
-            groups=(group,),
-            gain_sets={group.gains: plan.gain_sets[group.gains]},
-            runs=1,
-            tube=settings.tube,
-        )
-        metric = TUBE if plan.tube else settings.metric or _metric_of(plan, group)
-        return cls(plan, metric, completed=settings.completed)
+        self._plan = replace(plan.of_group(group), runs=1, tube=settings.tube)
+        self.metric = TUBE if settings.tube else settings.metric or _metric_of(plan, group)
+        self._failed = -FAILED if settings.completed else FAILED
+        self._pool, self.flights = pool, 0
+        self.worst: dict[str, Any] = {"value": -math.inf}
 
     @property
     def dimension(self) -> int:
@@ -547,7 +508,7 @@ class _Search:
                     self.worst = {**row, "value": value}
 
         plan = self.plan_of(draws)
-        if not self.pool.fly_rows(plan, [Span(0, plan.runs)], keep, doing="searching"):
+        if not self._pool.fly_rows(plan, [Span(0, plan.runs)], keep, doing="searching"):
             return None
         self.flights += plan.runs
         return found
@@ -595,17 +556,6 @@ def _metric_of(plan: Plan, group: Group) -> str:
         if table.meant(group.plant, group.gains)
     )
     return MARGIN if bounded else "chi.ITAE"
-
-
-def _chosen(plan: Plan, settings: WorstSettings) -> Group:
-    plants = [table.label for table in plan.scenario.plant]
-    plant, names = settings.plant or plants[0], list(plan.gain_sets)
-    if plant not in plants:
-        raise InputError(f"`plant` must be one of {', '.join(plants)}, got {plant!r}.")
-    name = settings.gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
-    if plan.gain_sets.get(name) is None:
-        raise InputError(f"`gains` must be one of {', '.join(names)}, got {name!r}.")
-    return Group(plant, name)
 
 
 def _named(scenario: Scenario, title: str) -> Scenario:

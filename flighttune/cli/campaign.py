@@ -15,7 +15,7 @@ from flighttune.cli.options import (
     check_ending,
     out_folder,
 )
-from flighttune.cli.progress import campaign_display, duration, progress_bar, rate
+from flighttune.cli.progress import campaign_display, campaign_pool, duration, progress_bar, rate
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick, table, tell
 from flighttune.errors import CampaignError, OutputError, RecordingError
 from flighttune.present.names import metric_label
@@ -270,10 +270,8 @@ def tune(
         plants=tuple(plant or ()),
     )
     loaded = load_campaign(file)
-    with campaign_display() as observer:
-        found = tune_robust(
-            loaded, settings, workers=workers, scheduler=scheduler, observer=observer
-        )
+    with campaign_pool(workers, scheduler) as pool:
+        found = tune_robust(loaded, settings, pool)
     answer = _choice_json(found, file)
     written = out if found.status == "chosen" else None
     if written is not None:

@@ -15,7 +15,7 @@ from flighttune.cli.options import (
     check_ending,
     scenario_names,
 )
-from flighttune.cli.progress import campaign_display
+from flighttune.cli.progress import campaign_pool
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, table
 from flighttune.present.tables import Table
 
@@ -93,10 +93,8 @@ def conform(
         window=window,
         start_deg=start_deg,
     )
-    with campaign_display() as observer:
-        found = learn_and_count(
-            source, settings, workers=workers, scheduler=scheduler, observer=observer
-        )
+    with campaign_pool(workers, scheduler) as pool:
+        found = learn_and_count(source, settings, pool)
     if found is None:
         fail(f"{source}: interrupted, nothing is written", INTERRUPTED)
     if found.holds:

@@ -5,10 +5,13 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.cli.show import clear, quiet, tell, watched
+
+if TYPE_CHECKING:
+    from flighttune.campaign.engine.pool import WorkerPool
 
 LINE_EVERY_S = 10.0
 SIGNALS = [
@@ -117,6 +120,15 @@ def campaign_display() -> Iterator[CampaignDisplay]:
     display = CampaignDisplay(bar)
     with stop_on_interrupt(display.stop), bar or nullcontext():
         yield display
+
+
+@contextmanager
+def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[WorkerPool]":
+    """Workers for the block that show how far they are; Ctrl-C or SIGTERM stops them."""
+    from flighttune.campaign.engine.pool import worker_pool
+
+    with campaign_display() as observer, worker_pool(workers, scheduler, observer) as pool:
+        yield pool
 
 
 def _parts(progress: CampaignProgress) -> list[str]:

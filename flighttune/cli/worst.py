@@ -9,7 +9,7 @@ from typer import Option
 
 from flighttune.cli.campaign import SchedulerOption, WorkersOption
 from flighttune.cli.options import campaign_names, check_ending, scenario_names
-from flighttune.cli.progress import campaign_display
+from flighttune.cli.progress import campaign_pool
 from flighttune.cli.show import INTERRUPTED, emit, fail, pick
 from flighttune.present.numbers import number
 
@@ -97,13 +97,12 @@ def worst(
         disturbance=disturbance,
         seed=seed,
     )
-    with campaign_display() as observer:
-        shared = {"workers": workers, "scheduler": scheduler, "observer": observer}
+    miss = found = None
+    with campaign_pool(workers, scheduler) as pool:
         if rare:
-            miss = rare_miss(source, settings, threshold=threshold, **shared)
-            found = None
+            miss = rare_miss(source, settings, pool, threshold=threshold)
         else:
-            miss, found = None, find_worst(source, settings, **shared)
+            found = find_worst(source, settings, pool)
     if miss is not None:
         emit(_rare_json(miss), _rare_text(miss))
         return

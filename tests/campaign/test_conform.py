@@ -1,7 +1,7 @@
 """Boxes learned and counted: the statistics of the count, and flights of small campaigns."""
 
 import json
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import chain
 from unittest import mock
@@ -23,6 +23,7 @@ from flighttune.campaign.conform import (
     in_air,
     own_campaign,
 )
+from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.plan import plan_from
 from flighttune.conformance import Windows, load_conformance, save_conformance
@@ -46,25 +47,22 @@ def flown_here(plan, rows=fly_runs):
     """Fly in this process, without workers: what `conform` plans for "campaign" is `plan`."""
 
     class Pool:
-        def __init__(self, start, observer):
-            pass
-
         def fly_rows(self, plan, gaps, keep, doing):
             for gap in gaps:
                 keep(rows(plan, range(gap.first, gap.end)))
             return True
 
     with (
-        mock.patch.object(conform_module, "WorkerPool", Pool),
+        mock.patch.object(pool_module, "worker_pool", return_value=nullcontext(Pool())),
         mock.patch.object(conform_module, "_planned", return_value=plan),
     ):
-        yield
+        yield Pool()
 
 
 @pytest.fixture(scope="module")
 def found():
-    with flown_here(small_plan()):
-        return conform("campaign", FEW)
+    with flown_here(small_plan()) as pool:
+        return conform("campaign", FEW, pool)
 
 
 @pytest.mark.parametrize(
@@ -102,10 +100,10 @@ def test_false_claims_are_as_rare_as_the_confidence_says():
         return pa.table({"run": list(runs), "residual_low": low, "residual_high": high})
 
     claims = 0
-    with flown_here(small_plan(runs=1), rows):
+    with flown_here(small_plan(runs=1), rows) as pool:
         for _ in range(30):
             calls.clear()
-            claims += conform("campaign", settings).holds
+            claims += conform("campaign", settings, pool).holds
 
     # 30 at a probability of at most 0.1: more than 9 happen once in 2000 times.
     assert claims <= 9
@@ -122,8 +120,8 @@ def test_counted_flights_are_not_those_learned_from_and_none_is_flown_twice():
             table.schema.get_field_index("residual_high"), "residual_high", pa.array(wide)
         )
 
-    with flown_here(small_plan(runs=2), rows):
-        found = conform("campaign", FEW)
+    with flown_here(small_plan(runs=2), rows) as pool:
+        found = conform("campaign", FEW, pool)
 
     each = FEW.flights
     assert [len(runs) for runs in flown] == [2, each, each, each]

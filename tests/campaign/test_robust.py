@@ -17,6 +17,7 @@ from flighttune.campaign.choice.robust import (
     tune_robust,
     with_gains,
 )
+from flighttune.campaign.engine.pool import worker_pool
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
@@ -68,9 +69,14 @@ def campaign(tmp_path_factory):
     return load_campaign(write(tmp_path_factory.mktemp("law")))
 
 
+def tuned(campaign, settings=SETTINGS, **workers):
+    with worker_pool(**workers) as pool:
+        return tune_robust(campaign, settings, pool)
+
+
 @pytest.fixture(scope="module")
 def chosen(campaign, address):
-    return tune_robust(campaign, SETTINGS, scheduler=address)
+    return tuned(campaign, scheduler=address)
 
 
 def test_candidates_are_the_points_of_the_frontier(campaign):
@@ -130,7 +136,7 @@ def test_the_choice_says_how_sure_it_is(chosen):
 
 
 def test_the_choice_does_not_depend_on_who_flies(campaign, chosen):
-    local = tune_robust(campaign, SETTINGS, workers=2)
+    local = tuned(campaign, workers=2)
 
     for one, other in zip(
         (local.best, *local.candidates, *local.baselines),
@@ -147,7 +153,7 @@ def test_the_choice_does_not_depend_on_who_flies(campaign, chosen):
 def test_a_stopped_choice_says_so(campaign, address):
     observer = Notes(until=lambda progress: True)
 
-    found = tune_robust(campaign, SETTINGS, scheduler=address, observer=observer)
+    found = tuned(campaign, scheduler=address, observer=observer)
 
     assert found.status == "interrupted"
     assert found.best is None
@@ -189,7 +195,7 @@ def test_settings_that_cannot_be_are_refused(settings, message):
 
 def test_a_plant_must_be_one_of_the_campaign(campaign):
     with pytest.raises(InputError, match="`plant` must be one of kinematic, got 'glider'"):
-        tune_robust(campaign, RobustSettings(plants=("glider",)))
+        tuned(campaign, RobustSettings(plants=("glider",)))
 
 
 def test_the_command_answers_and_writes_gains_that_other_commands_read(tmp_path, address):
@@ -246,9 +252,8 @@ def test_gains_of_the_exact_law_are_chosen_as_rates_on_the_same_draws(tmp_path, 
     file.write_text(file.read_text().replace('"paper"\nseed', '"exact.toml"\nseed'))
     campaign = load_campaign(file)
 
-    found = tune_robust(
-        campaign, dataclasses.replace(SETTINGS, candidates=3, draws=40), scheduler=address
-    )
+    few = dataclasses.replace(SETTINGS, candidates=3, draws=40)
+    found = tuned(campaign, few, scheduler=address)
 
     assert found.status == "chosen"
     assert acts_on_rates(found.best.candidate.gains)
@@ -266,7 +271,7 @@ def test_two_laws_are_refused(campaign):
     both = scenario_from(campaign.nominal.as_dict() | {"law": ["paper", "exact"]})
 
     with pytest.raises(InputError, match=r"`law` must be paper or exact, .* got paper, exact"):
-        tune_robust(campaign.model_copy(update={"nominal": both}))
+        tuned(campaign.model_copy(update={"nominal": both}))
 
 
 def test_tuned_gains_can_be_written_to_a_file(tmp_path):

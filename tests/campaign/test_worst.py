@@ -2,7 +2,7 @@
 
 import json
 import math
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from unittest import mock
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.stats import chi2, norm
 
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.conform import at_random
+from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
@@ -53,19 +54,16 @@ def flown_here(plan):
     """Fly in this process, without workers: what is planned for "campaign" is `plan`."""
 
     class Pool:
-        def __init__(self, start, observer):
-            pass
-
         def fly_rows(self, plan, gaps, keep, doing):
             for gap in gaps:
                 keep(fly_runs(plan, range(gap.first, gap.end)))
             return True
 
     with (
-        mock.patch.object(worst_module, "WorkerPool", Pool),
+        mock.patch.object(pool_module, "worker_pool", return_value=nullcontext(Pool())),
         mock.patch.object(worst_module, "planned", return_value=plan),
     ):
-        yield
+        yield Pool()
 
 
 @pytest.mark.parametrize("dimension", [2, 8, 20])
@@ -135,8 +133,8 @@ def test_what_is_never_reached_has_a_ceiling_only():
 
 def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
     plan = small_plan()
-    with flown_here(plan):
-        found = find_worst("campaign", WorstSettings(budget=320, metric="chi.peak_rad"))
+    with flown_here(plan) as pool:
+        found = find_worst("campaign", WorstSettings(budget=320, metric="chi.peak_rad"), pool)
 
     rows = fly_runs(plan.with_runs(300), range(300)).to_pandas()
     assert found.value > rows["chi.peak_rad"].max()
@@ -150,8 +148,8 @@ def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was
 def test_probability_of_a_miss_agrees_with_counting():
     """Starts are uniform and the error is largest at the start: |chi_0| > 35 of 40 deg."""
     plan = small_plan(expect=[DEMAND])
-    with flown_here(plan):
-        miss = rare_miss("campaign", WorstSettings(budget=2000))
+    with flown_here(plan) as pool:
+        miss = rare_miss("campaign", WorstSettings(budget=2000), pool)
 
     assert miss.metric == "margin"
     assert miss.low <= 5.0 / 40.0 <= miss.high
@@ -196,8 +194,9 @@ def test_flights_that_end_early_are_the_worst_or_left_out():
         return True
 
     for completed, worst in ((False, 1), (True, 2)):
-        search = worst_module._Search(plan, "chi.ITAE", completed=completed)
-        search.pool = mock.Mock(fly_rows=fly_rows)
+        settings = WorstSettings(metric="chi.ITAE", completed=completed)
+        with mock.patch.object(worst_module, "planned", return_value=plan):
+            search = worst_module._Search("campaign", settings, mock.Mock(fly_rows=fly_rows))
         found = search.values(worst_module.Draws(np.zeros((3, 2)), np.arange(3)))
         assert np.argmax(found) == worst
         assert search.worst["run"] == worst
@@ -240,8 +239,8 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     signals = pd.DataFrame({"chi_err": 0.0, "gamma_err": 0.0}, index=run.signals.index)
     width = np.radians(20.0)
     tube = tube_around(signals, tmp_path / "tube.parquet", below=width, above=width)
-    with flown_here(plan):
-        found = find_worst("campaign", WorstSettings(budget=96, tube=tube))
+    with flown_here(plan) as pool:
+        found = find_worst("campaign", WorstSettings(budget=96, tube=tube), pool)
 
         said = answer(
             "worst", "campaign", "--budget", 32, "--tube", tmp_path / "tube.parquet", "--out",

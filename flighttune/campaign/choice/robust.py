@@ -11,8 +11,7 @@ import pyarrow as pa
 
 from flighttune.campaign.choice.race import Race, Tried, race
 from flighttune.campaign.dataset import Span
-from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
-from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
 from flighttune.campaign.statistics.intervals import (
@@ -182,14 +181,7 @@ class RobustSettings:
             raise InputError(f"`draws` must be at least 1, got {self.draws}.")
 
 
-def tune_robust(
-    campaign: Campaign,
-    settings: RobustSettings | None = None,
-    *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
-) -> RobustChoice:
+def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) -> RobustChoice:
     """Choose gains of the frontier by flying them on the draws of a campaign.
 
     Parameters
@@ -197,13 +189,9 @@ def tune_robust(
     campaign : Campaign
         Its scenario gives the frontier, its draws and plants the flights; its own gain sets are
         flown as baselines.
-    settings : RobustSettings, optional
-    workers : int, optional
-        Processes on this machine; by default one a core. The choice does not depend on it.
-    scheduler : str, optional
-        Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
-    observer : CampaignObserver, optional
-        Receives the progress; may stop the flights.
+    settings : RobustSettings
+    pool : WorkerPool
+        Flies; its observer may stop it. The choice does not depend on the number of workers.
 
     Returns
     -------
@@ -212,11 +200,10 @@ def tune_robust(
     Raises
     ------
     InputError
-        If the campaign has no such plant, or dask.distributed is not installed.
+        If the campaign has no such plant.
     CampaignError
         If the cluster is gone.
     """
-    settings = settings or RobustSettings()
     laws = campaign.nominal.laws
     if [law.kind for law in laws] not in (["paper"], ["exact"]):
         raise InputError(
@@ -237,33 +224,31 @@ def tune_robust(
     gain_sets = {one.name: one.gains for one in (*candidates, *baselines)}
     draws = planned.draws if settings.draws is None else settings.draws
     early_ends: Counter[str] = Counter()
-    with campaign_workers(workers, scheduler) as start:
-        pool = WorkerPool(start, observer)
 
-        def fly(names: Sequence[str], first: int, end: int) -> Tried | None:
-            plan = plan_campaign(with_gains(campaign, {name: gain_sets[name] for name in names}))
-            each = len(plan.groups)
-            plan, span = plan.with_runs(each * draws), Span(each * first, each * end)
-            doing = f"flying {len(names)} gain sets on draws {first} to {end}"
-            tables: list[pa.Table] = []
-            if not pool.fly_rows(plan, [span], tables.append, doing=doing):
-                return None
-            rows = pa.concat_tables(tables).sort_by("run").to_pandas()
-            rows["gains"] = [campaign.nominal.law_of(name)[1] for name in rows["gains"]]
-            early = rows.loc[(rows["status"] != "completed").to_numpy(), ["status", "reason"]]
-            early_ends.update(": ".join(one) for one in early.to_numpy().tolist())
-            return scored(rows, names, settings.metrics)
+    def fly(names: Sequence[str], first: int, end: int) -> Tried | None:
+        plan = plan_campaign(with_gains(campaign, {name: gain_sets[name] for name in names}))
+        each = len(plan.groups)
+        plan, span = plan.with_runs(each * draws), Span(each * first, each * end)
+        doing = f"flying {len(names)} gain sets on draws {first} to {end}"
+        tables: list[pa.Table] = []
+        if not pool.fly_rows(plan, [span], tables.append, doing=doing):
+            return None
+        rows = pa.concat_tables(tables).sort_by("run").to_pandas()
+        rows["gains"] = [campaign.nominal.law_of(name)[1] for name in rows["gains"]]
+        early = rows.loc[(rows["status"] != "completed").to_numpy(), ["status", "reason"]]
+        early_ends.update(": ".join(one) for one in early.to_numpy().tolist())
+        return scored(rows, names, settings.metrics)
 
-        run = race(
-            [one.name for one in candidates],
-            fly,
-            draws=draws,
-            q=settings.percentile / 100.0,
-            least_success=settings.least_success,
-            baselines=[one.name for one in baselines],
-            cycle=planned.cycle,
-            seed=campaign.seed,
-        )
+    run = race(
+        [one.name for one in candidates],
+        fly,
+        draws=draws,
+        q=settings.percentile / 100.0,
+        least_success=settings.least_success,
+        baselines=[one.name for one in baselines],
+        cycle=planned.cycle,
+        seed=campaign.seed,
+    )
     if run is None:
         return RobustChoice(status="interrupted", reason="it was stopped before the first draws")
     results = {

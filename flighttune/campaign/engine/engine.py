@@ -17,7 +17,7 @@ from flighttune.campaign.dataset import (
 )
 from flighttune.campaign.engine.flyer import Flyer
 from flighttune.campaign.engine.here import is_small
-from flighttune.campaign.engine.pool import WorkerPool, campaign_workers
+from flighttune.campaign.engine.pool import WorkerPool, worker_pool
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, Tally
 from flighttune.campaign.lock import locked
 from flighttune.campaign.planning.plan import Plan
@@ -84,11 +84,11 @@ def run_campaign(
     halfwidth, done = None, True
     if workers is None and scheduler is None and is_small(plan):
         workers = 1
-    with campaign_workers(workers, scheduler, flyer=flyer) as start, locked(Path(out)):
+    with worker_pool(workers, scheduler, observer, flyer=flyer) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         tally = _counted(dataset, observer.hear)
-        plan, pool = dataset.plan, WorkerPool(start, observer)
+        plan = dataset.plan
         for runs in interim:
             gaps = missing(dataset.spans, runs)
             done = pool.fly_rows(plan, gaps, dataset.write_part, tally=tally)

@@ -32,9 +32,13 @@ MOST_LOSSES = 5
 
 
 @contextmanager
-def campaign_workers(
-    workers: int | None = None, scheduler: str | None = None, *, flyer: Flyer | None = None
-) -> Iterator[Callable[[], Workers]]:
+def worker_pool(
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+    *,
+    flyer: Flyer | None = None,
+) -> Iterator["WorkerPool"]:
     """Workers for the block: threads of this process, or those of a scheduler elsewhere.
 
     Parameters
@@ -43,20 +47,22 @@ def campaign_workers(
         Flights at a time on this machine; by default one per core.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
+    observer : CampaignObserver, optional
+        Receives the progress; may stop the flights.
     flyer : Flyer, optional
         A process, started already, for this machine's first thread; closed in any case.
 
     Yields
     ------
-    callable
-        Returns the workers; it connects to a scheduler at the first call.
+    WorkerPool
+        It connects to a scheduler when there is something to fly.
 
     Raises
     ------
     InputError
         If the arguments cannot be used.
     CampaignError
-        From the call, if no scheduler answers at the address.
+        From the first flights, if no scheduler answers at the address.
     """
     if workers is not None and scheduler is not None:
         raise InputError("`workers` must not be given with `scheduler`, which has its own.")
@@ -64,12 +70,12 @@ def campaign_workers(
         raise InputError(f"`workers` must be at least 1, got {workers}.")
     if scheduler is None:
         with workers_here(workers or cores(), flyer) as threads:
-            yield lambda: threads
+            yield WorkerPool(lambda: threads, observer)
         return
     if flyer is not None:
         flyer.close()
     with cluster(scheduler) as connect:
-        yield connect
+        yield WorkerPool(connect, observer)
 
 
 class WorkerPool:
@@ -78,7 +84,7 @@ class WorkerPool:
     Parameters
     ----------
     start : callable
-        Returns the workers, as `campaign_workers` gives it. Called when there is something to fly.
+        Returns the workers. Called when there is something to fly.
     observer : CampaignObserver, optional
         Receives the progress; may stop the flights.
 

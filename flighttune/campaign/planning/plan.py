@@ -142,6 +142,43 @@ class Plan:
         """
         return cycle(self.campaign)
 
+    def chosen_group(
+        self, plant: str | None, gains: str | None, *, kind: str | None = None
+    ) -> Group:
+        """The group that is asked for: by default the first plant, and the gains tuned on it.
+
+        Parameters
+        ----------
+        plant : str or None
+            Label of a plant.
+        gains : str or None
+            Name of a gain set; by default ``tuned_identified``, else the first.
+        kind : str, optional
+            That the plant must be of.
+
+        Raises
+        ------
+        InputError
+            If the plan has no such plant, or no gains of that name.
+        """
+        plants = [table.label for table in self.scenario.plant if kind in (None, table.kind)]
+        chosen = plant or next(iter(plants), "")
+        if chosen not in plants:
+            known = ", ".join(plants) or f"one of kind {kind}"
+            got = plant or ", ".join(table.label for table in self.scenario.plant)
+            raise InputError(f"`plant` must be {known}, got {got}.")
+        names = list(self.gain_sets)
+        name = gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
+        if self.gain_sets.get(name) is None:
+            got = f"{name!r}, which tuning did not find" if name in names else repr(name)
+            raise InputError(f"`gains` must be one of {', '.join(names)}, got {got}.")
+        return Group(chosen, name)
+
+    def of_group(self, group: Group) -> "Plan":
+        """The same plan for one of its groups alone."""
+        gain_sets = {group.gains: self.gain_sets[group.gains]}
+        return replace(self, groups=(group,), gain_sets=gain_sets)
+
     def with_runs(self, runs: int) -> "Plan":
         """The same plan for another number of flights."""
         return replace(self, runs=runs)
