@@ -164,9 +164,9 @@ class Plan:
         plants = [table.label for table in self.scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(plants), "")
         if chosen not in plants:
-            known = ", ".join(plants) or f"one of kind {kind}"
+            known = ", ".join(plants) or f"kind {kind}"
             got = plant or ", ".join(table.label for table in self.scenario.plant)
-            raise InputError(f"`plant` must be {known}, got {got}.")
+            raise InputError(f"`plant` must be one of {known}, got {got}.")
         names = list(self.gain_sets)
         name = gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
         if self.gain_sets.get(name) is None:
