@@ -70,12 +70,14 @@ def blueprint(
     if not drawn:
         return layout([page])
     tabs = {"Overview": _overview(drawn, plots)}
-    tabs |= {name: _beside_lanes(_tab(name, shown, drawn), name) for name, shown in plots.items()}
+    tabs |= {
+        name: _beside_lanes(_tab(name, shown, drawn), drawn, name) for name, shown in plots.items()
+    }
     if claims:
         tabs[CERTIFICATE_TAB] = _certificates(drawn, claims)
     if loops:
-        tabs[EIGENVALUES_TAB] = _beside_lanes(eigenvalue_tab(loops), EIGENVALUES_TAB)
-    tabs[PAGE_TAB] = _beside_lanes(page, PAGE_TAB)
+        tabs[EIGENVALUES_TAB] = _beside_lanes(eigenvalue_tab(loops), drawn, EIGENVALUES_TAB)
+    tabs[PAGE_TAB] = _beside_lanes(page, drawn, PAGE_TAB)
     first = [name for name in FIRST_TABS if name in tabs]
     return layout([tabs[name] for name in dict.fromkeys([*first, *tabs])])
 
@@ -102,16 +104,20 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     height = HEIGHT / max(len(beside), 1) - ABOVE_AXIS
     plants = {run.provenance.plant for run in runs}
     text = min(AROUND_READOUT + LINE * (1 + len(plants) + len(runs)), 0.55 * HEIGHT)
-    # The view from behind is as wide as high, or a little wider, like the aircraft in it.
-    lanes = min(max(ABOVE_LANES + LANE * len(drawn), 0.5 * HEIGHT), 0.6 * HEIGHT)
+    scene: rrb.Container | rrb.View = whole
+    right: rrb.Container | rrb.View = _lanes(drawn)
+    lanes = ABOVE_LANES + LANE * len(drawn)
+    if lanes > 0.6 * HEIGHT:  # the names of so many runs need the whole side
+        scene = rrb.Horizontal(whole, chase, column_shares=[3, 2])
+    else:
+        # The view from behind is as wide as high, or a little wider, like the aircraft in it.
+        lanes = max(lanes, 0.5 * HEIGHT)
+        right = rrb.Vertical(chase, right, row_shares=[HEIGHT - lanes, lanes])
+    now = rrb.TextDocumentView(origin=entities.NOW, name="Now")
     views = rrb.Horizontal(
-        rrb.Vertical(
-            whole,
-            rrb.TextDocumentView(origin=entities.NOW, name="Now"),
-            row_shares=[HEIGHT - text, text],
-        ),
+        rrb.Vertical(scene, now, row_shares=[HEIGHT - text, text]),
         rrb.Vertical(*(_plot(plot, runs, height) for plot in beside)),
-        rrb.Vertical(chase, _lanes(), row_shares=[HEIGHT - lanes, lanes]),
+        right,
         column_shares=[1.0 - SIDE - 0.31, 0.31, SIDE],
     )
     reading = rrb.TextDocumentView(origin=entities.READING, name="How to read", titlebar=False)
@@ -129,7 +135,7 @@ def leader(drawn: Sequence[DrawnRun]) -> DrawnRun:
 def _certificates(drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]) -> rrb.Container:
     views = certificate_tab(drawn, claims)
     columns = 1 if len(views) == 1 else 2 if len(views) <= 4 else 3
-    return _beside_lanes(rrb.Grid(*views, grid_columns=columns), CERTIFICATE_TAB)
+    return _beside_lanes(rrb.Grid(*views, grid_columns=columns), drawn, CERTIFICATE_TAB)
 
 
 def _tab(name: str, plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Container:
@@ -155,13 +161,16 @@ def _events() -> rrb.TextLogView:
     )
 
 
-def _beside_lanes(shown: rrb.Container | rrb.View, name: str) -> rrb.Container:
+def _beside_lanes(
+    shown: rrb.Container | rrb.View, drawn: Sequence[DrawnRun], name: str
+) -> rrb.Container:
     """`shown`, and beside it the lanes, which name the runs in their colours."""
-    return rrb.Horizontal(shown, _lanes(), column_shares=[1.0 - SIDE, SIDE], name=name)
+    return rrb.Horizontal(shown, _lanes(drawn), column_shares=[1.0 - SIDE, SIDE], name=name)
 
 
-def _lanes() -> rrb.StateTimelineView:
-    return lanes_view(entities.RUNS, "Runs: limits, guarantee")
+def _lanes(drawn: Sequence[DrawnRun]) -> rrb.StateTimelineView:
+    names = [entities.lane_name(drawn_run, len(drawn)) for drawn_run in drawn]
+    return lanes_view("Runs: limits, guarantee", names)
 
 
 def _plot(plot: Plot, runs: Sequence[Run], height: float) -> rrb.TimeSeriesView:

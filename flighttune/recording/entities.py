@@ -60,9 +60,6 @@ DAMPING = f"{PLOTS}/damping"
 END = 1.1
 """Where time axes end, over the longest flight: the last label has room."""
 
-RUNS = "runs"
-"""A lane for each run."""
-
 
 def application(title: str) -> str:
     """Application of a recording: the viewer keeps one layout for each, so scenarios differ."""
@@ -139,3 +136,13 @@ def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
     keys = distinct(plain_name(run.label) for run in runs)
     flew = [one for one in zip(runs, keys, styles_of(runs), strict=True) if len(one[0].signals) > 1]
     return [DrawnRun(*one, number) for number, one in enumerate(flew, 1)]
+
+
+def lane_name(drawn_run: DrawnRun, count: int) -> str:
+    """Entity of a lane, in no folder: the viewer shows its whole path as the name of the lane.
+
+    The number keeps the order of the runs.
+    """
+    made_by = drawn_run.run.provenance
+    number = f"{drawn_run.number:0{len(str(count))}d}"
+    return f"{number}_{plain_name(made_by.plant)}/{plain_name(made_by.gains_name)}"

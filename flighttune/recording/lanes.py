@@ -9,7 +9,7 @@ import rerun as rr
 from flighttune.arrays import FloatArray
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.present.palette import LIMIT, rgb
-from flighttune.recording.entities import END, RUNS, DrawnRun, plain_name, times
+from flighttune.recording.entities import END, DrawnRun, lane_name, times
 from flighttune.simulate.run import Run
 
 HELD = {1: "limit", 2: "rate"}
@@ -23,6 +23,10 @@ SHORTEST = 0.3
 
 DIMMED = 0.45
 """Brightness of a lane while a limit holds a command."""
+
+WIDTH, NARROW, CHARACTER, BESIDE = 290.0, 4.0, 7.0, 4.0
+"""Of a lane in a window of 1280 points, of one of "ilrt, ", of other characters, and left of a
+label, points."""
 
 
 def log_lanes(
@@ -46,24 +50,36 @@ def log_lanes(
         dimmed = tuple(round(DIMMED * part) for part in colour)
         bad = {BROKEN, after} - {""}
         plain = {GUARANTEED, FREE, NO_CERTIFICATE}
-        names = list(dict.fromkeys(state for state in states if state not in ("", ENDED)))
-        colours = [rgb(LIMIT) if n in bad else colour if n in plain else dimmed for n in names]
+        points = (np.diff(t, append=end) * WIDTH / end).tolist()
+        labels = [fitting(*piece) for piece in zip(states, points, strict=True)]
+        # a state has one label for all of its pieces: those with a shorter one are another state
+        values = [
+            state if state in (label, "", ENDED) else f"{state} ({label})"
+            for state, label in zip(states, labels, strict=True)
+        ]
+        styles = dict(zip(values, zip(states, labels, strict=True), strict=True))
+        shown = {value: style for value, style in styles.items() if value not in ("", ENDED)}
+        colours = [
+            rgb(LIMIT) if n in bad else colour if n in plain else dimmed for n, _ in shown.values()
+        ]
         style = rr.StateConfiguration(
-            values=[*names, "", ENDED],
-            labels=[*names, "", ""],
+            values=[*shown, "", ENDED],
+            labels=[*(label for _, label in shown.values()), "", ""],
             colors=[*colours, (0, 0, 0), (0, 0, 0)],
-            visible=[True] * len(names) + [False, False],
+            visible=[True] * len(shown) + [False, False],
         )
-        path = f"{RUNS}/{lane_name(drawn_run, len(drawn))}"
+        path = lane_name(drawn_run, len(drawn))
         stream.log(path, style, static=True)
-        stream.send_columns(path, [times(t)], rr.StateChange.columns(state=states))
+        stream.send_columns(path, [times(t)], rr.StateChange.columns(state=values))
 
 
-def lane_name(drawn_run: DrawnRun, count: int) -> str:
-    """Name of a lane, which the viewer shows above it; the number keeps the order of the runs."""
-    made_by = drawn_run.run.provenance
-    number = f"{drawn_run.number:0{len(str(count))}d}"
-    return f"{number}_{plain_name(made_by.plant)}/{plain_name(made_by.gains_name)}"
+def fitting(state: str, points: float) -> str:
+    """As much of a state's name as a piece of a lane has room for: all, its first word, nothing."""
+    first = state.replace(",", " ").split(" ")[0]
+    for name in (state, first):
+        if BESIDE + sum(NARROW if one in "ilrt, " else CHARACTER for one in name) <= points:
+            return name
+    return " "  # for an empty one the viewer shows the state
 
 
 def lane(run: Run, check: FlightCheck | None) -> tuple[FloatArray, list[str]]:

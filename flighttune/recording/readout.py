@@ -37,8 +37,8 @@ def log_readout(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     rule = "|".join(["---", *["--:"] * len(COLUMNS)])
     lines = [[f"| t = {now:.1f} s | {headings} |\n|{rule}|" for now in t.tolist()]]
     cells = " | ".join(shown_unit(unit_of(name))[0] for name in COLUMNS)
-    plant = ""
-    for drawn_run in drawn:
+    plants, plant = list(dict.fromkeys(one.run.provenance.plant for one in drawn)), ""
+    for drawn_run in sorted(drawn, key=lambda one: plants.index(one.run.provenance.plant)):
         if drawn_run.run.provenance.plant != plant:
             plant = drawn_run.run.provenance.plant
             lines.append([f"| **{plant}** | {cells} |"] * len(t))

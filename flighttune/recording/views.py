@@ -42,10 +42,12 @@ def time_view(
     )
 
 
-def lanes_view(origin: str, name: str) -> rrb.StateTimelineView:
-    """A lane a run, over the same time axis as the plots."""
+def lanes_view(name: str, lanes: Sequence[str]) -> rrb.StateTimelineView:
+    """Lanes over the same time axis as the plots; each is named after its whole path."""
     return rrb.StateTimelineView(
-        origin=origin, name=name, time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
+        name=name,
+        contents=[f"/{lane}" for lane in lanes],
+        time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
     )
 
 

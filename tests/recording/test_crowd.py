@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figures.screenshot import HeadlessViewer
 from pictures import FLAT, opened_recording, pixels
 from PIL import Image
 
@@ -16,6 +17,7 @@ from flighttune.recording.page import scenario_page
 from flighttune.recording.rrd import write_recording
 
 from .conftest import SCENARIO, fly
+from .test_viewer import SIZES, assert_fits
 
 pytestmark = pytest.mark.soak
 
@@ -56,12 +58,23 @@ def twelve():
 
 
 @pytest.fixture(scope="module")
-def viewer(twelve, tmp_path_factory):
+def recording(twelve, tmp_path_factory):
     path = tmp_path_factory.mktemp("crowd") / "crowd.rrd"
     page = scenario_page(twelve, scenario=SCENARIO)
     write_recording(twelve, path, page=page, title="Twelve runs")
-    with opened_recording(path) as opened:
+    return path
+
+
+@pytest.fixture(scope="module")
+def viewer(recording):
+    with opened_recording(recording) as opened:
         yield opened
+
+
+def test_a_laptop_shows_all_twelve_names_and_numbers_on_every_axis(viewer, recording, twelve):
+    with HeadlessViewer(recording, size=SIZES[0]) as opened:
+        opened.show("Overview", at=0.0)
+        assert_fits(opened, twelve, "Overview")
 
 
 def test_twelve_runs_have_twelve_colours(twelve):

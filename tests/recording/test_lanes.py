@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flighttune.guarantee.flight_check import flight_check
-from flighttune.recording.lanes import SHORTEST, lane
+from flighttune.recording.lanes import SHORTEST, fitting, lane
 
 from .conftest import DT
 
@@ -38,6 +38,12 @@ def test_a_lane_names_the_limits_that_hold(four_runs):
         5.0: "no certificate",
     }
     assert {t: at(states, t) for t in wanted} == wanted
+
+
+def test_a_piece_says_as_much_as_it_has_room_for():
+    assert fitting("roll rate, n_z", 120.0) == "roll rate, n_z"
+    assert fitting("roll rate, n_z", 60.0) == fitting("roll, n_z", 30.0) == "roll"
+    assert fitting("roll", 20.0) == " "
 
 
 def test_a_piece_too_short_to_see_is_left_out(four_runs):
