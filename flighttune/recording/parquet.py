@@ -1,8 +1,10 @@
 """One Parquet file per run: the record, exact to the bit."""
 
+import json
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +20,30 @@ from flighttune.whole_file import whole_file
 
 PARQUET_FILE = "Parquet file"
 
-DESCRIPTION, RUN_SHA256, SEAL = b"flighttune.run", b"flighttune.run.sha256", b"flighttune.file"
+DESCRIPTION, RUN_SHA256, PLACE, SEAL = (
+    b"flighttune.run",
+    b"flighttune.run.sha256",
+    b"flighttune.recording",
+    b"flighttune.file",
+)
 """Keys in the metadata of the schema, in the order of the file."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """The recording that a Parquet file was written with, and the run of it that it holds.
+
+    Attributes
+    ----------
+    sha256 : str
+        What `seal_of` says of the recording.
+    run, runs : int
+        Number of the run, from 0, and of all runs in the recording.
+    """
+
+    sha256: str
+    run: int
+    runs: int
 
 
 def signal_files(runs: Sequence[Run], folder: Path) -> list[Path]:
@@ -53,8 +77,8 @@ def write_run(run: Run, path: str | Path) -> None:
         part.write_bytes(data)
 
 
-def parquet_bytes(run: Run) -> bytes:
-    """The file that `write_run` writes.
+def parquet_bytes(run: Run, place: Place | None = None) -> bytes:
+    """The file that `write_run` writes, next to a recording with its `place` there.
 
     Raises
     ------
@@ -70,6 +94,7 @@ def parquet_bytes(run: Run) -> bytes:
         metadata={
             DESCRIPTION: record.description,
             RUN_SHA256: record.sha256,
+            **({PLACE: json.dumps(asdict(place))} if place else {}),
             SEAL: BLANK,
         },
     )
@@ -119,9 +144,20 @@ def read_record(path: Path) -> RunRecord:
 
 def recorded_sha256(path: Path) -> str:
     """The SHA-256 of the record in a Parquet file, without its signals; errors as `read_run`."""
-    data = sealed_bytes(path, PARQUET_FILE)
     with _arrow_errors(path):
-        return pq.read_schema(pa.BufferReader(data)).metadata[RUN_SHA256].decode()
+        return _metadata(path)[RUN_SHA256].decode()
+
+
+def recorded_place(path: Path) -> Place | None:
+    """Where the run of a Parquet file is recorded too, if anywhere; errors as `read_run`."""
+    with _arrow_errors(path):
+        place = _metadata(path).get(PLACE)
+        return None if place is None else Place(**json.loads(place))
+
+
+def _metadata(path: Path) -> dict[bytes, bytes]:
+    data = sealed_bytes(path, PARQUET_FILE)
+    return pq.read_schema(pa.BufferReader(data)).metadata or {}
 
 
 @contextmanager

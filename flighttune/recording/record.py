@@ -7,9 +7,10 @@ from pathlib import Path
 
 from flighttune.flight.fly import FlownScenario
 from flighttune.recording.page import scenario_page
-from flighttune.recording.parquet import parquet_bytes, signal_files
+from flighttune.recording.parquet import Place, parquet_bytes, signal_files
 from flighttune.recording.rrd import recording_bytes
 from flighttune.recording.run_record import naming
+from flighttune.recording.seal import seal_of
 from flighttune.whole_file import whole_file
 
 
@@ -57,15 +58,18 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     recording = folder / f"{name}.rrd"
     having = [run for run in flown.runs if len(run.signals)]
     signals = dict(zip((run.label for run in having), signal_files(having, folder), strict=True))
-    page = page_of(flown)
+    with naming(recording):
+        data = recording_bytes(flown.runs, page=page_of(flown), title=flown.scenario.title)
     # Nothing gets its name before all is written, and then the recording first: it is complete in
     # itself, and tells Parquet files of an earlier flight from its own.
     with ExitStack() as files, naming(recording):
-        for run in having:
-            part = files.enter_context(whole_file(signals[run.label]))
-            part.write_bytes(parquet_bytes(run))
+        for number, run in enumerate(flown.runs):
+            if run.label in signals:
+                place = Place(sha256=seal_of(data), run=number, runs=len(flown.runs))
+                part = files.enter_context(whole_file(signals[run.label]))
+                part.write_bytes(parquet_bytes(run, place))
         part = files.enter_context(whole_file(recording))
-        part.write_bytes(recording_bytes(flown.runs, page=page, title=flown.scenario.title))
+        part.write_bytes(data)
     return RecordedFiles(recording=recording, signals=signals)
 
 

@@ -19,7 +19,7 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import RecordingError
 from flighttune.recording.entities import RECORD, TIMELINE, plain_name, times
 from flighttune.recording.run_record import RunRecord, first_line
-from flighttune.recording.seal import sealed_bytes
+from flighttune.recording.seal import RECORDING_FILE, sealed_bytes
 from flighttune.simulate.run import Run
 
 ROWS = 4096
@@ -63,7 +63,7 @@ def check_recording(path: str | Path) -> None:
         If there is no such file, it is empty, or not as it was written: cut off, damaged, edited,
         of another program or of flighttune 0.1.0.
     """
-    sealed_bytes(Path(path), "recording (.rrd)")
+    sealed_bytes(Path(path), RECORDING_FILE)
 
 
 def executable() -> Path:

@@ -13,6 +13,8 @@ from flighttune.whole_file import reason_of
 MARK = b"SHA-256="
 DIGITS = 64
 
+RECORDING_FILE = "recording (.rrd)"
+
 # As many bytes as the digits. LZ4, with which Rerun compresses, leaves as it is what has no four
 # bytes in common with what comes before: letters that occur in no name, and not hexadecimal digits,
 # of which the ids of Rerun are made.
@@ -69,6 +71,11 @@ def sealed_bytes(path: Path, kind: str) -> bytes:
             "off or edited; fly it again."
         )
     return data
+
+
+def seal_of(data: bytes) -> str:
+    """The SHA-256 in the bytes that `seal` or `sealed_bytes` returned."""
+    return data.rpartition(MARK)[2][:DIGITS].decode()
 
 
 def _sha256(before: bytes, after: bytes) -> bytes:

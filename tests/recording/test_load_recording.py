@@ -13,10 +13,14 @@ import rerun as rr
 import flighttune
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
+from flighttune.flight.fly import fly as fly_scenario
+from flighttune.recording import run_columns
 from flighttune.recording.load import load_recording
 from flighttune.recording.parquet import write_run
+from flighttune.recording.record import record
 from flighttune.recording.rrd import write_recording
 from flighttune.recording.run_columns import ROWS
+from flighttune.scenario import load_scenario, scenario_from
 
 from .conftest import fly
 
@@ -91,6 +95,50 @@ def test_a_folder_and_a_parquet_file_give_the_same(recording, four_runs, tmp_pat
     assert_same(load_recording(path).runs[0], four_runs[0])
     assert load_recording(path).runs[0].provenance == four_runs[0].provenance
     assert load_recording(tmp_path).runs[0].provenance == four_runs[0].provenance
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Two flights, and the folder that they were recorded in."""
+    tables = load_scenario("paper").as_dict()
+    tables |= {"plant": [{"kind": "kinematic"}], "gains": ["K1", "paper"], "expect": []}
+    tables["flight"] = {**tables["flight"], "duration_s": 2.0}
+    flown = fly_scenario(scenario_from(tables))
+    record(flown, tmp_path)
+    return flown.runs, tmp_path
+
+
+def test_a_whole_folder_is_read_without_rerun(recorded, monkeypatch):
+    runs, folder = recorded
+    monkeypatch.setattr(run_columns, "RrdReader", None)
+
+    found = load_recording(folder)
+
+    assert found.missing == ()
+    for got, put in zip(found.runs, runs, strict=True):
+        assert_same(got, put)
+
+
+def test_a_folder_without_one_of_its_parquet_files_is_read_from_its_recording(recorded):
+    runs, folder = recorded
+    (folder / "kinematic-K1.parquet").unlink()
+
+    found = load_recording(folder)
+
+    assert [run.label for run in found.runs] == ["kinematic / K1", "kinematic / paper"]
+    assert_same(found.runs[0], runs[0])
+
+
+def test_a_parquet_file_of_another_flight_is_not_taken_for_a_run_of_the_recording(recorded):
+    runs, folder = recorded
+    write_run(replace(runs[0], reason="another"), folder / "kinematic-K1.parquet")
+
+    found = load_recording(folder)
+
+    assert_same(found.runs[0], runs[0])
+    assert found.missing == (
+        f"{folder / 'kinematic-K1.parquet'}: of another flight than flight.rrd, which was read",
+    )
 
 
 def test_a_folder_without_its_recording_gives_what_parquet_has_in_order(four_runs, tmp_path):
