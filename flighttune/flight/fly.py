@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 from typing import Protocol
@@ -44,7 +44,7 @@ Progress = Callable[[str, float], None]
 """Called with the label of a run and the part of it flown, 0 to 1."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FlownScenario:
     """A scenario with its runs, indicators and metrics.
 
@@ -57,37 +57,26 @@ class FlownScenario:
         R_K and I_K on the linear model of the scenario, by name of the gain set.
     tuning : TuningResult or None
         How the gains named ``tuned`` were found, where the scenario asks for them.
-    metrics : DataFrame
-        `channel_metrics` of every run flown; index (run, channel).
-    flight : DataFrame
-        `flight_metrics` of every run flown; index run.
     """
 
     scenario: Scenario
     runs: tuple[Run, ...]
     indicators: Mapping[str, Indicators]
-    tuning: TuningResult | None
-    metrics: pd.DataFrame
-    flight: pd.DataFrame
+    tuning: TuningResult | None = None
 
-    @classmethod
-    def of(
-        cls,
-        scenario: Scenario,
-        runs: tuple[Run, ...],
-        indicators: Mapping[str, Indicators],
-        tuning: TuningResult | None = None,
-    ) -> "FlownScenario":
-        """Runs of a scenario with the metrics of those that flew."""
-        metrics, flight = metric_tables(runs)
-        return cls(
-            scenario=scenario,
-            runs=runs,
-            indicators=indicators,
-            tuning=tuning,
-            metrics=metrics,
-            flight=flight,
-        )
+    @property
+    def metrics(self) -> pd.DataFrame:
+        """`channel_metrics` of every run flown; index (run, channel)."""
+        return self._tables[0]
+
+    @property
+    def flight(self) -> pd.DataFrame:
+        """`flight_metrics` of every run flown; index run."""
+        return self._tables[1]
+
+    @cached_property
+    def _tables(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        return metric_tables(self.runs)
 
     def __getitem__(self, label: str) -> Run:
         return next(run for run in self.runs if run.label == label)
@@ -170,7 +159,7 @@ def fly(
         if linear is not None:
             indicators_of[name] = indicators(closed_loop(*linear))
     runs = _flights(scenario, sets, own, progress, observer)
-    return FlownScenario.of(scenario, runs, MappingProxyType(indicators_of), tuning)
+    return FlownScenario(scenario, runs, MappingProxyType(indicators_of), tuning)
 
 
 def linear_loop(

@@ -10,13 +10,13 @@ from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
-from flighttune.flight.fly import FlownScenario, Progress
+from flighttune.flight.fly import FlownScenario, Progress, fly_alone
 from flighttune.flight.ladder import (
     LEAST_SAMPLES,
     Ladder,
     LagSource,
     Step,
-    fly_aircraft,
+    aircraft_table,
     fly_ladder,
 )
 from flighttune.guarantee.flight_check import FlightCheck, FreeFlight, flight_check, free_flight
@@ -87,7 +87,7 @@ class Gap:
     def flown(self) -> FlownScenario:
         """The rungs as a flown scenario, to be recorded like any other."""
         names = {run.provenance.gains_name for run in self.runs}
-        return FlownScenario.of(
+        return FlownScenario(
             self.scenario, self.runs, MappingProxyType(dict.fromkeys(names, self.indicators))
         )
 
@@ -132,7 +132,8 @@ def explain_gap(
     PlantError
         If the aircraft cannot be built.
     """
-    aircraft = fly_aircraft(scenario, gains, name, plant=plant, progress=progress)
+    table = aircraft_table(scenario, plant)
+    aircraft = fly_alone(scenario, table, gains, name, progress=progress)
     if len(aircraft.signals) >= LEAST_SAMPLES:
         return explain_flight(scenario, aircraft, lag=lag, progress=progress)
     return Gap(

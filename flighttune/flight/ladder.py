@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError, ScenarioError
-from flighttune.flight.fly import Progress, fly_alone, fly_once, plant_of, steered, wind_met
+from flighttune.flight.fly import Progress, fly_once, plant_of, steered, wind_met
 from flighttune.identify.file import load_identified
 from flighttune.identify.fit import FittedLag, assessed_lag, fitted_lag
 from flighttune.identify.model import IdentifiedAircraft
@@ -127,38 +126,6 @@ class Ladder:
         return max(float(np.max(np.abs(part[np.isfinite(part)]), initial=0.0)) for part in parts)
 
 
-def fly_aircraft(
-    scenario: Scenario,
-    gains: PIGains | None,
-    name: str,
-    *,
-    plant: str | None = None,
-    progress: Progress | None = None,
-) -> Run:
-    """Fly the top rung: a jsbsim plant of a scenario.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    gains : PIGains or None
-        None if tuning found none.
-    name : str
-        Name of the gains in labels.
-    plant : str, optional
-        Label of the plant; by default the first one.
-    progress : callable, optional
-        See `flighttune.flight.fly.fly`.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no such plant.
-    PlantError
-        If the aircraft cannot be built.
-    """
-    return fly_alone(scenario, aircraft_table(scenario, plant), gains, name, progress=progress)
-
-
 def fly_ladder(
     scenario: Scenario,
     aircraft: Run,
@@ -173,7 +140,7 @@ def fly_ladder(
     scenario : Scenario
         With a jsbsim plant.
     aircraft : Run
-        The flight from `fly_aircraft`, of at least `LEAST_SAMPLES` samples.
+        A flight of an aircraft of the scenario, of at least `LEAST_SAMPLES` samples.
     lag : {"identified", "fitted"}, optional
         Where the lag of the third rung comes from; see `inner_loop_of`.
     progress : callable, optional

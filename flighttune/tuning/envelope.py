@@ -127,7 +127,6 @@ def largest_envelope(
     trim: Envelope,
     *,
     g: float,
-    hull: Hull = "speed",
 ) -> LargestEnvelope:
     """The largest scaling of an envelope about the trim over which gains have a common Q.
 
@@ -139,7 +138,6 @@ def largest_envelope(
     trim : Envelope
         A single condition, `Envelope.at`.
     g : float, m/s^2
-    hull : "entries" or "speed"
 
     Returns
     -------
@@ -159,7 +157,7 @@ def largest_envelope(
             scaled = envelope.scaled(trim, factor)
         except InputError:  # beyond +-pi/2 or standstill: not an envelope any more
             return 0.0
-        return envelope_rate(gains, scaled, g=g, hull=hull).R
+        return envelope_rate(gains, scaled, g=g).R
 
     inside, outside = 0.0, 1.0
     while rate(outside) > 0.0:
@@ -211,7 +209,6 @@ def rate_curve(
     *,
     g: float,
     up_to: float = 2.0,
-    hull: Hull = "speed",
 ) -> RateCurve:
     """The certified rate from the trim alone up to a multiple of an envelope.
 
@@ -225,8 +222,6 @@ def rate_curve(
     g : float, m/s^2
     up_to : float
         Largest factor sampled, positive.
-    hull : "entries" or "speed"
-        See `jacobian_hull`.
 
     Returns
     -------
@@ -239,12 +234,10 @@ def rate_curve(
     """
     if not up_to > 0.0:
         raise InputError(f"`up_to` must be positive, got {up_to}.")
-    largest = largest_envelope(gains, envelope, trim, g=g, hull=hull).factor
+    largest = largest_envelope(gains, envelope, trim, g=g).factor
     ends = largest < up_to
     factors = np.linspace(0.0, END_SHOWN * largest if ends else up_to, SAMPLES)
-    rates = [
-        envelope_rate(gains, envelope.scaled(trim, factor), g=g, hull=hull).R for factor in factors
-    ]
+    rates = [envelope_rate(gains, envelope.scaled(trim, factor), g=g).R for factor in factors]
     if ends:
         factors, rates = np.append(factors, largest), [*rates, 0.0]
     return RateCurve(name=name, factors=factors, rates=np.array(rates), ends=ends)
@@ -295,7 +288,6 @@ def tune_over_envelope(
     trim: Envelope,
     *,
     g: float,
-    hull: Hull = "speed",
     starts: int = 2,
 ) -> EnvelopeTuning:
     """Gains with the largest rate over an envelope, under the constraints of a tuning problem.
@@ -310,7 +302,6 @@ def tune_over_envelope(
     trim : Envelope
         A single condition, `Envelope.at`.
     g : float, m/s^2
-    hull : "entries" or "speed"
     starts : int
         Searches from drawn gains, besides the one from the best gains for the trim.
 
@@ -342,7 +333,7 @@ def tune_over_envelope(
             wall_s=time.perf_counter() - began,
         )
     firsts = [nominal.gains.K[space.free], *stabilising_starts(problem, space, starts)]
-    searches = [_grow(problem, k, envelope, trim, g=g, hull=hull) for k in firsts]
+    searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
     factor, best = max(
         (found for found in searches if found is not None),
         key=lambda found: (found[0], found[1].R),
@@ -377,17 +368,16 @@ def _grow(
     trim: Envelope,
     *,
     g: float,
-    hull: Hull,
 ) -> tuple[float, Point] | None:
     """Ascend on ever larger parts of the envelope; the factor reached and the point there."""
     space = search_space(problem)
     reached: tuple[float, Point] | None = None
     for _ in range(GROWTHS):
-        part = largest_envelope(problem.gains(space.K(k)), envelope, trim, g=g, hull=hull)
+        part = largest_envelope(problem.gains(space.K(k)), envelope, trim, g=g)
         factor = 1.0 if part.factor >= 1.0 else 0.95 * part.factor
         if reached is not None and factor < 1.0 and factor <= reached[0] * 1.005:
             break
-        models = jacobian_hull(envelope.scaled(trim, factor), g=g, hull=hull).models()
+        models = jacobian_hull(envelope.scaled(trim, factor), g=g).models()
         start = point(problem, models, k)
         if start is None:
             break

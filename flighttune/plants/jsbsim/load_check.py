@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache
 
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import Unchanged
 from flighttune.units import DEG
 
 EFFECTS = {"aileron": ("p_dot", 1.0), "elevator": ("q_dot", -1.0), "rudder": ("r_dot", -1.0)}
@@ -34,14 +35,6 @@ ALPHA, HEIGHT, FULL = 3.0 * DEG, 1000.0, 0.95
 """Flight in which an aircraft is checked: angle of attack, height and throttle."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Checked:
-    """An aircraft: equal while its gains are for the same model, surfaces and engines."""
-
-    config: AircraftConfig = field(compare=False)
-    model: str
-
-
 def check_moves(config: AircraftConfig) -> None:
     """Refuse an aircraft that does not do what its file says.
 
@@ -59,13 +52,13 @@ def check_moves(config: AircraftConfig) -> None:
         over the last half of its travel, or its travel differs from the file.
     """
     nominal = config.with_off_nominal(None)
-    fault = _fault(_Checked(nominal, config.gains.made_for if config.gains else ""))
+    fault = _fault(Unchanged(nominal, config.gains and config.gains.made_for))
     if fault:
         raise PlantError(f"{config.file}: {fault}.")
 
 
 @lru_cache(maxsize=256)
-def _fault(checked: _Checked) -> str:
+def _fault(checked: Unchanged) -> str:
     config = checked.config
     fdm = Fdm(config)
     low, high = config.envelope.V_a

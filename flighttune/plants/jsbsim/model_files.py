@@ -7,7 +7,7 @@ connections to files and sockets. The files it is made of are never written to.
 import hashlib
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
@@ -148,30 +148,31 @@ def model_hash(config: AircraftConfig) -> str:
     PlantError
         If the main file cannot be read.
     """
-    return _hash(_Hashed(config, config.fingerprint, stamps(file_tree(config))))
+    return _hash(Unchanged(config, (config.fingerprint, stamps(file_tree(config)))))
 
 
 def has_flight_control(config: AircraftConfig) -> bool:
     """Whether an aircraft's model has systems of its own, which may have a memory."""
-    return _has_flight_control(_Hashed(config, config.fingerprint, stamps(file_tree(config))))
+    return _has_flight_control(Unchanged(config, stamps(file_tree(config))))
 
 
 @lru_cache(maxsize=256)
-def _has_flight_control(what: "_Hashed") -> bool:
+def _has_flight_control(what: "Unchanged") -> bool:
     root = main_root(what.config)
     return any(root.find(tag) is not None for tag in ("flight_control", "autopilot", "system"))
 
 
 @dataclass(frozen=True, slots=True)
-class _Hashed:
+class Unchanged:
+    """An aircraft that is equal to itself while `key` stays: what is known of it stays too."""
+
     config: AircraftConfig = field(compare=False)
-    fingerprint: str
-    stamps: tuple[tuple[Path, int, int], ...]
+    key: Hashable
 
 
 @lru_cache(maxsize=256)
-def _hash(what: _Hashed) -> str:
-    found = hashlib.sha256(what.fingerprint.encode())
+def _hash(what: Unchanged) -> str:
+    found = hashlib.sha256(what.config.fingerprint.encode())
     for file in model_files(what.config):
         found.update(f"{file.name}\n".encode())
         found.update(file.read_bytes())

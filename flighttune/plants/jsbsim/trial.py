@@ -2,14 +2,18 @@
 
 import subprocess
 import sys
-from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 from typing import NoReturn
 
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim.model_files import file_tree, model_folders, source_folders, stamps
+from flighttune.plants.jsbsim.model_files import (
+    Unchanged,
+    file_tree,
+    model_folders,
+    source_folders,
+    stamps,
+)
 from flighttune.processes import crash_of
 from flighttune.shipped import is_trusted
 
@@ -35,14 +39,6 @@ os._exit(0)
 """
 
 
-@dataclass(frozen=True, slots=True)
-class _Files:
-    """Files of an aircraft: equal while they are the same."""
-
-    config: AircraftConfig = field(compare=False)
-    stamps: tuple[tuple[Path, int, int], ...]
-
-
 def check_loads(config: AircraftConfig) -> None:
     """Refuse an aircraft whose files make JSBSim end the process.
 
@@ -60,13 +56,13 @@ def check_loads(config: AircraftConfig) -> None:
     """
     if is_trusted(config.folder) or not sys.executable:
         return
-    how = _end_of_trial(_Files(config, stamps(file_tree(config))))
+    how = _end_of_trial(Unchanged(config, stamps(file_tree(config))))
     if how:
         raise PlantError(f"{source_folders(config).file}: JSBSim must load it, but {how}.")
 
 
 @lru_cache(maxsize=256)
-def _end_of_trial(files: _Files) -> str:
+def _end_of_trial(files: Unchanged) -> str:
     """How the process that loaded the files ended; empty where it ended as it should."""
     config = files.config.with_off_nominal(None)
     with model_folders(config, _unweighed) as folders:
