@@ -7,7 +7,6 @@ import rerun.blueprint as rrb
 from rerun.blueprint.archetypes import TextLogColumns
 from rerun.blueprint.encodings import TextLogColumnKind
 
-from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.recording import entities, geometry
 from flighttune.recording.certificate_tab import TAB as CERTIFICATE_TAB
 from flighttune.recording.certificate_tab import certificate_tab
@@ -51,9 +50,7 @@ SIDE = 0.23
 def blueprint(
     drawn: Sequence[DrawnRun],
     plots: Mapping[str, Sequence[Plot]],
-    *,
-    claims: Mapping[str, FlightCheck] | None = None,
-    loops: Mapping[str, FrozenLoop] | None = None,
+    loops: Mapping[str, FrozenLoop],
 ) -> rrb.Blueprint:
     """Lay out a recording.
 
@@ -63,8 +60,8 @@ def blueprint(
         Runs that flew; without any, only the page is shown.
     plots : mapping
         Plots of each tab, see `flighttune.recording.plots.shown_plots`.
-    claims, loops : mapping, optional
-        Guarantees and frozen loops by key of the run; each has a tab if there are any.
+    loops : mapping of str to FrozenLoop
+        By key of the run; they have a tab if there are any, as claims have.
     """
     page: rrb.Container | rrb.View = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
     if not drawn:
@@ -73,8 +70,8 @@ def blueprint(
     tabs |= {
         name: _beside_lanes(_tab(name, shown, drawn), drawn, name) for name, shown in plots.items()
     }
-    if claims:
-        tabs[CERTIFICATE_TAB] = _certificates(drawn, claims)
+    if any(drawn_run.claim for drawn_run in drawn):
+        tabs[CERTIFICATE_TAB] = _certificates(drawn)
     if loops:
         tabs[EIGENVALUES_TAB] = _beside_lanes(eigenvalue_tab(loops), drawn, EIGENVALUES_TAB)
     tabs[PAGE_TAB] = _beside_lanes(page, drawn, PAGE_TAB)
@@ -132,8 +129,8 @@ def leader(drawn: Sequence[DrawnRun]) -> DrawnRun:
     return [*early, *(one for one in reversed(drawn) if one.run.duration == longest)][0]
 
 
-def _certificates(drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]) -> rrb.Container:
-    views = certificate_tab(drawn, claims)
+def _certificates(drawn: Sequence[DrawnRun]) -> rrb.Container:
+    views = certificate_tab(drawn)
     columns = 1 if len(views) == 1 else 2 if len(views) <= 4 else 3
     return _beside_lanes(rrb.Grid(*views, grid_columns=columns), drawn, CERTIFICATE_TAB)
 

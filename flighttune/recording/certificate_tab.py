@@ -1,6 +1,6 @@
 """The tab that compares flights with the guarantees of their gains."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
@@ -29,25 +29,22 @@ FAINT = 130
 ROOM = 0.04
 
 
-def log_certificates(
-    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
-) -> None:
+def log_certificates(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     """Log ``log10 ||s||`` of each run with its bound.
 
     Parameters
     ----------
     stream : RecordingStream
     drawn : sequence of DrawnRun
-    claims : mapping of str to FlightCheck
-        By key of the run; those without one are left out.
+        Those without a claim are left out.
     """
     folders = _folders(drawn)
     for folder in folders.values():
         log_time_axis(stream, folder, drawn)
     for drawn_run in drawn:
-        if drawn_run.key in claims:
+        if drawn_run.claim is not None:
             folder = folders[drawn_run.run.provenance.gains_name]
-            _log_run(stream, drawn_run, claims[drawn_run.key], folder)
+            _log_run(stream, drawn_run, drawn_run.claim, folder)
 
 
 def _folders(drawn: Sequence[DrawnRun]) -> dict[str, str]:
@@ -84,15 +81,10 @@ def _logarithms(claim: FlightCheck) -> FloatArray:
     return np.log10(np.maximum(np.column_stack([claim.size, claim.bound]), SMALLEST))
 
 
-def certificate_tab(
-    drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
-) -> list[rrb.TimeSeriesView]:
+def certificate_tab(drawn: Sequence[DrawnRun]) -> list[rrb.TimeSeriesView]:
     """A view for each gain set: all plants that flew it, over one range of decades."""
-    sets: dict[str, list[FlightCheck]] = {}
-    for drawn_run in drawn:
-        if drawn_run.key in claims:
-            sets.setdefault(drawn_run.run.provenance.gains_name, []).append(claims[drawn_run.key])
-    lines = np.concatenate([_logarithms(claim).ravel() for claim in claims.values()])
+    claims = {one.claim: one.run.provenance.gains_name for one in drawn if one.claim is not None}
+    lines = np.concatenate([_logarithms(claim).ravel() for claim in claims])
     high = float(np.nanmax(lines))
     low = max(float(np.nanmin(lines)), high - DECADES)
     room = ROOM * max(high - low, 1.0)
@@ -103,5 +95,5 @@ def certificate_tab(
             f"{name}: log10 |s|, guarantee thin, ultimate bound wide",
             (low - room, high + room),
         )
-        for name in sets
+        for name in dict.fromkeys(claims.values())
     ]

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,9 @@ import rerun as rr
 from flighttune.present.names import distinct
 from flighttune.present.palette import LineStyle, line_styles
 from flighttune.simulate.run import Run
+
+if TYPE_CHECKING:
+    from flighttune.guarantee.flight_check import FlightCheck
 
 APPLICATION = "flighttune"
 TIMELINE = "flight_time"
@@ -116,12 +119,15 @@ class DrawnRun:
         How it is drawn.
     number : int
         Its place among the runs drawn, from 1 on.
+    claim : FlightCheck or None
+        What is guaranteed of it, held against its flight.
     """
 
     run: Run
     key: str
     style: LineStyle
     number: int
+    claim: "FlightCheck | None" = None
 
 
 def styles_of(runs: Sequence[Run]) -> list[LineStyle]:

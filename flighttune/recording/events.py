@@ -1,7 +1,7 @@
 """Events of a flight: steps of the reference, limits, gusts, settling, ends, broken claims."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,18 +67,12 @@ def events(run: Run, claim: FlightCheck | None = None) -> list[Event]:
     return sorted(found, key=lambda event: event.t)
 
 
-def log_events(
-    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
-) -> None:
+def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     """Log the events of all runs in one list, in the colours of the runs.
 
     A change of the wind that several runs meet is listed once, with the first of them.
     """
-    lines = [
-        (event, drawn_run)
-        for drawn_run in drawn
-        for event in events(drawn_run.run, claims.get(drawn_run.key))
-    ]
+    lines = [(event, one) for one in drawn for event in events(one.run, one.claim)]
     lines.sort(key=lambda line: line[0].t)
     # All runs of a scenario meet the same wind: the first run of each such event stands for them.
     first = dict(reversed(lines))

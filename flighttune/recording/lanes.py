@@ -1,6 +1,6 @@
 """Lanes over time, one per run: which limit acts on its commands, and if its guarantee holds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -29,22 +29,18 @@ WIDTH, NARROW, CHARACTER, BESIDE = 290.0, 4.0, 7.0, 4.0
 label, points."""
 
 
-def log_lanes(
-    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
-) -> None:
+def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     """Log a lane for each run, in its colour.
 
     Parameters
     ----------
     stream : RecordingStream
     drawn : sequence of DrawnRun
-    claims : mapping of str to FlightCheck
-        By key of the run.
     """
     end = END * max(drawn_run.run.duration for drawn_run in drawn)
     for drawn_run in drawn:
         run, colour = drawn_run.run, drawn_run.style.rgb
-        t, states = lane(run, claims.get(drawn_run.key))
+        t, states = lane(run, drawn_run.claim)
         after = "" if run.status == "completed" else run.status.replace("_", " ")
         t, states = np.append(t, [run.duration, end]), [*states, after, ENDED]
         dimmed = tuple(round(DIMMED * part) for part in colour)

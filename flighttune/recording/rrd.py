@@ -1,8 +1,9 @@
 """Runs to one Rerun recording with its layout, written by columns."""
 
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.typing as npt
 import rerun as rr
 from rerun.error_utils import strict_mode
 
-from flighttune.guarantee.flight_check import FlightCheck, flight_check
+from flighttune.guarantee.flight_check import flight_check
 from flighttune.guarantee.mismatch import CHANNELS
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
 from flighttune.present.thinning import peaks
@@ -103,35 +104,31 @@ def log_recording(
     stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
 ) -> None:
     """Log all runs of a scenario, their page and the layout; see `write_recording`."""
-    drawn = with_derived(runs_to_draw(runs))
+    flown = [replace(one, claim=flight_check(one.run)) for one in runs_to_draw(runs)]
+    drawn = with_derived(flown)
     plots = shown_plots([drawn_run.run for drawn_run in drawn])
-    claims = {
-        drawn_run.key: claim
-        for drawn_run in drawn
-        if (claim := flight_check(drawn_run.run)) is not None
-    }
     loops = {
         drawn_run.key: loop
         for drawn_run in drawn
         if (loop := frozen_loop(drawn_run.run)) is not None
     }
-    stream.send_blueprint(blueprint(drawn, plots, claims=claims, loops=loops), make_active=False)
+    stream.send_blueprint(blueprint(drawn, plots, loops), make_active=False)
     stream.send_recording_name(title)
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     log_runs(stream, runs)
     if drawn:
-        log_scene(stream, runs_to_draw(runs), claims)
-        log_lanes(stream, drawn, claims)
+        log_scene(stream, flown)
+        log_lanes(stream, drawn)
         log_readout(stream, drawn)
-        log_events(stream, drawn, claims)
-    if claims:
-        log_certificates(stream, drawn, claims)
+        log_events(stream, drawn)
+    if any(one.claim for one in drawn):
+        log_certificates(stream, drawn)
     if loops:
         log_eigenvalues(stream, drawn, loops)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
         _log_plot(stream, plot, drawn)
     for i, channel in enumerate(CHANNELS):
-        _log_bounds(stream, f"{channel}_err", i, drawn, claims)
+        _log_bounds(stream, f"{channel}_err", i, drawn)
     stream.flush()
     stream.log(entities.SEAL, rr.AnyValues(file=BLANK), static=True)
 
@@ -199,17 +196,13 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
 
 
 def _log_bounds(
-    stream: rr.RecordingStream,
-    signal: str,
-    channel: int,
-    drawn: Sequence[DrawnRun],
-    claims: Mapping[str, FlightCheck],
+    stream: rr.RecordingStream, signal: str, channel: int, drawn: Sequence[DrawnRun]
 ) -> None:
     """Log the certified bounds of an error, thin, where they are within what the plot shows."""
     errors = [displayed(one.run.signals, signal) for one in drawn if signal in one.run.signals]
     widest = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in errors), default=0.0)
     for drawn_run in drawn:
-        claim = claims.get(drawn_run.key)
+        claim = drawn_run.claim
         if claim is None:
             continue
         bound = np.rad2deg(claim.error_bounds[:, channel])

@@ -1,7 +1,7 @@
 """The 3D scene in local NED: paths, shadows, and aircraft with trail, velocity, wind and ring."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -53,17 +53,14 @@ GROUND_COLOUR = (88, 88, 88)
 WIND_COLOUR = rgb(NEUTRAL)
 
 
-def log_scene(
-    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], claims: Mapping[str, FlightCheck]
-) -> None:
+def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs.
 
     Parameters
     ----------
     stream : RecordingStream
     drawn : sequence of DrawnRun
-    claims : mapping of str to FlightCheck
-        By key of the run; those without one have no ring.
+        Those without a claim have no ring.
     """
     points = geometry.all_positions(drawn)
     factor = geometry.drawn_width(drawn) / geometry.widest(drawn)
@@ -87,7 +84,7 @@ def log_scene(
         _log_aircraft(stream, drawn_run, signals, width=width)
         if _is_aircraft(drawn_run):
             _log_trail(stream, drawn_run, signals)
-        _log_arrows(stream, drawn_run, signals, claims.get(drawn_run.key), width=width)
+        _log_arrows(stream, drawn_run, signals, width=width)
 
 
 def log_ground(stream: rr.RecordingStream, lines: Sequence[FloatArray]) -> None:
@@ -195,12 +192,7 @@ def _log_trail(stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.Data
 
 
 def _log_arrows(
-    stream: rr.RecordingStream,
-    drawn_run: DrawnRun,
-    signals: pd.DataFrame,
-    claim: FlightCheck | None,
-    *,
-    width: float,
+    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, width: float
 ) -> None:
     """Velocity, wind and the ring of the guarantee, in the axes that turn with the course."""
     signals = signals.iloc[evenly(len(signals), most=INSTANTS)]
@@ -220,9 +212,9 @@ def _log_arrows(
         style = rr.Arrows3D.from_fields(colors=[colour], radii=on_screen(1.0))
         stream.log(f"{frame}/{name}", style, static=True)
         stream.send_columns(f"{frame}/{name}", [time], rr.Arrows3D.columns(vectors=vectors))
-    if claim is None:
+    if drawn_run.claim is None:
         return
-    claimed, ring = _ring(signals, claim)
+    claimed, ring = _ring(signals, drawn_run.claim)
     strips = list(scale * float(speed[0]) * ring[claimed])
     style = rr.LineStrips3D.from_fields(colors=[rgb(NEUTRAL)], radii=on_screen(1.0))
     stream.log(f"{frame}/certified", style, static=True)
