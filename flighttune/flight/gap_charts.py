@@ -8,7 +8,8 @@ from flighttune.guarantee.ultimate_set import held_or_broken
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
 from flighttune.present.numbers import degrees
-from flighttune.present.palette import INK, LIMIT, NEUTRAL, line_styles
+from flighttune.present.palette import INK, LIMIT, NEUTRAL
+from flighttune.simulate.run import run_styles
 from flighttune.units import DEG_PER_RAD
 
 BAR_NAMES = ("paper's\nlaw", "+ exact\nlift", "+ inner\nloop", "+ six\nd.o.f.", "aircraft")
@@ -19,9 +20,8 @@ WIDEST = 3.0
 
 def colours(gap: Gap) -> tuple[str, ...]:
     """Colour of each rung, lowest first, as in the recording; a step has that of its upper rung."""
-    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in gap.runs]
-    known = line_styles(pairs)
-    return tuple(known[pair].colour for pair in pairs)
+    styles = run_styles(gap.runs)
+    return tuple(styles[run.label].colour for run in gap.runs)
 
 
 def gap_charts(gap: Gap) -> list[Chart]:

@@ -10,8 +10,8 @@ import numpy.typing as npt
 import rerun as rr
 
 from flighttune.present.names import distinct
-from flighttune.present.palette import LineStyle, line_styles
-from flighttune.simulate.run import Run
+from flighttune.present.palette import LineStyle
+from flighttune.simulate.run import Run, run_styles
 
 if TYPE_CHECKING:
     from flighttune.guarantee.flight_check import FlightCheck
@@ -130,18 +130,12 @@ class DrawnRun:
     claim: "FlightCheck | None" = None
 
 
-def styles_of(runs: Sequence[Run]) -> list[LineStyle]:
-    """Line style of every run in order, also of those that never flew."""
-    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
-    found = line_styles(pairs)
-    return [found[pair] for pair in pairs]
-
-
 def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
     """The runs with at least two samples, in order."""
     keys = distinct(plain_name(run.label) for run in runs)
-    flew = [one for one in zip(runs, keys, styles_of(runs), strict=True) if len(one[0].signals) > 1]
-    return [DrawnRun(*one, number) for number, one in enumerate(flew, 1)]
+    styles = run_styles(runs)
+    flew = [(run, key) for run, key in zip(runs, keys, strict=True) if len(run.signals) > 1]
+    return [DrawnRun(run, key, styles[run.label], i) for i, (run, key) in enumerate(flew, 1)]
 
 
 def lane_name(drawn_run: DrawnRun, count: int) -> str:

@@ -12,10 +12,10 @@ from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import Table
 from flighttune.recording import geometry
-from flighttune.recording.entities import runs_to_draw, styles_of
+from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import SEEN_AS
 from flighttune.recording.scene import WIND_TIMES, metres_per_mps
-from flighttune.simulate.run import TUBE_SIGNALS, Run
+from flighttune.simulate.run import TUBE_SIGNALS, Run, run_styles
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
@@ -82,9 +82,9 @@ def _about(scenario: Mapping[str, Any]) -> list[str]:
 
 
 def _runs(runs: Sequence[Run]) -> str:
-    rows = []
-    for run, style in zip(runs, styles_of(runs), strict=True):
-        colour = style.name if len(run.signals) > 1 else "not drawn"
+    rows, styles = [], run_styles(runs)
+    for run in runs:
+        colour = styles[run.label].name if len(run.signals) > 1 else "not drawn"
         rows.append([run.label, colour, f"{run.duration:.2f}", run.outcome])
     table = _table(["run", "colour", "flown [s]", "outcome"], rows)
     if any(set(TUBE_SIGNALS) <= set(run.signals) for run in runs):

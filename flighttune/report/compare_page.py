@@ -7,11 +7,11 @@ from flighttune.comparison import Comparison
 from flighttune.comparison.compare import comparison_table
 from flighttune.comparison.overlay import overlaid
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.present.palette import line_styles
 from flighttune.report.panels import Flights, commands, errors, paths, tracking
 from flighttune.report.tables import provenance_table
 from flighttune.report.toml_text import toml_text
 from flighttune.scenario.load import scenario_from
+from flighttune.simulate.run import run_styles
 
 
 def write_comparison_page(found: Comparison, path: str | Path) -> Report:
@@ -34,11 +34,7 @@ def write_comparison_page(found: Comparison, path: str | Path) -> Report:
         If the file cannot be written.
     """
     runs = tuple(overlaid(found))
-    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
-    styles = line_styles(pairs)
-    flights = Flights(
-        runs=runs, styles={run.label: styles[pair] for run, pair in zip(runs, pairs, strict=True)}
-    )
+    flights = Flights(runs=runs, styles=run_styles(runs))
     scenario = runs[0].provenance.scenario
     sources = dict.fromkeys(
         source for pair in found.pairs for source in (pair.source_a, pair.source_b)

@@ -14,11 +14,11 @@ from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.outer_loop import certify_scenario, tuning_problem
 from flighttune.guarantee.flight_check import FlightCheck, flight_check
-from flighttune.present.palette import LineStyle, line_styles
+from flighttune.present.palette import LineStyle
 from flighttune.report.panels import Flights
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import Run, run_styles
 from flighttune.tuning.frontier import frontier
 
 if TYPE_CHECKING:
@@ -151,8 +151,6 @@ def facts_of(source: Source) -> Facts:
     if not runs:
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
     scenario = _scenario(source, runs)
-    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in source.runs]
-    known = line_styles(pairs)
     gains = _gains(scenario, runs)
     gaps, without = _gaps(scenario, runs)
     return Facts(
@@ -161,7 +159,7 @@ def facts_of(source: Source) -> Facts:
         claim=check_claim(scenario, source.runs),
         runs=runs,
         grounded=tuple(run for run in source.runs if len(run.signals) <= 1),
-        styles={run.label: known[pair] for run, pair in zip(source.runs, pairs, strict=True)},
+        styles=run_styles(source.runs),
         final_errors={run.label: final_errors(run) for run in runs},
         gains=gains,
         checks={run.label: one for run in runs if (one := flight_check(run)) is not None},

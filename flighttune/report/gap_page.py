@@ -5,10 +5,10 @@ from pathlib import Path
 from flighttune.flight.gap import Gap
 from flighttune.flight.gap_charts import gap_charts
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.present.palette import line_styles
 from flighttune.report.headline import bound_in_flight, largest_step
 from flighttune.report.tables import gap_table, provenance_table
 from flighttune.report.toml_text import toml_text
+from flighttune.simulate.run import run_styles
 
 
 def write_gap_page(gap: Gap, path: str | Path) -> Report:
@@ -34,8 +34,6 @@ def write_gap_page(gap: Gap, path: str | Path) -> Report:
     """
     charts = gap_charts(gap)
     made = gap.aircraft.provenance
-    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in gap.runs]
-    styles = line_styles(pairs)
     return write_page(
         Path(path),
         page_template("flighttune.report", "commands.html.jinja"),
@@ -51,7 +49,7 @@ def write_gap_page(gap: Gap, path: str | Path) -> Report:
             ),
         ],
         title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
-        styles={f"{plant} / {name}": styles[plant, name] for plant, name in pairs},
+        styles=run_styles(gap.runs),
         provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),
         commands=f"flighttune gap scenario.toml --gains {made.gains_name}",
         scenario_text=toml_text(made.scenario),

@@ -1,6 +1,6 @@
 """A flown time history that cannot be changed afterwards."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -9,6 +9,7 @@ from flighttune.control.gains import PIGains
 from flighttune.plants.base import StopStatus
 from flighttune.plants.label import aircraft_of
 from flighttune.present.numbers import matrix, number
+from flighttune.present.palette import LineStyle, line_styles
 from flighttune.present.tables import Table
 from flighttune.units import DEG
 
@@ -160,3 +161,9 @@ class Run:
         if made.gains is not None:
             rows.append(("gains", f"K_P {matrix(made.gains.K_P)}, K_I {matrix(made.gains.K_I)}"))
         return Table(title=self.label, head=(), rows=rows).html()
+
+
+def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:
+    """Line style of every run by its label, the same in every picture of these runs."""
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
+    return {f"{plant} / {name}": style for (plant, name), style in line_styles(pairs).items()}
