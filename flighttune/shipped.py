@@ -27,7 +27,8 @@ def aircraft_places() -> tuple[Path, ...]:
     ``./aircraft``, the user's (`OWN_AIRCRAFT` in the environment, by default one where the system
     keeps data of programs), and that of the shipped ones.
     """
-    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    # Not `Path.home`, which fails for users without a home, as containers have them.
+    data = os.environ.get("XDG_DATA_HOME") or os.path.expanduser("~/.local/share")
     own = os.environ.get(OWN_AIRCRAFT) or Path(data) / "flighttune" / "aircraft"
     return Path("aircraft"), Path(own), _shipped_folder("aircraft")
 
@@ -72,7 +73,7 @@ def aircraft_folder(name: str) -> Path:
     """
     if Path(name).name == name:
         for place in aircraft_places():
-            if (place / name / "aircraft.toml").is_file():
+            if os.path.isfile(place / name / "aircraft.toml"):  # False where access is denied
                 return (place / name).resolve()
     known = list(aircraft_folders())
     raise InputError(

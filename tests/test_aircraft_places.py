@@ -7,7 +7,7 @@ import pytest
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
 from flighttune.scenario.load import load_scenario
-from flighttune.shipped import OWN_AIRCRAFT, aircraft_folder, scenario_files
+from flighttune.shipped import OWN_AIRCRAFT, aircraft_folder, aircraft_folders, scenario_files
 
 
 @pytest.fixture
@@ -69,3 +69,14 @@ def test_a_name_that_is_nowhere_is_answered_with_those_there_are(places):
 
     with pytest.raises(InputError, match="must be one of a4, aerosonde, c172p, mine, or a folder"):
         load_aircraft("yours")
+
+
+def test_who_has_no_home_has_the_shipped_aircraft(tmp_path, monkeypatch):
+    """As in a container that runs under a number nobody has."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("HOME", "USERPROFILE", "XDG_DATA_HOME", OWN_AIRCRAFT):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)
+
+    assert load_aircraft("aerosonde").folder == aircraft_folder("aerosonde")
+    assert "aerosonde" in aircraft_folders()

@@ -1,8 +1,11 @@
 """What ships with the package is found by name, wherever it is installed."""
 
+import email
+import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -53,21 +56,67 @@ print(scenario_files()["paper"].is_file(), campaign_files()["first_campaign"].is
 """
 
 
+def copied_sources(folder):
+    """What an archive of the repository holds."""
+    ignored = shutil.ignore_patterns(
+        "__pycache__", "*.egg-info", "runs", "dist", "build", ".venv", ".git", ".*_cache"
+    )
+    return Path(shutil.copytree(REPOSITORY, folder, ignore=ignored))
+
+
+def built(source, out, *targets):
+    """Files that the build backend makes of a folder."""
+    pytest.importorskip("hatchling.build", reason="needs the build backend")
+    command = [sys.executable, "-m", "hatchling", "build", "-d", out]
+    for target in targets:
+        command += ["-t", target]
+    subprocess.run(command, cwd=source, check=True, capture_output=True)
+    return sorted(out.iterdir())
+
+
+def contents(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.mark.slow
+def test_the_sdist_builds_the_wheel_of_the_checkout(tmp_path):
+    source = copied_sources(tmp_path / "source")
+    wheel, sdist = built(source, tmp_path / "out", "wheel", "sdist")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(tmp_path / "unpacked", filter="data")
+    (unpacked,) = (tmp_path / "unpacked").iterdir()
+    (again,) = built(unpacked, tmp_path / "again", "wheel")
+
+    assert contents(again) == contents(wheel)
+    assert not [name for name in contents(wheel) if name.endswith((".png", ".svg", ".ipynb"))]
+    for name in ("tests", "docs", "Makefile", "CHANGELOG.md", "CITATION.cff", "SECURITY.md"):
+        assert (unpacked / name).exists(), name
+
+
+@pytest.mark.slow
+def test_the_wheel_says_what_a_package_index_shows(tmp_path):
+    (wheel,) = built(copied_sources(tmp_path / "source"), tmp_path / "out", "wheel")
+    (text,) = (data for name, data in contents(wheel).items() if name.endswith("/METADATA"))
+    said = email.message_from_bytes(text)
+
+    assert said["License-Expression"] == "MIT"
+    assert said["Description-Content-Type"] == "text/markdown"
+    assert said["Keywords"]
+    assert {f"Programming Language :: Python :: 3.{minor}" for minor in (11, 12, 13, 14)} <= set(
+        said.get_all("Classifier")
+    )
+    page = text.decode().partition("\n\n")[2]
+    assert page.startswith("# flighttune\n")
+    # A package index has neither the pictures nor the pages of the repository.
+    assert not re.findall(r"!?\[[^]]*\]\((?!https?://)[^)]*\)", page)
+
+
 @pytest.mark.slow
 def test_the_wheel_holds_the_aircraft_and_flies_it(tmp_path):
     """Built from a copy of the sources, unpacked away from the checkout."""
-    hatchling = pytest.importorskip("hatchling.build", reason="needs the build backend")
-    del hatchling
-    source, site = tmp_path / "source", tmp_path / "site"
-    for name in ("flighttune", "aircraft", "scenarios"):
-        shutil.copytree(REPOSITORY / name, source / name)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(REPOSITORY / name, source / name)
-    subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path],
-        cwd=source, check=True, capture_output=True,
-    )  # fmt: skip
-    (wheel,) = tmp_path.glob("*.whl")
+    site = tmp_path / "site"
+    (wheel,) = built(copied_sources(tmp_path / "source"), tmp_path / "out", "wheel")
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(site)
 

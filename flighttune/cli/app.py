@@ -125,6 +125,10 @@ def _run() -> None:
             raise
         if isinstance(error, ImportError) and (message := missing_extra(error, "this command")):
             fail(message, COULD_NOT_RUN)
+        if isinstance(error, PermissionError) and error.filename:
+            from flighttune.whole_file import reason_of
+
+            fail(f"{error.filename}: {reason_of(error)}.", COULD_NOT_RUN)
         what = f"{type(error).__name__}: {error}"
         fail(
             f"a fault of flighttune: {what} (its traceback: flighttune --debug ...)", COULD_NOT_RUN

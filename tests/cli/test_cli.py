@@ -325,3 +325,14 @@ def test_a_shell_completes_commands_and_names(typed, wanted, monkeypatch):
     monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
 
     assert set(flighttune()[0].split()) == wanted
+
+
+def test_a_file_that_may_not_be_looked_at_is_one_line(tmp_path, monkeypatch):
+    def denied(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("pathlib.Path.is_file", denied)
+
+    printed, said = flighttune("fly", "private/x.toml", status=2, cwd=tmp_path)
+
+    assert (printed, said) == ("", "flighttune: private/x.toml: permission denied.\n")
