@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import site_reference
 
 import flighttune
 
@@ -49,3 +50,10 @@ def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
     code = f"import sys, flighttune.cli; print([m for m in {heavy} if m in sys.modules])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"
+
+
+def test_the_reference_has_every_public_name():
+    page = "\n".join(site_reference.public_names())
+
+    for name in flighttune.__all__:
+        assert f"### {name}\n" in page, name
