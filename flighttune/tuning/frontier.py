@@ -77,8 +77,9 @@ def frontier(
         finite = [one.I_K for one in marks.values() if math.isfinite(one.I_K)]
         I_max = max([WIDEST * smallest.I_K, *finite])
     growth = np.linspace(0.0, 1.0, points) ** 2 * math.log(max(I_max / smallest.I_K, 1.0))
-    best, along = smallest, []
-    for step in growth:
+    # At the smallest I_K there is nothing left to search: SLSQP would run to its end in one point.
+    best, along = smallest, [_row(problem, "frontier", smallest.I_K, smallest)]
+    for step in growth[1:]:
         I_star = smallest.I_K * math.exp(step)
         found = tune_by_gradient(replace(problem, I_star=I_star), starts=starts, first=best.K)
         if found.status == "optimal" and found.gains is not None and found.R_K > best.R_K:
