@@ -11,11 +11,17 @@ import nbclient
 import nbformat
 import numpy as np
 import pytest
+from jupyter_client.manager import start_new_kernel
+from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
+from flighttune.recording.seal import seal
 
 SMALL = 8_000
 """Characters of what a value shows of itself."""
+
+LEAST_RECORDING = 100_000
+"""Bytes; what comes first is shorter."""
 
 TOUR = Path(__file__).parents[1] / "docs" / "tour.ipynb"
 LONGEST = 60.0
@@ -121,6 +127,55 @@ def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, mon
     ft.show(flown)
 
     assert shown == [{"width": 1280, "height": 720}]
+
+
+SHOWN = """
+import os
+os.environ["RERUN_NOTEBOOK_ASSET"] = "serve-local"
+import flighttune as ft
+ft.show(ft.fly(ft.load_scenario("paper_as_printed")))
+"""
+
+
+@pytest.fixture
+def kernel():
+    """A client of a real kernel, in which Rerun's widget can be shown."""
+    pytest.importorskip("rerun_notebook", reason="needs flighttune[notebook]")
+    manager, client = start_new_kernel(kernel_name="python3")
+    yield client
+    client.stop_channels()
+    manager.shutdown_kernel(now=True)
+
+
+@pytest.mark.soak
+def test_the_widget_of_a_kernel_gets_a_recording_that_the_viewer_draws(kernel, tmp_path):
+    heard = []
+    reply = kernel.execute_interactive(SHOWN, output_hook=heard.append, timeout=LONGEST)
+    assert reply["content"]["status"] == "ok"
+    view = "application/vnd.jupyter.widget-view+json"
+    assert any(view in message["content"].get("data", {}) for message in heard)
+    (widget,) = (
+        message["content"]["comm_id"]
+        for message in heard
+        if message["msg_type"] == "comm_open"
+        and message["content"]["data"]["state"].get("_anywidget_id") == "rerun_notebook.Viewer"
+    )
+
+    # all that the page of a notebook says before it is sent the recording
+    ready = {"comm_id": widget, "data": {"method": "custom", "content": "ready"}}
+    kernel.shell_channel.send(kernel.session.msg("comm_msg", ready))
+    sent = b""
+    while len(sent) < LEAST_RECORDING:
+        message = kernel.get_iopub_msg(timeout=LONGEST)
+        sent = max([sent, *map(bytes, message["buffers"])], key=len)
+
+    path = tmp_path / "shown.rrd"
+    path.write_bytes(seal(sent))
+    with opened_recording(path) as viewer:
+        viewer.show("Overview", at=4.0)
+        for name, part in viewer.views("Overview").items():
+            assert pixels(viewer.picture(part)).std() > FLAT, f"{name} is empty"
+        assert viewer.complaints() == []
 
 
 @pytest.mark.soak
