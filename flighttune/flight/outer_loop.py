@@ -14,6 +14,7 @@ from flighttune.errors import InputError, ScenarioError
 from flighttune.identify.model import DesignModel
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
+from flighttune.shipped import nearest_name
 from flighttune.theory.common import CommonQ, common_Q
 from flighttune.theory.indicators import scaled
 from flighttune.tuning.envelope import LargestEnvelope, largest_envelope
@@ -223,7 +224,9 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     known = {**paper_family(), **given}
     if own not in known:
         names = [TUNED, *known, TUNED_IDENTIFIED]
-        raise InputError(f"`gains` must be one of {', '.join(names)}, got {name!r}.")
+        raise InputError(
+            f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(own, names)}"
+        )
     V_a, g = scenario.flight.V_a_mps, scenario.flight.g_mps2
     return (rate_gains if rates else command_gains)(known[own], V_a=V_a, g=g)
 

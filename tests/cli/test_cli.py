@@ -235,6 +235,8 @@ def test_list_says_what_is_verified_where_asked():
         (("fly", "papr"), "papr", "paper"),
         (("campaign", "run", "first_campain"), "first_campain", "first_campaign"),
         (("trim", "aerosond"), "aerosond", "aerosonde"),
+        (("certify", "paper", "--gains", "tunde"), "tunde", "tuned"),
+        (("reproduce", "gain"), "gain", "gains"),
     ],
 )
 def test_a_name_that_is_mistyped_gets_the_one_that_is_meant(command, name, meant):

@@ -8,6 +8,7 @@ from flighttune.errors import InputError
 from flighttune.paper import parameters as printed
 from flighttune.paper.items import gains, histories, oscillator, trends
 from flighttune.paper.items.base import Assumption, Item
+from flighttune.shipped import nearest_name
 
 MAKERS = {
     "fig3": oscillator.fig3,
@@ -56,5 +57,8 @@ def chosen(names: Sequence[str]) -> tuple[Item, ...]:
     """
     for name in names:
         if name not in ITEMS:
-            raise InputError(f"`ITEM` must be one of {', '.join(ITEMS)}, got {name}.")
+            known = ", ".join(ITEMS)
+            raise InputError(
+                f"`ITEM` must be one of {known}, got {name}{nearest_name(name, ITEMS)}"
+            )
     return tuple(item for item in ITEMS.values() if not names or item.name in names)
