@@ -158,7 +158,11 @@ def test_the_headline_says_which_gains_hold_and_how_surely(made_up, page):
     by_group = {(g.group.plant, g.group.gains): g for g in made_up.groups}
 
     assert holds.verdict == "partly"
-    assert "K3 100 % on kinematic" in holds.short
+    law, aircraft = (by_group[plant, "paper"] for plant in ("kinematic", "jsbsim:aerosonde"))
+    assert holds.short == (
+        f"K3 100 % (paper {percent(law.successes / law.n)} %) on kinematic; "
+        f"K3 100 % (paper {percent(aircraft.successes / aircraft.n)} %) on jsbsim:aerosonde"
+    )
     for (plant, gains), one in by_group.items():
         (said,) = (line for line in holds.sentences if line.startswith(f"{plant} / {gains}:"))
         assert f"{one.successes} of {one.n} flights succeed" in said

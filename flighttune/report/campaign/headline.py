@@ -64,12 +64,7 @@ def _holds(found: Findings) -> Answer:
         for one in found.groups
     ]
     sentences += [_against(one) for one in _pairs_of_the_best(found)]
-    best = [best_of(found, plant) for plant in plants_of(found)]
-    short = "; ".join(
-        f"{', '.join(one.group.gains for one in alike)} {percent(alike[0].success.value)} % "
-        f"on {alike[0].group.plant}"
-        for alike in best
-    )
+    short = "; ".join(_best_and_lowest(found, plant) for plant in plants_of(found))
     intervals = "Clopper and Pearson's" if found.flights.method == "clopper-pearson" else "Wilson's"
     return Answer(
         question="Which gains hold, and how often?",
@@ -79,6 +74,17 @@ def _holds(found: Findings) -> Answer:
         criterion=f"{demands(found.flights.plan.scenario.expect)} In brackets {intervals} interval "
         f"of {100.0 * found.flights.confidence:g} % confidence.",
     )
+
+
+def _best_and_lowest(found: Findings, plant: str) -> str:
+    best = best_of(found, plant)
+    others = [one for one in found.groups if one.group.plant == plant and one not in best]
+    text = f"{', '.join(one.group.gains for one in best)} {percent(best[0].success.value)} %"
+    if others:
+        last = min(others, key=lambda one: one.success.value)
+        lowest = "lowest: " if len(others) > 1 else ""
+        text += f" ({lowest}{last.group.gains} {percent(last.success.value)} %)"
+    return f"{text} on {plant}"
 
 
 def _pairs_of_the_best(found: Findings) -> list[Paired]:
