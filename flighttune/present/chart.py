@@ -328,7 +328,7 @@ class Chart:
                 if boxes.index(box) > 3:
                     near = box[0] if box[0] > x else box[2]
                     parts.append(
-                        f'<path class="grid" d="M{x:.1f},{y:.1f}L{near:.1f},{box[1] + 6.0:.1f}"/>'
+                        f'<path class="axis" d="M{x:.1f},{y:.1f}L{near:.1f},{box[1] + 6.0:.1f}"/>'
                     )
                 parts.append(
                     f'<text class="named" x="{box[0]:.1f}" y="{box[1] + 10.0:.1f}">'
