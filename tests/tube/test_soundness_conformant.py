@@ -1,0 +1,104 @@
+"""No flight of a conformant model whose residual rates are in its boxes leaves the tube."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flighttune.conformance import RateBoxes, Windows, residual_rates
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.identify.file import load_identified
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.simulate.loop import simulate
+from flighttune.tube.problem import tube_problem
+from flighttune.tube.tube import enclosed
+from tests.tube.test_aircraft import conformance, flight
+from tests.tube.test_soundness import FEW_PIECES
+
+FLIGHTS = 4
+SAME = 1e-6
+"""rad/s: the residual rates of a flight are found again to the error of integration."""
+
+RATE = st.floats(-0.03, 0.03)
+LAGS = [one.lags for name in ("aerosonde", "a4") for one in load_identified(name).conditions]
+
+
+class Disturbed(PointMassPlant):
+    """The model under a disturbance that is constant over each sample, shape (samples, 2)."""
+
+    def __init__(self, lags, rates, g):
+        self._left, self._now = iter(rates.tolist()), (0.0, 0.0)
+        super().__init__(lags, disturbance=lambda _: self._now, g=g)
+
+    def advance(self, *commands):
+        self._now = tuple(next(self._left))
+        return super().advance(*commands)
+
+
+@st.composite
+def conformant(draw):
+    """A scenario of an aircraft, and its model with lags as identified and boxes made up."""
+    scenario = flight(
+        chi_err_deg=draw(st.floats(-40.0, 40.0)),
+        gamma_deg=draw(st.floats(-20.0, 30.0)),
+        gamma_ref_deg=draw(st.floats(-20.0, 30.0)),
+        roll_dps=draw(st.floats(10.0, 60.0)),
+        anti_windup=draw(st.sampled_from(["conditional", "none"])),
+        ramp_dps=draw(st.one_of(st.none(), st.floats(-8.0, 8.0))),
+    )
+    known = conformance(scenario)
+    windows = Windows.covering(
+        draw(st.sampled_from(["time", "phase"])),
+        scenario.flight.duration_s,
+        draw(st.sampled_from([0.02, 0.1, 0.5])),
+    )
+    ends = np.array(draw(st.lists(RATE, min_size=4, max_size=4))).reshape(2, 2)
+    rng = np.random.default_rng(draw(st.integers(0, 99)))
+    scale = rng.random((2, windows.count, 2)) * np.sort(ends, axis=0)[:, None]
+    boxes = RateBoxes(windows=windows, low=scale.min(axis=0), high=scale.max(axis=0))
+    model = replace(known.model, lags=draw(st.sampled_from(LAGS)))
+    return scenario, replace(known, boxes=boxes, model=model)
+
+
+def check_conformant(case, seed):
+    scenario, known = case
+    problem = tube_problem(scenario, PAPER_GAINS, conformance=known)
+    found = enclosed(problem, attempts=FEW_PIECES, for_ever=False)
+    rng, dt, condition = np.random.default_rng(seed), problem.controller().dt, scenario.condition
+    t = problem.t
+    low, high = known.boxes.over(t, *scenario.followed().sampled(t))
+    for _ in range(FLIGHTS):
+        share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
+        rates = low + share * (high - low)
+        signals, _ = simulate(
+            Disturbed(known.model.lags, rates, scenario.flight.g_mps2),
+            problem.controller(),
+            scenario.followed(),
+            condition=condition,
+            duration=scenario.flight.duration_s,
+        )
+        again = residual_rates(
+            known.model,
+            dt,
+            signals[["chi", "gamma"]].to_numpy(),
+            signals[["phi_cmd", "n_z_cmd"]].to_numpy(),
+            (condition.phi, condition.n_z_start),
+        )
+        assert again == pytest.approx(rates, abs=SAME)
+        assert found.contains(signals)
+
+
+@pytest.mark.slow
+@settings(max_examples=5, deadline=None, derandomize=True)
+@given(case=conformant(), seed=st.integers(0, 2**32 - 1))
+def test_no_flight_in_the_boxes_leaves_the_tube(case, seed):
+    check_conformant(case, seed)
+
+
+@pytest.mark.soak
+@settings(max_examples=200, deadline=None)
+@given(case=conformant(), seed=st.integers(0, 2**32 - 1))
+def test_no_flight_in_the_boxes_leaves_the_tube_in_many_cases(case, seed):
+    check_conformant(case, seed)
