@@ -119,6 +119,8 @@ class ConformSettings:
             value = getattr(self, name)
             if not 0.0 < value < 1.0:
                 raise InputError(f"`{name}` must lie between 0 and 1, got {value}.")
+        if not 0.0 <= self.start_deg < math.inf:
+            raise InputError(f"`start_deg` must not be negative, got {self.start_deg:g}.")
         if self.attempts < 1:
             raise InputError(f"`attempts` must be at least 1, got {self.attempts}.")
 
@@ -159,6 +161,11 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     group = plan.chosen_group(settings.plant, settings.gains, kind="jsbsim")
     air = settings.air or air_of(plan.campaign.central)
     campaign = in_air(plan.campaign, air)
+    if not (campaign.keys or campaign.nominal.turbulence or campaign.nominal.sensors):
+        raise InputError(
+            f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
+            "flights are the same one."
+        )
     in_this_air = replace(plan, campaign=campaign)
     summary = ResidualSummary(
         model=conformant_model(campaign.nominal, group.plant),
