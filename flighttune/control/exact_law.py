@@ -15,8 +15,8 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import (
     AntiWindup,
     PIState,
-    check_anti_windup,
-    integral_time,
+    empty_state,
+    tracking_gain_of,
 )
 from flighttune.errors import InputError, ShapeError
 from flighttune.units import G_PAPER, wrap_angle
@@ -179,16 +179,10 @@ class ExactLaw:
         check_positive(
             dt=dt, tracking_time=tracking_time, lift_floor=lift_floor, braking=braking, g=g
         )
-        check_anti_windup(anti_windup)
         if priority not in get_args(Priority):
             raise InputError(f"`priority` must be gamma or chi, got {priority!r}.")
         rate_model().check_channels(gains)
         self.gains, self.limits, self.dt, self.signals = gains, limits, dt, RATE_SIGNALS
-        tracking_gain = 0.0
-        if anti_windup == "back_calculation":
-            if tracking_time is None:
-                tracking_time = integral_time(gains.K_P, gains.K_I)
-            tracking_gain = dt / max(tracking_time, dt)
         bounds = (limits.lower, limits.upper, limits.rate_lower * dt, limits.rate_upper * dt)
         (a, b), (c, d) = gains.K_P.tolist()
         (e, f), (h, i) = (gains.K_I * dt).tolist()
@@ -199,13 +193,13 @@ class ExactLaw:
             bounds=(roll, load),
             wrapped=wrapped,
             conditional=anti_windup == "conditional",
-            tracking_gain=tracking_gain,
+            tracking_gain=tracking_gain_of(anti_windup, gains, dt, tracking_time),
             per_g=1.0 / g,
             lift_floor=lift_floor,
             brake=2.0 * (braking or math.inf) * min(limits.rate_upper[1], -limits.rate_lower[1]),
             course_first=priority == "chi",
         )
-        self._reset((0.0, 1.0))
+        self.state = empty_state((0.0, 1.0))
 
     @property
     def limiter(self) -> PIState:
@@ -218,18 +212,7 @@ class ExactLaw:
 
     def start(self, condition: FlightCondition) -> None:
         """Empty the integrators; the roll and load factor of `condition` are in force."""
-        self._reset((condition.phi, condition.n_z_start))
-
-    def _reset(self, u: tuple[float, float]) -> None:
-        self.state = PIState(
-            error=[0.0, 0.0],
-            error_sum=[0.0, 0.0],
-            u=list(u),
-            u_unsat=list(u),
-            integral=[0.0, 0.0],
-            limited=[FREE, FREE],
-            started=[False],
-        )
+        self.state = empty_state((condition.phi, condition.n_z_start))
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
         """Return roll and load-factor command after all limits, and the values of `signals`.

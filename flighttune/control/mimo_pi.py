@@ -103,6 +103,20 @@ class PIState(NamedTuple):
     started: Vector
 
 
+def empty_state(u: Sequence[float]) -> PIState:
+    """A state with nothing integrated, the commands `u` in force before t = 0."""
+    before, m = [float(value) for value in u], len(u)
+    return PIState(
+        error=[0.0] * ERRORS,
+        error_sum=[0.0] * ERRORS,
+        u=before,
+        u_unsat=list(before),
+        integral=[0.0] * m,
+        limited=[FREE] * m,
+        started=[False],
+    )
+
+
 class MimoPI:
     """``u = limit(u_ff + K_P e + K_I integral of e)``, sampled every `dt` seconds.
 
@@ -174,16 +188,10 @@ class MimoPI:
         if limits.lower.shape != (m,):
             raise ShapeError(f"`limits` must be of {m} commands, got {limits.lower.shape[0]}.")
         check_positive(dt=dt, tracking_time=tracking_time, schedule_speed=schedule_speed)
-        check_anti_windup(anti_windup)
         self.gains, self.limits, self.dt, self.anti_windup = gains, limits, dt, anti_windup
         self.signals, self.feed_forward = INTEGRAL_SIGNALS, feed_forward
         self._gamma_ref, self._lift = math.nan, 0.0
         self.wrapped = tuple(name in wrapped for name in gains.errors)
-        tracking_gain = 0.0
-        if anti_windup == "back_calculation":
-            if tracking_time is None:
-                tracking_time = integral_time(gains.K_P, gains.K_I)
-            tracking_gain = dt / max(tracking_time, dt)
         rows = (
             gains.K_P,
             gains.K_I * (0.5 * dt),
@@ -196,7 +204,7 @@ class MimoPI:
             channels=tuple(map(ChannelLaw, *(row.tolist() for row in rows))),
             wrapped=self.wrapped,
             conditional=anti_windup == "conditional",
-            tracking_gain=tracking_gain,
+            tracking_gain=tracking_gain_of(anti_windup, gains, dt, tracking_time),
             per_speed=0.0 if schedule_speed is None else 1.0 / schedule_speed,
         )
         self.reset([0.0] * m)
@@ -231,19 +239,10 @@ class MimoPI:
 
     def reset(self, u: Sequence[float]) -> None:
         """Empty the integrator and take `u` (length m) as the command in force before t = 0."""
-        m, p = self.gains.K_P.shape
+        m = len(self.gains.inputs)
         if len(u) != m or not all(map(math.isfinite, u)):
             raise InputError(f"`u` must be {m} finite numbers, got {list(u)}.")
-        before = [float(value) for value in u]
-        self.state = PIState(
-            error=[0.0] * p,
-            error_sum=[0.0] * p,
-            u=before,
-            u_unsat=list(before),
-            integral=[0.0] * m,
-            limited=[FREE] * m,
-            started=[False],
-        )
+        self.state = empty_state(u)
 
     def command(
         self, ref: Sequence[float], y: Sequence[float], u_ff: Sequence[float], V_a: float = 0.0
@@ -283,6 +282,18 @@ def check_anti_windup(anti_windup: str) -> None:
     """Refuse what is none of `ANTI_WINDUP`."""
     if anti_windup not in ANTI_WINDUP:
         raise InputError(f"`anti_windup` must be one of {ANTI_WINDUP}, got {anti_windup!r}.")
+
+
+def tracking_gain_of(
+    anti_windup: str, gains: PIGains, dt: float, tracking_time: float | None
+) -> float:
+    """Sample time over tracking time, by default the integral time; 0 without back-calculation."""
+    check_anti_windup(anti_windup)
+    if anti_windup != "back_calculation":
+        return 0.0
+    if tracking_time is None:
+        tracking_time = integral_time(gains.K_P, gains.K_I)
+    return dt / max(tracking_time, dt)
 
 
 def pi_step(
