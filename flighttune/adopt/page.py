@@ -10,6 +10,8 @@ from flighttune.adopt.adopt import CALM, GOOD_FIT, Adoption
 from flighttune.adopt.files import TURN
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.identify.experiment import DT
+from flighttune.identify.model import lags_table
+from flighttune.identify.steps import steps_table
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Answer, Section, page_template, write_page
 from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
@@ -132,41 +134,12 @@ def _turn(runs: dict[str, Run], styles: dict[str, LineStyle]) -> Section:
 def _inner_loop(found: Adoption) -> Section:
     assert found.designed is not None
     assert found.identified is not None
-    rows = [
-        (
-            check.name,
-            f"{check.step.t90:.2f}",
-            f"{check.t90_allowed:.2f}",
-            f"{100.0 * check.step.overshoot:.1f}",
-            "yes" if check.met else "no",
-        )
-        for check in found.designed.checks
-    ]
-    head = ("step", "t90 [s]", "at most", "overshoot [%]", "met")
-    nominal = found.identified.identified.conditions[0]
-    lags = [
-        (
-            name,
-            str(channel.lag.order),
-            f"{channel.lag.bandwidth:.2f}",
-            f"{channel.lag.delay:.3f}",
-            f"{channel.fit_percent:.1f}",
-        )
-        for name, channel in (("roll", nominal.phi), ("load factor", nominal.n_z))
-    ]
     return Section(
         id="inner_loop",
         title="The inner loop",
         note="Steps flown against what was asked for, and the manoeuvre that checks the fit.",
         charts=list(_check_charts(found)),
-        tables=(
-            Table(title="Step responses", head=head, rows=rows),
-            Table(
-                title="Identified lags",
-                head=("channel", "order", "bandwidth [rad/s]", "delay [s]", "fit [%]"),
-                rows=lags,
-            ),
-        ),
+        tables=(steps_table(found.designed.checks), lags_table(found.identified.identified)),
         legend=False,
     )
 

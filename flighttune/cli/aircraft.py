@@ -16,7 +16,6 @@ from flighttune.shipped import is_shipped
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
-    from flighttune.control.inner_loop import InnerLag
     from flighttune.identify.design import DesignedAircraft
     from flighttune.identify.identify import AircraftIdentification
     from flighttune.plants.jsbsim.trim import TrimRow
@@ -215,47 +214,22 @@ def _trim_cells(row: "TrimRow") -> tuple[str, ...]:
 
 
 def _design_text(designed: "DesignedAircraft", written: Path | None) -> Iterator[Table | str]:
+    from flighttune.identify.steps import steps_table
+
     config = designed.config
     gains = [
         (name, f"{value:.4g}", number(designed.previous.get(name, math.nan)))
         for name, value in (config.gains.gains if config.gains else {}).items()
     ]
     yield table(config.title, ("gain", "designed", "before"), gains)
-    steps = [
-        (
-            check.name,
-            f"{check.step.t90:.2f}",
-            f"{check.t90_allowed:g}",
-            f"{100.0 * check.step.overshoot:.1f}",
-            f"{100.0 * check.overshoot_allowed:g}",
-            "yes" if check.met else Bad("no"),
-        )
-        for check in designed.checks
-    ]
-    head = ("step", "t90 [s]", "at most", "overshoot [%]", "at most", "met")
-    yield table("step responses", head, steps)
+    yield steps_table(designed.checks)
     yield f"written: {written}" if written else "nothing is written"
 
 
 def _identification_text(found: "AircraftIdentification", place: str) -> Iterator[Table | str]:
-    columns = "V_a [m/s], γ [deg], channel, order, ω [rad/s], damping, lag [s], delay [s]"
-    rows = [
-        (
-            f"{c.V_a:g}",
-            f"{c.gamma / DEG:g}",
-            name,
-            *_lag_cells(channel.lag),
-            f"{channel.cross:.3f}",
-            f"{channel.fit_percent:.1f}",
-        )
-        for c in found.identified.conditions
-        for name, channel in (("phi", c.phi), ("n_z", c.n_z))
-    ]
-    yield table(
-        f"{found.identified.aircraft}: identified inner loop",
-        (*columns.split(", "), "bandwidth [rad/s]", "cross", "fit [%]"),
-        rows,
-    )
+    from flighttune.identify.model import lags_table
+
+    yield lags_table(found.identified)
     yield (
         "fit: share of the variance explained in a manoeuvre not used for the fit; cross: largest "
         "response of the other channel, 1/rad (phi) and rad (n_z)"
@@ -269,14 +243,3 @@ def _identification_text(found: "AircraftIdentification", place: str) -> Iterato
         modes.append((mode.name, *(f"{value:.3f}" for value in values)))
     head = ("mode", "real part [1/s]", "imaginary part [rad/s]", "ω [rad/s]", "damping")
     yield table(f"{place}: airframe without the inner loop", head, modes)
-
-
-def _lag_cells(lag: "InnerLag") -> tuple[str, ...]:
-    return (
-        str(lag.order),
-        f"{lag.natural_frequency:.2f}",
-        f"{lag.damping:.2f}" if lag.order > 1 else "-",
-        f"{lag.lag:.3f}" if lag.order > 2 else "-",
-        f"{lag.delay:.3f}",
-        f"{lag.bandwidth:.2f}",
-    )

@@ -8,6 +8,8 @@ from flighttune.control.exact_law import rate_model
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
+from flighttune.present.tables import Table
+from flighttune.units import DEG
 
 ANGLE_PER_SPEED = math.radians(60.0)
 """Difference of climb that counts like a doubling of airspeed in `nearest`."""
@@ -98,6 +100,33 @@ class IdentifiedAircraft:
             return math.hypot(octaves, (condition.gamma - gamma) / ANGLE_PER_SPEED)
 
         return min(self.conditions, key=distance)
+
+
+def lags_table(aircraft: IdentifiedAircraft) -> Table:
+    """Every lag with its fit, a row each channel of a condition."""
+    rows = [
+        (
+            f"{at.V_a:g}",
+            f"{at.gamma / DEG:g}",
+            name,
+            str(lag.order),
+            f"{lag.natural_frequency:.2f}",
+            f"{lag.damping:.2f}" if lag.order > 1 else "-",
+            f"{lag.lag:.3f}" if lag.order > 2 else "-",
+            f"{lag.delay:.3f}",
+            f"{lag.bandwidth:.2f}",
+            f"{channel.cross:.3f}",
+            f"{channel.fit_percent:.1f}",
+        )
+        for at in aircraft.conditions
+        for name, channel, lag in (("phi", at.phi, at.phi.lag), ("n_z", at.n_z, at.n_z.lag))
+    ]
+    columns = "V_a [m/s], γ [deg], channel, order, ω [rad/s], damping, lag [s], delay [s]"
+    return Table(
+        title=f"{aircraft.aircraft}: identified inner loop",
+        head=(*columns.split(", "), "bandwidth [rad/s]", "cross", "fit [%]"),
+        rows=rows,
+    )
 
 
 LAGS_PER_ERROR = 3.0

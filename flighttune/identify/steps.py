@@ -1,7 +1,7 @@
 """Step responses of roll and load factor, flown on an aircraft, against its design goals."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -11,6 +11,7 @@ from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.present.tables import Bad, Table
 from flighttune.units import DEG
 
 Channel: TypeAlias = Literal["phi", "n_z"]
@@ -170,3 +171,20 @@ def check_steps(config: AircraftConfig) -> tuple[StepCheck, ...]:
         for V_a in design.V_a_shown
         for channel, size, t90, overshoot, duration in goals
     )
+
+
+def steps_table(checks: Sequence[StepCheck]) -> Table:
+    """Steps flown against what was asked for."""
+    rows = [
+        (
+            check.name,
+            f"{check.step.t90:.2f}",
+            f"{check.t90_allowed:.3g}",
+            f"{100.0 * check.step.overshoot:.1f}",
+            f"{100.0 * check.overshoot_allowed:g}",
+            "yes" if check.met else Bad("no"),
+        )
+        for check in checks
+    ]
+    head = ("step", "t90 [s]", "at most", "overshoot [%]", "at most", "met")
+    return Table(title="step responses", head=head, rows=rows)
