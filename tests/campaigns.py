@@ -7,12 +7,15 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+from unittest import mock
 
 import psutil
 
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.campaign.engine import pool as pool_module
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.plants.jsbsim.model_files import model_hash
@@ -255,3 +258,20 @@ def some_parts(out, count=1):
 def parts(out):
     """The files of rows that are there."""
     return sorted((Path(out) / "runs").glob("*.parquet"))
+
+
+@contextmanager
+def flown_here(module, planned, plan, rows=fly_runs):
+    """Fly in this process, without workers: `plan` is what the function `planned` returns."""
+
+    class Pool:
+        def fly_rows(self, plan, gaps, keep, doing):
+            for gap in gaps:
+                keep(rows(plan, range(gap.first, gap.end)))
+            return True
+
+    with (
+        mock.patch.object(pool_module, "worker_pool", return_value=nullcontext(Pool())),
+        mock.patch.object(module, planned, return_value=plan),
+    ):
+        yield Pool()

@@ -1,7 +1,7 @@
 """The comparison: pairs of runs with their metrics, differences and distances."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -71,10 +71,8 @@ class Comparison:
 
     Attributes
     ----------
-    comparable : bool
-        Whether all sources flew the same manoeuvre, with the same aircraft.
     reason : str
-        Why not; empty otherwise.
+        Why the sources cannot be compared: another manoeuvre, another aircraft; empty otherwise.
     pairs : tuple of Pair
         Every run of the first source with its partner in each of the others.
     metrics : DataFrame
@@ -87,12 +85,16 @@ class Comparison:
         What the sources recorded and cannot give.
     """
 
-    comparable: bool
-    reason: str
-    pairs: tuple[Pair, ...]
-    metrics: pd.DataFrame
-    unpaired: tuple[str, ...]
+    reason: str = ""
+    pairs: tuple[Pair, ...] = ()
+    metrics: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(COLUMNS)))
+    unpaired: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
+
+    @property
+    def comparable(self) -> bool:
+        """Whether the flights can be compared."""
+        return not self.reason
 
     @property
     def max_distance(self) -> float:
@@ -168,7 +170,7 @@ def compare(
         found = paired(first.runs, other.runs)
         reason = why_not(first, other, found)
         if reason:
-            return _refused(reason)
+            return Comparison(reason=reason)
         pairs += [_pair(first, other, *two) for two in found]
         unpaired += _left_over(first, other, found)
     rows: list[Row] = []
@@ -176,8 +178,6 @@ def compare(
         names: Row = {"pair": place, "run_a": pair.a.label, "run_b": pair.b.label}
         rows += [{**names, **row} for row in metric_rows(pair.a, pair.b)]
     return Comparison(
-        comparable=True,
-        reason="",
         pairs=tuple(pairs),
         metrics=pd.DataFrame(rows, columns=list(COLUMNS)),
         unpaired=tuple(dict.fromkeys(unpaired)),
@@ -193,16 +193,6 @@ def _source(given: str | Path | Run | FlownScenario | Source, place: int) -> Sou
     if isinstance(given, FlownScenario):
         return Source(name=f"{chr(ord('A') + place)}: {given.scenario.title}", runs=given.runs)
     return load_source(given)
-
-
-def _refused(reason: str) -> Comparison:
-    return Comparison(
-        comparable=False,
-        reason=reason,
-        pairs=(),
-        metrics=pd.DataFrame(columns=list(COLUMNS)),
-        unpaired=(),
-    )
 
 
 def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:

@@ -1,15 +1,13 @@
 """Boxes learned and counted: the statistics of the count, and flights of small campaigns."""
 
 import json
-from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import chain
-from unittest import mock
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from campaigns import write_campaign
+from campaigns import flown_here, write_campaign
 from commands import answer, flighttune
 from dispersed import AEROSONDE, TURBULENCE, WIND, plan_of, tables_of, uniform
 
@@ -23,7 +21,6 @@ from flighttune.campaign.conform import (
     in_air,
     own_campaign,
 )
-from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.plan import plan_from
 from flighttune.conformance import Windows, load_conformance, save_conformance
@@ -42,26 +39,9 @@ def small_plan(runs=12, **tables):
     return plan_of(scenario, *START, runs=runs)
 
 
-@contextmanager
-def flown_here(plan, rows=fly_runs):
-    """Fly in this process, without workers: what `conform` plans for "campaign" is `plan`."""
-
-    class Pool:
-        def fly_rows(self, plan, gaps, keep, doing):
-            for gap in gaps:
-                keep(rows(plan, range(gap.first, gap.end)))
-            return True
-
-    with (
-        mock.patch.object(pool_module, "worker_pool", return_value=nullcontext(Pool())),
-        mock.patch.object(conform_module, "_planned", return_value=plan),
-    ):
-        yield Pool()
-
-
 @pytest.fixture(scope="module")
 def found():
-    with flown_here(small_plan()) as pool:
+    with flown_here(conform_module, "_planned", small_plan()) as pool:
         return conform("campaign", FEW, pool)
 
 
@@ -100,7 +80,7 @@ def test_false_claims_are_as_rare_as_the_confidence_says():
         return pa.table({"run": list(runs), "residual_low": low, "residual_high": high})
 
     claims = 0
-    with flown_here(small_plan(runs=1), rows) as pool:
+    with flown_here(conform_module, "_planned", small_plan(runs=1), rows) as pool:
         for _ in range(30):
             calls.clear()
             claims += conform("campaign", settings, pool).holds
@@ -120,7 +100,7 @@ def test_counted_flights_are_not_those_learned_from_and_none_is_flown_twice():
             table.schema.get_field_index("residual_high"), "residual_high", pa.array(wide)
         )
 
-    with flown_here(small_plan(runs=2), rows) as pool:
+    with flown_here(conform_module, "_planned", small_plan(runs=2), rows) as pool:
         found = conform("campaign", FEW, pool)
 
     each = FEW.flights
@@ -270,7 +250,7 @@ def test_bad_input_is_one_line(options, message, tmp_path):
 
 @pytest.mark.slow
 def test_the_command_writes_what_it_says(tmp_path):
-    with flown_here(small_plan()):
+    with flown_here(conform_module, "_planned", small_plan()):
         said = answer(
             "conform", "campaign", "--epsilon", 0.5, "--confidence", 0.75, "--out",
             tmp_path / "boxes.json",

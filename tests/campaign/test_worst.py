@@ -2,21 +2,19 @@
 
 import json
 import math
-from contextlib import contextmanager, nullcontext
 from unittest import mock
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
-from campaigns import write_campaign
+from campaigns import flown_here, write_campaign
 from commands import answer, flighttune
 from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
 from scipy.stats import chi2, norm
 
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.conform import at_random
-from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
@@ -47,23 +45,6 @@ DEMAND = {"at_most": {"chi": {"peak_deg": 35.0}}}
 def small_plan(**tables):
     """Three seconds of the law from random starts."""
     return plan_of(tables_of((KINEMATIC,), **{"gains": [SOFT], **tables}), *START, runs=8)
-
-
-@contextmanager
-def flown_here(plan):
-    """Fly in this process, without workers: what is planned for "campaign" is `plan`."""
-
-    class Pool:
-        def fly_rows(self, plan, gaps, keep, doing):
-            for gap in gaps:
-                keep(fly_runs(plan, range(gap.first, gap.end)))
-            return True
-
-    with (
-        mock.patch.object(pool_module, "worker_pool", return_value=nullcontext(Pool())),
-        mock.patch.object(worst_module, "planned", return_value=plan),
-    ):
-        yield Pool()
 
 
 @pytest.mark.parametrize("dimension", [2, 8, 20])
@@ -133,7 +114,7 @@ def test_what_is_never_reached_has_a_ceiling_only():
 
 def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
     plan = small_plan()
-    with flown_here(plan) as pool:
+    with flown_here(worst_module, "planned", plan) as pool:
         found = find_worst("campaign", WorstSettings(budget=320, metric="chi.peak_rad"), pool)
 
     rows = fly_runs(plan.with_runs(300), range(300)).to_pandas()
@@ -148,7 +129,7 @@ def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was
 def test_probability_of_a_miss_agrees_with_counting():
     """Starts are uniform and the error is largest at the start: |chi_0| > 35 of 40 deg."""
     plan = small_plan(expect=[DEMAND])
-    with flown_here(plan) as pool:
+    with flown_here(worst_module, "planned", plan) as pool:
         miss = rare_miss("campaign", WorstSettings(budget=2000), pool)
 
     assert miss.metric == "margin"
@@ -239,7 +220,7 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     signals = pd.DataFrame({"chi_err": 0.0, "gamma_err": 0.0}, index=run.signals.index)
     width = np.radians(20.0)
     tube = tube_around(signals, tmp_path / "tube.parquet", below=width, above=width)
-    with flown_here(plan) as pool:
+    with flown_here(worst_module, "planned", plan) as pool:
         found = find_worst("campaign", WorstSettings(budget=96, tube=tube), pool)
 
         said = answer(
@@ -286,7 +267,7 @@ def test_bad_input_is_one_line(options, message, tmp_path):
 
 
 def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
-    with flown_here(small_plan(expect=[DEMAND])):
+    with flown_here(worst_module, "planned", small_plan(expect=[DEMAND])):
         said = answer(
             "worst", "campaign", "--budget", 64, "--out", tmp_path / "worst.toml",
         )  # fmt: skip
