@@ -254,11 +254,8 @@ def _levers(tables: dict[str, Any], folder: Path) -> dict[str, float]:
     return {name: value for name, value in wanted.items() if fdm.has(name)}
 
 
-def _level(V_a: float, alpha: float, throttle: float = 0.0, **more: float) -> AirframeState:
-    state = dict.fromkeys(AirframeState.__slots__, 0.0)
-    return AirframeState(
-        **state | {"V_a": V_a, "alpha": alpha, "theta": alpha, "throttle": throttle} | more
-    )
+def _level(V_a: float, alpha: float, throttle: float = 0.0) -> AirframeState:
+    return AirframeState(V_a=V_a, alpha=alpha, theta=alpha, throttle=throttle)
 
 
 def _lift(fdm: Fdm, h: float) -> Lift:

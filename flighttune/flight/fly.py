@@ -4,7 +4,7 @@ import platform
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
@@ -283,7 +283,8 @@ def _flights(
         for name, gains in sets.items():
             if observer is not None and observer.stopped and gains is not None:
                 reason = "the flights were stopped before this one began"
-                run = _unflown(scenario, plant.label, name, gains, "interrupted", reason)
+                made_by = _provenance(scenario, plant.label, name, gains)
+                run = _unflown(made_by, "interrupted", reason)
             else:
                 replays = source is not None and plant.aircraft is None
                 run = fly_alone(
@@ -337,7 +338,8 @@ def fly_alone(
     if wind_run is not None and gains is not None and not len(wind_run.signals):
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
-        return _unflown(scenario, table.label, gains_name, gains, wind_run.status, reason)
+        made_by = _provenance(scenario, table.label, gains_name, gains)
+        return _unflown(made_by, wind_run.status, reason)
     own = with_own(scenario)[1] if own is None else own
     wind = _steady_wind(scenario)
     if wind_run is not None and len(wind_run.signals):
@@ -413,7 +415,8 @@ def fly_once(
     """
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
-        return _unflown(scenario, plant_label, gains_name, None, "no_gains", reason)
+        made_by = _provenance(scenario, plant_label, gains_name, None)
+        return _unflown(made_by, "no_gains", reason)
     started = time.perf_counter()
     duration = scenario.flight.duration_s
     if limits is None:
@@ -421,13 +424,15 @@ def fly_once(
     controller: MimoPI | ExactLaw | GuardedLaw
     if scenario.is_own_law(gains_name):
         law, _ = scenario.law_of(gains_name)
-        made_with, gains = gains, None  # what it flies by is its own
+        # what it flies by is its own
+        made_by = _provenance(scenario, plant_label, gains_name, None)
         try:
             own = with_own(scenario)[1] if own is None else own
-            controller = own.law(law, law_setup(scenario, made_with, limits))
+            controller = own.law(law, law_setup(scenario, gains, limits))
         except LawError as error:
-            return _unflown(scenario, plant_label, gains_name, None, "law_failed", str(error))
+            return _unflown(made_by, "law_failed", str(error))
     else:
+        made_by = _provenance(scenario, plant_label, gains_name, gains)
         controller = controller_of(scenario, gains_name, gains, limits)
     label = f"{plant_label} / {gains_name}"
     try:
@@ -441,7 +446,7 @@ def fly_once(
             progress=progress and (lambda t: progress(label, t / duration)),
         )
     except TrimError as error:
-        return _unflown(scenario, plant_label, gains_name, gains, "no_trim", str(error))
+        return _unflown(made_by, "no_trim", str(error))
     if progress is not None:
         progress(label, 1.0)
     wall_s = time.perf_counter() - started
@@ -449,7 +454,7 @@ def fly_once(
         signals=signals,
         status="completed" if stop is None else stop.status,
         reason="" if stop is None else stop.reason,
-        provenance=_provenance(scenario, plant_label, gains_name, gains, wall_s),
+        provenance=replace(made_by, wall_s=wall_s),
         units={name: u for name, u in controller.signals.items() if name not in SIGNAL_UNITS},
     )
 
@@ -492,24 +497,16 @@ def controller_of(
     )
 
 
-def _unflown(
-    scenario: Scenario,
-    plant_label: str,
-    gains_name: str,
-    gains: PIGains | None,
-    status: RunStatus,
-    reason: str,
-) -> Run:
+def _unflown(made_by: Provenance, status: RunStatus, reason: str) -> Run:
     """The run, without samples, of a flight that could not begin."""
     signals = pd.DataFrame(
         columns=pd.Index(LOOP_SIGNALS), index=pd.Index([], name="t"), dtype=float
     )
-    made_by = _provenance(scenario, plant_label, gains_name, gains, 0.0)
     return Run(signals=signals, status=status, reason=reason, provenance=made_by)
 
 
 def _provenance(
-    scenario: Scenario, plant_label: str, gains_name: str, gains: PIGains | None, wall_s: float
+    scenario: Scenario, plant_label: str, gains_name: str, gains: PIGains | None
 ) -> Provenance:
     return Provenance(
         scenario=scenario.as_dict(),
@@ -518,7 +515,7 @@ def _provenance(
         gains=gains,
         seed=scenario.seed,
         versions=library_versions(),
-        wall_s=wall_s,
+        wall_s=0.0,
     )
 
 

@@ -36,18 +36,18 @@ class AirframeState:
     """
 
     V_a: float
-    alpha: float
-    beta: float
-    phi: float
-    theta: float
-    psi: float
-    p: float
-    q: float
-    r: float
-    aileron: float
-    elevator: float
-    rudder: float
-    throttle: float
+    alpha: float = 0.0
+    beta: float = 0.0
+    phi: float = 0.0
+    theta: float = 0.0
+    psi: float = 0.0
+    p: float = 0.0
+    q: float = 0.0
+    r: float = 0.0
+    aileron: float = 0.0
+    elevator: float = 0.0
+    rudder: float = 0.0
+    throttle: float = 0.0
 
     @property
     def velocity(self) -> tuple[float, float, float]:

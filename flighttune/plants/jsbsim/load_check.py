@@ -64,9 +64,8 @@ def _fault(checked: Unchanged) -> str:
     low, high = config.envelope.V_a
     V_a = config.design.V_a if config.design else 0.5 * (low + high)
     bench = Bench(fdm, config.design.h if config.design else HEIGHT)
-    none = dict.fromkeys(AirframeState.__slots__, 0.0)
-    level = AirframeState(**none | {"V_a": V_a, "alpha": ALPHA, "theta": ALPHA})
-    level = replace(level, throttle=FULL * config.engines.throttle[1])
+    throttle = FULL * config.engines.throttle[1]
+    level = AirframeState(V_a=V_a, alpha=ALPHA, theta=ALPHA, throttle=throttle)
     return next(_engine_faults(fdm, bench, level), "") or next(
         _surface_faults(fdm, bench, level), ""
     )
