@@ -44,7 +44,7 @@ docs: $(STAMP)
 
 # The lowest and the newest versions of the dependencies, and wheels for other systems; minutes.
 bounds: $(STAMP)
-	$(PYTHON) tests/bounds.py
+	$(PYTHON) tests/bounds.py $(PYTHONS)
 
 lines: $(STAMP)
 	$(PYTHON) tests/lines.py

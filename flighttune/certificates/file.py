@@ -13,7 +13,7 @@ from flighttune.control.envelope import Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
-from flighttune.mistakes import first_mistake
+from flighttune.mistakes import abridged, first_mistake
 from flighttune.quantities import Matrix
 from flighttune.table_file import json_tables
 from flighttune.whole_file import write_text
@@ -211,8 +211,9 @@ def certificate_from(tables: Any) -> Certificate:
     InputError
         If a key is missing, unknown or impossible; the message names it.
     """
-    if not isinstance(tables, dict) or tables.get("format") != FORMAT:
-        raise InputError(f"`format` must be {FORMAT!r}.")
+    found = tables.get("format") if isinstance(tables, dict) else None
+    if found != FORMAT:
+        raise InputError(f"`format` must be {FORMAT!r}, got {abridged(found)}.")
     try:
         file = _File.model_validate(tables)
     except ValidationError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from browser import headless_chromium
 
 import flighttune
 from flighttune.flight.fly import fly
@@ -72,6 +73,15 @@ def test_every_public_name_is_in_the_reference_and_found_by_the_search(site):
     for name in flighttune.__all__:
         assert any(anchor.rsplit(".", 1)[-1] == name for anchor in anchors), name
         assert name.lower() in index, name
+
+
+def test_the_search_answers_in_a_browser_without_a_server(site):
+    page = f"{(site / 'search.html').as_uri()}?q=tube"
+
+    shown = headless_chromium()("--dump-dom", page)
+
+    results = shown.partition('class="search"')[2]
+    assert 'href="docs/tube.html"' in results
 
 
 def test_no_key_or_column_that_is_documented_is_lost():

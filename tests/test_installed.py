@@ -1,0 +1,89 @@
+"""The wheel as a stranger has it: installed from the package index, far from any checkout."""
+
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+from test_shipped import built, copied_sources
+
+pytestmark = pytest.mark.soak
+
+COMMANDS = """
+--version
+list
+fly paper
+tune paper --out gains.json
+certify paper --gains gains.json --out certificate.json
+verify certificate.json
+gap paper
+report runs/paper --out report.html
+compare runs/paper/kinematic-paper.parquet runs/paper/kinematic-tuned.parquet
+refly runs/paper/paper.rrd
+frontier paper --points 3
+trim aerosonde
+adopt 737 --out mine
+export paper --out folder
+campaign run first_campaign
+campaign report runs/first_campaign
+"""
+NEED_AN_EXTRA = {
+    "reproduce gains": "figures",
+    "campaign run first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster",
+}
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    (found,) = built(copied_sources(folder / "source"), folder / "out", "wheel")
+    return found
+
+
+def by_pip(folder, wheel):
+    venv.create(folder, with_pip=True)
+    return [folder / "bin" / "python", "-m", "pip", "install", "--quiet", wheel]
+
+
+def by_uv(folder, wheel):
+    uv = [sys.executable, "-m", "uv", "--quiet"]
+    subprocess.run([*uv, "venv", "--python", sys.executable, folder], check=True)
+    return [*uv, "pip", "install", "--python", folder / "bin" / "python", wheel]
+
+
+@pytest.mark.parametrize("installer", [by_pip, by_uv])
+def test_a_stranger_flies_from_the_wheel(installer, wheel, tmp_path):
+    folder, home, work = (tmp_path / name for name in ("env", "home", "work"))
+    home.mkdir()
+    work.mkdir()
+    subprocess.run(installer(folder, wheel), check=True)
+    # Its own path and home alone, and a locale that has no Greek.
+    clean = {"PATH": os.defpath, "HOME": str(home), "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
+
+    def run(command):
+        words = [folder / "bin" / "flighttune", *command.split()]
+        return subprocess.run(words, cwd=work, env=clean, capture_output=True, check=False)
+
+    for command in COMMANDS.strip().splitlines():
+        done = run(command)
+        assert done.returncode == 0, (command, done.stderr)
+        assert b"Warning" not in done.stderr, command
+        assert done.stdout, command
+    for command, extra in NEED_AN_EXTRA.items():
+        done = run(command)
+        assert (done.returncode, done.stdout) == (2, b""), command
+        (line,) = done.stderr.decode("ascii").splitlines()
+        assert f"'flighttune[{extra}]'" in line
+
+    where = "import flighttune; print(flighttune.__file__)"
+    found = subprocess.run(
+        [folder / "bin" / "python", "-c", where],
+        cwd=work,
+        env=clean,
+        capture_output=True,
+        text=True,
+    )
+    assert Path(found.stdout.strip()).is_relative_to(folder)
+    assert not any(home.iterdir())
