@@ -14,8 +14,11 @@ from flighttune.identify.model import lags_table
 from flighttune.identify.steps import steps_table
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Answer, Section, page_template, write_page
+from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.numbers import MISSING
 from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
 from flighttune.present.tables import Table
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
@@ -43,13 +46,17 @@ def write_adoption(found: Adoption) -> Path:
         "the paper's, scaled with airspeed",
     )
     runs: dict[str, Run] = dict(zip(names, found.turn.runs, strict=True))
-    styles: dict[str, LineStyle] = dict(
-        zip(names, line_styles([("", one) for one in names]).values(), strict=True)
-    )
+    # in the colours of these gains elsewhere, where those tuned on the law are the second of three
+    pairs = [("", one) for one in ("paper", TUNED, TUNED_IDENTIFIED)]
+    paper, _, identified = line_styles(pairs).values()
+    styles: dict[str, LineStyle] = dict(zip(names, (identified, paper), strict=True))
     page = write_page(
         found.folder / PAGE,
         page_template("flighttune.adopt", "page.html.jinja"),
-        summary=(f"{found.status.capitalize()}{found.reason and ': ' + found.reason}.",),
+        summary=(
+            f"{found.status.capitalize()}{found.reason and ': ' + found.reason}.",
+            f"ITAE of the turn in rad s²: {', '.join(_itae(found))}.",
+        ),
         answers=tuple(_answers(found)),
         sections=[_turn(runs, styles), _inner_loop(found), _trims(found)],
         title=f"{config.title} at {found.V_a:.0f} m/s",
@@ -102,6 +109,14 @@ def _answers(found: Adoption) -> Iterator[Answer]:
         short="yes" if better else "no",
         sentences=tuple(sentences),
     )
+
+
+def _itae(found: Adoption) -> Iterator[str]:
+    tuned, paper = found.flown["tuned"], found.flown["paper"]
+    for channel, symbol in CHANNEL_SYMBOLS.items():
+        ours, theirs = (one[channel]["ITAE"] if channel in one else None for one in (tuned, paper))
+        shown = (MISSING if one is None else f"{one:.3g}" for one in (ours, theirs))
+        yield "{} {} (the paper's {})".format(symbol, *shown)
 
 
 def _turn(runs: dict[str, Run], styles: dict[str, LineStyle]) -> Section:
