@@ -144,20 +144,22 @@ def read_record(path: Path) -> RunRecord:
 
 def recorded_sha256(path: Path) -> str:
     """The SHA-256 of the record in a Parquet file, without its signals; errors as `read_run`."""
+    metadata = _metadata(path)
     with _arrow_errors(path):
-        return _metadata(path)[RUN_SHA256].decode()
+        return metadata[RUN_SHA256].decode()
 
 
 def recorded_place(path: Path) -> Place | None:
     """Where the run of a Parquet file is recorded too, if anywhere; errors as `read_run`."""
+    place = _metadata(path).get(PLACE)
     with _arrow_errors(path):
-        place = _metadata(path).get(PLACE)
         return None if place is None else Place(**json.loads(place))
 
 
 def _metadata(path: Path) -> dict[bytes, bytes]:
     data = sealed_bytes(path, PARQUET_FILE)
-    return pq.read_schema(pa.BufferReader(data)).metadata or {}
+    with _arrow_errors(path):
+        return pq.read_schema(pa.BufferReader(data)).metadata or {}
 
 
 @contextmanager

@@ -22,7 +22,7 @@ class Killed(BaseException):
 def flights():
     """A short flight of two gain sets, and the same with a longer one of them."""
     tables = load_scenario("paper").as_dict()
-    tables["plant"], tables["gains"] = [{"kind": "kinematic"}], ["paper", "K1"]
+    tables |= {"plant": [{"kind": "kinematic"}], "gains": ["paper", "K1"], "expect": []}
     found = []
     for duration in (2.0, 3.0):
         tables["flight"] = {**tables["flight"], "duration_s": duration}
