@@ -37,7 +37,7 @@ from flighttune.conformance.boxes import (
     fitted_boxes,
 )
 from flighttune.conformance.file import Attempt, Conformance, Distribution, flown_values
-from flighttune.conformance.residual import ConformantModel
+from flighttune.conformance.residual import RESIDUALS, ConformantModel
 from flighttune.errors import InputError
 from flighttune.identify.file import identified_tables, load_identified
 from flighttune.scenario.aircraft_check import check_aircraft
@@ -263,7 +263,7 @@ class _Residuals:
 def _flown(pool: WorkerPool, plan: Plan, span: Span, doing: str) -> _Residuals | None:
     """The residual rates of the runs of a span; None where it was stopped."""
     assert plan.residuals is not None
-    shape = (span.runs, plan.residuals.windows.count, 2)
+    shape = (span.runs, plan.residuals.windows.count, len(RESIDUALS))
     found = _Residuals(np.full(shape, np.nan), np.full(shape, np.nan))
 
     def keep(rows: pa.Table) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
-from flighttune.conformance.residual import ConformantModel, residuals_of
+from flighttune.conformance.residual import RESIDUALS, ConformantModel, residuals_of
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
 from flighttune.simulate.run import Run
@@ -106,15 +106,15 @@ class Windows:
 
         Parameters
         ----------
-        residual : ndarray, shape (n, 2), rad/s
+        residual : ndarray, shape (n, 4), rad/s and rad
         window : ndarray of int, shape (n,)
 
         Returns
         -------
-        low, high : ndarray, shape (count, 2), rad/s
+        low, high : ndarray, shape (count, 4), rad/s and rad
             ``inf`` and ``-inf`` where no sample is.
         """
-        low, high = np.full((self.count, 2), np.inf), np.full((self.count, 2), -np.inf)
+        low, high = (np.full((self.count, len(RESIDUALS)), end) for end in (np.inf, -np.inf))
         np.minimum.at(low, window, residual)
         np.maximum.at(high, window, residual)
         return low, high
@@ -161,7 +161,7 @@ class RateBoxes:
     Attributes
     ----------
     windows : Windows
-    low, high : ndarray, shape (count, 2), rad/s
+    low, high : ndarray, shape (count, 4), rad/s and rad
         Of course and flight-path angle; read-only.
     """
 
@@ -174,7 +174,7 @@ class RateBoxes:
             value = np.array(getattr(self, name), dtype=float)
             value.flags.writeable = False
             object.__setattr__(self, name, value)
-        shape = (self.windows.count, 2)
+        shape = (self.windows.count, len(RESIDUALS))
         if self.low.shape != shape or self.high.shape != shape:
             raise InputError(f"`low` and `high` must have shape {shape}, got {self.low.shape}.")
         if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low <= self.high)).all():
@@ -182,12 +182,12 @@ class RateBoxes:
 
     @property
     def centre(self) -> FloatArray:
-        """Middle of each box, shape (count, 2), rad/s."""
+        """Middle of each box, shape (count, 4), rad/s and rad."""
         return 0.5 * (self.low + self.high)
 
     @property
     def half_width(self) -> FloatArray:
-        """Half its width, shape (count, 2), rad/s."""
+        """Half its width, shape (count, 4), rad/s and rad."""
         return 0.5 * (self.high - self.low)
 
     def over(
@@ -203,7 +203,7 @@ class RateBoxes:
 
         Returns
         -------
-        low, high : ndarray, shape (n - 1, 2), rad/s
+        low, high : ndarray, shape (n - 1, 4), rad/s and rad
             From each sample to the next one.
         """
         window = self.windows.of_samples(t, chi_ref, gamma_ref)
@@ -214,7 +214,7 @@ class RateBoxes:
 
         Parameters
         ----------
-        low, high : ndarray, shape (..., count, 2), rad/s
+        low, high : ndarray, shape (..., count, 4), rad/s and rad
             As `Windows.extremes` returns them; a flight with NaN does not.
 
         Returns
@@ -232,7 +232,7 @@ def fitted_boxes(
     Parameters
     ----------
     windows : Windows
-    lows, highs : ndarray, shape (flights, count, 2), rad/s
+    lows, highs : ndarray, shape (flights, count, 4), rad/s and rad
         `Windows.extremes` of each.
     fresh : int
         How many flights are to stay inside.
@@ -261,7 +261,7 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> float:
 
     Parameters
     ----------
-    lows, highs : ndarray, shape (flights, count, 2), rad/s
+    lows, highs : ndarray, shape (flights, count, 4), rad/s and rad
         Of the flights learned from.
     fresh : int
         How many flights are to stay inside.
@@ -299,7 +299,7 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> float:
 
 
 def _smallest(lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Centres and half widths, shape (count, 2), of the smallest boxes around flights."""
+    """Centres and half widths, shape (count, 4), of the smallest boxes around flights."""
     low, high = lows.min(axis=0), highs.max(axis=0)
     for column in range(low.shape[1]):
         known = low[:, column] <= high[:, column]

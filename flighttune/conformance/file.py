@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.conformance.boxes import SHORTEST_S, Over, RateBoxes, Windows
-from flighttune.conformance.residual import ConformantModel
+from flighttune.conformance.residual import RESIDUALS, ConformantModel
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import first_mistake
@@ -31,7 +31,7 @@ from flighttune.scenario.tables import PlantTable
 from flighttune.table_file import json_tables
 from flighttune.whole_file import write_text
 
-FORMAT = "flighttune conformance 1"
+FORMAT = "flighttune conformance 2"
 """Readers refuse what they do not know."""
 
 FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
@@ -269,8 +269,7 @@ class Conformance:
             "boxes": {
                 "over": self.boxes.windows.over,
                 "window_s": self.boxes.windows.length,
-                "d_chi_rad_s": _pairs(self.boxes, 0),
-                "d_gamma_rad_s": _pairs(self.boxes, 1),
+                **{name: _pairs(self.boxes, i) for i, name in enumerate(RESIDUALS)},
             },
         }
 
@@ -330,16 +329,18 @@ class _Boxes(_Table):
     window_s: Annotated[float, Field(ge=SHORTEST_S, allow_inf_nan=False)]
     d_chi_rad_s: list[Pair]
     d_gamma_rad_s: list[Pair]
+    roll_rad: list[Pair]
+    roll_change_rad: list[Pair]
 
     def value(self) -> RateBoxes:
         """The boxes as a value."""
-        both = np.array([self.d_chi_rad_s, self.d_gamma_rad_s], dtype=float)
+        both = np.array([getattr(self, name) for name in RESIDUALS], dtype=float)
         windows = Windows(over=self.over, count=both.shape[1], length=self.window_s)
         return RateBoxes(windows=windows, low=both[:, :, 0].T, high=both[:, :, 1].T)
 
 
 class _File(_Table):
-    format: Literal["flighttune conformance 1"]
+    format: Literal["flighttune conformance 2"]
     aircraft: str
     sha256: _Hashes
     gains: GainsTable
@@ -387,7 +388,7 @@ def load_conformance(path: str | Path) -> Conformance:
     except ScenarioError:  # is a ValueError too
         raise
     except ValueError as error:
-        raise ScenarioError(f"{path}: `boxes` must be as many for both rates: {error}") from error
+        raise ScenarioError(f"{path}: `boxes` must be as many of each residual: {error}") from error
     return Conformance(
         aircraft=read.aircraft,
         gains_name=read.gains.name,

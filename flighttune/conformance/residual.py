@@ -1,4 +1,4 @@
-"""Residual rates: the part of a flight's course and path-angle rates that the model misses."""
+"""Residuals: the part of a flight's course and path-angle rates and roll that the model misses."""
 
 import math
 from collections.abc import Mapping
@@ -15,6 +15,9 @@ from flighttune.identify.fit import lag_response
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.run import Run
+
+RESIDUALS = ("d_chi_rad_s", "d_gamma_rad_s", "roll_rad", "roll_change_rad")
+"""What the model misses; the last two are seen by a feed-forward of the roll flown."""
 
 ITERATIONS = 5
 """Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01
@@ -130,7 +133,7 @@ def residual_rates(
 
 
 def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> FloatArray:
-    """`residual_rates` of a flight.
+    """What the model misses of a flight: `RESIDUALS` at every sample but the last.
 
     Parameters
     ----------
@@ -139,15 +142,20 @@ def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> Fl
         Of at least two samples.
     start : FlightCondition
         Where it started.
+
+    Returns
+    -------
+    ndarray, shape (n - 1, 4), rad/s and rad
+        `residual_rates`; roll beyond that behind the lag at the sample, and how much more of it
+        there is at the next one.
     """
     signals = run.signals
-    return residual_rates(
-        model,
-        run.duration / (len(signals) - 1),
-        signals[["chi", "gamma"]].to_numpy(),
-        signals[["phi_cmd", "n_z_cmd"]].to_numpy(),
-        (start.phi, start.n_z_start),
-    )
+    dt = run.duration / (len(signals) - 1)
+    commands = signals[["phi_cmd", "n_z_cmd"]].to_numpy()
+    flown = signals[["chi", "gamma"]].to_numpy()
+    rates = residual_rates(model, dt, flown, commands, (start.phi, start.n_z_start))
+    roll = signals["phi"].to_numpy() - lag_response(model.lags[0], dt, commands[:, 0], start.phi)
+    return np.column_stack([rates, roll[:-1], np.diff(roll)])
 
 
 def _within_samples(

@@ -103,10 +103,11 @@ class Pieces:
 
     Attributes
     ----------
-    values : ndarray, shape (P, rows + constraints, 1 + capacity)
+    values : ndarray, shape (P, rows + constraints, 1 + M)
+        With room for M symbols.
     err : ndarray, shape (P, rows + constraints)
-    constrained : bool
-        Whether there is a constraint.
+    constrained : ndarray of bool, shape (constraints,)
+        Which rows hold a constraint of any piece.
     used : int
         Symbols in use.
     kind : ndarray of int, shape (capacity,)
@@ -115,19 +116,21 @@ class Pieces:
 
     def __init__(self, centres: FloatArray, constraints: int, capacity: int) -> None:
         P, self.rows = centres.shape
-        self.values = np.zeros((P, self.rows + constraints, 1 + capacity))
+        self.capacity = capacity
+        self.values = np.zeros((P, self.rows + constraints, 1 + self.rows))
         self.values[:, : self.rows, 0] = centres
         self.err = np.zeros(self.values.shape[:2])
-        self.constrained = False
+        self.constrained = np.zeros(constraints, dtype=bool)
         self.used, self.kind = 0, np.zeros(capacity, dtype=int)
 
     def __len__(self) -> int:
         return len(self.values)
 
-    @property
-    def capacity(self) -> int:
-        """Most symbols."""
-        return self.values.shape[2] - 1
+    def make_room(self, count: int) -> None:
+        """Have room for `count` more symbols, and no more: all forms are as wide."""
+        wide = np.zeros((*self.values.shape[:2], 1 + self.used + count))
+        wide[:, :, : 1 + self.used] = self.values[:, :, : 1 + self.used]
+        self.values = wide
 
     def forms(self) -> list[Form]:
         """The rows of the state."""
@@ -158,30 +161,32 @@ class Pieces:
         Parameters
         ----------
         form : Form
-        multipliers : ndarray, shape (P, constraints)
-            Any numbers mu: ``F = (F - mu q) + mu q``, and q is inside +-1.
+        multipliers : ndarray, shape (P, c)
+            Any numbers mu, for the rows of `constrained`: ``F = (F - mu q) + mu q``, and q is
+            inside +-1.
         """
-        q = self.values[:, self.rows :]
+        rows = self.rows + np.flatnonzero(self.constrained)
+        q, q_err = self.values[:, rows], self.err[:, rows]
         rest = form.coefficients - (multipliers[:, np.newaxis] @ q)[:, 0]
         weights = np.abs(multipliers)
-        q_size = (absolute_sum(q) + self.err[:, self.rows :]) * UP
+        q_size = (absolute_sum(q) + q_err) * UP
         size = (form.size + (weights * q_size).sum(axis=1)) * UP
         radius = (
             absolute_sum(rest[:, 1:])
             + form.err
-            + (weights * (1.0 + self.err[:, self.rows :])).sum(axis=1)
+            + (weights * (1.0 + q_err)).sum(axis=1)
             + (weights.shape[1] + MORE_ROUNDINGS) * ULP * size
         ) * UP + TINY
         return Interval.point(rest[:, 0]) + within(radius)
 
     def constrain(self, which: Indices, row: Indices, form: Form, to: Interval) -> None:
         """Take up that `form` is inside `to` in the pieces `which`, in constraint row `row`."""
-        self.constrained = True
-        middle, radius = to.middle, to.radius
-        scale = 1.0 / radius
-        q = combined((scale, form), shift=-middle * scale)
-        self.values[which, self.rows + row] = q.coefficients[which]
-        self.err[which, self.rows + row] = (q.err + 4.0 * ULP)[which]
+        self.constrained[row] = True
+        scale = 1.0 / to.radius[which]
+        part = Form(form.coefficients[which], form.err[which], form.size[which])
+        q = combined((scale, part), shift=-to.middle[which] * scale)
+        self.values[which, self.rows + row] = q.coefficients
+        self.err[which, self.rows + row] = q.err + 4.0 * ULP
 
     def split(self, which: Indices) -> None:
         """Append a copy of the pieces `which`."""
@@ -227,7 +232,9 @@ class Pieces:
         gone[pairs[:, 0]] = True
         kept = np.flatnonzero(~gone)
         count, height = len(kept), self.values.shape[1]
-        self.values[:, :, 1:] = 0.0
+        centres = self.values[:, :, :1]
+        self.values = np.zeros((len(self), height, 1 + count + height))
+        self.values[:, :, :1] = centres
         self.values[:, :, 1 : 1 + count] = g[:, :, kept]
         self.kind[:count] = self.kind[kept]
         for i in range(height):

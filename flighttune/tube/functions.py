@@ -108,45 +108,6 @@ def positive_part(form: Form, values: Interval, slope: Floats) -> Form:
     return shifted(slope, form, rest)
 
 
-def let_through(
-    excess: Form, beyond: Interval, increment: Form, by: Interval, slopes: FloatArray
-) -> Form:
-    """``min(max(Y, 0), max(J, 0))``: how much of an increment J conditional anti-windup refuses.
-
-    Parameters
-    ----------
-    excess, increment : Form
-        Y: how far the command with its increment is beyond the limit; J.
-    beyond, by : Interval
-        Their values.
-    slopes : ndarray, shape (2, P)
-        Of the plane, in Y and in J.
-
-    Notes
-    -----
-    Function minus plane is affine between the lines Y = 0, J = 0 and Y = J, so that its extremes
-    over the box are at corners, where a line meets an edge, or where two lines meet. The points
-    below are all in the box and contain every one of these.
-    """
-    y = (
-        beyond.low,
-        beyond.high,
-        *(np.clip(v, beyond.low, beyond.high) for v in (0.0, by.low, by.high)),
-    )
-    j = (by.low, by.high, *(np.clip(v, by.low, by.high) for v in (0.0, beyond.low, beyond.high)))
-    in_y, in_j = slopes
-    rest = _hull(
-        [
-            Interval.point(np.minimum(np.maximum(p, 0.0), np.maximum(q, 0.0)))
-            - Interval.point(p) * in_y
-            - Interval.point(q) * in_j
-            for p in y
-            for q in j
-        ]
-    )
-    return combined((in_y, excess), (in_j, increment), shift=rest.middle).widened(rest.radius)
-
-
 def _taylor(
     form: Form, angle: Interval, value: Interval, slope: Interval, curvature: Interval
 ) -> Form:

@@ -62,7 +62,9 @@ def settled(loop: SampledLoop, samples: int) -> SampledLoop:
 
     names = ("planned", "chi_ref", "gamma_ref", "d_low", "d_high")
     inversion = loop.inversion and loop.inversion._replace(rates=last(loop.inversion.rates))
-    return replace(loop, inversion=inversion, **{name: last(getattr(loop, name)) for name in names})
+    roll = None if loop.roll is None else last(loop.roll)
+    still = {name: last(getattr(loop, name)) for name in names}
+    return replace(loop, inversion=inversion, roll=roll, **still)
 
 
 def settled_from(loop: SampledLoop) -> int:
@@ -82,6 +84,9 @@ def settled_from(loop: SampledLoop) -> int:
     )
     if loop.inversion is not None:
         still &= (loop.inversion.rates == 0.0).all(axis=1)
+    if loop.roll is not None:
+        still &= (loop.roll[:, ::2] >= loop.roll[-1, ::2]).all(axis=1)
+        still &= (loop.roll[:, 1::2] <= loop.roll[-1, 1::2]).all(axis=1)
     changing = np.flatnonzero(~still)
     first = int(changing[-1]) + 1 if len(changing) else 0
     return first if first + 1 < len(still) else len(still)

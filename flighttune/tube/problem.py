@@ -53,6 +53,8 @@ class TubeProblem:
         Of the commands.
     lags : tuple of InnerLag, length 0 or 2
         Of roll and load factor.
+    roll : ndarray, shape (k, 4), rad; or None
+        As of `SampledLoop`: for an aircraft whose feed-forward sees its roll.
     basis : str
         Where the disturbance bounds of an aircraft come from; empty for other plants.
     law : str
@@ -68,6 +70,7 @@ class TubeProblem:
     reference: FloatArray
     limits: Limits
     lags: tuple[InnerLag, ...] = ()
+    roll: FloatArray | None = None
     basis: str = ""
     law: str = "exact"
 
@@ -90,6 +93,14 @@ class TubeProblem:
             object.__setattr__(self, name, given)
         if not (self.d_low <= self.d_high).all():
             raise InputError("`d_low` must not be above `d_high`.")
+        seen = sees_roll_flown(self.scenario, self.plant, self.reference)
+        if (self.roll is not None) != seen:
+            raise InputError("`roll` must be given just where a feed-forward sees the roll flown.")
+        if self.roll is not None:
+            roll = read_only_matrix("roll", self.roll)
+            if roll.shape != (k, 4) or not (roll[:, ::2] <= roll[:, 1::2]).all():
+                raise InputError("`roll` must be lower and upper bounds, twice, at every sample.")
+            object.__setattr__(self, "roll", roll)
         condition = self.scenario.condition
         ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
         for name, lower, upper, starts in zip(
@@ -164,6 +175,7 @@ class TubeProblem:
             exact=plant_table(self.scenario, self.plant).kind != "kinematic",
             lags=tuple(SampledLag.of(lag, controller.dt) for lag in self.lags),
             inversion=inversion,
+            roll=self.roll,
         )
 
 
@@ -212,6 +224,7 @@ def tube_problem(
     if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
         followed[:, 2:4] = reference.commands(t)
     limits, lags, basis = scenario.limits.limits(), table.lags() or (), ""
+    roll = None
     if table.aircraft is None:
         d_high = _within(scenario, disturbance, len(t))
         d_low = -d_high
@@ -228,18 +241,16 @@ def tube_problem(
             )
         if disturbance is not None:
             raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
-        if scenario.controller.feed_forward and not followed[:, 2:4].any():
-            raise InputError(
-                "`feed_forward` must be off, or [reference] of shape feasible, for the tube of an "
-                "aircraft: no box is known for the roll that the feed-forward sees."
-            )
         conformance.check(scenario, table, gains, start)
         if not conformance.holds:
             raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
         limits = limits.within(load_aircraft(table.aircraft).limits.limits())
         lags, basis = conformance.model.lags, conformance.sentence
-        low, high = conformance.boxes.over(t, followed[:, 0], followed[:, 1])
-        d_low, d_high = (np.concatenate([one, one[-1:]]) for one in (low, high))
+        boxes = conformance.boxes.over(t, followed[:, 0], followed[:, 1])
+        low, high = (np.concatenate([one, one[-1:]]) for one in boxes)
+        d_low, d_high = low[:, :2], high[:, :2]
+        if sees_roll_flown(scenario, table.label, followed):
+            roll = np.stack([low[:, 2], high[:, 2], low[:, 3], high[:, 3]], axis=1)
     return TubeProblem(
         scenario=scenario,
         gains=gains,
@@ -250,9 +261,16 @@ def tube_problem(
         reference=followed,
         limits=limits,
         lags=lags,
+        roll=roll,
         basis=basis,
         law=law,
     )
+
+
+def sees_roll_flown(scenario: Scenario, plant: str, reference: FloatArray) -> bool:
+    """Whether a feed-forward sees the roll of an aircraft, which is not all that of its model."""
+    aircraft = plant_table(scenario, plant).aircraft is not None
+    return aircraft and scenario.controller.feed_forward and not reference[:, 2:4].any()
 
 
 def sample_times(scenario: Scenario) -> FloatArray:

@@ -26,7 +26,7 @@ from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set
 from flighttune.tube.sample import SampledLoop, Unbounded
 from flighttune.whole_file import whole_file
 
-FORMAT = "flighttune tube 1"
+FORMAT = "flighttune tube 2"
 """Readers refuse what they do not know."""
 
 LIMITS = ("lower", "upper", "rate_lower", "rate_upper")
@@ -85,6 +85,7 @@ def save_tube(tube: Tube, path: str | Path) -> None:
             bounds=tube.bounds + np.array([-LOOSER, LOOSER]),
             held=tube.held,
             chosen=tube.chosen,
+            **({} if problem.roll is None else {"roll": problem.roll}),
             **({} if ever is None else _arrays(ever)),
         )
 
@@ -146,6 +147,7 @@ def _tube_from(arrays: dict[str, Any]) -> Tube:
         reference=arrays["reference"],
         limits=Limits(**dict(zip(LIMITS, arrays["limits"], strict=True))),
         lags=tuple(InnerLag(**lag) for lag in claim["lags"]),
+        roll=arrays.get("roll"),
         basis=str(claim["basis"]),
         law=str(claim["law"]),
     )

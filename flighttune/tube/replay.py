@@ -25,15 +25,11 @@ class Replay:
 
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:  # noqa: ARG002
         """As chosen."""
-        return self._next(len(pieces), pieces.values.shape[1] - pieces.rows)
+        return self._next(len(pieces), int(pieces.constrained.sum()))
 
     def slope(self, values: Interval) -> FloatArray:
         """As chosen."""
         return self._next(len(values.low))
-
-    def plane(self, beyond: Interval, by: Interval) -> FloatArray:  # noqa: ARG002
-        """As chosen."""
-        return self._next(2, len(by.low))
 
     def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
         """As chosen."""
@@ -43,8 +39,7 @@ class Replay:
         channel = channels[1 if i else 0]
         excess = channel.above if side > 0.0 else channel.below
         which, at, row = (self._next(len(pieces)) for _ in range(3))
-        constraints = pieces.values.shape[1] - pieces.rows
-        if excess is None or not ((row >= 0) & (row < constraints)).all():
+        if excess is None or not ((row >= 0) & (row < len(pieces.constrained))).all():
             raise IndexError("a split names a limit or a constraint that is not there")
         return Cut(excess, which > 0.0, at, row.astype(np.intp))
 

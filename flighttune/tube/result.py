@@ -10,13 +10,10 @@ from flighttune.arrays import FloatArray
 from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import HandOver
 from flighttune.tube.problem import TubeProblem
-from flighttune.tube.sample import start_set
+from flighttune.tube.sample import CONSTRAINTS, start_set
 
 QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 """What a tube bounds: errors in rad, commands in rad and 1."""
-
-CONSTRAINTS = 4
-"""Splits a piece remembers."""
 
 
 class Settings(NamedTuple):

@@ -5,10 +5,13 @@ With x the unlimited command minus the command u in force, what a limit holds ba
 the rate allows, and likewise below. So `pi_step` is
 
     u+ = u + x - max(Y, 0) + max(Z, 0)
-    I+ = I + J - min(max(Y, 0), max(J, 0)) + min(max(Z, 0), max(-J, 0))
+    I+ = I + J - (max(Y, 0) - S) + ...  with  S = max(Y - max(J, 0), 0)
 
 with J the trapezoid's increment: the second line is conditional anti-windup. It is affine where all
-flights are on one side of every kink.
+flights are on one side of every kink. Elsewhere a kink becomes a line and a symbol for its error.
+The two lines share the symbol of ``max(Y, 0)``, so that it cancels in the next x, which is
+``K_P`` times the change of the errors, plus the next J, plus S. The values of S are known better
+than its form says: pieces remember them.
 
 The load-factor command is kept as v, what it has beyond the feed-forward
 ``cos(gamma_ref)/cos(phi)``: in x the feed-forward cancels, and ``n_z cos(phi)`` is
@@ -27,7 +30,6 @@ from flighttune.control.mimo_pi import ChannelLaw
 from flighttune.tube.forms import UP, Flags, Form, Indices, Pieces, combined
 from flighttune.tube.functions import (
     cosine_of,
-    let_through,
     positive_part,
     product,
     secant,
@@ -44,11 +46,27 @@ command beyond its feed-forward, or, of the exact law, times the cosine of the r
 
 STATES = 8
 
-N_Z = STATES
-"""Kind of the symbol of a load-factor command that passes a lag."""
+N_Z, ROLL_BEYOND = STATES, STATES + 1
+"""Kinds of the symbols of a load-factor command that passes a lag, and of what the controller sees
+of roll beyond that behind the lag."""
 
-FRESH_SYMBOLS = 7
-"""Symbols that a sample adds."""
+ROLL_KEPT = 0.875
+"""Part of that difference that is kept from sample to sample; 1 less it is exact."""
+
+KINDS = PHI, EXTRA_LIFT
+"""Kinds of the symbols of the two commands."""
+
+SPLITS = 4
+"""Splits a piece remembers; with the rows below `CONSTRAINTS`."""
+
+CONSTRAINTS = SPLITS + 2
+"""Rows of constraints: after the splits what limits hold back of each command."""
+
+NARROWEST = 1e-9
+"""Half width of a range, rad and 1, below which it is not remembered: it would say nothing."""
+
+FRESH_SYMBOLS = 20
+"""Most symbols that a sample adds."""
 
 TAKE_UP = 25
 """Samples after which errors without a symbol get one: until then they only add up, and what the
@@ -101,6 +119,9 @@ class SampledLoop:
         Of roll and load factor; only of the exact point mass.
     inversion : Inversion or None
         Of the exact law; None for the paper's.
+    roll : ndarray, shape (k, 4), rad; or None
+        What the feed-forward sees of roll beyond that behind the lag: lowest and highest at every
+        sample, and of its change to the next.
     """
 
     channels: tuple[ChannelLaw, ...]
@@ -117,15 +138,17 @@ class SampledLoop:
     exact: bool = False
     lags: tuple[SampledLag, ...] = ()
     inversion: "Inversion | None" = None
+    roll: FloatArray | None = None
 
     @property
     def rows(self) -> int:
         """Rows of the state: `STATES`, then the lags, then the commands still to take effect."""
-        return STATES + sum(lag.order + lag.older + 1 for lag in self.lags)
+        rows = STATES + sum(lag.order + lag.older + 1 for lag in self.lags)
+        return rows + (self.roll is not None)
 
     @property
     def seen(self) -> int:
-        """Row of the roll that the controller sees."""
+        """Row of the roll that the controller sees, without what `roll` adds."""
         return STATES if self.lags else PHI
 
     def lift(self, k: int) -> float:
@@ -187,15 +210,11 @@ class Plan(Protocol):
     """The free choices of an enclosure: all of them give one that holds."""
 
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
-        """Of the constraints, for the range of a form, shape (P, constraints)."""
+        """Of the rows constrained, for the range of a form, shape (P, c)."""
         ...
 
     def slope(self, values: Interval) -> FloatArray:
         """Of ``max(F, 0)``, shape (P,)."""
-        ...
-
-    def plane(self, beyond: Interval, by: Interval) -> FloatArray:
-        """Slopes of `let_through`, shape (2, P)."""
         ...
 
     def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
@@ -265,6 +284,10 @@ def start_set(
         for _ in range(lag.older + 1):
             state[row] = value
             row += 1
+    if loop.roll is not None:
+        box = _one(*loop.roll[0, :2])
+        beyond = combined((0.0, state[PHI]), shift=box.middle).widened(box.radius)
+        state[row] = made.fresh(beyond, ROLL_BEYOND)
     made.put(state)
     return made
 
@@ -301,6 +324,7 @@ class Enclosure:
         pieces, loop = self.pieces, self.loop
         if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % TAKE_UP == TAKE_UP - 1:
             pieces.reduce(self.plan.pairs(pieces))
+        pieces.make_room(FRESH_SYMBOLS)
         state, errors, roll, phi, extra, integrals, held = self._controlled(k)
         # Of this sample, before the rows are overwritten by the next one's.
         error_ranges = [*map(self._range, errors)]
@@ -318,17 +342,17 @@ class Enclosure:
 
     def _controlled(self, k: int) -> "Controlled":
         """The commands of sample k, in as many pieces as that takes."""
-        pieces, loop = self.pieces, self.loop
+        pieces = self.pieces
         while True:
             state = pieces.forms()
             errors = self._errors(k, state)
-            roll = self._angle(state[loop.seen], "roll")
+            roll = self._angle(self._seen(state), "roll")
             extra = self._extra_lift(k, state, roll)
             channels = self._channels(k, state, errors, roll, extra)
             if not self._fewer_or_more(channels):
                 break
         moves, integrals, held = zip(
-            *(self._limited(c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
+            *(self._limited(i, c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
             strict=True,
         )
         phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
@@ -356,7 +380,7 @@ class Enclosure:
 
     def _range(self, form: Form) -> Interval:
         values, pieces = self.pieces.plain_range(form), self.pieces
-        if pieces.constrained:
+        if pieces.constrained.any():
             other = pieces.constrained_range(form, self.plan.multipliers(pieces, form))
             values = Interval(
                 np.maximum(values.low, other.low), np.minimum(values.high, other.high)
@@ -377,12 +401,17 @@ class Enclosure:
             raise Unbounded("the course error can pass half a turn")
         return [chi_err, combined((-1.0, state[GAMMA]), shift=self.loop.gamma_ref[k])]
 
+    def _seen(self, state: Sequence[Form]) -> Form:
+        """The roll that the controller sees."""
+        seen = state[self.loop.seen]
+        return seen if self.loop.roll is None else combined((1.0, seen), (1.0, state[-1]))
+
     def _extra_lift(self, k: int, state: Sequence[Form], roll: Interval) -> Form:
         """The load-factor command beyond the feed-forward of this sample's reference."""
         moved = self.loop.lift(k) - self.loop.lift(k - 1)
         if moved == 0.0:
             return state[EXTRA_LIFT]
-        return combined((1.0, state[EXTRA_LIFT]), (-moved, secant(state[self.loop.seen], roll)))
+        return combined((1.0, state[EXTRA_LIFT]), (-moved, secant(self._seen(state), roll)))
 
     def _channels(
         self,
@@ -411,7 +440,7 @@ class Enclosure:
                 shift=self.loop.planned[k, i],
             )
             lift = self.loop.lift(k) if i else 0.0
-            command, values = self._command(force, lift, state[self.loop.seen], roll)
+            command, values = self._command(force, lift, self._seen(state), roll)
             above = self._excess(x, command, values, 1.0, law.upper, law.step_up)
             below = self._excess(x, command, values, -1.0, -law.lower, -law.step_down)
             made.append(Channel(x, increment, self._range(increment), above, below))
@@ -441,7 +470,8 @@ class Enclosure:
             near = values * side + (step - limit)
             if (near.high > 0.0).any():
                 close = combined((side, command), shift=step - limit)
-                near = ordered(near)
+                # A command is never beyond its range.
+                near = ordered(Interval(near.low, np.minimum(near.high, step)))
                 terms.append((1.0, positive_part(close, near, self.plan.slope(near))))
         form = combined(*terms, shift=-step)
         return Excess(form, self._range(form))
@@ -477,28 +507,58 @@ class Enclosure:
         rows = np.concatenate([cut.row, cut.row[which]])
         pieces.constrain(parts, rows[parts], Form(*both), to)
 
-    def _limited(self, channel: Channel, integral: Form) -> tuple[Form, Form, bool]:
+    def _limited(self, i: int, channel: Channel, integral: Form) -> tuple[Form, Form, bool]:
         """How the command moves, its integral after the sample, and whether a limit can hold it."""
-        moves, kept, held = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)], False
+        moves, kept = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)]
+        left, between = [], Interval.point(np.zeros(len(self.pieces)))
         for side, excess in ((1.0, channel.above), (-1.0, channel.below)):
             if excess is None or not (excess.values.high > 0.0).any():
                 continue
-            held = True
-            values = excess.values
-            moves.append((-side, positive_part(excess.form, values, self.plan.slope(values))))
-            by = channel.by * side
+            held = self._positive_part(excess.form, excess.values, KINDS[i])
+            rest, values, by = held, excess.values, ordered(channel.by * side)
             if self.loop.conditional and (by.high > 0.0).any():
-                increment = combined((side, channel.increment))
-                slopes = self.plan.plane(values, by)
-                refused = let_through(excess.form, values, increment, by, slopes)
-                kept.append((-side, refused))
-        return combined(*moves), combined(*kept), held
+                outwards = combined((side, channel.increment))
+                refused = self._positive_part(outwards, by, PHI_INTEGRAL + i)
+                beyond = combined((1.0, excess.form), (-1.0, refused))
+                values = self._range(beyond)
+                # The increment refused is not negative.
+                values = Interval(values.low, np.minimum(values.high, excess.values.high))
+                rest = self._positive_part(beyond, ordered(values), PHI_INTEGRAL + i)
+                kept += [(-side, held), (side, rest)]
+            moves.append((-side, held))
+            left.append((side, rest))
+            low, high = (np.maximum(end, 0.0) for end in (values.low, values.high))
+            between = between + ordered(Interval(low, high)) * side
+        if left:
+            self._remember(i, channel, combined(*left), between)
+        return combined(*moves), combined(*kept), bool(left)
+
+    def _positive_part(self, form: Form, values: Interval, kind: int) -> Form:
+        """``max(F, 0)``, with a symbol for its error where there is one."""
+        part = positive_part(form, ordered(values), self.plan.slope(values))
+        kinked = (values.low < 0.0) & (values.high > 0.0)
+        return self.pieces.fresh(part, kind) if kinked.any() else part
+
+    def _remember(self, i: int, channel: Channel, left: Form, between: Interval) -> None:
+        """What limits hold back beyond the increment refused, where some flights are limited."""
+        sides = [excess.values for excess in (channel.above, channel.below) if excess is not None]
+        kinked = np.any([(one.low < 0.0) & (one.high > 0.0) for one in sides], axis=0)
+        which = np.flatnonzero(kinked & (between.radius > NARROWEST))
+        if len(which) and len(self.pieces.constrained):
+            self.pieces.constrain(which, np.full(len(which), SPLITS + i), left, between)
 
     def _relative(self, extra: Form, lift: float, seen: Form, roll: Interval, after: Form) -> Form:
         """What the load factor has beyond the feed-forward of the roll seen next."""
         if lift:
             change = combined((1.0, after), (-1.0, seen))
-            by = ordered(self._range(change))
+            by = self._range(change)
+            if not self.loop.lags:
+                law = self.loop.channels[0]
+                by = Interval(
+                    np.maximum(by.low, law.step_down - COMPUTED),
+                    np.minimum(by.high, law.step_up + COMPUTED),
+                )
+            by = ordered(by)
             if not ((roll + by).largest < LARGEST_ANGLE).all():
                 raise Unbounded(ROLLED)
             extra = combined((1.0, extra), (lift, secant_change(seen, roll, change, by)))
@@ -570,7 +630,7 @@ class Enclosure:
     ) -> "Flown":
         """The exact point mass, behind lags if there are any."""
         pieces, loop, lift = self.pieces, self.loop, self.loop.lift(k)
-        seen = state[loop.seen]
+        seen = self._seen(state)
         n_z = self._load(extra, lift, seen, roll, phi)
         n_z = pieces.fresh(n_z.widened(COMPUTED), N_Z)
         commands = [ordered(self._range(one)) for one in (phi, n_z)]
@@ -587,14 +647,30 @@ class Enclosure:
         chi, gamma, spread = point_mass_sample(
             state[CHI], state[GAMMA], climb, (rolled, loaded), d, h=loop.dt, g_over_v=loop.g_over_v
         )
+        after = lags[0] if lags else phi
+        if loop.roll is not None:
+            lags.append(self._roll_beyond(k, state[-1]))
+            after = combined((1.0, after), (1.0, lags[-1]))
         return Flown(
             chi=pieces.fresh(chi.widened(COMPUTED), CHI),
             gamma=pieces.fresh(gamma.widened(COMPUTED), GAMMA),
-            extra=self._relative(extra, lift, seen, roll, lags[0] if lags else phi),
+            extra=self._relative(extra, lift, seen, roll, after),
             lags=lags,
             commands=commands,
             spread=spread,
         )
+
+    def _roll_beyond(self, k: int, now: Form) -> Form:
+        """What the roll seen is beyond that behind the lag, a sample later.
+
+        It is a e + w of the e now, w in ``(1 - a)`` times the box of e plus that of its change: so
+        the changes stay small, and the sum of all w does not grow with time.
+        """
+        assert self.loop.roll is not None
+        low, high, slowest, fastest = self.loop.roll[k]
+        w = _one(low, high) * (1.0 - ROLL_KEPT) + _one(slowest, fastest)
+        later = combined((ROLL_KEPT, now), shift=w.middle).widened(w.radius)
+        return self.pieces.fresh(later, ROLL_BEYOND)
 
     def _behind_lags(
         self, state: Sequence[Form], commands: Sequence[Form]
@@ -651,6 +727,10 @@ class Flown(NamedTuple):
     lags: list[Form]
     commands: list[Interval]
     spread: FloatArray
+
+
+def _one(low: float, high: float) -> Interval:
+    return Interval(np.array([low]), np.array([high]))
 
 
 def ordered(values: Interval) -> Interval:

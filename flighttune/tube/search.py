@@ -11,18 +11,15 @@ from flighttune.tube.interval import Interval
 from flighttune.tube.sample import (
     CHI_ERR,
     EXTRA_LIFT,
-    FRESH_SYMBOLS,
     GAMMA_ERR,
+    SPLITS,
     Channel,
     Cut,
     SampledLoop,
 )
 
-SPARE = 10 * FRESH_SYMBOLS
+SPARE = 70
 """Symbols removed at a time."""
-
-GRID = np.linspace(0.0, 1.0, 21)
-"""Slopes tried for `let_through`."""
 
 WEIGHT = {EXTRA_LIFT: 0.5, CHI_ERR: 0.1, GAMMA_ERR: 0.1}
 """Cost of widening a row when symbols are removed; 1 for the other rows."""
@@ -55,29 +52,23 @@ class Search:
 
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
         """By least squares: the part of the form that the constraints explain."""
-        q = pieces.values[:, pieces.rows :, 1:]
-        gram = q @ q.transpose(0, 2, 1)
-        ridge = 1e-6 * np.maximum(gram.diagonal(0, 1, 2), 1e-20)[:, :, np.newaxis]
-        gram = gram + ridge * np.eye(q.shape[1])
-        found = np.linalg.solve(gram, q @ form.coefficients[:, 1:, np.newaxis])
-        return self._record(found[:, :, 0])
+        rows = pieces.rows + np.flatnonzero(pieces.constrained)
+        q, f = pieces.values[:, rows, 1:], form.coefficients[:, 1:]
+        square = np.maximum((q * q).sum(axis=2), 1e-20)
+        along = (q @ f[:, :, np.newaxis])[:, :, 0]
+        # By one constraint alone, by all of them, or by none: least squares, but the shortest sum.
+        one = (along / square)[:, :, np.newaxis] * np.eye(q.shape[1])
+        gram = q @ q.transpose(0, 2, 1) + 1e-6 * square[:, :, np.newaxis] * np.eye(q.shape[1])
+        every = np.linalg.solve(gram, along[:, :, np.newaxis]).transpose(0, 2, 1)
+        tried = np.concatenate([one, every, np.zeros_like(every)], axis=1)
+        left = np.abs(f[:, np.newaxis] - tried @ q).sum(axis=2) + np.abs(tried).sum(axis=2)
+        return self._record(tried[np.arange(len(f)), left.argmin(axis=1)])
 
     def slope(self, values: Interval) -> FloatArray:
         """Slope of the chord of ``max(x, 0)`` over the values."""
         low, high = values.low, values.high
         rise = np.maximum(high, 0.0) - np.maximum(low, 0.0)
         return self._record(rise / np.maximum(high - low, 1e-300))
-
-    def plane(self, beyond: Interval, by: Interval) -> FloatArray:
-        """The pair of slopes on a grid whose plane has the smallest error."""
-        y = _corners(beyond, by)
-        j = _corners(by, beyond)
-        y, j = np.repeat(y, len(j), axis=0), np.tile(j, (len(y), 1))
-        truth = np.minimum(np.maximum(y, 0.0), np.maximum(j, 0.0))
-        in_y, in_j = (one.ravel()[:, np.newaxis, np.newaxis] for one in np.meshgrid(GRID, GRID))
-        errors = np.ptp(truth - in_y * y - in_j * j, axis=1)
-        best = errors.argmin(axis=0)
-        return self._record(np.stack([in_y[best, 0, 0], in_j[best, 0, 0]]))
 
     def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
         """Split at the first limit that some flights of a piece clearly meet, some clearly not."""
@@ -119,14 +110,9 @@ def _scale(lower: float, upper: float, step: float) -> float:
     return step if np.isfinite(step) else 0.01 * min(upper - lower, 1e3)
 
 
-def _corners(one: Interval, other: Interval) -> FloatArray:
-    kinks = (np.clip(v, one.low, one.high) for v in (0.0, other.low, other.high))
-    return np.array([one.low, one.high, *kinks])
-
-
 def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
     """A free row of the constraints, or the one that says most nearly what the new one will."""
-    q = pieces.values[:, pieces.rows :, 1:]
+    q = pieces.values[:, pieces.rows : pieces.rows + SPLITS, 1:]
     g = form.coefficients[:, 1:]
     size = np.linalg.norm(q, axis=2) * np.linalg.norm(g, axis=1)[:, np.newaxis]
     alike = np.abs((q @ g[:, :, np.newaxis])[:, :, 0]) / np.maximum(size, 1e-300)

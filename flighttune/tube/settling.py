@@ -104,6 +104,8 @@ def _steady(loop: SampledLoop) -> FloatArray:
     for lag, value in zip(loop.lags, (phi, n_z), strict=False):
         at[row : row + lag.older + 1] = value
         row += lag.older + 1
+    if loop.roll is not None:
+        at[-1] = loop.roll[-1, :2].mean()
     return at
 
 

@@ -104,7 +104,7 @@ def _attempts(problem: TubeProblem) -> list[Settings]:
     sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
     symbols = 660 if disturbed else 200
     # Splitting costs time for every piece: of a box of starts only where it must be.
-    few, many = (1 if sides > 1 else 48), sides * sides + 100
+    few, many = (1 if sides > 1 else 60), sides * sides + 100
     return [
         Settings(sides, symbols, tolerance, most) for tolerance, most in ((0.5, few), (0.2, many))
     ]

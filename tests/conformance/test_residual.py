@@ -48,7 +48,7 @@ def flown(lags, disturbance):
 def test_a_constant_disturbance_comes_back(roll, load):
     found = flown((LAGS[roll], LAGS[load]), lambda t: (0.01, -0.02))
 
-    assert found == pytest.approx(np.tile([0.01, -0.02], (200, 1)), abs=MICRO)
+    assert found == pytest.approx(np.tile([0.01, -0.02, 0.0, 0.0], (200, 1)), abs=MICRO)
 
 
 def test_a_disturbance_that_swings_comes_back_as_its_mean_over_each_sample():
@@ -59,6 +59,27 @@ def test_a_disturbance_that_swings_comes_back_as_its_mean_over_each_sample():
     means = np.diff(-0.015 * np.cos(2.0 * t)) / 0.02
     assert found[:, 0] == pytest.approx(means, abs=MICRO)
     assert found[:, 1] == pytest.approx(0.0, abs=MICRO)
+
+
+def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
+    slow, fast = (InnerLag(order=1, natural_frequency=w) for w in (4.0, 6.0))
+    load = LAGS["first order, no delay"]
+    plant = PointMassPlant((slow, load), g=SCENARIO.flight.g_mps2)
+    run = fly_once(SCENARIO, plant, PAPER_GAINS, plant_label="model", gains_name="paper")
+    model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
+
+    found = residuals_of(model, run, SCENARIO.condition)
+
+    # Both first-order lags, step by step.
+    commands = run.signals["phi_cmd"].to_numpy()
+    rolls = np.full((2, len(commands)), SCENARIO.condition.phi)
+    for k in range(len(commands) - 1):
+        left = np.exp(-0.02 * np.array([4.0, 6.0]))
+        rolls[:, k + 1] = left * rolls[:, k] + (1.0 - left) * commands[k]
+    beyond = rolls[0] - rolls[1]
+    assert found[:, 2] == pytest.approx(beyond[:-1], abs=MICRO)
+    assert found[:, 3] == pytest.approx(np.diff(beyond), abs=MICRO)
+    assert np.abs(beyond).max() > 0.01
 
 
 def test_the_course_may_pass_north():

@@ -20,6 +20,9 @@ from tests.tube.test_soundness import made_up
 WIDE = 0.05
 """Half width of the boxes, rad/s: the Aerosonde leaves over a tenth of it in gentle flight."""
 
+ROLL, ROLL_CHANGE = 0.02, 0.002
+"""Half widths, rad: its roll is off that of its model by up to 0.75 deg, 0.04 deg more a sample."""
+
 
 def flight(**changes):
     values = {"feed_forward": False, "chi_err_deg": 4.0, "gamma_deg": 0.0, "gamma_ref_deg": 0.0}
@@ -28,10 +31,10 @@ def flight(**changes):
     return scenario_from(scenario)
 
 
-def conformance(scenario, outside=0, half_width=WIDE):
+def conformance(scenario, outside=0, half_width=WIDE, roll=ROLL):
     condition = load_identified("aerosonde").nearest(scenario.flight.V_a_mps, 0.0)
     windows = Windows.covering("time", scenario.flight.duration_s)
-    high = np.full((windows.count, 2), half_width)
+    high = np.tile([half_width, half_width, roll, ROLL_CHANGE], (windows.count, 1))
     return Conformance(
         aircraft="aerosonde",
         gains_name="paper",
@@ -54,8 +57,9 @@ def conformance(scenario, outside=0, half_width=WIDE):
 
 
 @pytest.mark.slow
-def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path):
-    scenario = flight()
+@pytest.mark.parametrize("feed_forward", [False, True])
+def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed_forward):
+    scenario = flight(feed_forward=feed_forward)
 
     found = tube(scenario, PAPER_GAINS, conformance=conformance(scenario))
 
@@ -78,6 +82,25 @@ def test_wider_boxes_make_a_wider_tube():
     # Both bounds move by what a constant disturbance does, which is proportional to it.
     ratio = wide.half_widths[-1, :2] / narrow.half_widths[-1, :2]
     assert ratio == pytest.approx([2.0, 2.0], rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_feed_forward_sees_the_roll_flown():
+    scenario = flight(duration_s=0.3, feed_forward=True)
+
+    narrow, wide = (
+        tube(scenario, PAPER_GAINS, conformance=conformance(scenario, roll=roll))
+        for roll in (ROLL, 5.0 * ROLL)
+    )
+    unseen = flight(duration_s=0.3)
+    without = tube(unseen, PAPER_GAINS, conformance=conformance(unseen, roll=5.0 * ROLL))
+
+    assert wide.half_widths[-1, 3] > 1.2 * narrow.half_widths[-1, 3]
+    assert without.problem.roll is None
+    with pytest.raises(InputError, match="`roll` must be given just where a feed-forward sees"):
+        replace(wide.problem, roll=None)
+    with pytest.raises(InputError, match="`roll` must be lower and upper bounds"):
+        replace(wide.problem, roll=-wide.problem.roll)
 
 
 @pytest.mark.slow
@@ -124,8 +147,6 @@ def test_what_the_boxes_say_nothing_about_is_refused():
         tube(flight(chi_err_deg=5.0), PAPER_GAINS, conformance=known)
     with pytest.raises(InputError, match="conformance: must hold"):
         tube(scenario, PAPER_GAINS, conformance=conformance(scenario, outside=2))
-    with pytest.raises(InputError, match="`feed_forward` must be off"):
-        tube(flight(feed_forward=True), PAPER_GAINS, conformance=known)
     with pytest.raises(InputError, match="`disturbance` must not be given"):
         tube(scenario, PAPER_GAINS, conformance=known, disturbance=0.1)
     with pytest.raises(InputError, match="`conformance` must be given"):

@@ -14,7 +14,7 @@ from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
 from flighttune.tube.problem import tube_problem
 from flighttune.tube.tube import enclosed
-from tests.tube.test_aircraft import conformance, flight
+from tests.tube.test_aircraft import ROLL, ROLL_CHANGE, conformance, flight
 from tests.tube.test_soundness import FEW_PIECES
 
 FLIGHTS = 4
@@ -26,15 +26,32 @@ LAGS = [one.lags for name in ("aerosonde", "a4") for one in load_identified(name
 
 
 class Disturbed(PointMassPlant):
-    """The model under a disturbance that is constant over each sample, shape (samples, 2)."""
+    """The model under a disturbance that is constant over each sample, shape (samples, 2).
 
-    def __init__(self, lags, rates, g):
+    Its controller sees `beyond` more roll at each sample.
+    """
+
+    def __init__(self, lags, rates, beyond, g):
         self._left, self._now = iter(rates.tolist()), (0.0, 0.0)
+        self._beyond = iter(beyond.tolist())
         super().__init__(lags, disturbance=lambda _: self._now, g=g)
 
     def advance(self, *commands):
         self._now = tuple(next(self._left))
         return super().advance(*commands)
+
+    def observe(self):
+        chi, gamma, phi, *rest = super().observe()
+        return (chi, gamma, phi + next(self._beyond), *rest)
+
+
+def roll_beyond(samples, rng):
+    """Goes to and fro in its box, as fast as its change may."""
+    turns = np.repeat(rng.choice([-1.0, 1.0], samples), rng.choice([1, 5, 40]))[:samples]
+    beyond = [rng.uniform(-ROLL, ROLL)]
+    for turn in turns[1:]:
+        beyond.append(float(np.clip(beyond[-1] + turn * ROLL_CHANGE, -ROLL, ROLL)))
+    return np.array(beyond)
 
 
 @st.composite
@@ -46,6 +63,7 @@ def conformant(draw):
         gamma_ref_deg=draw(st.floats(-20.0, 30.0)),
         roll_dps=draw(st.floats(10.0, 60.0)),
         anti_windup=draw(st.sampled_from(["conditional", "none"])),
+        feed_forward=draw(st.booleans()),
         ramp_dps=draw(st.one_of(st.none(), st.floats(-8.0, 8.0))),
     )
     known = conformance(scenario)
@@ -57,7 +75,9 @@ def conformant(draw):
     ends = np.array(draw(st.lists(RATE, min_size=4, max_size=4))).reshape(2, 2)
     rng = np.random.default_rng(draw(st.integers(0, 99)))
     scale = rng.random((2, windows.count, 2)) * np.sort(ends, axis=0)[:, None]
-    boxes = RateBoxes(windows=windows, low=scale.min(axis=0), high=scale.max(axis=0))
+    roll = np.tile([ROLL, ROLL_CHANGE], (windows.count, 1))
+    low, high = np.hstack([scale.min(axis=0), -roll]), np.hstack([scale.max(axis=0), roll])
+    boxes = RateBoxes(windows=windows, low=low, high=high)
     model = replace(known.model, lags=draw(st.sampled_from(LAGS)))
     return scenario, replace(known, boxes=boxes, model=model)
 
@@ -68,12 +88,12 @@ def check_conformant(case, seed):
     found = enclosed(problem, attempts=FEW_PIECES, for_ever=False)
     rng, dt, condition = np.random.default_rng(seed), problem.controller().dt, scenario.condition
     t = problem.t
-    low, high = known.boxes.over(t, *scenario.followed().sampled(t))
+    low, high = (one[:, :2] for one in known.boxes.over(t, *scenario.followed().sampled(t)))
     for _ in range(FLIGHTS):
         share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
         rates = low + share * (high - low)
         signals, _ = simulate(
-            Disturbed(known.model.lags, rates, scenario.flight.g_mps2),
+            Disturbed(known.model.lags, rates, roll_beyond(len(t), rng), scenario.flight.g_mps2),
             problem.controller(),
             scenario.followed(),
             condition=condition,
