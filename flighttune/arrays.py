@@ -26,6 +26,20 @@ def check_not_negative(unit: str = "", **values: float) -> None:
             raise InputError(f"`{name}` must not be negative, got {value} {unit}".rstrip() + ".")
 
 
+def check_at_least(least: float, **values: float | None) -> None:
+    """Refuse the first of `values` that is smaller than `least`; None is not looked at."""
+    for name, value in values.items():
+        if value is not None and not value >= least:
+            raise InputError(f"`{name}` must be at least {least:g}, got {value}.")
+
+
+def check_between(low: float, high: float, **values: float) -> None:
+    """Refuse the first of `values` that is not strictly between `low` and `high`."""
+    for name, value in values.items():
+        if not low < value < high:
+            raise InputError(f"`{name}` must be between {low:g} and {high:g}, got {value:g}.")
+
+
 def check_finite(unit: str = "", **values: npt.ArrayLike) -> None:
     """Refuse the first of `values`, numbers or tuples of them, that is not finite."""
     for name, value in values.items():

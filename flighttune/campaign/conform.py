@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, check_at_least, check_between
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import plant_table
@@ -115,14 +115,10 @@ class ConformSettings:
         return math.ceil(math.log(each) / math.log1p(-self.epsilon))
 
     def __post_init__(self) -> None:
-        for name in ("epsilon", "confidence"):
-            value = getattr(self, name)
-            if not 0.0 < value < 1.0:
-                raise InputError(f"`{name}` must lie between 0 and 1, got {value}.")
+        check_between(0.0, 1.0, epsilon=self.epsilon, confidence=self.confidence)
         if not 0.0 <= self.start_deg < math.inf:
             raise InputError(f"`start_deg` must not be negative, got {self.start_deg:g}.")
-        if self.attempts < 1:
-            raise InputError(f"`attempts` must be at least 1, got {self.attempts}.")
+        check_at_least(1, attempts=self.attempts)
 
 
 def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conformance | None:

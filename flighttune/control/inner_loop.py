@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, block_diagonal, read_only_vector
+from flighttune.arrays import FloatArray, block_diagonal, check_at_least, read_only_vector
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
 
@@ -70,8 +70,7 @@ def with_input_delay(model: LinearModel, delay: npt.ArrayLike, *, sections: int 
     InputError
         If a delay is not positive and finite, or `sections` not at least 1.
     """
-    if sections < 1:
-        raise InputError(f"`sections` must be at least 1, got {sections}.")
+    check_at_least(1, sections=sections)
     n, m, p = model.shape
     rate = 2.0 * sections / _one_per_input("delay", delay, m)
     A = np.block([[model.A, 2.0 * model.B], [np.zeros((m, n)), -np.diag(rate)]])

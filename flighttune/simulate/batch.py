@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, Floats, check_positive
+from flighttune.arrays import FloatArray, Floats, check_at_least, check_positive
 from flighttune.control.exact_law import ExactOptions
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
@@ -354,8 +354,7 @@ def _sensor_errors(
 def _in_blocks(fly: Callable[[int, int], Any], flights: int, threads: int | None) -> None:
     """Fly all flights in blocks that the threads take one after the other."""
     threads = cores() if threads is None else threads
-    if threads < 1:
-        raise InputError(f"`threads` must be at least 1, got {threads}.")
+    check_at_least(1, threads=threads)
     if threads == 1:
         fly(0, flights)
         return

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flighttune.arrays import check_at_least
 from flighttune.control.gains import PIGains
-from flighttune.errors import InputError
 from flighttune.present.chart import Chart
 from flighttune.present.palette import INK, NEUTRAL, LineStyle
 from flighttune.tuning.gradient import STARTS, smallest_radius, tune_by_gradient
@@ -65,8 +65,7 @@ def frontier(
     """
     import pandas as pd
 
-    if points < 2:
-        raise InputError(f"`points` must be at least 2, got {points}.")
+    check_at_least(2, points=points)
     marks = {name: assessment(problem, gains.K) for name, gains in (marked or {}).items()}
     rows = [_row(problem, name, math.nan, one) for name, one in marks.items()]
     k = stabilising_starts(problem, search_space(problem), STARTS)

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, check_at_least
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError
@@ -123,8 +123,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
 def _check(problems: Sequence[TuningProblem], starts: int) -> None:
     if not problems:
         raise InputError("`problems` must hold at least one, got none.")
-    if starts < 1:
-        raise InputError(f"`starts` must be at least 1, got {starts}.")
+    check_at_least(1, starts=starts)
     first = problems[0]
     for problem in problems:
         if math.isfinite(problem.I_star):

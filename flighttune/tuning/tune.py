@@ -2,6 +2,7 @@
 
 from typing import get_args
 
+from flighttune.arrays import check_at_least
 from flighttune.errors import InputError
 from flighttune.tuning.convex import tune_from_convex_start
 from flighttune.tuning.genetic import tune_by_evolution
@@ -36,8 +37,7 @@ def tune(
     """
     if method not in get_args(Method):
         raise InputError(f"`method` must be one of {get_args(Method)}, got {method!r}.")
-    if starts < 1:
-        raise InputError(f"`starts` must be at least 1, got {starts}.")
+    check_at_least(1, starts=starts)
     if method == "genetic":
         return tune_by_evolution(problem)
     if method == "convex":

@@ -233,7 +233,7 @@ def test_an_aircraft_flies_starts_and_references_of_its_own():
     [
         (("nowhere", "--out", "x.json"), "nowhere: the campaign must be a file or one of"),
         (("random_starts", "--out", "x.toml"), "x.toml: --out must end in .json"),
-        (("random_starts", "--out", "x.json", "--epsilon", "0"), "`epsilon` must lie between"),
+        (("random_starts", "--out", "x.json", "--epsilon", "0"), "`epsilon` must be between"),
         (("random_starts", "--out", "x.json", "--air", "severe"), "`air` must be one of calm"),
         (("random_starts", "--out", "x.json", "--gains", "K9"), "`gains` must be one of"),
         (("feasible", "--out", "x.json"), "feasible: `start_deg` must be given for a scenario in"),

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from flighttune.arrays import check_at_least, check_between
 from flighttune.campaign.choice.race import Race, Tried, race
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
@@ -173,12 +174,10 @@ class RobustSettings:
                 )
         if not self.metrics:
             raise InputError("`metric` must be given, got nothing.")
-        if not 0.0 < self.percentile < 100.0:
-            raise InputError(f"`percentile` must be between 0 and 100, got {self.percentile:g}.")
+        check_between(0.0, 100.0, percentile=self.percentile)
         if not 0.0 <= self.least_success <= 1.0:
             raise InputError(f"`min_success` must be 0 to 1, got {self.least_success:g}.")
-        if self.draws is not None and self.draws < 1:
-            raise InputError(f"`draws` must be at least 1, got {self.draws}.")
+        check_at_least(1, draws=self.draws)
 
 
 def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) -> RobustChoice:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.chunks import Chunks
 from flighttune.campaign.engine.cluster import cluster
@@ -66,8 +67,7 @@ def worker_pool(
     """
     if workers is not None and scheduler is not None:
         raise InputError("`workers` must not be given with `scheduler`, which has its own.")
-    if workers is not None and workers < 1:
-        raise InputError(f"`workers` must be at least 1, got {workers}.")
+    check_at_least(1, workers=workers)
     if scheduler is None:
         with workers_here(workers or cores(), flyer) as threads:
             yield WorkerPool(lambda: threads, observer)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import bdtr, betaincinv, ndtri
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, check_between
 from flighttune.errors import InputError
 
 Method: TypeAlias = Literal["wilson", "clopper-pearson"]
@@ -68,7 +68,8 @@ def rate_interval(
     k, trials = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(n, dtype=float))
     if not np.all((k >= 0.0) & (k <= trials)):
         raise InputError(f"`successes` must be 0 to `n`, got {successes} of {n}.")
-    tail = 0.5 - 0.5 * _confidence(confidence)
+    check_between(0.0, 1.0, confidence=confidence)
+    tail = 0.5 - 0.5 * confidence
     if method == "wilson":
         z2 = float(ndtri(0.5 + 0.5 * confidence)) ** 2
         m = np.maximum(trials, 1.0)
@@ -117,9 +118,8 @@ def quantile_interval(
     is above the quantile with a probability of at most ``(1 - confidence) / 2``, ``hi`` the
     smallest that is below it. The interval therefore covers at least as often as it says.
     """
-    if not 0.0 < q < 1.0:
-        raise InputError(f"`q` must be between 0 and 1, got {q}.")
-    tail = 0.5 - 0.5 * _confidence(confidence)
+    check_between(0.0, 1.0, q=q, confidence=confidence)
+    tail = 0.5 - 0.5 * confidence
     ordered = np.sort(np.asarray(values, dtype=float))
     n = len(ordered)
     if not n:
@@ -252,9 +252,3 @@ def percentile(
     size = effective_size(not_above(values, value), clusters)
     lo, hi = quantile_interval(values, q, confidence, effective=size)
     return Estimate(value=value, lo=lo, hi=hi, n=len(values))
-
-
-def _confidence(confidence: float) -> float:
-    if not 0.0 < confidence < 1.0:
-        raise InputError(f"`confidence` must be between 0 and 1, got {confidence}.")
-    return confidence
