@@ -105,42 +105,31 @@ def _pairs(rows: pd.DataFrame, measure: str, confidence: float) -> Iterator[Pair
         names = list(dict.fromkeys(on_plant["gains"]))
         for a, b in combinations(names, 2):
             both = (values[a].notna() & values[b].notna()).to_numpy()
-            if both.any():
-                x, y = (values[name].to_numpy(dtype=float)[both] for name in (a, b))
-                ok_a, ok_b = (success[name].to_numpy()[both].astype(bool) for name in (a, b))
-                yield _compared(str(plant), (a, b), measure, (x, y), (ok_a, ok_b), confidence)
-
-
-def _compared(
-    plant: str,
-    names: tuple[str, str],
-    measure: str,
-    values: tuple[FloatArray, FloatArray],
-    success: tuple[np.ndarray, np.ndarray],
-    confidence: float,
-) -> Paired:
-    x, y = values
-    wins_a, wins_b = int(np.sum(x < y)), int(np.sum(y < x))
-    lo, hi = rate_interval(wins_a, wins_a + wins_b, confidence)
-    apart = difference(x, y)
-    median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
-    only_a, only_b = (int(np.sum(s & ~o)) for s, o in (success, success[::-1]))
-    return Paired(
-        plant=plant,
-        a=names[0],
-        b=names[1],
-        measure=measure,
-        n=len(x),
-        wins_a=wins_a,
-        wins_b=wins_b,
-        win_rate=wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5,
-        lo=float(lo),
-        hi=float(hi),
-        median=float(ordered_quantile(apart, 0.5)),
-        median_lo=median_lo,
-        median_hi=median_hi,
-        only_a=only_a,
-        only_b=only_b,
-        # exact McNemar test: both sides of the binomial distribution
-        p_success=min(1.0, 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))),
-    )
+            if not both.any():
+                continue
+            x, y = (values[name].to_numpy(dtype=float)[both] for name in (a, b))
+            ok_a, ok_b = (success[name].to_numpy()[both].astype(bool) for name in (a, b))
+            wins_a, wins_b = int(np.sum(x < y)), int(np.sum(y < x))
+            lo, hi = rate_interval(wins_a, wins_a + wins_b, confidence)
+            apart = difference(x, y)
+            median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
+            only_a, only_b = int(np.sum(ok_a & ~ok_b)), int(np.sum(ok_b & ~ok_a))
+            yield Paired(
+                plant=str(plant),
+                a=a,
+                b=b,
+                measure=measure,
+                n=len(x),
+                wins_a=wins_a,
+                wins_b=wins_b,
+                win_rate=wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5,
+                lo=float(lo),
+                hi=float(hi),
+                median=float(ordered_quantile(apart, 0.5)),
+                median_lo=median_lo,
+                median_hi=median_hi,
+                only_a=only_a,
+                only_b=only_b,
+                # exact McNemar test: both sides of the binomial distribution
+                p_success=min(1.0, 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))),
+            )
