@@ -153,6 +153,21 @@ def test_no_two_of_four_processes_ever_have_one_lock(tmp_path, end):
             process.communicate()
 
 
+def test_a_folder_with_a_file_that_windows_has_open_is_left_without_a_word(tmp_path, monkeypatch):
+    """Windows neither locks folders nor removes files that are open."""
+
+    def refused(*_, **__):
+        raise PermissionError(13, "The process cannot access the file")
+
+    with monkeypatch.context() as windows:
+        windows.setattr(file_lock, "try_lock", refused)
+        windows.setattr(os, "unlink", refused)
+        with scratch_folder(tmp_path) as folder:
+            (folder / "model.xml").write_text("<fdm_config/>")
+
+    assert [path.name for path in folder.iterdir()] == ["model.xml"]
+
+
 class Msvcrt:
     """What Windows does: a byte of a file is one open file's at a time."""
 
