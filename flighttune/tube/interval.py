@@ -83,27 +83,27 @@ def within(radius: Floats) -> Interval:
 
 def sine(angle: Interval) -> Interval:
     """Contains the sines of angles inside +-`LARGEST_ANGLE`."""
-    return Interval(
-        np.maximum(_series(angle.low, 1) - SERIES_ERROR, -1.0),
-        np.minimum(_series(angle.high, 1) + SERIES_ERROR, 1.0),
-    )
+    low, high = _series(angle, 1)
+    return Interval(np.maximum(low - SERIES_ERROR, -1.0), np.minimum(high + SERIES_ERROR, 1.0))
 
 
 def cosine(angle: Interval) -> Interval:
     """Contains the cosines of angles inside +-`LARGEST_ANGLE`."""
-    ends = _series(angle.low, 0), _series(angle.high, 0)
+    ends = _series(angle, 0)
     level = (angle.low <= 0.0) & (angle.high >= 0.0)
     high = np.where(level, 1.0, np.maximum(*ends) + SERIES_ERROR)
     return Interval(np.minimum(*ends) - SERIES_ERROR, np.minimum(high, 1.0))
 
 
-def _series(angle: FloatArray, power: int) -> FloatArray:
-    """Taylor polynomial of sine (`power` 1) or cosine (0), by Horner's rule."""
-    square = angle * angle
-    total = np.ones_like(angle)
+def _series(angle: Interval, power: int) -> FloatArray:
+    """Taylor polynomial of sine (`power` 1) or cosine (0) at both ends, by Horner's rule."""
+    ends = np.stack([angle.low, angle.high])
+    square, total = ends * ends, np.ones_like(ends)
     for k in range(SERIES_TERMS, 0, -1):
-        total = 1.0 - total * square / ((2 * k + power - 1) * (2 * k + power))
-    return total * angle if power else total
+        total *= square
+        total /= (2 * k + power - 1) * (2 * k + power)
+        np.subtract(1.0, total, out=total)
+    return total * ends if power else total
 
 
 def _interval(value: "Interval | Floats") -> Interval:

@@ -25,8 +25,13 @@ class Moved(NamedTuple):
     values: Interval
 
 
-Point = tuple[Interval, Interval, Interval]
-"""Roll, load factor and flight-path angle."""
+class Point:
+    """Roll, load factor and flight-path angle, with sines and cosines of the angles."""
+
+    def __init__(self, phi: Interval, n_z: Interval, gamma: Interval) -> None:
+        self.values = phi, n_z, gamma
+        self.n_z, self.s, self.c = n_z, sine(phi), cosine(phi)
+        self.up, self.level = sine(gamma), cosine(gamma)
 
 
 def point_mass_sample(
@@ -61,15 +66,20 @@ def point_mass_sample(
     """
     phi, n_z = flown
     d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
-    start_rate = _climb_rate((phi.values, n_z.values, climb)) * g_over_v + d_gamma
+    start_rate = _climb_rate(Point(phi.values, n_z.values, climb)) * g_over_v + d_gamma
     # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
     path = climb + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
-    values = phi.values, n_z.values, path
+    values = Point(phi.values, n_z.values, path)
+    at = Point(*(Interval.point(one.middle) for one in values.values))
     rate = _climb_rate(values) * g_over_v + d_gamma
     apart = h * 0.5 * rate.radius * UP
     means = phi.mean, n_z.mean, gamma
-    turning, turn_bend = _mean_rate((_turn_rate, _turn_slopes, _turn_rest), values, means, g_over_v)
-    climbing, bend = _mean_rate((_climb_rate, _climb_slopes, _climb_rest), values, means, g_over_v)
+    turning, turn_bend = _mean_rate(
+        (_turn_rate, _turn_slopes, _turn_rest), (at, values), means, g_over_v
+    )
+    climbing, bend = _mean_rate(
+        (_climb_rate, _climb_slopes, _climb_rest), (at, values), means, g_over_v
+    )
     climbing = combined((1.0, climbing), shift=d_gamma.middle).widened(
         d_gamma.radius + np.abs(bend) * apart * UP
     )
@@ -85,10 +95,10 @@ def point_mass_sample(
 def _mean_rate(
     law: tuple[
         Callable[[Point], Interval],
-        Callable[[Point], Point],
+        Callable[[Point], tuple[Interval, Interval, Interval]],
         Callable[[Point, list[FloatArray]], Interval],
     ],
-    values: Point,
+    points: tuple[Point, Point],
     means: tuple[Form, Form, Form],
     g_over_v: float,
 ) -> tuple[Form, FloatArray]:
@@ -97,10 +107,9 @@ def _mean_rate(
     `law` is the rate over g/V, its slopes, and its remainder of second order.
     """
     rate, slopes, rest = law
-    middles = [one.middle for one in values]
-    roll, load, path = (Interval.point(middle) for middle in middles)
-    at = roll, load, path
-    radii = [(one - middle).largest for one, middle in zip(values, middles, strict=True)]
+    at, values = points
+    middles = [one.low for one in at.values]
+    radii = [(one - m).largest for one, m in zip(values.values, middles, strict=True)]
     exact_slopes = [one * g_over_v for one in slopes(at)]
     numbers = [one.middle for one in exact_slopes]
     left = rate(at) * g_over_v + rest(values, radii) * g_over_v
@@ -111,23 +120,16 @@ def _mean_rate(
 
 
 def _turn_rate(at: Point) -> Interval:
-    phi, n_z, gamma = at
-    return n_z * sine(phi) / cosine(gamma)
+    return at.n_z * at.s / at.level
 
 
-def _turn_slopes(at: Point) -> Point:
-    phi, n_z, gamma = at
-    c = cosine(gamma)
-    return (
-        n_z * cosine(phi) / c,
-        sine(phi) / c,
-        n_z * sine(phi) * sine(gamma) / (c * c),
-    )
+def _turn_slopes(at: Point) -> tuple[Interval, Interval, Interval]:
+    lift = at.n_z / at.level
+    return lift * at.c, at.s / at.level, lift * at.s * at.up / at.level
 
 
 def _turn_rest(at: Point, radii: list[FloatArray]) -> Interval:
-    phi, n_z, gamma = at
-    s, c, up, level = sine(phi), cosine(phi), sine(gamma), cosine(gamma)
+    n_z, s, c, up, level = at.n_z, at.s, at.c, at.up, at.level
     a, b, e = radii
     return (
         -(n_z * s / level) * _half_square(a)
@@ -139,22 +141,17 @@ def _turn_rest(at: Point, radii: list[FloatArray]) -> Interval:
 
 
 def _climb_rate(at: Point) -> Interval:
-    phi, n_z, gamma = at
-    return n_z * cosine(phi) - cosine(gamma)
+    return at.n_z * at.c - at.level
 
 
-def _climb_slopes(at: Point) -> Point:
-    phi, n_z, gamma = at
-    return -(n_z * sine(phi)), cosine(phi), sine(gamma)
+def _climb_slopes(at: Point) -> tuple[Interval, Interval, Interval]:
+    return -(at.n_z * at.s), at.c, at.up
 
 
 def _climb_rest(at: Point, radii: list[FloatArray]) -> Interval:
-    phi, n_z, gamma = at
     a, b, e = radii
     return (
-        -(n_z * cosine(phi)) * _half_square(a)
-        + cosine(gamma) * _half_square(e)
-        + sine(phi) * within(a * b * UP)
+        -(at.n_z * at.c) * _half_square(a) + at.level * _half_square(e) + at.s * within(a * b * UP)
     )
 
 
