@@ -31,6 +31,9 @@ moves a double zero by 1e-8; a zero let in by mistake is sorted out by the frequ
 POINT = 0.7548776662466927
 """About which a pencil is inverted: no round number, so that no zero lies there."""
 
+NEXT_TO = 1e-4
+"""Relative distance of the point next to a zero at which the pencil is inverted again."""
+
 BAND = 1e6
 """Crossings are looked for within this factor of the closed loop's slowest and fastest eigenvalues:
 a zero at infinity comes out of a pencil as a very large one."""
@@ -287,7 +290,8 @@ def _channel_margins(loop: Loop, i: int, name: str) -> ChannelMargins:
 
     # phase crossovers are among the zeros of L(s) - L(-s), where L is real
     doubled = block_diagonal(A, -A), np.vstack([B, B]), np.hstack([C, C])
-    values = _response((A, B, C), _zeros_on_axis(*doubled, np.zeros((1, 1))))[:, 0, 0]
+    crossover = _zeros_on_axis(*doubled, np.zeros((1, 1)), again=True)
+    values = _response((A, B, C), crossover)[:, 0, 0]
     real = np.abs(values.imag) < ON_AXIS * np.abs(values)
     gain = 1.0 / np.abs(values[real & (values.real < 0.0)])
 
@@ -375,18 +379,31 @@ def _level_crossings(level: float, loop: Loop, direct: float) -> FloatArray:
     )
 
 
-def _zeros_on_axis(A: Any, B: FloatArray, C: Any, D: FloatArray) -> FloatArray:
-    """Positive frequencies of the zeros of ``D + C (s - A)^-1 B`` on the imaginary axis, rising."""
+def _zeros_on_axis(
+    A: Any, B: FloatArray, C: Any, D: FloatArray, *, again: bool = False
+) -> FloatArray:
+    """Positive frequencies of the zeros of ``D + C (s - A)^-1 B`` on the imaginary axis, rising.
+
+    With `again` single zeros come out to rounding; two next to each other would become one.
+    """
     unit = float(np.linalg.norm(A, 2))  # of time: the pencil is then of order one
     pencil = np.block([[A / unit, B], [C / unit, D]])
     order = np.diag(np.repeat([1.0, 0.0], [len(A), len(D)]))
     # By inversion about a point off the axis: SciPy's pencils take longer to import than to solve.
-    try:
-        inverse = np.linalg.solve(pencil - POINT * order, order)
-    except np.linalg.LinAlgError:  # a zero everywhere: the loop is cut
-        return np.empty(0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        zeros = POINT + 1.0 / np.asarray(np.linalg.eigvals(inverse), dtype=complex)
+    zeros = _near(POINT, pencil, order)
     real, imag, size = np.real(zeros), np.imag(zeros), np.abs(zeros)
-    on_axis = (size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)
-    return np.sort(unit * imag[on_axis])
+    on_axis = zeros[(size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)]
+    if again:  # what inversion about one point loses of a small zero
+        on_axis = np.array([_near(zero * (1.0 + NEXT_TO), pencil, order)[0] for zero in on_axis])
+    return np.sort(unit * np.imag(on_axis))
+
+
+def _near(point: complex, pencil: FloatArray, order: FloatArray) -> npt.NDArray[np.complex128]:
+    """The zeros of a pencil by inversion about a point, the nearest first."""
+    try:
+        inverse = np.linalg.solve(pencil - point * order, order)
+    except np.linalg.LinAlgError:  # a zero everywhere: the loop is cut
+        return np.empty(0, dtype=complex)
+    values = np.asarray(np.linalg.eigvals(inverse), dtype=complex)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return point + 1.0 / values[np.argsort(-np.abs(values))]
