@@ -84,7 +84,8 @@ def test_the_sdist_builds_the_wheel_of_the_checkout(tmp_path):
     source = copied_sources(tmp_path / "source")
     wheel, sdist = built(source, tmp_path / "out", "wheel", "sdist")
     with tarfile.open(sdist) as archive:
-        archive.extractall(tmp_path / "unpacked", filter="data")
+        archive.extraction_filter = getattr(tarfile, "data_filter", None)  # from 3.11.4 on
+        archive.extractall(tmp_path / "unpacked")
     (unpacked,) = (tmp_path / "unpacked").iterdir()
     (again,) = built(unpacked, tmp_path / "again", "wheel")
 
