@@ -150,6 +150,33 @@ def row(name, folder, flights):
     return measured | {"target_met": bool(met)}
 
 
+class SeenOtherwise(PointMassPlant):
+    """The point mass behind lags, whose controller sees `beyond` more roll at each sample, rad."""
+
+    def __init__(self, lags, disturbance, beyond, g):
+        super().__init__(lags, disturbance=disturbance, g=g)
+        self._beyond = iter(beyond)
+
+    def observe(self):
+        chi, gamma, phi, *rest = super().observe()
+        return (chi, gamma, phi + next(self._beyond), *rest)
+
+
+def beyond_in(boxes, signs):
+    """Roll beyond the model's, at the ends of its boxes (k, 4) as far as its change allows."""
+    low, high = boxes[:, 0].copy(), boxes[:, 1].copy()
+    for k in range(
+        len(boxes) - 2, -1, -1
+    ):  # from where the boxes of the next sample can be reached
+        low[k] = max(low[k], low[k + 1] - boxes[k, 3])
+        high[k] = min(high[k], high[k + 1] - boxes[k, 2])
+    beyond = [low[0] if signs[0] < 0 else high[0]]
+    for k, sign in enumerate(signs[1:], 1):
+        least, most = beyond[-1] + boxes[k - 1, 2], beyond[-1] + boxes[k - 1, 3]
+        beyond.append(max(low[k], least) if sign < 0 else min(high[k], most))
+    return beyond
+
+
 def flown_by_model(problem, count, rng):
     """Errors of `count` flights of the point mass behind the lags, shape (k, 2, count)."""
     middle, radius = 0.5 * (problem.d_low + problem.d_high), 0.5 * (problem.d_high - problem.d_low)
@@ -159,10 +186,12 @@ def flown_by_model(problem, count, rng):
         hold = HOLDS[i % len(HOLDS)]
         signs = np.repeat(rng.choice([-1.0, 1.0], (k // hold + 2, 2)), hold, axis=0)
         d = middle + radius * signs[rng.integers(0, hold) :][:k]
-        plant = PointMassPlant(
+        roll = np.zeros((k, 4)) if problem.roll is None else problem.roll
+        plant = SeenOtherwise(
             problem.lags,
-            disturbance=lambda t, d=d: tuple(d[min(int(t / dt + 1e-6), k - 1)].tolist()),
-            g=scenario.flight.g_mps2,
+            lambda t, d=d: tuple(d[min(int(t / dt + 1e-6), k - 1)].tolist()),
+            [*beyond_in(roll, signs[:k, 0]), 0.0],
+            scenario.flight.g_mps2,
         )
         signals, _ = simulate(
             plant,
