@@ -406,4 +406,4 @@ def _near(point: complex, pencil: FloatArray, order: FloatArray) -> npt.NDArray[
         return np.empty(0, dtype=complex)
     values = np.asarray(np.linalg.eigvals(inverse), dtype=complex)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return point + 1.0 / values[np.argsort(-np.abs(values))]
+        return np.asarray(point + 1.0 / values[np.argsort(-np.abs(values))], dtype=complex)
