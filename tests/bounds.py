@@ -22,8 +22,10 @@ QUIET = "ignore::DeprecationWarning"
 
 
 def uv(*arguments: str | Path) -> None:
-    """Run uv, and end where it fails."""
-    subprocess.run([sys.executable, "-m", "uv", "--quiet", *arguments], check=True, cwd=ROOT)
+    """Run uv with the certificates of the system, and end where it fails."""
+    trusting = os.environ | {"UV_SYSTEM_CERTS": "1", "UV_NATIVE_TLS": "1"}  # new and old name
+    command = [sys.executable, "-m", "uv", "--quiet", *arguments]
+    subprocess.run(command, check=True, cwd=ROOT, env=trusting)
 
 
 def tested(interpreter: str, resolution: str, folder: Path) -> bool:

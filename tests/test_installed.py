@@ -58,7 +58,11 @@ def test_a_stranger_flies_from_the_wheel(installer, wheel, tmp_path):
     folder, home, work = (tmp_path / name for name in ("env", "home", "work"))
     home.mkdir()
     work.mkdir()
-    subprocess.run(installer(folder, wheel), check=True)
+    trusting = os.environ | {
+        "UV_SYSTEM_CERTS": "1",
+        "UV_NATIVE_TLS": "1",
+    }  # uv as pip: new, old name
+    subprocess.run(installer(folder, wheel), check=True, env=trusting)
     # Its own path and home alone, and a locale that has no Greek.
     clean = {"PATH": os.defpath, "HOME": str(home), "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
 
