@@ -39,7 +39,7 @@ def planned(
     disturbance : float, rad/s
         Largest amplitude of square waves that disturb the two rates of a scenario.
     draws : int
-        Of a scenario.
+        How many flights of each group of a scenario are planned.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def planned(
         plan = plan_campaign(_about(scenario, Path(source).stem, chosen, start_deg, disturbance))
         return plan.with_runs(draws * len(plan.groups))
     if start_deg or disturbance:
-        raise InputError("`start_deg` and `disturbance` are of a scenario: a campaign has its own.")
+        raise InputError("`start_deg` and `disturbance` are for scenarios: campaigns have theirs.")
     if (Path(source) / CAMPAIGN).is_file():
         return open_dataset(source).plan
     return plan_campaign(load_campaign(source))

@@ -388,7 +388,7 @@ def load_conformance(path: str | Path) -> Conformance:
     except ScenarioError:  # is a ValueError too
         raise
     except ValueError as error:
-        raise ScenarioError(f"{path}: `boxes` must be as many of each residual: {error}") from error
+        raise ScenarioError(f"{path}: `boxes` must have equal counts: {error}") from error
     return Conformance(
         aircraft=read.aircraft,
         gains_name=read.gains.name,

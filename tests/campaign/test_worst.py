@@ -251,7 +251,7 @@ def test_a_file_without_a_tube_is_refused(tmp_path, columns):
         (("paper",), "`disperse` must have a key to search"),
         (("paper", "--start-deg", "-1"), "`start_deg` must not be negative"),
         (("paper", "--start-deg", "1", "--plant", "x"), "`plant` must be one of kinematic, jsbsim"),
-        (("first_campaign", "--disturbance", "0.1"), "are of a scenario"),
+        (("first_campaign", "--disturbance", "0.1"), "are for scenarios"),
         (("first_campaign", "--metric", "chi.NONE"), "`metric` must be margin or one of"),
         (("first_campaign", "--budget", "3"), "`budget` must be at least"),
         (("first_campaign", "--gains", "K9"), "`gains` must be one of"),
