@@ -217,7 +217,7 @@ def boxed(folder):
     file.write_text(to_toml({**still, "plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]}))
     scenario = load_scenario(file)
     windows = Windows.covering("time", scenario.flight.duration_s)
-    wide = np.ones((windows.count, 4))
+    wide = np.ones((windows.count, 6))
     return Conformance(
         aircraft="aerosonde",
         gains_name="paper",

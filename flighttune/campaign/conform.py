@@ -37,7 +37,7 @@ from flighttune.conformance.boxes import (
     fitted_boxes,
 )
 from flighttune.conformance.file import Attempt, Conformance, Distribution, flown_values
-from flighttune.conformance.residual import RESIDUALS, ConformantModel
+from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.errors import InputError
 from flighttune.identify.file import identified_tables, load_identified
 from flighttune.scenario.aircraft_check import check_aircraft
@@ -235,7 +235,7 @@ def _conformance(
 
 @dataclass(frozen=True, slots=True)
 class _Residuals:
-    """Extremes of the residual rates of flights, shapes (n, count, 2), NaN of those not flown."""
+    """Extremes of what is counted of flights, shapes (n, count, 6), NaN of those not flown."""
 
     low: FloatArray
     high: FloatArray
@@ -259,7 +259,7 @@ class _Residuals:
 def _flown(pool: WorkerPool, plan: Plan, span: Span, doing: str) -> _Residuals | None:
     """The residual rates of the runs of a span; None where it was stopped."""
     assert plan.residuals is not None
-    shape = (span.runs, plan.residuals.windows.count, len(RESIDUALS))
+    shape = (span.runs, plan.residuals.windows.count, len(COUNTED))
     found = _Residuals(np.full(shape, np.nan), np.full(shape, np.nan))
 
     def keep(rows: pa.Table) -> None:

@@ -118,6 +118,7 @@ def tube_json(found: "Tube") -> dict[str, Any]:
             name: found.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))
         },
         "handed_over_s": found.handed_over,
+        "counted_from_s": found.counted_from,
     }
 
 
@@ -132,7 +133,11 @@ def widths_text(found: "Tube", gains: str) -> Table:
 
 
 def for_ever_text(found: "Tube") -> str:
-    """What holds after the time of the scenario, in a sentence."""
+    """What holds after the time that is enclosed, in a sentence."""
+    if found.lost is not None:
+        return (
+            f"{found.reason}: the bounds on the errors are those that flights were counted against"
+        )
     if found.hand_over is None:
         return "after the time of the scenario nothing is claimed: no set was found that is kept"
     chi, gamma = (0.5 * (high - low) / DEG for low, high in found.hand_over.bounds[:2])
@@ -182,6 +187,7 @@ def run_tubes_json(found: "RunTubes") -> dict[str, Any]:
                 zip(("chi", "gamma"), (one.half_widths / DEG).tolist(), strict=True)
             ),
             "handed_over_s": one.handed_over,
+            "counted_from_s": one.counted_from,
             "inside": label not in found.outside,
         }
         for label, one in found.found.items()

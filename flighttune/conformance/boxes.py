@@ -1,4 +1,4 @@
-"""Windows of a flight, and boxes that hold the residual rates inside each of them."""
+"""Windows of a flight, and boxes that hold its residuals and errors inside each of them."""
 
 import math
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
-from flighttune.conformance.residual import RESIDUALS, ConformantModel, residuals_of
+from flighttune.conformance.residual import COUNTED, ConformantModel, residuals_of
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
 from flighttune.simulate.run import Run
@@ -29,8 +29,9 @@ flights learned from agree to the last digit would be left by the next flight.""
 MARGIN = 1.25
 """Widening of boxes learned from too few flights to see a tail."""
 
-TAIL, FEW = 0.1, 50
-"""Share of the scores that are the tail, and how many flights are too few to have one."""
+TAIL, MOST, FEW = 0.1, 100, 50
+"""Share of the scores that are the tail, at most how many, and how many flights are too few to have
+one."""
 
 CHANCE = 0.1
 """Probability, by the fitted tail, that any of the fresh flights leaves the boxes."""
@@ -100,29 +101,30 @@ class Windows:
         return np.minimum(window, self.count - 1)
 
     def extremes(
-        self, residual: FloatArray, window: npt.NDArray[np.intp]
+        self, values: FloatArray, window: npt.NDArray[np.intp]
     ) -> tuple[FloatArray, FloatArray]:
-        """Smallest and largest residual in each window.
+        """Smallest and largest values in each window.
 
         Parameters
         ----------
-        residual : ndarray, shape (n, 4), rad/s and rad
+        values : ndarray, shape (n, m)
         window : ndarray of int, shape (n,)
 
         Returns
         -------
-        low, high : ndarray, shape (count, 4), rad/s and rad
+        low, high : ndarray, shape (count, m)
             ``inf`` and ``-inf`` where no sample is.
         """
-        low, high = (np.full((self.count, len(RESIDUALS)), end) for end in (np.inf, -np.inf))
-        np.minimum.at(low, window, residual)
-        np.maximum.at(high, window, residual)
+        shape = self.count, values.shape[1]
+        low, high = (np.full(shape, end) for end in (np.inf, -np.inf))
+        np.minimum.at(low, window, values)
+        np.maximum.at(high, window, values)
         return low, high
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualSummary:
-    """What is kept of a flight: the extremes of its residual rates in each window.
+    """What is kept of a flight: the extremes of its residuals and errors in each window.
 
     Attributes
     ----------
@@ -134,14 +136,22 @@ class ResidualSummary:
     windows: Windows
 
     def of_flight(self, run: Run, start: FlightCondition) -> tuple[FloatArray, FloatArray]:
-        """`Windows.extremes` of the residual rates of a flight that began at `start`."""
+        """`Windows.extremes` of what is `COUNTED` of a flight that began at `start`.
+
+        An error belongs to the window of the sample before it and to that of its own.
+        """
         signals = run.signals
         window = self.windows.of_samples(
             signals.index.to_numpy(dtype=float),
             signals["chi_ref"].to_numpy(),
             signals["gamma_ref"].to_numpy(),
         )
-        return self.windows.extremes(residuals_of(self.model, run, start), window)
+        residual = self.windows.extremes(residuals_of(self.model, run, start), window)
+        errors = signals[["chi_err", "gamma_err"]].to_numpy()
+        at_both = np.concatenate([errors[:-1], errors[1:]])
+        error = self.windows.extremes(at_both, np.concatenate([window, window]))
+        low, high = (np.hstack(ends) for ends in zip(residual, error, strict=True))
+        return low, high
 
     def as_dict(self) -> dict[str, Any]:
         """The summary as plain values; `of` reads them."""
@@ -156,13 +166,13 @@ class ResidualSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateBoxes:
-    """Bounds on the two residual rates, window by window.
+    """Bounds on what is `COUNTED` of flights, window by window.
 
     Attributes
     ----------
     windows : Windows
-    low, high : ndarray, shape (count, 4), rad/s and rad
-        Of course and flight-path angle; read-only.
+    low, high : ndarray, shape (count, 6), rad/s and rad
+        Read-only.
     """
 
     windows: Windows
@@ -174,7 +184,7 @@ class RateBoxes:
             value = np.array(getattr(self, name), dtype=float)
             value.flags.writeable = False
             object.__setattr__(self, name, value)
-        shape = (self.windows.count, len(RESIDUALS))
+        shape = (self.windows.count, len(COUNTED))
         if self.low.shape != shape or self.high.shape != shape:
             raise InputError(f"`low` and `high` must have shape {shape}, got {self.low.shape}.")
         if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low <= self.high)).all():
@@ -182,12 +192,12 @@ class RateBoxes:
 
     @property
     def centre(self) -> FloatArray:
-        """Middle of each box, shape (count, 4), rad/s and rad."""
+        """Middle of each box, shape (count, 6), rad/s and rad."""
         return 0.5 * (self.low + self.high)
 
     @property
     def half_width(self) -> FloatArray:
-        """Half its width, shape (count, 4), rad/s and rad."""
+        """Half its width, shape (count, 6), rad/s and rad."""
         return 0.5 * (self.high - self.low)
 
     def over(
@@ -203,18 +213,18 @@ class RateBoxes:
 
         Returns
         -------
-        low, high : ndarray, shape (n - 1, 4), rad/s and rad
+        low, high : ndarray, shape (n - 1, 6), rad/s and rad
             From each sample to the next one.
         """
         window = self.windows.of_samples(t, chi_ref, gamma_ref)
         return self.low[window], self.high[window]
 
     def hold(self, low: FloatArray, high: FloatArray) -> npt.NDArray[np.bool_]:
-        """Whether the residuals of flights stay in the boxes from start to end.
+        """Whether flights stay in the boxes from start to end.
 
         Parameters
         ----------
-        low, high : ndarray, shape (..., count, 4), rad/s and rad
+        low, high : ndarray, shape (..., count, 6), rad/s and rad
             As `Windows.extremes` returns them; a flight with NaN does not.
 
         Returns
@@ -227,12 +237,12 @@ class RateBoxes:
 def fitted_boxes(
     windows: Windows, lows: FloatArray, highs: FloatArray, fresh: int
 ) -> tuple[RateBoxes, float]:
-    """Boxes around the residuals of the flights learned from, wide enough for fresh ones.
+    """Boxes around the flights learned from, wide enough for fresh ones.
 
     Parameters
     ----------
     windows : Windows
-    lows, highs : ndarray, shape (flights, count, 4), rad/s and rad
+    lows, highs : ndarray, shape (flights, count, 6), rad/s and rad
         `Windows.extremes` of each.
     fresh : int
         How many flights are to stay inside.
@@ -241,7 +251,8 @@ def fitted_boxes(
     -------
     boxes : RateBoxes
     widened : float, 1
-        Half width over that of the smallest boxes that hold the flights learned from.
+        Largest ratio of a half width to that of the smallest boxes that hold the flights learned
+        from.
 
     Raises
     ------
@@ -253,36 +264,37 @@ def fitted_boxes(
     widened = widening(lows, highs, fresh)
     centre, half = _smallest(lows, highs)
     half = widened * half
-    return RateBoxes(windows=windows, low=centre - half, high=centre + half), widened
+    return RateBoxes(windows=windows, low=centre - half, high=centre + half), float(widened.max())
 
 
-def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> float:
-    """By how much boxes must be widened for fresh flights to stay inside.
+def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> FloatArray:
+    """By how much the boxes of each quantity must be widened for fresh flights to stay inside.
 
     Parameters
     ----------
-    lows, highs : ndarray, shape (flights, count, 4), rad/s and rad
+    lows, highs : ndarray, shape (flights, count, 6), rad/s and rad
         Of the flights learned from.
     fresh : int
         How many flights are to stay inside.
 
     Returns
     -------
-    float, 1
-        At least 1.
+    ndarray, shape (6,), 1
+        Each at least 1.
 
     Notes
     -----
     The score of a flight is the widening with which it stays in the smallest boxes around the other
-    half of the flights. Above its upper `TAIL` the score is taken as exponential (a generalised
+    half of the flights. In its upper `TAIL` the score is taken as exponential (a generalised
     Pareto distribution of shape 0: S. Coles, *An Introduction to Statistical Modeling of Extreme
-    Values*, chapter 4), which is on the safe side for a normal or a bounded one. At the value
-    returned one of the fresh flights is outside with a probability of `CHANCE`. What is claimed
-    does not rest on this, only how often a count succeeds.
+    Values*, chapter 4), which is on the safe side for a normal or a bounded one. At the
+    values returned one of the fresh flights is outside with a probability of at most `CHANCE`,
+    shared by the quantities. What is claimed does not rest on this, only how often a count
+    succeeds.
     """
     flights = len(lows)
     if flights < FEW:
-        return MARGIN
+        return np.full(lows.shape[2], MARGIN)
     halves = slice(0, None, 2), slice(1, None, 2)
     scores = np.sort(
         np.concatenate(
@@ -290,16 +302,18 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> float:
                 _scores(lows[one], highs[one], *_smallest(lows[other], highs[other]))
                 for one, other in (halves, halves[::-1])
             ]
-        )
+        ),
+        axis=0,
     )
-    above = round(TAIL * flights)
+    above = min(MOST, round(TAIL * flights))
     start = scores[-above - 1]
-    excess = float(np.mean(scores[-above:] - start))
-    return max(1.0, float(start) + excess * math.log(above / flights * fresh / CHANCE))
+    excess = (scores[-above:] - start).mean(axis=0)
+    each = CHANCE / len(start)
+    return np.maximum(1.0, start + excess * math.log(above / flights * fresh / each))
 
 
 def _smallest(lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Centres and half widths, shape (count, 4), of the smallest boxes around flights."""
+    """Centres and half widths, shape (count, 6), of the smallest boxes around flights."""
     low, high = lows.min(axis=0), highs.max(axis=0)
     for column in range(low.shape[1]):
         known = low[:, column] <= high[:, column]
@@ -313,5 +327,5 @@ def _smallest(lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArr
 def _scores(
     lows: FloatArray, highs: FloatArray, centre: FloatArray, half: FloatArray
 ) -> FloatArray:
-    """Widening of boxes with which each flight stays inside, shape (flights,)."""
-    return (np.maximum(highs - centre, centre - lows) / half).max(axis=(1, 2))
+    """Widening of the boxes of each quantity with which a flight stays inside, (flights, 6)."""
+    return (np.maximum(highs - centre, centre - lows) / half).max(axis=1)

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.conformance.boxes import SHORTEST_S, Over, RateBoxes, Windows
-from flighttune.conformance.residual import RESIDUALS, ConformantModel
+from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import first_mistake
@@ -31,7 +31,7 @@ from flighttune.scenario.tables import PlantTable
 from flighttune.table_file import json_tables
 from flighttune.whole_file import write_text
 
-FORMAT = "flighttune conformance 2"
+FORMAT = "flighttune conformance 3"
 """Readers refuse what they do not know."""
 
 FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
@@ -60,7 +60,7 @@ class Attempt:
     outside : int
         Those of them that left a box, or were not flown to their end.
     widened : float, 1
-        Half width of the boxes over that of the smallest around the flights learned from.
+        Largest half width of a box over that of the smallest around the flights learned from.
     """
 
     learned: int
@@ -89,6 +89,11 @@ class Distribution:
     air: str
     fixed: Mapping[str, Any]
     dispersed: Mapping[str, list[Any]]
+
+    @property
+    def windy(self) -> bool:
+        """Whether any of its flights has wind."""
+        return any(key.startswith("wind.") for key in (*self.fixed, *self.dispersed))
 
     @property
     def sentence(self) -> str:
@@ -269,7 +274,7 @@ class Conformance:
             "boxes": {
                 "over": self.boxes.windows.over,
                 "window_s": self.boxes.windows.length,
-                **{name: _pairs(self.boxes, i) for i, name in enumerate(RESIDUALS)},
+                **{name: _pairs(self.boxes, i) for i, name in enumerate(COUNTED)},
             },
         }
 
@@ -331,16 +336,18 @@ class _Boxes(_Table):
     d_gamma_rad_s: list[Pair]
     roll_rad: list[Pair]
     roll_change_rad: list[Pair]
+    chi_err_rad: list[Pair]
+    gamma_err_rad: list[Pair]
 
     def value(self) -> RateBoxes:
         """The boxes as a value."""
-        both = np.array([getattr(self, name) for name in RESIDUALS], dtype=float)
+        both = np.array([getattr(self, name) for name in COUNTED], dtype=float)
         windows = Windows(over=self.over, count=both.shape[1], length=self.window_s)
         return RateBoxes(windows=windows, low=both[:, :, 0].T, high=both[:, :, 1].T)
 
 
 class _File(_Table):
-    format: Literal["flighttune conformance 2"]
+    format: Literal["flighttune conformance 3"]
     aircraft: str
     sha256: _Hashes
     gains: GainsTable

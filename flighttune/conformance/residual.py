@@ -19,6 +19,12 @@ from flighttune.simulate.run import Run
 RESIDUALS = ("d_chi_rad_s", "d_gamma_rad_s", "roll_rad", "roll_change_rad")
 """What the model misses; the last two are seen by a feed-forward of the roll flown."""
 
+ERRORS = ("chi_err_rad", "gamma_err_rad")
+"""Errors of the flight itself: what stays known of it where the model says nothing."""
+
+COUNTED = (*RESIDUALS, *ERRORS)
+"""What boxes are counted for."""
+
 ITERATIONS = 5
 """Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01
 at 50 Hz: five leave rounding."""

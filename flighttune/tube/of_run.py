@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 FOLDER = "tubes"
 """Where the tubes of the runs in a folder are."""
 
+COUNTED_ONLY = "The model's set is lost, and the bounds are those counted"
+"""Said of a tube whose bounds end as `within_counted` has them, before the reason."""
+
 ABOUT_WORST = b"flighttune.worst"
 """Key in the metadata of the file of a worst flight: of which tube, and how near, as JSON."""
 
@@ -44,6 +47,8 @@ class RunTube:
         As of `Tube`.
     handed_over : float or None, s
         From when on they hold for ever.
+    counted_from : float or None, s
+        From when on they are those that flights were counted against.
     file : Path
     worst : WorstOfTube or None
         Where `flighttune worst` found one.
@@ -55,6 +60,7 @@ class RunTube:
     reason: str
     model: str
     handed_over: float | None
+    counted_from: float | None
     file: Path
     worst: "WorstOfTube | None" = None
 
@@ -120,7 +126,8 @@ class RunTubes:
         one = self.found[label]
         chi, gamma = one.half_widths / DEG
         flown = "leaves it" if label in self.outside else "is inside"
-        end = f" It is lost: {one.reason}." if one.reason else ""
+        lost = "It is lost" if one.counted_from is None else COUNTED_ONLY
+        end = f" {lost}: {one.reason}." if one.reason else ""
         ever = "" if one.handed_over is None else f", from {one.handed_over:.1f} s on for ever"
         return (
             f"{label}: every flight of {one.model} stays within ±{chi:.2g}° of course and "
@@ -270,6 +277,7 @@ def read_tube(path: Path) -> RunTube:
         reason=stated["reason"],
         model=stated["model"],
         handed_over=stated["handed_over_s"],
+        counted_from=stated["counted_from_s"],
         file=path,
         worst=_read_worst(path),
     )

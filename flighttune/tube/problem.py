@@ -55,6 +55,11 @@ class TubeProblem:
         Of roll and load factor.
     roll : ndarray, shape (k, 4), rad; or None
         As of `SampledLoop`: for an aircraft whose feed-forward sees its roll.
+    counted : ndarray, shape (k, 4), rad; or None
+        Lowest and highest error of course and of path angle that was counted for flights of an
+        aircraft.
+    start_known : bool
+        Whether the path over ground begins where the scenario says.
     basis : str
         Where the disturbance bounds of an aircraft come from; empty for other plants.
     law : str
@@ -71,6 +76,8 @@ class TubeProblem:
     limits: Limits
     lags: tuple[InnerLag, ...] = ()
     roll: FloatArray | None = None
+    counted: FloatArray | None = None
+    start_known: bool = True
     basis: str = ""
     law: str = "exact"
 
@@ -96,11 +103,15 @@ class TubeProblem:
         seen = sees_roll_flown(self.scenario, self.plant, self.reference)
         if (self.roll is not None) != seen:
             raise InputError("`roll` must be given just where a feed-forward sees the roll flown.")
-        if self.roll is not None:
-            roll = read_only_matrix("roll", self.roll)
-            if roll.shape != (k, 4) or not (roll[:, ::2] <= roll[:, 1::2]).all():
-                raise InputError("`roll` must be lower and upper bounds, twice, at every sample.")
-            object.__setattr__(self, "roll", roll)
+        for name in ("roll", "counted"):
+            if (given := getattr(self, name)) is None:
+                continue
+            pairs = read_only_matrix(name, given)
+            if pairs.shape != (k, 4) or not (pairs[:, ::2] <= pairs[:, 1::2]).all():
+                raise InputError(
+                    f"`{name}` must be lower and upper bounds, twice, at every sample."
+                )
+            object.__setattr__(self, name, pairs)
         condition = self.scenario.condition
         ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
         for name, lower, upper, starts in zip(
@@ -224,7 +235,7 @@ def tube_problem(
     if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
         followed[:, 2:4] = reference.commands(t)
     limits, lags, basis = scenario.limits.limits(), table.lags() or (), ""
-    roll = None
+    roll, counted, start_known = None, None, True
     if table.aircraft is None:
         d_high = _within(scenario, disturbance, len(t))
         d_low = -d_high
@@ -251,6 +262,8 @@ def tube_problem(
         d_low, d_high = low[:, :2], high[:, :2]
         if sees_roll_flown(scenario, table.label, followed):
             roll = np.stack([low[:, 2], high[:, 2], low[:, 3], high[:, 3]], axis=1)
+        counted = np.stack([low[:, 4], high[:, 4], low[:, 5], high[:, 5]], axis=1)
+        start_known = scenario.wind is not None or not conformance.distribution.windy
     return TubeProblem(
         scenario=scenario,
         gains=gains,
@@ -262,6 +275,8 @@ def tube_problem(
         limits=limits,
         lags=lags,
         roll=roll,
+        counted=counted,
+        start_known=start_known,
         basis=basis,
         law=law,
     )

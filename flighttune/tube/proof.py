@@ -22,11 +22,18 @@ from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, settled_from, way_round
 from flighttune.tube.problem import TubeProblem
 from flighttune.tube.replay import Replay
-from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set
+from flighttune.tube.result import (
+    QUANTITIES,
+    Settings,
+    Tube,
+    counted_bounds,
+    first_set,
+    tightest,
+)
 from flighttune.tube.sample import SampledLoop, Unbounded
 from flighttune.whole_file import whole_file
 
-FORMAT = "flighttune tube 2"
+FORMAT = "flighttune tube 3"
 """Readers refuse what they do not know."""
 
 LIMITS = ("lower", "upper", "rate_lower", "rate_upper")
@@ -67,9 +74,12 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         "plant": problem.plant,
         "start_rad": problem.start,
         "lags": [asdict(lag) for lag in problem.lags],
+        "start_known": problem.start_known,
         "basis": problem.basis,
         "law": problem.law,
         "settings": tube.settings._asdict(),
+        "reason": tube.reason,
+        "lost": tube.lost,
     }
     ever = tube.hand_over
     if ever is not None:
@@ -86,6 +96,7 @@ def save_tube(tube: Tube, path: str | Path) -> None:
             held=tube.held,
             chosen=tube.chosen,
             **({} if problem.roll is None else {"roll": problem.roll}),
+            **({} if problem.counted is None else {"counted": problem.counted}),
             **({} if ever is None else _arrays(ever)),
         )
 
@@ -95,6 +106,9 @@ def _arrays(ever: HandOver) -> dict[str, Any]:
     arrays = {name: getattr(ever, name) for name in ("W", "centre", "size", "chosen")}
     return {f"ever_{name}": one for name, one in {**arrays, "bounds": loosened}.items()}
 
+
+LIMITLESS = np.array([[-np.inf, np.inf]] * len(QUANTITIES))
+"""Bounds on what nothing is enclosed of."""
 
 DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError),
@@ -148,6 +162,8 @@ def _tube_from(arrays: dict[str, Any]) -> Tube:
         limits=Limits(**dict(zip(LIMITS, arrays["limits"], strict=True))),
         lags=tuple(InnerLag(**lag) for lag in claim["lags"]),
         roll=arrays.get("roll"),
+        counted=arrays.get("counted"),
+        start_known=claim["start_known"] is True,
         basis=str(claim["basis"]),
         law=str(claim["law"]),
     )
@@ -157,16 +173,20 @@ def _tube_from(arrays: dict[str, Any]) -> Tube:
         raise InputError(f"`bounds` and `held` must have shapes {shapes}.")
     if held.dtype != bool or not (np.isfinite(bounds).all() and np.isfinite(chosen).all()):
         raise InputError("`bounds` and `chosen` must be finite, and `held` must be true or false.")
+    lost = None if claim["lost"] is None else int(claim["lost"])
+    if lost is not None and not (problem.counted is not None and 0 <= lost < len(problem.t)):
+        raise InputError("`lost` must be a sample of a tube with errors that were counted.")
     return Tube(
         problem=problem,
         status="bounded",
-        reason="",
+        reason=str(claim["reason"]),
         t=problem.t,
         bounds=bounds.astype(float),
         held=held,
         settings=settings,
         chosen=chosen.astype(np.float32),
         hand_over=_hand_over(claim.get("hand_over"), arrays, problem),
+        lost=lost,
     )
 
 
@@ -221,18 +241,23 @@ def verify_tube(
     problem = tube.problem
     enclosure = enclosure_of(problem.loop(), first_set(problem, tube.settings), Replay(tube.chosen))
     margins, ever = np.full(len(QUANTITIES), np.inf), tube.hand_over
+    counted = None if tube.lost is None else counted_bounds(problem)
     for k, t in enumerate(problem.t):
-        try:
-            proven = enclosure.sample(k)
-        except (Unbounded, IndexError, InputError) as error:
-            return _refused(f"sample {k} ({t:.2f} s): {error}")
-        broken = _broken(proven.ranges, tube.bounds[k])
+        ranges, held = LIMITLESS, np.ones(2, dtype=bool)
+        if tube.lost is None or k < tube.lost:
+            try:
+                ranges, held = enclosure.sample(k)
+            except (Unbounded, IndexError, InputError) as error:
+                return _refused(f"sample {k} ({t:.2f} s): {error}")
+        if counted is not None:
+            ranges = tightest(ranges, counted[k])
+        broken = _broken(ranges, tube.bounds[k])
         if broken:
             return _refused(f"sample {k} ({t:.2f} s): {broken}")
-        if (proven.held & ~tube.held[k]).any():
-            name = ("phi_cmd", "n_z_cmd")[int(np.argmax(proven.held & ~tube.held[k]))]
+        if (held & ~tube.held[k]).any():
+            name = ("phi_cmd", "n_z_cmd")[int(np.argmax(held & ~tube.held[k]))]
             return _refused(f"sample {k} ({t:.2f} s): that no limit holds {name} is not proven")
-        room = (proven.ranges - tube.bounds[k]) * [1.0, -1.0]
+        room = (ranges - tube.bounds[k]) * [1.0, -1.0]
         margins = np.minimum(margins, room.min(axis=1))
         if ever is not None and k + 1 == ever.sample and not _reached(enclosure.pieces, ever):
             return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")

@@ -1,6 +1,6 @@
 """A tube: the bounds found, and what makes their proof short to check."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -60,6 +60,9 @@ class Tube:
         What makes the proof short to check: slopes, splits, symbols given up.
     hand_over : HandOver or None
         Why the flights stay bounded for ever; None where no reason was found.
+    lost : int or None
+        Sample from which on nothing is enclosed: there the errors are in the boxes counted for
+        them, before it in both. None where the whole time is enclosed.
     """
 
     problem: TubeProblem
@@ -71,6 +74,12 @@ class Tube:
     settings: Settings
     chosen: npt.NDArray[np.float32]
     hand_over: HandOver | None = None
+    lost: int | None = None
+
+    @property
+    def counted_from(self) -> float | None:
+        """Time from which on the bounds are those counted, s."""
+        return None if self.lost is None else float(self.problem.t[self.lost])
 
     @property
     def handed_over(self) -> float | None:
@@ -100,6 +109,32 @@ class Tube:
         edges = np.diff(np.concatenate([[False], self.held[:, channel], [False]]).astype(int))
         begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
         return [(float(self.t[a]), float(self.t[b])) for a, b in zip(begins, ends, strict=True)]
+
+
+def within_counted(tube: Tube) -> Tube:
+    """An unbounded tube of an aircraft, within the errors that were counted for its flights."""
+    problem, lost = tube.problem, len(tube.t)
+    counted = counted_bounds(problem)
+    bounds = counted.copy()
+    bounds[:lost] = tightest(tube.bounds, counted[:lost])
+    held = np.ones((len(counted), 2), dtype=bool)
+    held[:lost] = tube.held
+    return replace(tube, status="bounded", t=problem.t, bounds=bounds, held=held, lost=lost)
+
+
+def counted_bounds(problem: TubeProblem) -> FloatArray:
+    """Bounds on `QUANTITIES` that need no model, shape (k, 4, 2): errors counted, and limits."""
+    assert problem.counted is not None
+    limits = np.stack([problem.limits.lower, problem.limits.upper], axis=1)
+    errors = problem.counted.reshape(-1, 2, 2)
+    return np.concatenate([errors, np.broadcast_to(limits, errors.shape)], axis=1)
+
+
+def tightest(*bounds: FloatArray) -> FloatArray:
+    """Bounds, shape (..., 2), that hold where all of these do."""
+    low = np.max([one[..., 0] for one in bounds], axis=0)
+    high = np.min([one[..., 1] for one in bounds], axis=0)
+    return np.stack([low, high], axis=-1)
 
 
 def first_set(problem: TubeProblem, settings: Settings) -> Pieces:

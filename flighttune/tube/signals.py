@@ -42,6 +42,7 @@ def write_signals(tube: Tube, path: Path) -> None:
         "reason": tube.reason,
         "model": tube.model,
         "handed_over_s": tube.handed_over,
+        "counted_from_s": tube.counted_from,
     }
     schema = pa.schema(fields, metadata={ABOUT: json.dumps(about).encode()})
     with whole_file(path) as part:

@@ -10,10 +10,12 @@ from flighttune.scenario.schema import Scenario
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
 from flighttune.tube.problem import TubeProblem, tube_problem
-from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set
+from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set, within_counted
 from flighttune.tube.sample import Unbounded
 from flighttune.tube.search import Search
 from flighttune.tube.settling import coordinates, hand_over
+
+UNKNOWN_START = "in wind the path over ground begins elsewhere, and the scenario states no wind"
 
 
 def tube(
@@ -42,7 +44,8 @@ def tube(
         The disturbance of each rate is within this of zero, in any shape; by default within the
         amplitudes of the scenario's sinusoid, or zero.
     conformance : Conformance, optional
-        Of an aircraft: its model flies, under every disturbance in its boxes.
+        Of an aircraft: its model flies, under every disturbance in its boxes. Where the set of
+        these flights is lost, the errors are within the boxes that were counted for them.
     law : str
         Name of the exact law in the scenario, where the gains are of one.
     progress : callable, optional
@@ -66,7 +69,9 @@ def tube(
         conformance=conformance,
         law=law,
     )
-    return enclosed(problem, progress=progress)
+    found = enclosed(problem, progress=progress)
+    lost = found.status == "unbounded" and problem.counted is not None
+    return within_counted(found) if lost else found
 
 
 def enclosed(
@@ -121,8 +126,8 @@ def _attempt(
     rows, still, hulls = coordinates(loop) if for_ever else None, settled_from(loop), {}
     search = Search(loop, tolerance=settings.tolerance, most=settings.most)
     enclosure = enclosure_of(loop, first_set(problem, settings), search)
-    found, reason = [], ""
-    for k in range(len(t)):
+    found, reason = [], "" if problem.start_known else UNKNOWN_START
+    for k in range(len(t) if problem.start_known else 0):
         try:
             found.append(enclosure.sample(k))
         except Unbounded as stop:

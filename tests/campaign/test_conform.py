@@ -75,7 +75,7 @@ def test_false_claims_are_as_rare_as_the_confidence_says():
         calls.append(runs)
         # One that leaves is ten times further out than any before, whatever was learned from those.
         size = np.where(rng.random(len(runs)) < epsilon + 0.01, 10.0 ** len(calls), 1.0)
-        shape = 4 * plan.residuals.windows.count
+        shape = 6 * plan.residuals.windows.count
         low, high = (pa.array([[sign * one] * shape for one in size]) for sign in (-1.0, 1.0))
         return pa.table({"run": list(runs), "residual_low": low, "residual_high": high})
 
@@ -129,9 +129,8 @@ def test_residuals_are_two_more_columns_and_change_no_other():
     rows = fly_runs(wider, range(3))
 
     assert wider.residuals == summary
-    assert [len(one) for one in rows["residual_low"].to_pylist()] == [
-        8
-    ] * 3  # 2 windows, 4 residuals
+    # 2 windows of 4 residuals and 2 errors
+    assert [len(one) for one in rows["residual_low"].to_pylist()] == [12] * 3
     rest = rows.drop_columns(["wall_s", "residual_low", "residual_high"])
     assert rest.equals(fly_runs(plan, range(3)).drop_columns("wall_s"))
 

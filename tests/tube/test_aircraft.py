@@ -24,6 +24,10 @@ ROLL, ROLL_CHANGE = 0.02, 0.002
 """Half widths, rad: its roll is off that of its model by up to 0.75 deg, 0.04 deg more a sample."""
 
 
+ERROR = 0.5, 0.3
+"""Half widths, rad: no error is as large."""
+
+
 def flight(**changes):
     values = {"feed_forward": False, "chi_err_deg": 4.0, "gamma_deg": 0.0, "gamma_ref_deg": 0.0}
     scenario = made_up(**{**values, **changes}).as_dict()
@@ -34,7 +38,7 @@ def flight(**changes):
 def conformance(scenario, outside=0, half_width=WIDE, roll=ROLL):
     condition = load_identified("aerosonde").nearest(scenario.flight.V_a_mps, 0.0)
     windows = Windows.covering("time", scenario.flight.duration_s)
-    high = np.tile([half_width, half_width, roll, ROLL_CHANGE], (windows.count, 1))
+    high = np.tile([half_width, half_width, roll, ROLL_CHANGE, *ERROR], (windows.count, 1))
     return Conformance(
         aircraft="aerosonde",
         gains_name="paper",

@@ -14,7 +14,7 @@ from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
 from flighttune.tube.problem import tube_problem
 from flighttune.tube.tube import enclosed
-from tests.tube.test_aircraft import ROLL, ROLL_CHANGE, conformance, flight
+from tests.tube.test_aircraft import ERROR, ROLL, ROLL_CHANGE, conformance, flight
 from tests.tube.test_soundness import FEW_PIECES
 
 FLIGHTS = 4
@@ -75,8 +75,8 @@ def conformant(draw):
     ends = np.array(draw(st.lists(RATE, min_size=4, max_size=4))).reshape(2, 2)
     rng = np.random.default_rng(draw(st.integers(0, 99)))
     scale = rng.random((2, windows.count, 2)) * np.sort(ends, axis=0)[:, None]
-    roll = np.tile([ROLL, ROLL_CHANGE], (windows.count, 1))
-    low, high = np.hstack([scale.min(axis=0), -roll]), np.hstack([scale.max(axis=0), roll])
+    rest = np.tile([ROLL, ROLL_CHANGE, *ERROR], (windows.count, 1))
+    low, high = np.hstack([scale.min(axis=0), -rest]), np.hstack([scale.max(axis=0), rest])
     boxes = RateBoxes(windows=windows, low=low, high=high)
     model = replace(known.model, lags=draw(st.sampled_from(LAGS)))
     return scenario, replace(known, boxes=boxes, model=model)
