@@ -225,7 +225,7 @@ def verify(
 
 
 def _verify_tube(file: Path) -> None:
-    from flighttune.cli.tube import tube_json, widths_text
+    from flighttune.cli.tube import for_ever_text, tube_json, widths_text
     from flighttune.tube.proof import load_tube, verify_tube
 
     loaded = load_tube(file)
@@ -244,6 +244,7 @@ def _verify_tube(file: Path) -> None:
         table(f"{file}: {verdict}", ("check", "margin"), rows),
         f"{'proven' if found.valid else 'claimed, not proven'}:",
         widths_text(loaded, "of the file"),
+        for_ever_text(loaded),
     ]
     emit({**pick(found, "valid reason checks"), "claim": claim}, text)
     if not found.valid:

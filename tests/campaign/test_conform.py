@@ -26,6 +26,7 @@ from flighttune.campaign.planning.plan import plan_from
 from flighttune.conformance import Windows, load_conformance, save_conformance
 from flighttune.conformance.boxes import ResidualSummary
 from flighttune.errors import InputError, ScenarioError
+from flighttune.flight.fly import fly
 
 GAINS = {"name": "soft", "K_P": [[0.5, 0.0], [0.0, 0.5]], "K_I": [[0.1, 0.0], [0.0, 0.1]]}
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
@@ -133,6 +134,21 @@ def test_residuals_are_two_more_columns_and_change_no_other():
     assert [len(one) for one in rows["residual_low"].to_pylist()] == [12] * 3
     rest = rows.drop_columns(["wall_s", "residual_low", "residual_high"])
     assert rest.equals(fly_runs(plan, range(3)).drop_columns("wall_s"))
+
+
+def test_errors_of_a_window_are_those_at_its_samples_and_at_the_next():
+    plan = small_plan(runs=1)
+    model = conformant_model(plan.scenario, plan.groups[0].plant)
+    summary = ResidualSummary(model=model, windows=Windows.covering("time", 1.0))
+    scenario = plan.scenario_of(0)
+    (run,) = fly(scenario).runs
+
+    low, high = summary.of_flight(run, scenario.condition)
+
+    errors = run.signals[["chi_err", "gamma_err"]].to_numpy()
+    parts = errors[:26], errors[25:]
+    assert low[:, 4:] == pytest.approx(np.array([part.min(axis=0) for part in parts]))
+    assert high[:, 4:] == pytest.approx(np.array([part.max(axis=0) for part in parts]))
 
 
 def test_a_file_comes_back_as_it_was_written(found, tmp_path):

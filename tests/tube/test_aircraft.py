@@ -1,5 +1,6 @@
 """An aircraft's tube: its conformant model under every disturbance in the boxes."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
 from flighttune.scenario import scenario_from
 from flighttune.tube.flights import flights_inside
-from flighttune.tube.proof import save_tube, verify_tube
+from flighttune.tube.proof import load_tube, save_tube, verify_tube
 from flighttune.tube.tube import tube
 from tests.tube.test_soundness import made_up
 
@@ -105,6 +106,62 @@ def test_the_feed_forward_sees_the_roll_flown():
         replace(wide.problem, roll=None)
     with pytest.raises(InputError, match="`roll` must be lower and upper bounds"):
         replace(wide.problem, roll=-wide.problem.roll)
+
+
+@pytest.fixture(scope="module")
+def lost():
+    """A tube whose set is lost: at the ends of its boxes the rates are those of a tight turn."""
+    scenario = flight(duration_s=1.5)
+    return tube(scenario, PAPER_GAINS, conformance=conformance(scenario, half_width=1.0))
+
+
+@pytest.mark.slow
+def test_where_the_set_is_lost_errors_are_within_those_counted(lost, tmp_path):
+    assert lost.status == "bounded"
+    assert 0 < lost.lost < len(lost.t) - 1
+    assert lost.counted_from == lost.t[lost.lost]
+    assert f"from t = {lost.counted_from:.2f} s on" in lost.reason
+    assert lost.half_widths[lost.lost :, :2] == pytest.approx(
+        np.tile(ERROR, (len(lost.t) - lost.lost, 1))
+    )
+    assert (lost.half_widths[: lost.lost, :2] <= np.array(ERROR)).all()
+    assert lost.half_widths[0, 0] < 0.1 * ERROR[0]
+    assert lost.held[lost.lost :].all()
+    assert lost.handed_over is None
+    assert flights_inside(lost)
+    save_tube(lost, tmp_path / "tube.npz")
+    again = load_tube(tmp_path / "tube.npz")
+    assert (again.lost, again.reason) == (lost.lost, lost.reason)
+    assert verify_tube(again).valid
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        (lambda one: {"bounds": 0.99 * one.bounds}, "sample .*is not proven"),
+        (lambda one: {"held": one.held & (one.t < one.t[-1])[:, None]}, "no limit holds phi_cmd"),
+        (lambda one: {"lost": one.lost + 1}, "sample .*cannot be kept|end early"),
+    ],
+)
+def test_more_than_was_counted_is_not_proven(lost, changes, why):
+    found = verify_tube(replace(lost, **changes(lost)))
+
+    assert not found.valid
+    assert re.search(why, found.reason)
+
+
+def test_in_a_wind_that_is_not_stated_the_start_is_not_known():
+    calm = flight(duration_s=0.3)
+    windy = scenario_from(calm.as_dict() | {"wind": {"speed_mps": 3.0, "from_deg": 90.0}})
+    known = conformance(windy, half_width=10.0 * WIDE)
+
+    unknown, stated = (tube(one, PAPER_GAINS, conformance=known) for one in (calm, windy))
+
+    assert stated.counted_from is None
+    assert unknown.counted_from == 0.0
+    assert "states no wind" in unknown.reason
+    assert unknown.half_widths[:, :2] == pytest.approx(np.tile(ERROR, (len(unknown.t), 1)))
 
 
 @pytest.mark.slow
