@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
-from flighttune.conformance.residual import COUNTED, ConformantModel, residuals_of
+from flighttune.conformance.residual import COUNTED, RESIDUALS, ConformantModel, residuals_of
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
 from flighttune.simulate.run import Run
@@ -25,6 +25,11 @@ SHORTEST_S = 0.02
 LEAST_SHARE = 0.05
 """Smallest half width of a box, as a share of the widest one of its rate: a window in which the
 flights learned from agree to the last digit would be left by the next flight."""
+
+LATER_S = 1.0
+"""By how much sooner or later than the flights learned from others may do the same, s: a box of
+errors is around theirs over so much time before and after. Where all but the slowest have come in
+it would be left too easily otherwise."""
 
 MARGIN = 1.25
 """Widening of boxes learned from too few flights to see a tail."""
@@ -261,13 +266,14 @@ def fitted_boxes(
     """
     if not len(lows):
         raise InputError("`lows` must be of at least one flight, got none.")
-    widened = widening(lows, highs, fresh)
-    centre, half = _smallest(lows, highs)
+    later = round(LATER_S / windows.length)
+    widened = widening(lows, highs, fresh, later)
+    centre, half = _smallest(lows, highs, later)
     half = widened * half
     return RateBoxes(windows=windows, low=centre - half, high=centre + half), float(widened.max())
 
 
-def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> FloatArray:
+def widening(lows: FloatArray, highs: FloatArray, fresh: int, later: int = 0) -> FloatArray:
     """By how much the boxes of each quantity must be widened for fresh flights to stay inside.
 
     Parameters
@@ -276,6 +282,8 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> FloatArray:
         Of the flights learned from.
     fresh : int
         How many flights are to stay inside.
+    later : int
+        Windows by which a flight may be sooner or later than another.
 
     Returns
     -------
@@ -299,7 +307,7 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> FloatArray:
     scores = np.sort(
         np.concatenate(
             [
-                _scores(lows[one], highs[one], *_smallest(lows[other], highs[other]))
+                _scores(lows[one], highs[one], *_smallest(lows[other], highs[other], later))
                 for one, other in (halves, halves[::-1])
             ]
         ),
@@ -312,9 +320,12 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int) -> FloatArray:
     return np.maximum(1.0, start + excess * math.log(above / flights * fresh / each))
 
 
-def _smallest(lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _smallest(lows: FloatArray, highs: FloatArray, later: int) -> tuple[FloatArray, FloatArray]:
     """Centres and half widths, shape (count, 6), of the smallest boxes around flights."""
     low, high = lows.min(axis=0), highs.max(axis=0)
+    for column in range(len(RESIDUALS), low.shape[1]):
+        low[:, column] = _around(low[:, column], later).min(axis=1)
+        high[:, column] = -_around(-high[:, column], later).min(axis=1)
     for column in range(low.shape[1]):
         known = low[:, column] <= high[:, column]
         # A window without a flight gets the hull of all the others.
@@ -322,6 +333,12 @@ def _smallest(lows: FloatArray, highs: FloatArray) -> tuple[FloatArray, FloatArr
         high[~known, column] = high[known, column].max()
     half = 0.5 * (high - low)
     return 0.5 * (low + high), np.maximum(half, LEAST_SHARE * half.max(axis=0))
+
+
+def _around(values: FloatArray, count: int) -> FloatArray:
+    """Each of the values with the `count` before and after it, infinite where there is none."""
+    longer = np.pad(values, count, constant_values=np.inf)
+    return np.lib.stride_tricks.sliding_window_view(longer, 2 * count + 1)
 
 
 def _scores(

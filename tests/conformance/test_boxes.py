@@ -49,6 +49,8 @@ def test_boxes_hold_what_they_were_fitted_to_with_a_margin():
 
     low = residual.reshape(20, 3, 10, 6).min(axis=(0, 2))
     high = residual.reshape(20, 3, 10, 6).max(axis=(0, 2))
+    # Errors are those of a second before and after: here of all three windows.
+    low[:, 4:], high[:, 4:] = low[:, 4:].min(axis=0), high[:, 4:].max(axis=0)
     assert boxes.centre == pytest.approx(0.5 * (low + high), abs=ROUNDING)
     assert boxes.half_width == pytest.approx(MARGIN * 0.5 * (high - low), abs=ROUNDING)
     assert boxes.hold(lows, highs).all()
@@ -100,6 +102,19 @@ def test_boxes_are_widened_more_for_more_flights_and_not_where_residuals_end():
     few, many = (widening(bounded, bounded, fresh) for fresh in (797, 138_149))
     assert np.all(few < 1.1)
     assert np.all((few < many) & (many < 1.15))
+
+
+def test_errors_may_come_in_a_second_later_and_residuals_may_not():
+    windows = Windows.covering("time", 4.0)
+    falls = np.repeat(np.array([4.0, 3.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0])[:, np.newaxis], 6, axis=1)
+    boxes, _ = fitted_boxes(windows, np.stack([-falls, -falls]), np.stack([falls, falls]), 10)
+
+    later = np.concatenate([falls[:1], falls[:1], falls[:-2]])
+    as_error, as_residual = falls.copy(), falls.copy()
+    as_error[:, 4:], as_residual[:, 0] = later[:, 4:], later[:, 0]
+
+    assert boxes.hold(-as_error, as_error)
+    assert not boxes.hold(-as_residual, as_residual)
 
 
 def test_each_quantity_is_widened_by_what_it_needs_itself():
