@@ -26,6 +26,7 @@ from flighttune.campaign.planning.schema import (
     Design,
     Dispersion,
     Grid,
+    Uniform,
 )
 from flighttune.campaign.stated_set import planned
 from flighttune.conformance.boxes import (
@@ -198,8 +199,10 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
 def _counted(pool: WorkerPool, plan: Plan, span: Span, boxes: RateBoxes) -> "_Residuals | None":
     """Fresh flights until one is outside, `PART` at a time; None where it was stopped."""
     parts: list[_Residuals] = []
-    for first in range(span.first, span.end, PART):
-        part = _flown(pool, plan, Span(first, min(first + PART, span.end)), "counting")
+    firsts = range(span.first, span.end, PART)
+    for i, first in enumerate(firsts, 1):
+        doing = "counting" if len(firsts) == 1 else f"counting, part {i} of {len(firsts)}"
+        part = _flown(pool, plan, Span(first, min(first + PART, span.end)), doing)
         if part is None:
             return None
         parts.append(part)
@@ -420,6 +423,8 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
         if any(isinstance(value, str) for value in values):
             return values
         ends = [min(values), max(values)]
+    elif isinstance(table, Uniform):
+        ends = [table.lower, table.upper]
     else:
         ends = table.at(np.array(UNIT_ENDS)).tolist()
     if table.acts == "adds":
