@@ -144,12 +144,11 @@ def way_round(
     size: FloatArray,
     samples: int,
     plan: Plan,
-    *,
-    rounds: int = 2,
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Map the set through the samples of some rounds; None if a limit may act on a command.
+    """Map the set through the samples of two rounds; None if a limit may act on a command.
 
-    The ranges of ``W z`` after the first round, and of errors and commands at every sample.
+    The ranges of ``W z`` after the first round, and of errors and commands at every sample. There
+    is no second round if the first does not end inside the set.
 
     Parameters
     ----------
@@ -157,28 +156,29 @@ def way_round(
     W, centre, size, samples
         As of `HandOver`.
     plan : Plan
-    rounds : int
 
     Returns
     -------
     after : ndarray, shape (n, 2)
-    passed : ndarray, shape (rounds * samples, 4, 2)
+    passed : ndarray, shape (2 * samples, 4, 2), or (samples, 4, 2)
 
     Raises
     ------
     Unbounded
         If it cannot be enclosed.
     """
-    still = settled(loop, rounds * samples)
+    still = settled(loop, 2 * samples)
     enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
     passed, after = [], np.zeros((len(W), 2))
-    for k in range(1, rounds * samples + 1):
+    for k in range(1, 2 * samples + 1):
         found = enclosure.sample(k)
         if found.held.any():
             return None
         passed.append(found.ranges)
         if k == samples:
             after = hull(enclosure.pieces, W)
+            if not inside(after, centre, size):
+                break
     return after, np.array(passed)
 
 

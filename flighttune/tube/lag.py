@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
@@ -28,7 +29,7 @@ REMAINDER = Fraction(1, 10**22)
 """Bound on what the exponential series leaves out."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SampledLag:
     """A lag with delay from one sample to the next, n states and m commands in force.
 
@@ -107,52 +108,55 @@ class SampledLag:
         inside Y: Picard's operator maps the curves in it into itself. There is such a box where t
         times the norm of A is well below 1, so a sample is taken in some steps.
         """
-        low, high = (np.stack([getattr(one, name) for one in state]) for name in ("low", "high"))
+        n = self.order
+        box = np.stack([getattr(one, end) for end in ("low", "high") for one in state])
+        # Of ``B u``, with what the rounding of its products comes to.
+        B = self.B[:, np.newaxis]
+        ends, rounding = (B * command.low, B * command.high), ROUNDING * np.abs(B) * command.largest
+        pushed = np.concatenate([np.minimum(*ends) - rounding, np.maximum(*ends) + rounding])
         steps = math.ceil(SHORT * h * float(np.abs(self.A).sum(axis=1).max()))
         t = h / steps * (1.0 + ROUNDING)
-        slowest, fastest = np.full_like(low[0], np.inf), np.full_like(low[0], -np.inf)
+        slowest, fastest = np.inf, -np.inf
         for _ in range(steps):
-            box = self._box(low, high, command, t)
-            if box is None:
+            found = self._box(box, pushed, t)
+            if found is None:
                 return None
-            slow, fast = self._rates(*box, command)
-            slowest, fastest = np.minimum(slowest, slow[0]), np.maximum(fastest, fast[0])
-            low, high = box
+            box = found
+            rates = self._rates(box, pushed)
+            slowest, fastest = np.minimum(slowest, rates[0]), np.maximum(fastest, rates[n])
         margin = 0.25 * h * (fastest - slowest) * (1.0 + ROUNDING)
         both = state[0].hull(end)
         return both + Interval(-margin, margin)
 
-    def _box(
-        self, low: FloatArray, high: FloatArray, command: Interval, t: float
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """A box of all states up to `t` (s), from a box of them."""
-        box = low, high
+    def _box(self, start: FloatArray, pushed: FloatArray, t: float) -> FloatArray | None:
+        """A box of all states up to `t` (s) from a box of them: lower ends, then upper ones."""
+        outwards = np.repeat([-1.0, 1.0], self.order)[:, np.newaxis]
+        box = start
         for _ in range(PICARD):
-            slow, fast = self._rates(*box, command)
-            size = ROUNDING * (np.abs(low) + np.abs(high) + t * (np.abs(slow) + np.abs(fast)))
-            moved = (
-                low + np.minimum(t * slow, 0.0) - size,
-                high + np.maximum(t * fast, 0.0) + size,
-            )
-            if (moved[0] >= box[0]).all() and (moved[1] <= box[1]).all():
+            by = t * self._rates(box, pushed)
+            rounding = ROUNDING * (np.abs(start) + np.abs(by))
+            moved = start + outwards * (np.maximum(outwards * by, 0.0) + rounding)
+            beyond = outwards * (moved - box)
+            if (beyond <= 0.0).all():
                 return moved
-            margin = WIDER * (moved[1] - moved[0]) + 1e-9
-            box = np.minimum(moved[0], box[0]) - margin, np.maximum(moved[1], box[1]) + margin
+            margin = WIDER * (moved[self.order :] - moved[: self.order]) + 1e-9
+            box = box + outwards * (np.maximum(beyond, 0.0) + np.concatenate([margin, margin]))
         return None
 
-    def _rates(
-        self, low: FloatArray, high: FloatArray, command: Interval
-    ) -> tuple[FloatArray, FloatArray]:
-        """Values of ``A Y + B u``."""
+    def _rates(self, box: FloatArray, pushed: FloatArray) -> FloatArray:
+        """Values of ``A Y + B u``, as those of Y: lower ends, then upper ones."""
+        n = self.order
+        sizes = np.abs(box)
+        rounding = ROUNDING * (np.abs(self.A) @ np.maximum(sizes[:n], sizes[n:]))
+        rates = self._signed @ box + pushed
+        rates[:n] -= rounding
+        rates[n:] += rounding
+        return rates
+
+    @cached_property
+    def _signed(self) -> FloatArray:
         up, down = np.maximum(self.A, 0.0), np.minimum(self.A, 0.0)
-        B = self.B[:, np.newaxis]
-        ends = B * command.low, B * command.high
-        size = np.maximum(np.abs(low), np.abs(high))
-        rounding = ROUNDING * (np.abs(self.A) @ size + np.abs(B) * command.largest)
-        return (
-            up @ low + down @ high + np.minimum(*ends) - rounding,
-            up @ high + down @ low + np.maximum(*ends) + rounding,
-        )
+        return np.block([[up, down], [down, up]])
 
     @property
     def order(self) -> int:

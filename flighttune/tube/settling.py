@@ -133,43 +133,29 @@ def hand_over(
     """
     if not hulls:
         return None
-    end = hulls[max(hulls)]
+    last = max(hulls)
+    end = hulls[last]
     centre, size = end.mean(axis=1), ROOM * 0.5 * np.ptp(end, axis=1) + 1e-9
-    try:
-        for _ in range(ROUNDS):
-            found = way_round(loop, W, centre, size, samples, new_search(loop), rounds=1)
-            if found is None:
-                return None
-            after, _ = found
-            if inside(after, centre, (1.0 - SLACK) * size):
-                return _kept(loop, W, centre, size, samples, hulls)
-            reached = np.maximum(centre - after[:, 0], after[:, 1] - centre)
-            size = GROWTH * np.maximum(size, reached)
-    except Unbounded:
-        pass
+    for _ in range(ROUNDS):
+        plan, tight = new_search(loop), (1.0 - SLACK) * size
+        try:
+            found = way_round(loop, W, centre, size, samples, plan)
+        except Unbounded:
+            return None
+        if found is None:
+            return None
+        after, passed = found
+        if inside(after, centre, tight):
+            reached = [k for k, one in hulls.items() if inside(one, centre, tight)]
+            return HandOver(
+                sample=min(reached),
+                W=W,
+                centre=centre,
+                size=size,
+                samples=samples,
+                bounds=for_ever(passed, last - min(reached)),
+                chosen=plan.choices,
+            )
+        beyond = np.maximum(centre - after[:, 0], after[:, 1] - centre)
+        size = GROWTH * np.maximum(size, beyond)
     return None
-
-
-def _kept(
-    loop: SampledLoop,
-    W: FloatArray,
-    centre: FloatArray,
-    size: FloatArray,
-    samples: int,
-    hulls: Mapping[int, FloatArray],
-) -> HandOver | None:
-    plan, last = new_search(loop), max(hulls)
-    found = way_round(loop, W, centre, size, samples, plan)
-    tight = (1.0 - SLACK) * size
-    reached = [k for k, one in hulls.items() if inside(one, centre, tight)]
-    if found is None or not inside(found[0], centre, tight) or not reached:
-        return None
-    return HandOver(
-        sample=min(reached),
-        W=W,
-        centre=centre,
-        size=size,
-        samples=samples,
-        bounds=for_ever(found[1], last - min(reached)),
-        chosen=plan.choices,
-    )
