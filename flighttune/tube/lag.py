@@ -116,7 +116,7 @@ class SampledLag:
         pushed = np.concatenate([np.minimum(*ends) - rounding, np.maximum(*ends) + rounding])
         steps = math.ceil(SHORT * h * float(np.abs(self.A).sum(axis=1).max()))
         t = h / steps * (1.0 + ROUNDING)
-        slowest, fastest = np.inf, -np.inf
+        slowest, fastest = (np.full(box.shape[1], end) for end in (np.inf, -np.inf))
         for _ in range(steps):
             found = self._box(box, pushed, t)
             if found is None:
