@@ -183,9 +183,10 @@ def run_tubes_json(found: "RunTubes") -> dict[str, Any]:
     return {
         label: {
             **pick(one, "status reason model"),
-            "half_width_deg": dict(
-                zip(("chi", "gamma"), (one.half_widths / DEG).tolist(), strict=True)
-            ),
+            "half_width_deg": {
+                channel: dict(zip(("max", "end"), widths.tolist(), strict=True))
+                for channel, widths in zip(("chi", "gamma"), one.half_widths / DEG, strict=True)
+            },
             "handed_over_s": one.handed_over,
             "counted_from_s": one.counted_from,
             "inside": label not in found.outside,

@@ -66,9 +66,9 @@ class RunTube:
 
     @property
     def half_widths(self) -> FloatArray:
-        """Largest half width of course and flight-path-angle error, shape (2,), rad."""
-        low, high = self.bounds[:, ::2], self.bounds[:, 1::2]
-        return 0.5 * (high - low).max(axis=0, initial=0.0)
+        """Of course and flight-path-angle error, largest and at the end, shape (2, 2), rad."""
+        widths = 0.5 * (self.bounds[:, 1::2] - self.bounds[:, ::2])
+        return np.stack([one.max(axis=0, initial=0.0) for one in (widths, widths[-1:])], axis=1)
 
     def around(self, run: Run) -> Run:
         """The run with the bounds as signals; NaN where they do not last."""
@@ -124,15 +124,15 @@ class RunTubes:
     def sentence(self, label: str) -> str:
         """What the tube of a run says, in a sentence."""
         one = self.found[label]
-        chi, gamma = one.half_widths / DEG
+        (chi, chi_end), (gamma, gamma_end) = one.half_widths / DEG
         flown = "leaves it" if label in self.outside else "is inside"
         lost = "It is lost" if one.counted_from is None else COUNTED_ONLY
         end = f" {lost}: {one.reason}." if one.reason else ""
         ever = "" if one.handed_over is None else f", from {one.handed_over:.1f} s on for ever"
         return (
             f"{label}: every flight of {one.model} stays within ±{chi:.2g}° of course and "
-            f"±{gamma:.2g}° of path angle of the middle of its tube{ever}; the flight flown "
-            f"{flown}.{end} {_nearest(one)}"
+            f"±{gamma:.2g}° of path angle of the middle of its tube, ±{chi_end:.2g}° and "
+            f"±{gamma_end:.2g}° at the end{ever}; the flight flown {flown}.{end} {_nearest(one)}"
         )
 
     @property

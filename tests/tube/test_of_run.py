@@ -17,7 +17,7 @@ from flighttune.recording.plots import shown_plots, value_range
 from flighttune.scenario import scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS
 from flighttune.tube.of_run import leaves_tube, run_sha256, tubes_of, write_worst
-from tests.tube.test_aircraft import conformance, flight
+from tests.tube.test_aircraft import ERROR, conformance, flight
 
 pytestmark = pytest.mark.slow
 
@@ -35,14 +35,15 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("runs")
 
 
+def boxes(flown, **widths):
+    known = conformance(flown.scenario, **widths)
+    fixed = conformance(flight()).distribution.fixed
+    return replace(known, distribution=replace(known.distribution, fixed=fixed))
+
+
 @pytest.fixture(scope="module")
 def tubes(flown, folder):
-    known = conformance(flown.scenario)
-    known = replace(
-        known,
-        distribution=replace(known.distribution, fixed=conformance(flight()).distribution.fixed),
-    )
-    return tubes_of(flown.runs, folder, make=True, conformance=known)
+    return tubes_of(flown.runs, folder, make=True, conformance=boxes(flown))
 
 
 def test_every_run_is_inside_its_tube_and_carries_it(flown, tubes):
@@ -53,6 +54,18 @@ def test_every_run_is_inside_its_tube_and_carries_it(flown, tubes):
         low, high = (run.signals[name] for name in TUBE_SIGNALS[:2])
         assert (low < high).all()
         assert run.signals["chi_err"].between(low, high).all()
+
+
+def test_where_only_errors_that_were_counted_are_left_it_says_so(flown, tmp_path):
+    aircraft = flown.runs[1]
+
+    found = tubes_of([aircraft], tmp_path, make=True, conformance=boxes(flown, half_width=1.0))
+
+    sentence = found.sentence(aircraft.label)
+    assert found.outside == ()
+    assert "The model's set is lost, and the bounds are those counted: roll cannot" in sentence
+    chi, gamma = np.rad2deg(ERROR)
+    assert f"±{chi:.2g}° and ±{gamma:.2g}° at the end" in sentence
 
 
 def test_one_that_left_is_told(tubes):
