@@ -82,6 +82,7 @@ class LaggedChannel:
         self._distance = [0.0] * lag.order
         self._pending: deque[tuple[float, float]] = deque()
         self._known: dict[float, list[list[float]]] = {}
+        self._rows: dict[tuple[float, int], FloatArray] = {}
 
     def order(self, t: float, command: float) -> None:
         """Give a command at time `t` (s); it takes effect after the delay."""
@@ -104,6 +105,16 @@ class LaggedChannel:
     def at(self, t: float) -> float:
         """Flown value at time `t` (s), from the last move to the next switch."""
         return self._command + _product(self._transition(t)[0], self._distance)
+
+    def over(self, step: float, count: int) -> list[float]:
+        """Flown values after 0 to `count` steps (s) from the last move, before the next switch."""
+        key = round(step, RESOLUTION), count
+        if key not in self._rows:
+            if len(self._rows) == MOST_TRANSITIONS:
+                self._rows.clear()
+            times = (round(i * step, RESOLUTION) for i in range(count + 1))
+            self._rows[key] = np.array([transition(self._lag, t)[0] for t in times])
+        return (self._command + self._rows[key] @ self._distance).tolist()
 
     def _transition(self, t: float) -> list[list[float]]:
         since = round(t - self._since, RESOLUTION)

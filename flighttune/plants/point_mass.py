@@ -1,7 +1,7 @@
 """A point of constant airspeed that turns by its lift, by the paper's law or exactly."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,13 +12,16 @@ from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
 from flighttune.plants.lagged_channel import LaggedChannel
-from flighttune.plants.wind import CALM, NED, WIND, WindPiece, WindRecord, course_of, velocity_along
+from flighttune.plants.wind import CALM, NED, WIND, WindRecord, course_of, velocity_along
 from flighttune.units import G_PAPER
 
 TurnLaw: TypeAlias = Literal["paper", "exact"]
 
 Disturbance: TypeAlias = Callable[[float], tuple[float, float]]
 """Time (s) to the disturbance of course and flight-path-angle rate (rad/s)."""
+
+Forcing: TypeAlias = tuple[float, float, float, float]
+"""Turning and lifting part of the load factor, and the disturbance, at one time."""
 
 WIND_SIGNALS = (*WIND, "V_g")
 """Further signals of a point in a wind record."""
@@ -235,10 +238,12 @@ class PointMassPlant:
         # Without the 1e-9, rounding would add a step to a duration of whole steps.
         start, steps = self._t, math.ceil((end - self._t) / self._step - 1e-9)
         wind = self._wind.piece(start)
-        step = (end - start) / max(steps, 1)
-        forcing = self._forcing(start)
-        for i in range(steps):
-            forcing = self._runge_kutta_step(start + i * step, step, wind, forcing)
+        if steps:
+            step = (end - start) / steps
+            forcing = self._forcing(start, 0.5 * step, 2 * steps)
+            for i in range(steps):
+                air = wind.at(start + (i + 0.5) * step) if self._windy else CALM
+                self._runge_kutta_step(step, forcing[2 * i : 2 * i + 3], wind.rate, air)
         self._t = end
         for channel in self._channels:
             channel.move_to(end)
@@ -249,14 +254,23 @@ class PointMassPlant:
         roll, load = self._channels
         return roll.at(t), load.at(t)
 
-    def _forcing(self, t: float) -> tuple[float, float, float, float]:
-        """Turning and lifting part of the load factor, and the disturbance, at time `t`."""
-        phi, n_z = self._roll_and_load(t)
-        turning = math.tan(phi) if self._paper else n_z * math.sin(phi)
-        return turning, n_z * math.cos(phi), *self._disturbance(t)
+    def _forcing(self, start: float, step: float, count: int) -> list[Forcing]:
+        """Turning and lifting load factor, and the disturbance, after 0 to `count` steps."""
+        if self._channels:
+            rolls, loads = (channel.over(step, count) for channel in self._channels)
+        else:
+            rolls, loads = ([command] * (count + 1) for command in self._command)
+        return [
+            (
+                math.tan(phi) if self._paper else n_z * math.sin(phi),
+                n_z * math.cos(phi),
+                *self._disturbance(start + i * step),
+            )
+            for i, (phi, n_z) in enumerate(zip(rolls, loads, strict=True))
+        ]
 
     def _rates(
-        self, chi: float, gamma: float, forcing: tuple[float, float, float, float], w_dot: NED
+        self, chi: float, gamma: float, forcing: Forcing, w_dot: NED
     ) -> tuple[float, float, float, float, float]:
         """Rates of course, flight-path angle and, but for the wind, position."""
         turning, lifting, d_chi, d_gamma = forcing
@@ -273,25 +287,23 @@ class PointMassPlant:
         return chi_dot, gamma_dot, level * cos_chi, level * sin_chi, -V_a * sin_gamma
 
     def _runge_kutta_step(
-        self, t: float, step: float, wind: WindPiece, begin: tuple[float, float, float, float]
-    ) -> tuple[float, float, float, float]:
-        """Take a step from the forcing `begin` at `t`; return that at its end."""
-        chi, gamma, *position = self._state
+        self, step: float, forcing: Sequence[Forcing], w_dot: NED, wind: NED
+    ) -> None:
+        """Take a step under the forcing at its begin, middle and end, in the wind at its middle."""
+        chi, gamma, north, east, down = self._state
         half, sixth = 0.5 * step, step / 6.0
-        middle, end = self._forcing(t + half), self._forcing(t + step)
-        k1 = self._rates(chi, gamma, begin, wind.rate)
-        k2 = self._rates(chi + half * k1[0], gamma + half * k1[1], middle, wind.rate)
-        k3 = self._rates(chi + half * k2[0], gamma + half * k2[1], middle, wind.rate)
-        k4 = self._rates(chi + step * k3[0], gamma + step * k3[1], end, wind.rate)
-        change = [
-            sixth * (a + 2.0 * (b + c) + d) for a, b, c, d in zip(k1, k2, k3, k4, strict=True)
-        ]
-        north, east, down = (
-            x + dx + step * w
-            for x, dx, w in zip(position, change[2:], wind.at(t + half), strict=True)
+        begin, middle, end = forcing
+        a = self._rates(chi, gamma, begin, w_dot)
+        b = self._rates(chi + half * a[0], gamma + half * a[1], middle, w_dot)
+        c = self._rates(chi + half * b[0], gamma + half * b[1], middle, w_dot)
+        d = self._rates(chi + step * c[0], gamma + step * c[1], end, w_dot)
+        self._state = (
+            chi + sixth * (a[0] + 2.0 * (b[0] + c[0]) + d[0]),
+            gamma + sixth * (a[1] + 2.0 * (b[1] + c[1]) + d[1]),
+            north + sixth * (a[2] + 2.0 * (b[2] + c[2]) + d[2]) + step * wind[0],
+            east + sixth * (a[3] + 2.0 * (b[3] + c[3]) + d[3]) + step * wind[1],
+            down + sixth * (a[4] + 2.0 * (b[4] + c[4]) + d[4]) + step * wind[2],
         )
-        self._state = chi + change[0], gamma + change[1], north, east, down
-        return end
 
 
 def _undisturbed(_: float) -> tuple[float, float]:
