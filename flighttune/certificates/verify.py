@@ -37,17 +37,19 @@ def vertex_matrices(
     tuple of ndarray of Fraction, shape (n + p, n + p)
         ``[[A + B K_P C, B K_I], [C, 0]]``, assembled in rational arithmetic.
     """
+    K_P, K_I = exact(gains.K_P), exact(gains.K_I)
     if hull is None:
         distinct: list[Rationals] = []
         for one in (model, *models):
-            loop = _closed_loop(exact(one.A), exact(one.B), exact(one.C), gains)
+            loop = _closed_loop(exact(one.A), exact(one.B), exact(one.C), K_P, K_I)
             if not any(np.array_equal(loop, other) for other in distinct):
                 distinct.append(loop)
         return tuple(distinct)
     box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
     factors = sorted({Fraction(end) for end in hull.factor})
+    C = exact(model.C)
     return tuple(
-        _closed_loop(*_jacobians([factor * entry for entry in corner]), exact(model.C), gains)
+        _closed_loop(*_jacobians([factor * entry for entry in corner]), C, K_P, K_I)
         for factor in factors
         for corner in itertools.product(*box)
     )
@@ -95,11 +97,13 @@ def _ends(hull: JacobianHull) -> list[tuple[float, float]]:
     return list(zip(hull.lower.tolist(), hull.upper.tolist(), strict=True))
 
 
-def _closed_loop(A: Rationals, B: Rationals, C: Rationals, gains: PIGains) -> Rationals:
+def _closed_loop(
+    A: Rationals, B: Rationals, C: Rationals, K_P: Rationals, K_I: Rationals
+) -> Rationals:
     n, p = len(A), len(C)
     A_K = exact(np.zeros((n + p, n + p)))
-    A_K[:n, :n] = A + B @ exact(gains.K_P) @ C
-    A_K[:n, n:] = B @ exact(gains.K_I)
+    A_K[:n, :n] = A + B @ K_P @ C
+    A_K[:n, n:] = B @ K_I
     A_K[n:, :n] = C
     return A_K
 

@@ -19,7 +19,7 @@ from fractions import Fraction
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.theory.exact import Rationals, exact, identity, positive_definite
+from flighttune.theory.exact import Rationals, exact, identity, integers, positive_definite
 
 FACTORS = tuple(1.0 + 10.0**-digits for digits in (9, 8, 7, 6, 5, 4, 3))
 """Inflations tried, smallest first, to make a Q strictly feasible: the first one is above the
@@ -79,10 +79,11 @@ class Verification:
         return cls(valid=not failed, reason=reason, checks=tuple(checks))
 
 
-def matrix_check(name: str, matrix: Rationals) -> Check:
-    """That a rational matrix is positive definite."""
+def matrix_check(name: str, matrix: Rationals, denominator: int = 1) -> Check:
+    """That a rational matrix, or one of integers over `denominator`, is positive definite."""
     size = max(abs(entry) for entry in matrix.flat) or Fraction(1)  # no entry may overflow
-    margin = Fraction(float(np.linalg.eigvalsh((matrix / size).astype(float))[0])) * size
+    smallest = float(np.linalg.eigvalsh((matrix / size).astype(float))[0])
+    margin = Fraction(smallest) * size / denominator
     return Check(name=name, margin=_as_float(margin), exact=positive_definite(matrix))
 
 
@@ -113,9 +114,14 @@ def rate_checks(vertices: Sequence[Rationals], Q: FloatArray, *, rate: float) ->
         matrix_check("Q > 0", form),
         matrix_check("rate Q <= I", eye - form * Fraction(rate)),
     ]
+    whole, of_form = integers(form)
     for number, A in enumerate(vertices, start=1):
         name = f"A' Q + Q A + I <= 0 at vertex {number} of {len(vertices)}"
-        checks.append(matrix_check(name, -(A.T @ form + form @ A + eye)))
+        loop, of_loop = integers(A)
+        unit = of_form * of_loop
+        flow = loop.T @ whole + whole @ loop
+        flow[np.diag_indices_from(flow)] += unit
+        checks.append(matrix_check(name, -flow, unit))
     return checks
 
 

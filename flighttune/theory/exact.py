@@ -36,10 +36,8 @@ def exact(values: npt.ArrayLike) -> Rationals:
     array = np.asarray(values, dtype=float)
     if not np.isfinite(array).all():
         raise InputError(f"`values` must be finite, got {array.tolist()}.")
-    rationals = np.empty(array.shape, dtype=object)
-    for index in np.ndindex(array.shape):
-        rationals[index] = Fraction(float(array[index]))
-    return rationals
+    rationals = [Fraction(value) for value in array.ravel().tolist()]
+    return np.array(rationals, dtype=object).reshape(array.shape)
 
 
 def identity(n: int) -> Rationals:
@@ -47,12 +45,22 @@ def identity(n: int) -> Rationals:
     return exact(np.eye(n))
 
 
+def integers(matrix: Rationals) -> tuple[Rationals, int]:
+    """`matrix` times a common denominator, as integers, and that denominator.
+
+    Products and sums of integers take a fifth of the time of those of `Fraction`, which are reduced
+    one by one.
+    """
+    denominator = math.lcm(*(entry.denominator for entry in matrix.flat))
+    return np.vectorize(int, otypes=[object])(matrix * denominator), denominator
+
+
 def positive_definite(matrix: Rationals) -> bool:
     """Whether a rational matrix is symmetric with only positive eigenvalues: a proof, not a test.
 
     Parameters
     ----------
-    matrix : ndarray of Fraction, shape (n, n)
+    matrix : ndarray of Fraction or int, shape (n, n)
 
     Notes
     -----
@@ -61,8 +69,7 @@ def positive_definite(matrix: Rationals) -> bool:
     """
     if not np.array_equal(matrix, matrix.T):
         return False
-    denominator = math.lcm(*(entry.denominator for entry in matrix.flat))
-    rows = [[int(entry * denominator) for entry in row] for row in matrix]
+    rows = integers(matrix)[0].tolist()
     previous = 1
     for k in range(len(rows)):
         pivot = rows[k][k]

@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flighttune.errors import InputError
-from flighttune.theory.exact import cosine, exact, identity, positive_definite, product, sine
+from flighttune.theory.exact import (
+    cosine,
+    exact,
+    identity,
+    integers,
+    positive_definite,
+    product,
+    sine,
+)
 
 angles = st.floats(-1.57, 1.57)
 entries = st.integers(-6, 6)
@@ -95,3 +103,12 @@ def test_what_is_not_finite_is_no_rational(value):
 
 def test_the_identity_is_exact():
     assert np.array_equal(identity(2), [[Fraction(1), 0], [0, Fraction(1)]])
+
+
+def test_integers_over_their_denominator_are_the_matrix():
+    matrix = np.array([[Fraction(1, 3), Fraction(-5, 6)], [Fraction(0.1), Fraction(7)]])
+
+    whole, denominator = integers(matrix)
+
+    assert all(type(entry) is int for entry in whole.flat)
+    assert [[Fraction(entry, denominator) for entry in row] for row in whole] == matrix.tolist()
