@@ -122,10 +122,10 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
     ITAE, PT, MO, MS and ST are those of arXiv 2411.13140, section 5.2, which names them in words.
     """
     t, columns = run.t, signal_arrays(run, MEASURED)
-    rows = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
+    rows = [list(_channel_measures(t, columns, channel).values()) for channel in CHANNELS]
     import pandas as pd
 
-    return pd.DataFrame.from_dict(rows, orient="index", columns=list(METRICS), dtype=float)
+    return pd.DataFrame(np.array(rows, dtype=float), index=list(CHANNELS), columns=list(METRICS))
 
 
 def measures(run: Run) -> dict[str, dict[str, float]]:

@@ -4,6 +4,7 @@ import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.flight.gap import Gap
+from flighttune.flight.ladder import rung_metrics
 from flighttune.guarantee.ultimate_set import held_or_broken
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
@@ -67,9 +68,9 @@ def itae_chart(gap: Gap, channel: str) -> Chart:
             chart.text(0.5, 0.6, line, anchor="middle", shift=(0.0, 14.0 * i))
         return chart
     steps = [float(np.asarray(s.metrics.at[channel, "ITAE"])) for s in gap.ladder.steps]
-    metrics = gap.flown().metrics["ITAE"]
     first, last = (
-        float(np.asarray(metrics[run.label, channel])) for run in (gap.runs[0], gap.runs[-1])
+        float(np.asarray(rung_metrics(run).at[channel, "ITAE"]))
+        for run in (gap.runs[0], gap.runs[-1])
     )
     ends = np.cumsum([first, *steps])
     lows = np.array([0.0, *np.minimum(ends[:-1], ends[1:]), 0.0])

@@ -232,13 +232,16 @@ def lag_table(lag: InnerLag) -> dict[str, Any]:
     ----------
     lag : InnerLag
     """
+    return {**_parameters(lag), "bandwidth_rad_s": lag.bandwidth}
+
+
+def _parameters(lag: InnerLag) -> dict[str, Any]:
     return {
         "order": lag.order,
         "natural_frequency_rad_s": lag.natural_frequency,
         "damping": lag.damping if lag.order > 1 else None,
         "lag_s": lag.lag if lag.order > 2 else None,
         "delay_s": lag.delay,
-        "bandwidth_rad_s": lag.bandwidth,
     }
 
 
@@ -259,9 +262,7 @@ def _condition_table(condition: IdentifiedCondition) -> dict[str, Any]:
 
 def _channel_table(channel: IdentifiedChannel) -> dict[str, Any]:
     numbers = {name: getattr(channel, name) for name in ("fit_percent", "residual", "cross")}
-    simpler = lag_table(channel.simpler)
-    del simpler["bandwidth_rad_s"]
-    return {**lag_table(channel.lag), **numbers, "simpler": simpler}
+    return {**lag_table(channel.lag), **numbers, "simpler": _parameters(channel.simpler)}
 
 
 def _rounded(value: Any) -> Any:

@@ -606,8 +606,9 @@ def _stretches(x: FloatArray, y: FloatArray) -> Iterator[slice]:
 def _path(x: FloatArray, y: FloatArray) -> str:
     parts = []
     for one in _stretches(x, y):
-        pairs = zip(x[one].tolist(), y[one].tolist(), strict=True)
-        parts.append("M" + " ".join(f"{a:.1f},{b:.1f}" for a, b in pairs))
+        points = np.column_stack([x[one], y[one]])
+        # One format of all points takes two thirds of the time of one each.
+        parts.append("M" + " ".join(["%.1f,%.1f"] * len(points)) % tuple(points.ravel().tolist()))
     return "".join(parts)
 
 
