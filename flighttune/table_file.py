@@ -26,6 +26,18 @@ MOST_BITS = 1023
 """Of an integer that is a float as well."""
 
 
+def stamp(file: Path) -> tuple[int, ...]:
+    """When a file was last written to, which one it is, and its size.
+
+    Raises
+    ------
+    OSError
+        If there is none.
+    """
+    found = file.stat()
+    return found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_size
+
+
 def toml_tables(path: Path) -> dict[str, Any]:
     """The tables of a TOML file.
 

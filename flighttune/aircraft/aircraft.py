@@ -36,7 +36,7 @@ from flighttune.quantities import (
     TimeConstant,
 )
 from flighttune.shipped import aircraft_folder
-from flighttune.table_file import json_tables, toml_tables
+from flighttune.table_file import json_tables, stamp, toml_tables
 from flighttune.whole_file import write_text
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -381,14 +381,13 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
 
 
 def _stamp(file: Path) -> tuple[int, ...]:
-    """When a file was last written to, and its size; nothing where there is none."""
+    """The stamp of a file; nothing where there are no gains."""
     try:
-        found = file.stat()
+        return stamp(file)
     except OSError as error:
         if file.name == GAINS_FILE:
             return ()
         raise InputError(f"{file}: must be a readable file, got {error.strerror}.") from error
-    return found.st_mtime_ns, found.st_ctime_ns, found.st_ino, found.st_size
 
 
 @lru_cache(maxsize=32)

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -29,7 +30,7 @@ from flighttune.quantities import (
     TimeConstant,
 )
 from flighttune.shipped import aircraft_folder
-from flighttune.table_file import json_tables
+from flighttune.table_file import json_tables, stamp
 from flighttune.units import DEG, G_0
 from flighttune.whole_file import write_text
 
@@ -173,6 +174,14 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
         path = path / FILE_NAME
     if not path.exists():
         raise ScenarioError(f"{path}: must be there; `flighttune identify` writes one.")
+    aircraft = _read(path, stamp(path))
+    _check_gains(aircraft, path)
+    return aircraft
+
+
+@lru_cache(maxsize=32)  # every flight behind a reference of shape feasible asks for its lags
+def _read(path: Path, _stamp: tuple[int, ...]) -> IdentifiedAircraft:
+    """The identified aircraft of a file, read anew when it was written to."""
     tables = json_tables(path)
     try:
         found = _File.model_validate(tables)
@@ -184,7 +193,6 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
         seed=found.seed,
         gains=found.gains_sha256,
     )
-    _check_gains(aircraft, path)
     for fault in _contradictions(tables, identified_tables(aircraft)):
         raise ScenarioError(f"{path}: {fault}.")
     return aircraft

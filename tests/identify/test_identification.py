@@ -300,6 +300,18 @@ def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
     assert roll["bandwidth_rad_s"] == pytest.approx(13.1, abs=0.5)
 
 
+def test_a_model_is_read_again_only_when_its_file_was_written_to(tmp_path):
+    table = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(table))
+    first = load_identified(path)
+    assert load_identified(path) is first
+
+    path.write_text(json.dumps(table | {"seed": table["seed"] + 1}))
+
+    assert load_identified(path).seed == first.seed + 1
+
+
 def test_the_nearest_condition_is_taken():
     shipped = load_identified("aerosonde")
 
