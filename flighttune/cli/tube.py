@@ -165,17 +165,15 @@ def run_tubes(
     runs: "Sequence[Run]", folder: Path, *, make: bool, conformance: Path | None
 ) -> "RunTubes":
     """The tubes of runs that are in a folder; with `make` also those that are not."""
-    from flighttune.conformance import load_conformance
     from flighttune.tube.of_run import tubes_of
 
+    boxes = None
+    if conformance is not None:
+        from flighttune.conformance import load_conformance
+
+        boxes = load_conformance(conformance)
     with progress_bar() as progress:
-        return tubes_of(
-            runs,
-            folder,
-            make=make,
-            conformance=conformance and load_conformance(conformance),
-            progress=progress,
-        )
+        return tubes_of(runs, folder, make=make, conformance=boxes, progress=progress)
 
 
 def run_tubes_json(found: "RunTubes") -> dict[str, Any]:
