@@ -8,8 +8,9 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
-from flighttune.tuning.gradient import STARTS, Program, searches, smallest_radius
+from flighttune.tuning.gradient import STARTS, searches, smallest_radius
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
+from flighttune.tuning.program import Program
 from flighttune.tuning.result import Assessment, assessment, is_feasible
 from flighttune.tuning.starts import stabilising_starts
 
@@ -129,14 +130,13 @@ def _smallest_factor(
     if not relaxable.any():
         found = [one for one in searches(problem, k, "R_K") if is_feasible(problem, one)]
         return (0.0, found[0]) if found else (math.inf, None)
-    task = Program(problem, "factor", relaxable=relaxable)
+    task = Program([problem], "factor", relaxable=relaxable)
     best: tuple[float, Assessment | None] = (math.inf, None)
-    for start in k:
-        gains, factor = task.descend(start)
+    for gains, factor in zip(*task.descend(k), strict=True):
         relaxed = _with_factor(problem, relaxable, factor)
         found = assessment(relaxed, space.K(gains))
         if factor < best[0] and is_feasible(relaxed, found):
-            best = factor, found
+            best = float(factor), found
     return best
 
 
