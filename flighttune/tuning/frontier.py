@@ -11,9 +11,10 @@ from flighttune.arrays import check_at_least
 from flighttune.control.gains import PIGains
 from flighttune.present.chart import Chart
 from flighttune.present.palette import INK, NEUTRAL, LineStyle
-from flighttune.tuning.gradient import STARTS, smallest_radius, tune_by_gradient
+from flighttune.tuning.gradient import STARTS, smallest_radius
 from flighttune.tuning.problem import TuningProblem, search_space
-from flighttune.tuning.result import Assessment, assessment
+from flighttune.tuning.program import Program
+from flighttune.tuning.result import Assessment, assessment, is_feasible
 from flighttune.tuning.starts import stabilising_starts
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def frontier(
     marked : mapping of str to PIGains, optional
         Gains to show next to the frontier.
     starts : int
-        Searches at each point from drawn gains, besides the one from the gains of the point before.
+        Searches at each point from drawn gains, besides the one from the gains of the smallest I_K.
 
     Returns
     -------
@@ -68,7 +69,8 @@ def frontier(
     check_at_least(2, points=points)
     marks = {name: assessment(problem, gains.K) for name, gains in (marked or {}).items()}
     rows = [_row(problem, name, math.nan, one) for name, one in marks.items()]
-    k = stabilising_starts(problem, search_space(problem), STARTS)
+    space = search_space(problem)
+    k = stabilising_starts(problem, space, max(STARTS, starts))
     smallest = smallest_radius(problem, k)
     if smallest is None:
         return pd.DataFrame(rows)
@@ -76,14 +78,18 @@ def frontier(
         finite = [one.I_K for one in marks.values() if math.isfinite(one.I_K)]
         I_max = max([WIDEST * smallest.I_K, *finite])
     growth = np.linspace(0.0, 1.0, points) ** 2 * math.log(max(I_max / smallest.I_K, 1.0))
-    # At the smallest I_K there is nothing left to search: SLSQP would run to its end in one point.
+    I_star = smallest.I_K * np.exp(growth)
+    # At the smallest I_K there is nothing left to search.
     best, along = smallest, [_row(problem, "frontier", smallest.I_K, smallest)]
-    for step in growth[1:]:
-        I_star = smallest.I_K * math.exp(step)
-        found = tune_by_gradient(replace(problem, I_star=I_star), starts=starts, first=best.K)
-        if found.status == "optimal" and found.gains is not None and found.R_K > best.R_K:
-            best = assessment(problem, found.gains.K)
-        along.append(_row(problem, "frontier", I_star, best))
+    first = np.vstack([smallest.K[space.free], k[:starts]])
+    task = Program([replace(problem, I_star=I_star[-1])], "R_K")
+    ends, _ = task.descend(np.tile(first, (points - 1, 1)), np.repeat(I_star[1:], len(first)))
+    ends = ends.reshape(points - 1, len(first), -1)
+    for limit, K in zip(I_star[1:], space.K(ends), strict=True):
+        at_limit = replace(problem, I_star=limit)
+        found = [best, *(assessment(at_limit, one) for one in K)]
+        best = max((one for one in found if is_feasible(at_limit, one)), key=lambda one: one.R_K)
+        along.append(_row(problem, "frontier", limit, best))
     return pd.DataFrame(along + rows)
 
 

@@ -1,12 +1,13 @@
 """One objective over gains as a smooth program, and a barrier method for many starts at once."""
 
+import math
 from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, Floats
 from flighttune.control.linear_model import closed_loops
 from flighttune.theory.indicators import scaled
 from flighttune.theory.lyapunov import solution_of_checked
@@ -53,8 +54,8 @@ class Program:
     """One objective over the gains of a problem, or of several models at once.
 
     R_K and I_K have kinks where eigenvalues of Q or singular values of A_K meet, and optima like to
-    lie there. So the variables are z = (k, top, bottom, sigma_floor, factor, excess): free gains and
-    bounds on the spectra, ``exp(top) I - Q > 0``, ``Q - exp(bottom) I > 0`` and ``A_K' A_K -
+    lie there. So the variables are z = (k, top, bottom, sigma_floor, factor, log I_star, excess):
+    free gains and bounds on the spectra, ``exp(top) I - Q > 0``, ``Q - exp(bottom) I > 0`` and ``A_K' A_K -
     exp(2 sigma_floor) I > 0``. Then ``log R_K = -top`` and ``log I_K = 2 top - bottom -
     sigma_floor`` are linear, and the logarithms of the determinants are smooth at every kink. The
     factor multiplies chosen limits. The excess widens all limits and I_star (each by that share,
@@ -93,25 +94,30 @@ class Program:
         self.space = space = search_space(problem)
         self._f = f = len(space.k_min)
         self._loops = [_affine_loops(one) for one in problems]
-        I_star = np.inf if objective == "I_K" else problem.I_star
-        self._cost = np.array([*np.zeros(f), *COSTS[objective], 0.0])
+        I_star = math.inf if objective == "I_K" else problem.I_star
+        self._cost = np.array([*np.zeros(f), *COSTS[objective], 0.0, 0.0])
         self._trace = min_R_K if objective == "trace" else 0.0  # makes the trace of order one
-        bounds_I_K = objective == "I_K" or np.isfinite(I_star)
-        used = [True, bounds_I_K, bounds_I_K, objective == "factor", False]
+        bounds_I_K = objective == "I_K" or math.isfinite(I_star)
+        used = [True, bounds_I_K, bounds_I_K, objective == "factor", False, False]
         self._used = np.array([*[True] * f, *used])
         # keeps bounds that nothing else holds from drifting off
-        self._pull = np.array([*np.zeros(f), 2.0, -1.0, -1.0, 1.0, 0.0])
+        self._pull = np.array([*np.zeros(f), 2.0, -1.0, -1.0, 1.0, 0.0, 0.0])
         self._min_R_K = min_R_K
+        self._I_star = I_star
         self._rows, self._constants = _rows(problem, I_star, relaxable, min_R_K)
         self._rounding = ROUNDING * np.abs(self._constants)
 
-    def descend(self, k: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def descend(
+        self, k: FloatArray, I_star: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Free gains and factors where the method ends.
 
         Parameters
         ----------
         k : ndarray, shape (N, f)
             Of stable loops.
+        I_star : ndarray, shape (N,), s^2, optional
+            In place of a finite one of the problem.
 
         Returns
         -------
@@ -119,7 +125,7 @@ class Program:
             A start ends outside the limits, or above `I_star`, where the least excess found is not
             zero, and where it is where it has no stable neighbour inside the bounds of gains.
         """
-        z, live = self._start(k)
+        z, live = self._start(k, self._I_star if I_star is None else I_star)
         weight, centred = np.full(len(z), FIRST_WEIGHT), np.zeros(len(z), dtype=bool)
         inside = z[:, -1] == 0.0
         for _ in range(STEPS):
@@ -133,7 +139,7 @@ class Program:
             z[arrived, -1], weight[arrived], centred[arrived] = 0.0, FIRST_WEIGHT, False
             inside |= arrived
             live &= ~(centred & (weight <= LAST_WEIGHT))
-        return z[:, : self._f], z[:, -2]
+        return z[:, : self._f], z[:, self._f + 3]
 
     def merit(
         self, z: FloatArray, weight: FloatArray, inside: npt.NDArray[np.bool_]
@@ -142,7 +148,7 @@ class Program:
 
         Parameters
         ----------
-        z : ndarray, shape (N, f + 5)
+        z : ndarray, shape (N, f + 6)
         weight : ndarray, shape (N,)
             Of the barrier.
         inside : ndarray of bool, shape (N,)
@@ -172,7 +178,7 @@ class Program:
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Slope of the merit, that of the barrier alone, curvature of the merit, and its scale.
 
-        Shapes (N, d), (N, d), (N, d, d) and (N, d) with d = f + 5. The scale is the square root of
+        Shapes (N, d), (N, d), (N, d, d) and (N, d) with d = f + 6. The scale is the square root of
         what is positive in the diagonal of the curvature.
         """
         f = self._f
@@ -254,17 +260,20 @@ class Program:
         return z + length[:, None] * step, lower, short | settled
 
     def _objective(self, inside: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-        """Costs of z, shape (N, f + 5), and of the trace of Q, shape (N,)."""
+        """Costs of z, shape (N, f + 6), and of the trace of Q, shape (N,)."""
         excess = np.arange(len(self._cost)) == len(self._cost) - 1
         return np.where(inside[:, None], self._cost, excess), self._trace * inside
 
-    def _start(self, k: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    def _start(
+        self, k: FloatArray, I_star: Floats
+    ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """First z inside the barrier, and where there is one."""
         f, space = self._f, self.space
         margin = FROM_BOUNDS * np.minimum(space.k_max - space.k_min, 1.0)
-        z = np.zeros((len(k), f + 5))
+        z = np.zeros((len(k), f + 6))
         z[:, :f] = np.clip(k, space.k_min + margin, space.k_max - margin)
-        z[:, f:] = -np.inf, np.inf, np.inf, 1.0, 0.0
+        z[:, f:] = -np.inf, np.inf, np.inf, 1.0, 0.0, 0.0
+        z[:, -2] = np.log(I_star) if math.isfinite(self._I_star) else 0.0
         for base, in_k in self._loops:
             A = base + np.tensordot(z[:, :f], in_k, 1)
             Q = solution_of_checked(A, np.broadcast_to(np.eye(len(base)), A.shape))
@@ -275,7 +284,7 @@ class Program:
             z[:, f + 1 : f + 3] = np.minimum(z[:, f + 1 : f + 3], logs[1:].T)
         stable = np.isfinite(z).all(axis=1)
         z[~stable, :f] = k[~stable]
-        slowest = -np.log(self._min_R_K) if self._min_R_K else np.inf
+        slowest = -math.log(self._min_R_K) if self._min_R_K else math.inf
         z[:, f] = np.minimum(z[:, f] + MARGIN, (z[:, f] + slowest) / 2.0)
         z[:, f + 1 : f + 3] -= MARGIN
         z[:, ~self._used] = np.where(self._pull < 0.0, UNUSED, z)[:, ~self._used]
@@ -314,22 +323,24 @@ def _rows(
     relaxable: npt.NDArray[np.bool_] | None,
     min_R_K: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Linear constraints ``rows @ z + constants > 0``, shapes (r, f + 5) and (r,)."""
+    """Linear constraints ``rows @ z + constants > 0``, shapes (r, f + 6) and (r,)."""
     space = search_space(problem)
     f, bound = len(space.k_min), space.bound
     relaxable = np.zeros(len(bound), dtype=bool) if relaxable is None else relaxable
     size = np.where(bound == 0.0, 1.0, np.abs(bound))[:, None]
-    z = np.eye(f + 5)
-    top, bottom, sigma_floor, factor, excess = z[f:]
-    limits = np.zeros((len(bound), f + 5))
+    z = np.eye(f + 6)
+    top, bottom, sigma_floor, factor, log_I_star, excess = z[f:]
+    limits = np.zeros((len(bound), f + 6))
     limits[:, :f] = -space.G
     limits[:, f + 3] = np.where(relaxable, bound, 0.0)
     slack = np.where(relaxable, 0.0, bound) - space.offset
-    rows = np.vstack(
-        [z[:f], -z[:f], limits / size + excess, bottom + sigma_floor + excess - 2.0 * top, factor, -top]
+    radius = log_I_star + excess + bottom + sigma_floor - 2.0 * top
+    rows = np.vstack([z[:f], -z[:f], limits / size + excess, radius, factor, -top])
+    last = (
+        0.0 if math.isfinite(I_star) else math.inf,
+        -SMALLEST_FACTOR,
+        -math.log(min_R_K) if min_R_K else math.inf,
     )
-    with np.errstate(divide="ignore"):
-        logs = np.log([I_star]), [-SMALLEST_FACTOR], -np.log([min_R_K])
-    constants = np.concatenate([-space.k_min, space.k_max, slack / size[:, 0], *logs])
+    constants = np.array([*-space.k_min, *space.k_max, *slack / size[:, 0], *last])
     finite = np.isfinite(constants)
     return rows[finite], constants[finite]
