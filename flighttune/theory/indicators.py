@@ -6,13 +6,9 @@ below, in the order of symmetric matrices, by the solution Q0 of the equation, s
 ``R_K = 1 / lambda_max(Q0)``. The minimiser need not be unique (it is for K*, and wherever the top
 eigenvector of Q0 excites every mode; it is not for decoupled loops), and I_K depends on which one
 is taken; the numbers of the paper's Table 2 come from Q0, the smallest, and so do those given here.
-
-R_K and I_K are made of the eigenvalues of Q0 and the singular values of A_K; `spectra` has their
-exact gradients. With a unit eigenvector v of Q, ``d(lambda) = <2 Q X, dA>`` where
-``A X + X A' + v v' = 0``: one more Lyapunov equation for each eigenvalue.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -20,7 +16,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, read_only_vector, square_matrices
 from flighttune.errors import InputError, ShapeError
-from flighttune.theory.lyapunov import lyapunov_solution, solution_of_checked
+from flighttune.theory.lyapunov import lyapunov_solution
 
 CHUNK_LOOPS = 8192
 """Loops whose intermediate results are held in memory at once."""
@@ -212,85 +208,4 @@ def _why_unstable(rightmost: complex) -> str:
     return (
         f"The eigenvalue {rightmost:.6g} 1/s is so close to the imaginary axis that the "
         "Lyapunov equation has no positive solution in floating point."
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spectra:
-    """Eigenvalues of Q and singular values of A_z with their gradients in A_K.
-
-    Attributes
-    ----------
-    eigenvalues : ndarray, shape (n,), s
-        Of the Lyapunov solution Q, ascending.
-    eigenvalue_gradients : ndarray, shape (n, n, n), s^2
-        ``[k, i, j]`` is the derivative of eigenvalue k with respect to entry (i, j) of A_K.
-    singular_values : ndarray, shape (n,), 1/s
-        Of the scaled loop A_z, descending.
-    singular_value_gradients : ndarray, shape (n, n, n), 1
-        In the same layout.
-    """
-
-    eigenvalues: FloatArray
-    eigenvalue_gradients: FloatArray
-    singular_values: FloatArray
-    singular_value_gradients: FloatArray
-
-
-def spectra(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> Spectra | None:
-    """Spectra of a closed loop with gradients, or None where it is not stable.
-
-    Parameters
-    ----------
-    A_K : array_like, shape (n, n), 1/s
-        Closed loop in velocity form.
-    scaling : array_like, shape (n,), optional
-        Units of the states, as in `flighttune.theory.indicators.indicators`.
-
-    Returns
-    -------
-    Spectra or None
-
-    Raises
-    ------
-    ShapeError, InputError
-        As `flighttune.theory.indicators.indicators`.
-
-    Notes
-    -----
-    Where eigenvalues meet, a gradient is that of one member of the cluster in the basis LAPACK
-    returns: a generalised gradient of the largest or smallest one, not a derivative.
-    """
-    A_K = square_matrices("A_K", A_K)
-    if A_K.ndim != 2:
-        raise ShapeError(f"`A_K` must have 2 axes, got shape {A_K.shape}.")
-    scale = state_scaling(scaling, len(A_K))
-    found = spectra_of_checked(scaled(A_K, scale))
-    if found is None:
-        return None
-    chain = scale / scale[:, None]
-    return replace(
-        found,
-        eigenvalue_gradients=found.eigenvalue_gradients * chain,
-        singular_value_gradients=found.singular_value_gradients * chain,
-    )
-
-
-def spectra_of_checked(A: FloatArray) -> Spectra | None:
-    """`spectra` of a finite matrix of shape (n, n), already scaled, not checked."""
-    try:
-        Q = solution_of_checked(A, np.eye(len(A)))
-        eigenvalues, vectors = np.linalg.eigh(Q)
-        if not eigenvalues[0] > 0.0:  # Lyapunov's theorem: positive definite if and only if stable
-            return None
-        outer = vectors.T[:, :, None] * vectors.T[:, None, :]
-        X = solution_of_checked(np.broadcast_to(A.T, outer.shape), outer)
-    except np.linalg.LinAlgError:
-        return None
-    left, singular_values, right = np.linalg.svd(A)
-    return Spectra(
-        eigenvalues=eigenvalues,
-        eigenvalue_gradients=2.0 * (Q @ X),
-        singular_values=singular_values,
-        singular_value_gradients=left.T[:, :, None] * right[:, None, :],
     )

@@ -31,7 +31,7 @@ CENTRED = 0.3
 SADDLE = 1e-4
 """Of the scaled curvature: below minus this a point is none to stay at, however flat."""
 STEPS = 300
-HALVINGS = 40
+HALVINGS = 30
 DECREASE = 1e-4
 """Share of the promised decrease that a step must bring."""
 MARGIN = 0.7
@@ -42,6 +42,8 @@ SHARE_OF_ROOM = 0.95
 """Of the way to the nearest linear bound, the longest step."""
 SMALLEST_CURVATURE = 1e-16
 ROUNDING = 1e-13
+SINGULAR = 1e-15
+"""Ratio of eigenvalues below which a matrix may have no inverse in floating point."""
 UNUSED = -300.0
 """Logarithm of a bound that plays no part."""
 POWERS = 1, -1, -2
@@ -55,11 +57,11 @@ class Program:
 
     R_K and I_K have kinks where eigenvalues of Q or singular values of A_K meet, and optima like to
     lie there. So the variables are z = (k, top, bottom, sigma_floor, factor, log I_star, excess):
-    free gains and bounds on the spectra, ``exp(top) I - Q > 0``, ``Q - exp(bottom) I > 0`` and ``A_K' A_K -
-    exp(2 sigma_floor) I > 0``. Then ``log R_K = -top`` and ``log I_K = 2 top - bottom -
-    sigma_floor`` are linear, and the logarithms of the determinants are smooth at every kink. The
-    factor multiplies chosen limits. The excess widens all limits and I_star (each by that share,
-    or logarithm) of starts outside, and is minimised until it is gone.
+    free gains and bounds on the spectra, ``Q < exp(top) I``, ``Q > exp(bottom) I`` and
+    ``A_K' A_K > exp(2 sigma_floor) I``. Then ``log R_K = -top`` and ``log I_K = 2 top - bottom -
+    sigma_floor`` are linear, and the determinants of the differences are smooth at every kink. The
+    factor multiplies chosen limits. A start outside has an excess, which widens all limits by that
+    share and I_star by that logarithm, and is minimised until it is gone.
 
     Parameters
     ----------
@@ -76,10 +78,10 @@ class Program:
     Notes
     -----
     Minimised by Newton's method on ``objective - weight * sum log(slack)`` with a falling weight,
-    on exact gradients and curvatures (S. Boyd, L. Vandenberghe, *Convex Optimization*, Cambridge
-    2004, sections 11.3 and 11.4). The program is not convex: the curvature is used by its absolute
-    value (P. E. Gill, W. Murray, M. H. Wright, *Practical Optimization*, Academic Press 1981,
-    section 4.4.2), and what is found is a local optimum.
+    on exact slopes and curvatures (S. Boyd, L. Vandenberghe, *Convex Optimization*, Cambridge 2004,
+    sections 11.3 and 11.4). The program is not convex: negative curvatures count by their size
+    (J. Nocedal, S. J. Wright, *Numerical Optimization*, Springer 2006, section 3.4), and what is
+    found is a local optimum.
     """
 
     def __init__(
@@ -128,22 +130,19 @@ class Program:
         z, live = self._start(k, self._I_star if I_star is None else I_star)
         weight, centred = np.full(len(z), FIRST_WEIGHT), np.zeros(len(z), dtype=bool)
         inside = z[:, -1] == 0.0
+        live &= np.isfinite(self.merit(z, weight, inside))
         for _ in range(STEPS):
             at = np.flatnonzero(live)
             if not len(at):
                 break
-            z[at], weight[at], centred[at] = self._step(
-                z[at], weight[at], centred[at], inside[at]
-            )
+            z[at], weight[at], centred[at] = self._step(z[at], weight[at], centred[at], inside[at])
             arrived = live & ~inside & (z[:, -1] < 0.0)
             z[arrived, -1], weight[arrived], centred[arrived] = 0.0, FIRST_WEIGHT, False
             inside |= arrived
             live &= ~(centred & (weight <= LAST_WEIGHT))
         return z[:, : self._f], z[:, self._f + 3]
 
-    def merit(
-        self, z: FloatArray, weight: FloatArray, inside: npt.NDArray[np.bool_]
-    ) -> FloatArray:
+    def merit(self, z: FloatArray, weight: FloatArray, inside: npt.NDArray[np.bool_]) -> FloatArray:
         """What a step has to reduce, shape (N,): inf where a constraint is broken.
 
         Parameters
@@ -156,7 +155,7 @@ class Program:
         """
         cost, trace = self._objective(inside)
         slack = z @ self._rows.T + self._constants
-        feasible = (slack > self._rounding).all(axis=1)
+        feasible = np.all(slack > self._rounding, axis=1)
         with np.errstate(all="ignore"):  # what is not feasible is replaced
             barrier = z @ self._pull - np.log(slack).sum(axis=1)
             merit = (cost * z).sum(axis=1)
@@ -165,9 +164,9 @@ class Program:
                     _, Q, D = self._matrices(z, base, in_k)
                 except np.linalg.LinAlgError:  # one of them is at the very edge of stability
                     return np.full(len(z), np.inf)
-                feasible &= np.isfinite(D).all(axis=(0, 2, 3))
+                feasible &= np.all(np.isfinite(D), axis=(0, 2, 3))
                 spectra = np.linalg.eigvalsh(np.where(feasible[:, None, None], D, 0.0))
-                feasible &= (spectra > 0.0).all(axis=(0, 2))
+                feasible &= np.all(spectra[..., 0] > SINGULAR * spectra[..., -1], axis=0)
                 barrier += len(base) * z[:, self._f]
                 barrier -= (SIGNS * np.log(spectra).sum(axis=2)).sum(axis=0)
                 merit += trace * np.trace(Q, axis1=1, axis2=2)
@@ -209,7 +208,8 @@ class Program:
             slope[:, :f] += trace[:, None] * np.trace(Q_k, axis1=-2, axis2=-1)
             flat, flipped = (x.reshape(len(D), *z.shape, n * n) for x in (relative, relative.mT))
             squares = by_weight * (flat @ flipped.mT)
-            scale = scale + np.diagonal(squares[:3].sum(axis=0), axis1=1, axis2=2)
+            own = np.diagonal(squares[:3].sum(axis=0), axis1=1, axis2=2)
+            scale = scale + np.maximum(own, 0.0)  # rounding
             curvature += (SIGNS[:, :, None, None] * squares).sum(axis=0)
             for part, power in enumerate(POWERS):
                 own = f + part
@@ -235,7 +235,8 @@ class Program:
         # The curvature of the old weight leads along the path: with that of the new one the step
         # would overshoot every active constraint.
         lower = np.where(centred, np.maximum(FALL * weight, LAST_WEIGHT), weight)
-        free = self._used | (~inside[:, None] & (np.arange(z.shape[1]) == z.shape[1] - 1))
+        free = np.tile(self._used, (len(z), 1))
+        free[:, -1] = ~inside
         slope = np.where(free, slope + (lower - weight)[:, None] * barrier, 0.0) / scale
         curvature = curvature / (scale[:, :, None] * scale[:, None])
         curvature = np.where(free[:, :, None] & free[:, None], curvature, np.eye(z.shape[1]))
@@ -248,25 +249,25 @@ class Program:
         use = -(step @ self._rows.T) / (z @ self._rows.T + self._constants)
         length = np.minimum(1.0, SHARE_OF_ROOM / np.maximum(use.max(axis=1), SHARE_OF_ROOM))
         before = self.merit(z, lower, inside)
-        enough = before + ROUNDING * np.abs(before)
+        rounding = ROUNDING * np.abs(before)
+        after, short = before, np.ones(len(z), dtype=bool)
         for _ in range(HALVINGS):
             after = self.merit(z + length[:, None] * step, lower, inside)
-            short = ~(after <= enough - DECREASE * length * promised)
+            short = ~(after <= before + rounding - DECREASE * length * promised)
             if not short.any():
                 break
             length = np.where(short, length / 2.0, length)
         length = np.where(short, 0.0, length)
-        settled = (promised <= CENTRED * lower) & (values[:, 0] > -SADDLE)
+        settled = (promised <= CENTRED * lower) | (before - after <= rounding)
+        settled &= values[:, 0] > -SADDLE
         return z + length[:, None] * step, lower, short | settled
 
     def _objective(self, inside: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
         """Costs of z, shape (N, f + 6), and of the trace of Q, shape (N,)."""
-        excess = np.arange(len(self._cost)) == len(self._cost) - 1
-        return np.where(inside[:, None], self._cost, excess), self._trace * inside
+        excess = np.eye(len(self._cost))[-1]
+        return np.where(inside[:, None], self._cost, excess), np.where(inside, self._trace, 0.0)
 
-    def _start(
-        self, k: FloatArray, I_star: Floats
-    ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    def _start(self, k: FloatArray, I_star: Floats) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """First z inside the barrier, and where there is one."""
         f, space = self._f, self.space
         margin = FROM_BOUNDS * np.minimum(space.k_max - space.k_min, 1.0)
@@ -282,7 +283,7 @@ class Program:
                 logs = np.log(np.array([spectrum[:, -1], spectrum[:, 0], sigma[:, -1]]))
             z[:, f] = np.maximum(z[:, f], logs[0])
             z[:, f + 1 : f + 3] = np.minimum(z[:, f + 1 : f + 3], logs[1:].T)
-        stable = np.isfinite(z).all(axis=1)
+        stable = np.all(np.isfinite(z), axis=1)
         z[~stable, :f] = k[~stable]
         slowest = -math.log(self._min_R_K) if self._min_R_K else math.inf
         z[:, f] = np.minimum(z[:, f] + MARGIN, (z[:, f] + slowest) / 2.0)

@@ -7,7 +7,6 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -16,20 +15,15 @@ from flighttune.arrays import FloatArray, check_at_least
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError
-from flighttune.theory.indicators import indicators, spectra
+from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
+from flighttune.tuning.program import Program
 from flighttune.tuning.result import ROUNDING, TuningResult
 from flighttune.tuning.starts import stabilising_starts
 
 STARTS = 4
-ACCURACY = 1e-10
-ITERATIONS = 100
 AGREEMENT = 1e-4
 METHOD = "worst of models"
-UNSTABLE_LOG = 30.0
-"""Stands for log(1 / R_K) of an unstable loop: worse than any stable one's."""
-INSIDE = 1e-8
-"""Relative distance kept from input limits, so that rounding does not break them."""
 
 Indices = npt.NDArray[np.intp]
 
@@ -76,9 +70,9 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
 
     Notes
     -----
-    The epigraph form ``min t, t >= log(lambda_i(Q_v))`` over all eigenvalues i and models v, by
-    SLSQP on exact gradients: kinks of the worst R_K, where models or eigenvalues meet, are no
-    obstacle. R_K of a loop is the smallest of its channels'; each channel is solved by itself.
+    One bound on the eigenvalues of Q of all models (`flighttune.tuning.program.Program`): kinks of
+    the worst R_K, where models or eigenvalues meet, are no obstacle. R_K of a loop is the smallest
+    of its channels'; each channel is solved by itself.
     """
     began = time.perf_counter()
     _check(problems, starts)
@@ -150,10 +144,10 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
     candidates = np.vstack([stabilising_starts(problem, space, starts) for problem in problems])
     worst = np.array([_worst_rate(problems, space, k) for k in candidates])
     first = candidates[np.argsort(-worst, kind="stable")][: min(starts, int((worst > 0.0).sum()))]
-    ends = [_search(problems, space, k) for k in first]
-    rates = [_worst_rate(problems, space, k) for k in ends]
-    if not ends:
+    if not len(first):
         return None
+    ends, _ = Program(problems, "R_K").descend(first)
+    rates = [_worst_rate(problems, space, k) for k in ends]
     best = int(np.argmax(rates))
     agreeing = sum(rate >= (1.0 - AGREEMENT) * rates[best] for rate in rates)
     return space.K(ends[best]), len(ends), agreeing
@@ -166,60 +160,6 @@ def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray
     return min(
         indicators(closed_loops(one.model, space.K(k)), scaling=one.scaling).R_K for one in problems
     )
-
-
-def _search(problems: list[TuningProblem], space: SearchSpace, k: FloatArray) -> FloatArray:
-    """Free gains at which SLSQP stops, from free gains k."""
-    from scipy.optimize import minimize
-
-    limit = space.bound - INSIDE * np.abs(space.bound) - space.offset
-
-    @lru_cache(maxsize=1)  # SLSQP asks for values and slopes in turn
-    def logs_of(k: bytes) -> tuple[FloatArray, FloatArray]:
-        parts = [_log_eigenvalues(problem, space, np.frombuffer(k)) for problem in problems]
-        return np.concatenate([logs for logs, _ in parts]), np.vstack([slope for _, slope in parts])
-
-    def logs(k: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return logs_of(k.tobytes())
-
-    def values(z: FloatArray) -> FloatArray:
-        return np.concatenate([z[-1] - logs(z[:-1])[0], limit - space.G @ z[:-1]])
-
-    def slopes(z: FloatArray) -> FloatArray:
-        curved = -logs(z[:-1])[1]
-        return np.vstack(
-            [
-                np.hstack([curved, np.ones((len(curved), 1))]),
-                np.hstack([-space.G, np.zeros((len(space.G), 1))]),
-            ]
-        )
-
-    objective = np.append(np.zeros(len(k)), 1.0)
-    found = minimize(
-        lambda z: float(objective @ z),
-        np.append(k, logs(k)[0].max()),
-        jac=lambda _: objective,
-        method="SLSQP",
-        bounds=[*zip(space.k_min, space.k_max, strict=True), (None, None)],
-        constraints={"type": "ineq", "fun": values, "jac": slopes},
-        options={"maxiter": ITERATIONS, "ftol": ACCURACY},
-    )
-    return np.clip(found.x[:-1], space.k_min, space.k_max)
-
-
-def _log_eigenvalues(
-    problem: TuningProblem, space: SearchSpace, k: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Logarithms of the eigenvalues of Q and their slopes in the free gains."""
-    model = problem.model
-    n, _, p = model.shape
-    found = spectra(closed_loops(model, space.K(k)), scaling=problem.scaling)
-    if found is None:
-        return np.full(n + p, UNSTABLE_LOG), np.zeros((n + p, len(k)))
-    slopes = found.eigenvalue_gradients / found.eigenvalues[:, None, None]
-    in_K_P = model.B.T @ slopes[:, :n, :n] @ model.C.T
-    in_K_I = model.B.T @ slopes[:, :n, n:]
-    return np.log(found.eigenvalues), np.concatenate([in_K_P, in_K_I], axis=-1)[:, space.free]
 
 
 def channels(problem: TuningProblem) -> tuple[Channel, ...]:
@@ -239,17 +179,20 @@ def channels(problem: TuningProblem) -> tuple[Channel, ...]:
     R_K of the whole loop is the smallest of the channels', so that the whole problem leaves the
     better channels undetermined. Each channel's own problem does not.
     """
-    from scipy.sparse.csgraph import connected_components
-
     model = problem.model
     n, m, p = model.shape
     acts = np.zeros((n + m + p, n + m + p))
     acts[:n, :n], acts[:n, n : n + m], acts[n + m :, :n] = model.A, model.B, model.C
-    count, part = connected_components(acts != 0.0, directed=False)
+    linked = (acts != 0.0) | (acts.T != 0.0) | np.eye(len(acts), dtype=bool)
+    for _ in range(len(acts).bit_length()):
+        linked = linked @ linked
+    part = linked.argmax(axis=1)  # a group goes by its first member
     groups = [part[:n], part[n : n + m], part[n + m :]]
     driven = list(dict.fromkeys(groups[1].tolist()))
     places = [[np.flatnonzero(group == k) for group in groups] for k in driven]
-    if count > len(driven) or not all(len(states) and len(errors) for states, _, errors in places):
+    if set(part.tolist()) > set(driven) or not all(
+        len(states) and len(errors) for states, _, errors in places
+    ):
         return (Channel(inputs=np.arange(m), errors=np.arange(p), problem=problem),)
     return tuple(
         Channel(inputs=inputs, errors=errors, problem=_part(problem, states, inputs, errors))
