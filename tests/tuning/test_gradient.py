@@ -10,7 +10,6 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loop, closed_loops
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators, indicators_batch
-from flighttune.tuning.gradient import Program
 from flighttune.tuning.problem import TuningProblem, decoupled, search_space
 from flighttune.tuning.tune import tune
 
@@ -18,8 +17,6 @@ FIFTH_DIGIT = 1e-5
 THIRD_DIGIT = 1e-3
 HALF_LAST_DIGIT = 5e-5
 FLAT = 0.04  # the rate changes by 1e-4 over this much gain
-STEP = 1e-6
-TRUNCATION = 1e-5
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -157,25 +154,6 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
 
     assert (found.status, found.gains, found.R_K) == ("failed", None, 0.0)
     assert found.reason
-
-
-def test_the_slopes_of_the_program_are_those_of_central_differences(printed, model):
-    lagged = with_input_lag(model, (4.0, 8.0))
-    K_fixed = np.full((2, 4), np.nan)
-    K_fixed[0, 1] = 0.1
-    problem = TuningProblem(
-        model=lagged, I_star=9.0, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed
-    )
-    space = search_space(problem)
-    relaxable = np.ones(len(space.names), dtype=bool)
-    task = Program(problem, "factor", relaxable=relaxable)
-    z = np.array([2.5, 0.8, 0.3, -0.2, 2.7, 0.1, 0.9, 2.0, -3.0, -1.0, 1.5])
-
-    slopes = task.slopes(z)
-
-    moves = STEP * np.eye(len(z))
-    differences = [(task.values(z + h) - task.values(z - h)) / (2.0 * STEP) for h in moves]
-    assert slopes == pytest.approx(np.array(differences).T, abs=TRUNCATION)
 
 
 def test_the_same_problem_gives_the_same_bits(printed):
