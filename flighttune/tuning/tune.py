@@ -20,8 +20,8 @@ def tune(
     ----------
     problem : TuningProblem
     method : "gradient", "genetic" or "convex"
-        SLSQP on exact gradients from several random starts; differential evolution, as in the
-        paper; or SLSQP from the solutions of a semidefinite program.
+        Exact gradients and curvatures from several random starts; differential evolution, as in
+        the paper; or the gradient method from the solutions of a semidefinite program.
     starts : int
         Searches of the gradient method.
 
