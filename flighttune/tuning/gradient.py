@@ -90,20 +90,10 @@ def tune_by_gradient(
 
 
 def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
-    """The smallest I_K found within limits and bounds from free gains k, shape (starts, f).
-
-    The search ends when it has been reached twice.
-    """
-    best = None
-    for start in k:
-        (found,) = searches(problem, [start], "I_K")
-        if not (found.within_limits and found.R_K > 0.0):
-            continue
-        if best is not None and abs(found.I_K - best.I_K) <= AGREEMENT * best.I_K:
-            return min(best, found, key=lambda one: one.I_K)
-        if best is None or found.I_K < best.I_K:
-            best = found
-    return best
+    """The smallest I_K found within limits and bounds from free gains k, shape (starts, f)."""
+    found = searches(problem, k, "I_K")
+    kept = [one for one in found if one.within_limits and one.R_K > 0.0]
+    return min(kept, key=lambda one: one.I_K, default=None)
 
 
 def _calmest_at_rate(problem: TuningProblem, best: Assessment) -> Assessment:
