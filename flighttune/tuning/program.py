@@ -217,9 +217,9 @@ class Program:
             # The second derivatives of Q are not needed one by one: X weighs all of them.
             load = by_weight * (inverse[0] - inverse[1] + inverse[3])
             X = solution_of_checked(A.mT, load + trace[:, None, None] * one)
-            in_Q = (X[:, None] @ Q_k).reshape(*z[:, :f].shape, -1) @ in_k.mT.reshape(f, -1).T
+            in_Q = (X[:, None] @ Q_k).reshape(len(z), f, n * n) @ in_k.mT.reshape(f, n * n).T
             gram = by_weight * (inverse[2] - inverse[4])
-            in_gram = (in_k @ gram[:, None]).reshape(*z[:, :f].shape, -1) @ in_k.reshape(f, -1).T
+            in_gram = (in_k @ gram[:, None]).reshape(len(z), f, n * n) @ in_k.reshape(f, n * n).T
             curvature[:, :f, :f] += 2.0 * (in_Q + in_Q.mT - in_gram)
         return slope + weight[:, None] * barrier, barrier, curvature, np.sqrt(scale)
 
@@ -276,7 +276,7 @@ class Program:
         z[:, f:] = -np.inf, np.inf, np.inf, 1.0, 0.0, 0.0
         z[:, -2] = np.log(I_star) if math.isfinite(self._I_star) else 0.0
         for base, in_k in self._loops:
-            A = base + np.tensordot(z[:, :f], in_k, 1)
+            A = self._A(z, base, in_k)
             Q = solution_of_checked(A, np.broadcast_to(np.eye(len(base)), A.shape))
             spectrum, sigma = np.linalg.eigvalsh(Q), np.linalg.svd(A, compute_uv=False)
             with np.errstate(invalid="ignore", divide="ignore"):
@@ -294,6 +294,11 @@ class Program:
         z[:, -1] = np.where(worst > 0.0, 0.0, MARGIN - worst)
         return z, stable
 
+    def _A(self, z: FloatArray, base: FloatArray, in_k: FloatArray) -> FloatArray:
+        """Scaled A_K of one model, shape (N, n, n)."""
+        f, n = self._f, len(base)
+        return base + (z[:, :f] @ in_k.reshape(f, n * n)).reshape(-1, n, n)
+
     def _matrices(
         self, z: FloatArray, base: FloatArray, in_k: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -302,7 +307,7 @@ class Program:
         The last two take out what the second and third gain where Q and A_K grow: a barrier that
         rewards that would leave the stable gains.
         """
-        A = base + np.tensordot(z[:, : self._f], in_k, 1)
+        A = self._A(z, base, in_k)
         one = np.eye(len(base))
         Q, gram = solution_of_checked(A, np.broadcast_to(one, A.shape)), A.mT @ A
         top, bottom, sigma = np.exp(z[:, self._f : self._f + 3] * np.abs(POWERS)).T[..., None, None]

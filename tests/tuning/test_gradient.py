@@ -133,6 +133,15 @@ def test_structure_and_bounds_are_kept_and_named(model):
     assert "K_I[phi,chi]_max" in found.active
 
 
+@pytest.mark.parametrize(("I_star", "status"), [(5.0, "optimal"), (4.9, "infeasible")])
+def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
+    found = tune(TuningProblem(model=model, I_star=I_star, K_fixed=PAPER_GAINS.K))
+
+    assert found.status == status
+    assert np.array_equal(found.gains.K, PAPER_GAINS.K)
+    assert found.I_K == pytest.approx(4.9162, abs=HALF_LAST_DIGIT)
+
+
 @pytest.mark.slow
 def test_state_scaling_changes_what_is_optimal(model):
     scaling = np.array([0.5, 0.5, 1.0, 1.0])
