@@ -82,8 +82,9 @@ def test_a_window_that_no_flight_was_in_is_as_wide_as_all():
     assert boxes.half_width[2] == pytest.approx(MARGIN * np.array([1.5, 1.5, 0.5, 0.25, 0.5, 2.0]))
 
 
-@pytest.mark.parametrize(("learned", "fresh"), [(500, 797), (2000, 138_149)])
-def test_boxes_are_widened_as_far_as_so_many_normal_residuals_need(learned, fresh):
+# The tail of normal residuals is lighter than the fitted one.
+@pytest.mark.parametrize(("learned", "fresh", "widest"), [(500, 797, 1.8), (2000, 138_149, 2.5)])
+def test_boxes_are_widened_as_far_as_so_many_normal_residuals_need(learned, fresh, widest):
     rng = np.random.default_rng(3)
     residual = rng.normal(size=(learned, 4, 2))
     # so that each of the 8 is inside with a probability of (1 - CHANCE)^(1 / (8 fresh))
@@ -92,7 +93,7 @@ def test_boxes_are_widened_as_far_as_so_many_normal_residuals_need(learned, fres
     widened = widening(residual, residual, fresh)
 
     half = 0.5 * (residual.max(axis=0) - residual.min(axis=0)).mean(axis=0)
-    assert np.all((needed < widened * half) & (widened * half < 1.5 * needed))
+    assert np.all((needed < widened * half) & (widened * half < widest * needed))
 
 
 def test_boxes_are_widened_more_for_more_flights_and_not_where_residuals_end():
@@ -101,7 +102,7 @@ def test_boxes_are_widened_more_for_more_flights_and_not_where_residuals_end():
 
     few, many = (widening(bounded, bounded, fresh) for fresh in (797, 138_149))
     assert np.all(few < 1.15)
-    assert np.all((few < many) & (many < 1.25))
+    assert np.all((few < many) & (many < 1.5))
 
 
 def test_errors_may_come_in_a_second_later_and_residuals_may_not():
