@@ -396,9 +396,12 @@ def distribution_of(plan: Plan, plant: str) -> Distribution:
     plant : str
         Label of the aircraft flown.
     """
-    scenario = plan.scenario
-    position = [table.label for table in scenario.plant].index(plant)
-    fixed = flown_values(scenario, scenario.plant[position])
+    position = [table.label for table in plan.scenario.plant].index(plant)
+    # A table that is only there because one of its keys is drawn has its other keys too.
+    nominal, fixed = (
+        flown_values(scenario, scenario.plant[position])
+        for scenario in (plan.scenario, plan.campaign.central)
+    )
     dispersed: dict[str, list[Any]] = {}
     for table in plan.campaign.disperse:
         for place in plan.places[table.key]:
@@ -407,8 +410,8 @@ def distribution_of(plan: Plan, plant: str) -> Distribution:
                     continue
                 place = ("plant", *place[2:])
             key = spelled(place)
-            own = fixed.pop(key, None)
-            dispersed[key] = _range(table, own)
+            fixed.pop(key, None)
+            dispersed[key] = _range(table, nominal.get(key))
     return Distribution(
         title=plan.campaign.title,
         air=air_of(plan.campaign.central),

@@ -18,11 +18,13 @@ from flighttune.campaign.conform import (
     at_random,
     conform,
     conformant_model,
+    distribution_of,
     in_air,
     own_campaign,
 )
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.plan import plan_from
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign, plan_from
 from flighttune.conformance import Windows, load_conformance, save_conformance
 from flighttune.conformance.boxes import ResidualSummary
 from flighttune.errors import InputError, ScenarioError
@@ -165,6 +167,21 @@ def test_the_scenario_of_the_campaign_is_one_of_its_flights(found):
     scenario = plan.scenario_of(3)
 
     found.check(scenario, scenario.plant[0], plan.gain_sets["soft"])
+
+
+def test_a_wind_that_is_drawn_may_be_stated():
+    plan = plan_campaign(load_campaign("light_turbulence"))
+    (plant,) = plan.scenario.plant
+    known = distribution_of(plan, plant.label)
+
+    def difference(**wind):
+        scenario = conform_module.scenario_from({**plan.scenario.as_dict(), "wind": wind})
+        return known.difference(scenario, plant)
+
+    assert known.windy
+    assert difference(speed_mps=0.0, from_deg=30.0) is None
+    assert "`wind.speed_mps` must be 0 to 8, got 9.0" in difference(speed_mps=9.0, from_deg=30.0)
+    assert "`wind.down_mps` must be 0.0" in difference(speed_mps=3.0, from_deg=30.0, down_mps=1.0)
 
 
 @pytest.mark.parametrize(
