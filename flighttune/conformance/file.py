@@ -40,6 +40,9 @@ FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
 AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "plant")
 """Tables that a scenario may leave out; keys that it does have must match those flights."""
 
+NAMED = 5
+"""Keys that are drawn and named in the sentence of a claim; all are in the file."""
+
 ROUNDING = 1e-6
 """Degrees by which the ends of a range may be rounded."""
 
@@ -98,7 +101,10 @@ class Distribution:
     @property
     def sentence(self) -> str:
         """The distribution in words."""
-        keys = ", ".join(self.dispersed) or "nothing"
+        drawn = list(self.dispersed)
+        if len(drawn) > NAMED:
+            drawn[NAMED - 1 :] = [f"{len(drawn) - NAMED + 1} more keys"]
+        keys = ", ".join(drawn) or "nothing"
         air = {"calm": "calm air", "wind": "steady wind"}.get(self.air, f"{self.air} turbulence")
         return f'"{self.title}", drawn at random ({keys}) in {air}'
 

@@ -130,9 +130,9 @@ class RunTubes:
         end = f" {lost}: {one.reason}." if one.reason else ""
         ever = "" if one.handed_over is None else f", from {one.handed_over:.1f} s on for ever"
         return (
-            f"{label}: every flight of {one.model} stays within ±{chi:.2g}° of course and "
-            f"±{gamma:.2g}° of path angle of the middle of its tube, ±{chi_end:.2g}° and "
-            f"±{gamma_end:.2g}° at the end{ever}; the flight flown {flown}.{end} {_nearest(one)}"
+            f"{label}: the tube is ±{chi:.2g}° of course and ±{gamma:.2g}° of path angle wide, "
+            f"±{chi_end:.2g}° and ±{gamma_end:.2g}° at the end{ever}; the flight flown {flown}."
+            f"{end} It is for every flight of {one.model}. {_nearest(one)}"
         )
 
     @property
