@@ -89,7 +89,7 @@ def test_rungs_that_failed_give_no_metrics_and_no_cell_is_cut(tmp_path, monkeypa
 
     assert "…" not in out
     (line,) = (line for line in out.splitlines() if line.startswith("no metrics of, from or to"))
-    assert "kinematic ended early (left envelope)" in line
+    assert "point_mass ended early (left envelope)" in line
     assert max(map(len, out.partition("\na step is ")[0].splitlines())) <= 100
     totals = [one.split()[1:] for one in out.splitlines() if one.startswith("total ")]
     metrics = [cell for cells in totals for cell in cells][2:]
