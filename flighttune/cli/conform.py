@@ -18,6 +18,7 @@ from flighttune.cli.options import (
 from flighttune.cli.progress import campaign_pool
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, table
 from flighttune.present.tables import Table
+from flighttune.units import DEG
 
 if TYPE_CHECKING:
     from flighttune.conformance import Conformance
@@ -124,6 +125,9 @@ def _text(found: "Conformance", out: Path) -> Iterator[Table | str]:
             for i, name in enumerate(("chi", "gamma"))
         ],
     )
+    ends = zip(("chi", "gamma"), *(end[-1, -2:] / DEG for end in (low, high)), strict=True)
+    errors = ", ".join(f"{name} {least:+.3g}..{most:+.3g} deg" for name, least, most in ends)
+    yield f"errors in the last window: {errors}"
     for number, one in enumerate(found.attempts, 1):
         yield (
             f"count {number}: learned from {one.learned} flights, widened by {one.widened:.2f}, "

@@ -27,24 +27,23 @@ LEAST_SHARE = 0.05
 flights learned from agree to the last digit would be left by the next flight."""
 
 LATER_S = 2.0
-"""By how much sooner or later than the flights learned from others may do the same, s: a box of
-errors is around theirs over so much time before and after. Where all but the slowest have come in
-it would be left too easily otherwise."""
+"""How much earlier or later than the flights learned from a new one may come in, s: a box of errors
+holds theirs over this time before and after. Otherwise a slow flight leaves the boxes of the time
+when nearly all have come in."""
 
 MARGIN = 1.25
 """Widening of boxes learned from too few flights to see a tail."""
 
 TAIL, MOST, FEW = 0.1, 100, 50
-"""Share of the scores that are the tail, at most how many, and how many flights are too few to have
-one."""
+"""Share of the scores that are the tail, the most that are, and the fewest flights to have one."""
 
 CHANCE = 0.1
 """Probability, by the fitted tail, that any of the fresh flights leaves the boxes."""
 
 SHAPE = 0.15
-"""Of the fitted tail, a generalised Pareto distribution. Flights that differ in wind or start have
-a heavier one than each of them: with 0, an exponential tail, most counts of the Aerosonde failed,
-those of 20,000 flights by a single one that was outside by 3 % or less."""
+"""Of the fitted tail, a generalised Pareto distribution. With 0, an exponential tail, four counts in
+light turbulence failed, each by one flight: in a mixture of winds the extremes have a heavier tail
+than in any one of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
