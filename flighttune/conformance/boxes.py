@@ -41,9 +41,9 @@ CHANCE = 0.1
 """Probability, by the fitted tail, that any of the fresh flights leaves the boxes."""
 
 SHAPE = 0.15
-"""Of the fitted tail, a generalised Pareto distribution. With 0, an exponential tail, four counts in
-light turbulence failed, each by one flight: in a mixture of winds the extremes have a heavier tail
-than in any one of them."""
+"""Of the fitted tail, a generalised Pareto distribution. With 0, an exponential tail, four counts
+in light turbulence failed, each by one flight: in a mixture of winds the extremes have a heavier
+tail than in any one of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
