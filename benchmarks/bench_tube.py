@@ -51,7 +51,7 @@ HOLDS = (1, 5, 25, 100, 1000)
 
 def flown(found, count, rng):
     """Errors of `count` flights by the kinematic law, shape (k, 2, count): one way to write it."""
-    loop, problem = found.problem.loop(), found.problem
+    loop, problem = found.problem.loop, found.problem
     K_P = np.array([law.K_P for law in loop.channels])
     K_I_half = np.array([law.K_I_half for law in loop.channels])
     low, high, step = (

@@ -9,7 +9,7 @@ what its coefficients differ by.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError
-from flighttune.tube.interval import Interval, within
+from flighttune.tube.interval import Interval, outward
 
 ULP = 2.0**-52
 
@@ -51,8 +51,8 @@ class Form:
 
     def widened(self, radius: Floats) -> "Form":
         """The form plus a number of absolute value up to `radius`."""
-        return replace(
-            self, err=(self.err + radius) * UP + TINY, size=(self.size + radius) * UP + TINY
+        return Form(
+            self.coefficients, (self.err + radius) * UP + TINY, (self.size + radius) * UP + TINY
         )
 
 
@@ -63,16 +63,30 @@ Flags: TypeAlias = npt.NDArray[np.bool_]
 
 def combined(*terms: Term, shift: Floats = 0.0) -> Form:
     """``shift + sum_k a_k F_k`` for numbers ``a_k``: one for all pieces, or one each."""
-    none = np.zeros(len(terms[0][1].err))
-    size = np.abs(shift) + sum((np.abs(a) * form.size for a, form in terms), none)
-    err = sum((np.abs(a) * form.err for a, form in terms), none)
-    coefficients = np.zeros_like(terms[0][1].coefficients)
-    for a, form in terms:
+    (a, form), *others = terms
+    weight = np.abs(a)
+    coefficients = _column(a) * form.coefficients
+    err, size = weight * form.err, weight * form.size
+    for a, form in others:
+        weight = np.abs(a)
         coefficients += _column(a) * form.coefficients
+        err += weight * form.err
+        size += weight * form.size
     coefficients[:, 0] += shift
-    size = size * UP + TINY
+    size = (size + np.abs(shift)) * UP + TINY
     rounding = (len(terms) + MORE_ROUNDINGS) * ULP * size
     return Form(coefficients, (err + rounding) * UP + TINY, size * UP)
+
+
+def transformed(matrix: FloatArray, forms: Sequence[Form]) -> list[Form]:
+    """``sum_k A_ik F_k`` for each row i of a matrix."""
+    weights = np.abs(matrix)
+    stacked = np.array([form.coefficients for form in forms])
+    coefficients = np.tensordot(matrix, stacked, axes=1)
+    err = weights @ np.array([form.err for form in forms])
+    size = weights @ np.array([form.size for form in forms]) * UP + TINY
+    err = (err + (len(forms) + MORE_ROUNDINGS) * ULP * size) * UP + TINY
+    return [Form(*row) for row in zip(coefficients, err, size * UP, strict=True)]
 
 
 def shifted(slope: Floats, form: Form, rest: Interval) -> Form:
@@ -153,7 +167,7 @@ class Pieces:
     def plain_range(self, form: Form) -> Interval:
         """The values of a form, whatever the constraints."""
         radius = (absolute_sum(form.coefficients[:, 1:]) + form.err) * UP + TINY
-        return Interval.point(form.coefficients[:, 0]) + within(radius)
+        return outward(form.coefficients[:, 0] - radius, form.coefficients[:, 0] + radius)
 
     def constrained_range(self, form: Form, multipliers: FloatArray) -> Interval:
         """The values of a form where every constraint q holds.
@@ -177,7 +191,7 @@ class Pieces:
             + (weights * (1.0 + q_err)).sum(axis=1)
             + (weights.shape[1] + MORE_ROUNDINGS) * ULP * size
         ) * UP + TINY
-        return Interval.point(rest[:, 0]) + within(radius)
+        return outward(rest[:, 0] - radius, rest[:, 0] + radius)
 
     def constrain(self, which: Indices, row: Indices, form: Form, to: Interval) -> None:
         """Take up that `form` is inside `to` in the pieces `which`, in constraint row `row`."""

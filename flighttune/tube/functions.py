@@ -7,20 +7,21 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.tube.forms import Form, combined, shifted
-from flighttune.tube.interval import Interval, cosine, sine, within
+from flighttune.tube.interval import Interval, cosine, sine_and_cosine, within
 
 
 def tangent(form: Form, angle: Interval) -> Form:
     """``tan F``, F inside `angle` (rad); ``tan'' = 2 sin/cos^3``."""
-    at = Interval.point(angle.middle)
-    slope = Interval.point(np.ones_like(angle.low)) / _cube(at, 2)
-    return _taylor(form, angle, sine(at) / cosine(at), slope, sine(angle) * 2.0 / _cube(angle, 3))
+    s, c = sine_and_cosine(Interval.point(angle.middle))
+    slope = Interval.point(np.ones_like(angle.low)) / (c * c)
+    steep, level = sine_and_cosine(angle)
+    return _taylor(form, angle, s / c, slope, steep * 2.0 / (level * level * level))
 
 
 def cosine_of(form: Form, angle: Interval) -> Form:
     """``cos F``, F inside `angle` (rad)."""
-    at = Interval.point(angle.middle)
-    return _taylor(form, angle, cosine(at), -sine(at), -cosine(angle))
+    s, c = sine_and_cosine(Interval.point(angle.middle))
+    return _taylor(form, angle, c, -s, -cosine(angle))
 
 
 def secant(form: Form, angle: Interval) -> Form:
@@ -60,7 +61,8 @@ def arctangent(form: Form, a: Interval, other: Form, b: Interval) -> Form:
     number = np.arctan2(at.low, over.low)
     # How far the library's is from the true one: the sine of that, over the distance.
     angle = Interval.point(number)
-    off = (at * cosine(angle) - over * sine(angle)).largest / np.sqrt(square.low)
+    s, c = sine_and_cosine(angle)
+    off = (at * c - over * s).largest / np.sqrt(square.low)
     in_a, in_b = over / square, -(at / square)
     da, db = (a - a.middle).largest, (b - b.middle).largest
     across = _square(a) + _square(b)
@@ -119,21 +121,16 @@ def _taylor(
     return shifted(s, form, rest)
 
 
-def _cube(angle: Interval, power: int) -> Interval:
-    c = cosine(angle)
-    return c * c if power == 2 else c * c * c
-
-
 def _secant_slope(angle: Interval) -> Interval:
     """``sin/cos^2``, which grows with the angle."""
-    ends = [Interval.point(end) for end in (angle.low, angle.high)]
-    low, high = (sine(end) / _cube(end, 2) for end in ends)
+    ends = (sine_and_cosine(Interval.point(end)) for end in (angle.low, angle.high))
+    low, high = (s / (c * c) for s, c in ends)
     return Interval(low.low, high.high)
 
 
 def _secant_curvature(angle: Interval) -> Interval:
     """``(1 + sin^2)/cos^3``, even, and growing with the absolute value of the angle."""
-    s, c = sine(angle), cosine(angle)
+    s, c = sine_and_cosine(angle)
     largest = Interval.point(s.largest)
     smallest = Interval.point(np.maximum(np.maximum(s.low, -s.high), 0.0))
     low = (smallest * smallest + 1.0) / _of_cosine(c.high)

@@ -1,7 +1,7 @@
 """Intervals of floats, one per entry of an array, rounded outwards."""
 
-import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -15,6 +15,9 @@ SERIES_ERROR = 1e-13
 than 100 roundings under ``2^-53 cosh(1.56)``."""
 
 SERIES_TERMS = 14
+
+LEAST, MOST = np.array(-np.inf), np.array(np.inf)
+"""Where `outward` moves to; arrays, because it would make one of a float each time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,23 +39,32 @@ class Interval:
 
     def __add__(self, other: "Interval | Floats") -> "Interval":
         other = _interval(other)
-        return _outward(self.low + other.low, self.high + other.high)
+        return outward(self.low + other.low, self.high + other.high)
 
     def __neg__(self) -> "Interval":
         return Interval(-self.high, -self.low)
 
     def __sub__(self, other: "Interval | Floats") -> "Interval":
-        return self + -_interval(other)
+        other = _interval(other)
+        return outward(self.low - other.high, self.high - other.low)
 
     def __mul__(self, other: "Interval | Floats") -> "Interval":
         other = _interval(other)
-        products = [one * end for one in (self.low, self.high) for end in (other.low, other.high)]
-        return _outward(np.minimum.reduce(products), np.maximum.reduce(products))
+        return _hull_of(
+            self.low * other.low,
+            self.low * other.high,
+            self.high * other.low,
+            self.high * other.high,
+        )
 
     def __truediv__(self, other: "Interval") -> "Interval":
         """The quotients; `other` must be positive."""
-        quotients = [one / end for one in (self.low, self.high) for end in (other.low, other.high)]
-        return _outward(np.minimum.reduce(quotients), np.maximum.reduce(quotients))
+        return _hull_of(
+            self.low / other.low,
+            self.low / other.high,
+            self.high / other.low,
+            self.high / other.high,
+        )
 
     def hull(self, other: "Interval") -> "Interval":
         """The smallest interval that contains both."""
@@ -83,32 +95,50 @@ def within(radius: Floats) -> Interval:
 
 def sine(angle: Interval) -> Interval:
     """Contains the sines of angles inside +-`LARGEST_ANGLE`."""
-    low, high = _series(angle, 1)
-    return Interval(np.maximum(low - SERIES_ERROR, -1.0), np.minimum(high + SERIES_ERROR, 1.0))
+    return sine_and_cosine(angle)[0]
 
 
 def cosine(angle: Interval) -> Interval:
     """Contains the cosines of angles inside +-`LARGEST_ANGLE`."""
-    ends = _series(angle, 0)
-    level = (angle.low <= 0.0) & (angle.high >= 0.0)
-    high = np.where(level, 1.0, np.maximum(*ends) + SERIES_ERROR)
-    return Interval(np.minimum(*ends) - SERIES_ERROR, np.minimum(high, 1.0))
+    return sine_and_cosine(angle)[1]
 
 
-def _series(angle: Interval, power: int) -> FloatArray:
-    """Taylor polynomial of sine (`power` 1) or cosine (0) at both ends, by Horner's rule."""
-    ends = np.stack([angle.low, angle.high])
-    square, total = ends * ends, np.ones_like(ends)
-    for k in range(SERIES_TERMS, 0, -1):
+def sine_and_cosine(angle: Interval) -> tuple[Interval, Interval]:
+    """Contain the sines and the cosines of angles inside +-`LARGEST_ANGLE`."""
+    ends = np.array([angle.low, angle.high])
+    # Taylor polynomials at both ends, by Horner's rule: 1 - x^2/d_1 (1 - x^2/d_2 (1 - ...)).
+    square, total = ends * ends, np.ones((2, *ends.shape))
+    for divisor in _divisors(ends.ndim):
         total *= square
-        total /= (2 * k + power - 1) * (2 * k + power)
+        total /= divisor
         np.subtract(1.0, total, out=total)
-    return total * ends if power else total
+    (low, high), ends_of_cosine = total[1] * ends, total[0]
+    sines = Interval(np.maximum(low - SERIES_ERROR, -1.0), np.minimum(high + SERIES_ERROR, 1.0))
+    level = (angle.low <= 0.0) & (angle.high >= 0.0)
+    largest = np.where(level, 1.0, np.maximum(*ends_of_cosine) + SERIES_ERROR)
+    return sines, Interval(np.minimum(*ends_of_cosine) - SERIES_ERROR, np.minimum(largest, 1.0))
+
+
+@cache
+def _divisors(dimensions: int) -> FloatArray:
+    """Of each term, the last first: of cosine, then of sine."""
+    k, power = np.arange(SERIES_TERMS, 0, -1.0)[:, np.newaxis], np.array([0.0, 1.0])
+    divisors = (2.0 * k + power - 1.0) * (2.0 * k + power)
+    return divisors.reshape(SERIES_TERMS, 2, *[1] * dimensions)
 
 
 def _interval(value: "Interval | Floats") -> Interval:
     return value if isinstance(value, Interval) else Interval.point(value)
 
 
-def _outward(low: FloatArray, high: FloatArray) -> Interval:
-    return Interval(np.nextafter(low, -math.inf), np.nextafter(high, math.inf))
+def _hull_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Interval:
+    # Three times two arrays: to make one array of four, for `reduce`, takes longer.
+    return outward(
+        np.minimum(np.minimum(a, b), np.minimum(c, d)),
+        np.maximum(np.maximum(a, b), np.maximum(c, d)),
+    )
+
+
+def outward(low: FloatArray, high: FloatArray) -> Interval:
+    """From each lower to each upper end, both rounded to the nearest float, moved out by one."""
+    return Interval(np.nextafter(low, LEAST), np.nextafter(high, MOST))

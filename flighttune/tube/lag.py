@@ -22,6 +22,9 @@ ROUNDING = 1e-13
 WIDER = 0.05
 """Part of its width by which a box is widened before it is tried again."""
 
+FURTHER = 1.5
+"""Sum of a geometric series of 1/`SHORT`."""
+
 SHORT = 3.0
 """Steps within a sample, times the sample time and the norm of A."""
 
@@ -130,8 +133,12 @@ class SampledLag:
 
     def _box(self, start: FloatArray, pushed: FloatArray, t: float) -> FloatArray | None:
         """A box of all states up to `t` (s) from a box of them: lower ends, then upper ones."""
-        outwards = np.repeat([-1.0, 1.0], self.order)[:, np.newaxis]
-        box = start
+        n, outwards = self.order, self._outwards
+        # As far as the rates at the start lead, and what these lead to: mostly enough at once.
+        by = t * self._rates(start, pushed)
+        further = t * (self._sizes @ np.maximum(np.abs(by[:n]), np.abs(by[n:])))
+        further += FURTHER * t * (self._sizes @ further) + 1e-9
+        box = start + outwards * (np.maximum(outwards * by, 0.0) + np.tile(further, (2, 1)))
         for _ in range(PICARD):
             by = t * self._rates(box, pushed)
             rounding = ROUNDING * (np.abs(start) + np.abs(by))
@@ -139,7 +146,7 @@ class SampledLag:
             beyond = outwards * (moved - box)
             if (beyond <= 0.0).all():
                 return moved
-            margin = WIDER * (moved[self.order :] - moved[: self.order]) + 1e-9
+            margin = WIDER * (moved[n:] - moved[:n]) + 1e-9
             box = box + outwards * (np.maximum(beyond, 0.0) + np.concatenate([margin, margin]))
         return None
 
@@ -147,11 +154,19 @@ class SampledLag:
         """Values of ``A Y + B u``, as those of Y: lower ends, then upper ones."""
         n = self.order
         sizes = np.abs(box)
-        rounding = ROUNDING * (np.abs(self.A) @ np.maximum(sizes[:n], sizes[n:]))
+        rounding = ROUNDING * (self._sizes @ np.maximum(sizes[:n], sizes[n:]))
         rates = self._signed @ box + pushed
         rates[:n] -= rounding
         rates[n:] += rounding
         return rates
+
+    @cached_property
+    def _sizes(self) -> FloatArray:
+        return np.abs(self.A)
+
+    @cached_property
+    def _outwards(self) -> FloatArray:
+        return np.repeat([-1.0, 1.0], self.order)[:, np.newaxis]
 
     @cached_property
     def _signed(self) -> FloatArray:

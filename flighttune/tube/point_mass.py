@@ -15,7 +15,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.tube.forms import UP, Form, combined
-from flighttune.tube.interval import Interval, cosine, sine, within
+from flighttune.tube.interval import Interval, sine_and_cosine, within
 
 
 class Moved(NamedTuple):
@@ -25,13 +25,35 @@ class Moved(NamedTuple):
     values: Interval
 
 
-class Point:
-    """Roll, load factor and flight-path angle, with sines and cosines of the angles."""
+class Point(NamedTuple):
+    """Roll, load factor and flight-path angle.
 
-    def __init__(self, phi: Interval, n_z: Interval, gamma: Interval) -> None:
-        self.values = phi, n_z, gamma
-        self.n_z, self.s, self.c = n_z, sine(phi), cosine(phi)
-        self.up, self.level = sine(gamma), cosine(gamma)
+    `s` and `c` are sine and cosine of the roll, `up` and `level` those of the path angle.
+    """
+
+    phi: Interval
+    n_z: Interval
+    gamma: Interval
+    s: Interval
+    c: Interval
+    up: Interval
+    level: Interval
+
+
+def _points(*states: tuple[Interval, Interval, Interval]) -> list[Point]:
+    """Points at (roll, load factor, path angle), their sines and cosines all at once."""
+    angles = [angle for phi, _, gamma in states for angle in (phi, gamma)]
+    sines, cosines = sine_and_cosine(
+        Interval(np.array([one.low for one in angles]), np.array([one.high for one in angles]))
+    )
+    s, c = (
+        [Interval(*ends) for ends in zip(one.low, one.high, strict=True)]
+        for one in (sines, cosines)
+    )
+    return [
+        Point(*state, s[i], c[i], s[i + 1], c[i + 1])
+        for state, i in zip(states, range(0, len(angles), 2), strict=True)
+    ]
 
 
 def point_mass_sample(
@@ -66,11 +88,13 @@ def point_mass_sample(
     """
     phi, n_z = flown
     d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
-    start_rate = _climb_rate(Point(phi.values, n_z.values, climb)) * g_over_v + d_gamma
+    (start,) = _points((phi.values, n_z.values, climb))
+    start_rate = _climb_rate(start) * g_over_v + d_gamma
     # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
     path = climb + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
-    values = Point(phi.values, n_z.values, path)
-    at = Point(*(Interval.point(one.middle) for one in values.values))
+    ranges = phi.values, n_z.values, path
+    middle, mid_load, mid_path = (Interval.point(one.middle) for one in ranges)
+    values, at = _points(ranges, (middle, mid_load, mid_path))
     rate = _climb_rate(values) * g_over_v + d_gamma
     apart = h * 0.5 * rate.radius * UP
     means = phi.mean, n_z.mean, gamma
@@ -108,8 +132,8 @@ def _mean_rate(
     """
     rate, slopes, rest = law
     at, values = points
-    middles = [one.low for one in at.values]
-    radii = [(one - m).largest for one, m in zip(values.values, middles, strict=True)]
+    middles = [one.low for one in at[:3]]
+    radii = [(one - m).largest for one, m in zip(values[:3], middles, strict=True)]
     exact_slopes = [one * g_over_v for one in slopes(at)]
     numbers = [one.middle for one in exact_slopes]
     left = rate(at) * g_over_v + rest(values, radii) * g_over_v

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -31,7 +32,7 @@ MODELS = {
 """Kinds of plants whose flights can be enclosed, in words."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TubeProblem:
     """All flights of one gain set on one plant of a scenario.
 
@@ -153,6 +154,7 @@ class TubeProblem:
         """A controller in its initial state."""
         return controller_of(self.scenario, f"{self.law}:", self.gains, self.limits)
 
+    @cached_property
     def loop(self) -> SampledLoop:
         """The loop that flies, with the numbers of its controller and its plant."""
         controller, flight, condition = (

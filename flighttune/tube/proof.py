@@ -195,7 +195,7 @@ def _hand_over(
 ) -> HandOver | None:
     if counts is None:
         return None
-    n = problem.loop().rows
+    n = problem.loop.rows
     shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}
     found = {name: np.asarray(arrays[f"ever_{name}"], dtype=float) for name in shapes}
     chosen = np.asarray(arrays["ever_chosen"]).astype(np.float32)
@@ -205,7 +205,7 @@ def _hand_over(
         raise InputError("the numbers of the hand-over must be finite.")
     last = len(problem.t)
     sample, samples = int(counts["sample"]), int(counts["samples"])
-    if not (settled_from(problem.loop()) < sample <= last and 1 <= samples <= MOST_SAMPLES):
+    if not (settled_from(problem.loop) < sample <= last and 1 <= samples <= MOST_SAMPLES):
         raise InputError(
             f"the hand-over must be after the last change and by sample {last}, and take at most "
             f"{MOST_SAMPLES} samples, got sample {sample} and {samples} samples."
@@ -239,7 +239,7 @@ def verify_tube(
     if not isinstance(tube, Tube):
         tube = load_tube(tube)
     problem = tube.problem
-    enclosure = enclosure_of(problem.loop(), first_set(problem, tube.settings), Replay(tube.chosen))
+    enclosure = enclosure_of(problem.loop, first_set(problem, tube.settings), Replay(tube.chosen))
     margins, ever = np.full(len(QUANTITIES), np.inf), tube.hand_over
     counted = None if tube.lost is None else counted_bounds(problem)
     for k, t in enumerate(problem.t):
@@ -263,7 +263,7 @@ def verify_tube(
             return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")
         if progress is not None and k % 50 == 0:
             progress(k / len(problem.t))
-    if ever is not None and (broken := _not_kept(problem.loop(), ever)):
+    if ever is not None and (broken := _not_kept(problem.loop, ever)):
         return _refused(f"after {ever.samples} samples from sample {ever.sample} on: {broken}")
     return Verification.of(
         [

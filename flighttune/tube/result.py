@@ -139,4 +139,4 @@ def tightest(*bounds: FloatArray) -> FloatArray:
 
 def first_set(problem: TubeProblem, settings: Settings) -> Pieces:
     """The starts of a problem, in the pieces of the settings."""
-    return start_set(problem.loop(), problem.start, settings.sides, CONSTRAINTS, settings.symbols)
+    return start_set(problem.loop, problem.start, settings.sides, CONSTRAINTS, settings.symbols)

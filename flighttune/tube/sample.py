@@ -27,7 +27,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.mimo_pi import ChannelLaw
-from flighttune.tube.forms import UP, Flags, Form, Indices, Pieces, combined
+from flighttune.tube.forms import UP, Flags, Form, Indices, Pieces, combined, transformed
 from flighttune.tube.functions import (
     cosine_of,
     positive_part,
@@ -684,10 +684,8 @@ class Enclosure:
         for lag, y, queue, command in zip(lags, states, queues, commands, strict=True):
             given = [command, *queue]
             inputs = [*y, given[lag.older + 1], given[lag.older]]
-            moved = [
-                combined(*zip(row, inputs, strict=True)).widened(COMPUTED) for row in lag.transition
-            ]
-            mean = combined(*zip(lag.mean, inputs, strict=True)).widened(COMPUTED)
+            rows_after = np.vstack([lag.transition, lag.mean])
+            *moved, mean = (one.widened(COMPUTED) for one in transformed(rows_after, inputs))
             ranges = [ordered(self._range(one)) for one in (*inputs, moved[0])]
             in_force = ranges[lag.order].hull(ranges[lag.order + 1])
             values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)

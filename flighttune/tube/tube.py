@@ -122,7 +122,7 @@ def _attempt(
     *,
     for_ever: bool,
 ) -> Tube:
-    loop, t = problem.loop(), problem.t
+    loop, t = problem.loop, problem.t
     rows, still, hulls = coordinates(loop) if for_ever else None, settled_from(loop), {}
     search = Search(loop, tolerance=settings.tolerance, most=settings.most)
     enclosure = enclosure_of(loop, first_set(problem, settings), search)
