@@ -7,6 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import flighttune as ft
+from flighttune.conformance import load_conformance
+from flighttune.flight.outer_loop import gain_set
+
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
 
@@ -29,6 +33,18 @@ def test_every_weather_has_a_limit_of_its_own():
     jsbsim = benchmark("bench_jsbsim")
 
     assert jsbsim.HIGHEST_RATIO.keys() == jsbsim.WEATHER.keys()
+
+
+def test_the_count_that_is_kept_is_about_the_shipped_aircraft():
+    known = load_conformance(benchmark("bench_tube").LIGHT)
+    scenario = ft.load_scenario("paper_identified")
+
+    known.check(
+        scenario, scenario.plant_of("jsbsim:aerosonde"), gain_set(scenario, "tuned_identified")
+    )
+    assert known.attempts[-1].outside == 0
+    # That many flights miss an event of probability epsilon at most this often.
+    assert (1.0 - known.epsilon) ** known.attempts[-1].counted <= 1.0 - known.confidence
 
 
 @pytest.mark.slow

@@ -15,7 +15,6 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_at_least, check_between
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.flying.alone import plant_table
 from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.places import spelled
 from flighttune.campaign.planning.plan import Group, Plan, plan_campaign
@@ -170,7 +169,7 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
             settings.over or _over(in_this_air), campaign.nominal.flight.duration_s, settings.window
         ),
     )
-    aircraft = plant_table(campaign.nominal, group.plant).aircraft or ""
+    aircraft = campaign.nominal.plant_of(group.plant).aircraft or ""
     learned = replace(
         in_this_air.of_group(group),
         runs=plan.draws,
@@ -303,7 +302,7 @@ def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
         If the aircraft has no identified model.
     """
     flight = scenario.flight
-    identified = load_identified(plant_table(scenario, plant).aircraft or "")
+    identified = load_identified(scenario.plant_of(plant).aircraft or "")
     nearest = identified.nearest(flight.V_a_mps, scenario.followed().initial[1])
     return ConformantModel(V_a=flight.V_a_mps, g=flight.g_mps2, lags=nearest.lags)
 

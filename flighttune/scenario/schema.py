@@ -338,6 +338,10 @@ class Scenario(Table):
         """Whether the first law is the exact one, so that gains are tuned for it by default."""
         return self.laws[0].acts_on_rates
 
+    def plant_of(self, label: str) -> PlantTable:
+        """The table of one of its plants."""
+        return next(table for table in self.plant if table.label == label)
+
     @property
     def windy(self) -> bool:
         """Whether the air moves on every plant, by [wind], [gust] or [turbulence]."""

@@ -131,7 +131,7 @@ class TubeProblem:
     @property
     def model(self) -> str:
         """The plant enclosed, in words."""
-        kind = MODELS[plant_table(self.scenario, self.plant).kind]
+        kind = MODELS[self.scenario.plant_of(self.plant).kind]
         return f"{kind}; {self.basis}" if self.basis else kind
 
     @property
@@ -185,7 +185,7 @@ class TubeProblem:
             d_low=self.d_low,
             d_high=self.d_high,
             start=(chi, gamma, condition.phi, condition.n_z),
-            exact=plant_table(self.scenario, self.plant).kind != "kinematic",
+            exact=self.scenario.plant_of(self.plant).kind != "kinematic",
             lags=tuple(SampledLag.of(lag, controller.dt) for lag in self.lags),
             inversion=inversion,
             roll=self.roll,
@@ -227,7 +227,7 @@ def tube_problem(
         If a value cannot be used, or the tube does not know the law.
     """
     kinds = ("jsbsim",) if conformance else tuple(kind for kind in MODELS if kind != "jsbsim")
-    table = plant_table(scenario, plant, kinds)
+    table = _chosen(scenario, plant, kinds)
     _check_known(scenario, table.label)
     t = sample_times(scenario)
     reference = scenario.followed()
@@ -286,7 +286,7 @@ def tube_problem(
 
 def sees_roll_flown(scenario: Scenario, plant: str, reference: FloatArray) -> bool:
     """Whether a feed-forward sees the roll of an aircraft, which is not all that of its model."""
-    aircraft = plant_table(scenario, plant).aircraft is not None
+    aircraft = scenario.plant_of(plant).aircraft is not None
     return aircraft and scenario.controller.feed_forward and not reference[:, 2:4].any()
 
 
@@ -296,16 +296,8 @@ def sample_times(scenario: Scenario) -> FloatArray:
     return np.arange(round(scenario.flight.duration_s / dt) + 1, dtype=np.float64) * dt
 
 
-def plant_table(
-    scenario: Scenario, plant: str | None, kinds: tuple[str, ...] = tuple(MODELS)
-) -> PlantTable:
-    """The plant of a label; without one the first of one of `kinds`.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+def _chosen(scenario: Scenario, plant: str | None, kinds: tuple[str, ...]) -> PlantTable:
+    """The plant of a label; without one the first of one of `kinds`."""
     for table in scenario.plant:
         if table.label == plant or (plant is None and table.kind in kinds):
             return table
@@ -331,7 +323,7 @@ def _within(scenario: Scenario, disturbance: float | None, samples: int) -> Floa
 def _check_known(scenario: Scenario, plant: str) -> None:
     """Refuse what no set is known for."""
     # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted there.
-    moving = plant_table(scenario, plant).aircraft is None and scenario.windy
+    moving = scenario.plant_of(plant).aircraft is None and scenario.windy
     swings = scenario.disturbance is not None and scenario.disturbance.as_wind
     for key, given in (("sensors", scenario.sensors), ("wind", moving or swings)):
         if given:

@@ -5,20 +5,7 @@ from collections.abc import Mapping
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.flight.fly import fly_alone
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.run import Run
-
-
-def plant_table(scenario: Scenario, label: str) -> PlantTable:
-    """The table of a plant.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    label : str
-        Of one of its plants.
-    """
-    return next(table for table in scenario.plant if table.label == label)
 
 
 def wind_source(scenario: Scenario, group: Group) -> Group | None:
@@ -34,7 +21,7 @@ def wind_source(scenario: Scenario, group: Group) -> Group | None:
     group : Group
     """
     source = scenario.wind_source
-    if source is None or plant_table(scenario, group.plant).aircraft is not None:
+    if source is None or scenario.plant_of(group.plant).aircraft is not None:
         return None
     return Group(source.label, group.gains)
 
@@ -64,7 +51,7 @@ def fly_group(
     source = wind_source(scenario, group)
     if source is not None and source not in wind_runs:
         fly_group(plan, scenario, source, wind_runs)
-    table, gains = plant_table(scenario, group.plant), plan.gain_sets[group.gains]
+    table, gains = scenario.plant_of(group.plant), plan.gain_sets[group.gains]
     wind_run = None if source is None else wind_runs[source]
     run = fly_alone(scenario, table, gains, group.gains, wind_run=wind_run)
     if scenario.windy and source is None:

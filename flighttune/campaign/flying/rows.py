@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.flying.alone import fly_group, plant_table
+from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.columns import RESIDUALS, TUBE_SHARE, row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
@@ -122,7 +122,7 @@ def warm_up(plan: Plan) -> None:
         gains = plan.gain_sets[group.gains]
         with suppress(FlightTuneError):
             law, _ = scenario.law_of(group.gains)
-            if gains is not None and batchable(scenario, plant_table(scenario, group.plant), law):
+            if gains is not None and batchable(scenario, scenario.plant_of(group.plant), law):
                 fly_batch([scenario], law, gains, None)
             fly_group(plan, scenario, group)
     with suppress(FlightTuneError):
@@ -145,7 +145,7 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
         wind_runs: dict[Group, Run] = {}
         for run in of_draw:
             group, scenarios[run] = plan.group_of(run), scenario
-            table = plant_table(scenario, group.plant)
+            table = scenario.plant_of(group.plant)
             law, _ = scenario.law_of(group.gains)
             known = plan.gain_sets[group.gains] is not None and plan.tube is None
             if known and batchable(scenario, table, law):
