@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix
 from flighttune.control.envelope import Envelope, JacobianHull
@@ -130,7 +129,7 @@ class Certificate:
         for one in self.models:
             if one.names != self.model.names:
                 raise InputError("`models` must have the states, inputs and errors of `model`.")
-        object.__setattr__(self, "made_with", MappingProxyType(dict(self.made_with)))
+        object.__setattr__(self, "made_with", dict(self.made_with))
 
     def _check_model(self) -> None:
         self.model.check_channels(self.gains)

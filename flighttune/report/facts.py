@@ -1,6 +1,6 @@
 """Everything a report shows, computed: runs, final errors, certificates, bounds, gaps, frontier."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.outer_loop import certify_scenario, tuning_problem
 from flighttune.guarantee.flight_check import FlightCheck, flight_check
 from flighttune.present.palette import LineStyle
+from flighttune.processes import meanwhile
 from flighttune.report.panels import Flights
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
@@ -132,13 +133,15 @@ class Facts:
         return Flights(runs=self.runs, styles=self.styles)
 
 
-def facts_of(source: Source) -> Facts:
+def facts_of(source: Source, *, prepare: Callable[[], object] | None = None) -> Facts:
     """Compute everything a report shows about the runs of one scenario.
 
     Parameters
     ----------
     source : Source
         Runs of one scenario.
+    prepare : callable, optional
+        Called once while the certificates are still made, in a process of their own.
 
     Raises
     ------
@@ -151,8 +154,14 @@ def facts_of(source: Source) -> Facts:
     if not runs:
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
     scenario = _scenario(source, runs)
-    gains = _gains(scenario, runs)
-    gaps, without = _gaps(scenario, runs)
+    # The solver of certificates takes as long to import as the ladders take to fly.
+    with meanwhile(lambda: _guaranteed(scenario, runs)) as guaranteed:
+        gaps, without = _gaps(scenario, runs)
+        checks = {run.label: one for run in runs if (one := flight_check(run)) is not None}
+        aircraft = _aircraft(runs)
+        if prepare is not None:
+            prepare()
+        gains, curve = guaranteed()
     return Facts(
         name=source.name,
         scenario=scenario,
@@ -162,17 +171,12 @@ def facts_of(source: Source) -> Facts:
         styles=run_styles(source.runs),
         final_errors={run.label: final_errors(run) for run in runs},
         gains=gains,
-        checks={run.label: one for run in runs if (one := flight_check(run)) is not None},
-        aircraft=_aircraft(runs),
+        checks=checks,
+        aircraft=aircraft,
         gaps=gaps,
         without_gap=without,
         missing=source.missing,
-        frontier=frontier(
-            tuning_problem(scenario),
-            points=FRONTIER_POINTS,
-            marked={one.name: one.gains for one in gains},
-            starts=0,  # drawn gains find the same curve in twice the time
-        ),
+        frontier=curve,
     )
 
 
@@ -201,6 +205,20 @@ def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
                 f"{run.label} than for {first.label}; use compare for those."
             )
     return scenario_from(dict(first.provenance.scenario))
+
+
+def _guaranteed(
+    scenario: Scenario, runs: Sequence[Run]
+) -> tuple[tuple[GainFacts, ...], pd.DataFrame]:
+    """The gain sets with their certificates, and the frontier with the gains marked."""
+    gains = _gains(scenario, runs)
+    curve = frontier(
+        tuning_problem(scenario),
+        points=FRONTIER_POINTS,
+        marked={one.name: one.gains for one in gains},
+        starts=0,  # drawn gains find the same curve in twice the time
+    )
+    return gains, curve
 
 
 def _gains(scenario: Scenario, runs: Sequence[Run]) -> tuple[GainFacts, ...]:

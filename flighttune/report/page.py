@@ -1,6 +1,7 @@
 """The report as one HTML file that needs nothing else."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from flighttune.comparison import Source, load_source
@@ -57,11 +58,13 @@ def write_report(
     ScenarioError
         If the recorded scenario is not valid any more.
     """
-    facts = facts_of(source if isinstance(source, Source) else load_source(source))
+    template = partial(page_template, "flighttune.report", "page.html.jinja")
+    source = source if isinstance(source, Source) else load_source(source)
+    facts = facts_of(source, prepare=template)
     made = facts.runs[0].provenance
     return write_page(
         Path(path),
-        page_template("flighttune.report", "page.html.jinja"),
+        template(),
         summary=(f"{facts.claim.short}.", best_sentence(facts)),
         answers=headline(facts, tubes),
         claim_sentence=f"{facts.claim.sentence}.",

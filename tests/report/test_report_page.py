@@ -4,6 +4,7 @@ import base64
 import dataclasses
 import hashlib
 import html
+import pickle
 import re
 
 import numpy as np
@@ -14,7 +15,7 @@ from flighttune.comparison import Source, load_source
 from flighttune.errors import RecordingError
 from flighttune.flight.outer_loop import tuning_problem
 from flighttune.metrics import channel_metrics
-from flighttune.report.facts import LONGEST_LADDER, facts_of
+from flighttune.report.facts import LONGEST_LADDER, _guaranteed, facts_of
 from flighttune.report.headline import headline
 from flighttune.report.page import write_report
 from flighttune.report.top import matrix
@@ -320,3 +321,15 @@ def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
 
 def test_the_gaps_of_one_aircraft_are_called_by_their_gains(paper_facts):
     assert [gap.name for gap in paper_facts.gaps] == ["paper", "tuned"]
+
+
+def test_what_a_report_has_made_in_a_copy_comes_back(paper_facts):
+    made = _guaranteed(paper_facts.scenario, paper_facts.runs)
+
+    gains, curve = pickle.loads(pickle.dumps(made))
+
+    assert [one.name for one in gains] == [one.name for one in made[0]]
+    assert [one.envelope.certificate.Q.tolist() for one in gains] == [
+        one.envelope.certificate.Q.tolist() for one in made[0]
+    ]
+    assert curve.equals(made[1])

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from flighttune.errors import FlightTuneError, PlantError
-from flighttune.processes import OWN_GROUP, crash_of
+from flighttune.processes import OWN_GROUP, can_be_copied, crash_of
 from flighttune.shipped import TRUST_AIRCRAFT
 
 if TYPE_CHECKING:
@@ -276,11 +276,10 @@ def _serve_as_copy(
 def _thread_setters() -> list[Callable[[int], Any]]:
     """Functions that set the threads of each OpenBLAS in this process.
 
-    None where a copy of this process would not do: the system is another than Linux (frameworks of
-    macOS break in a copy), Python has other threads, whose locks a copy would hold for ever, or the
-    numbers come from a library that computes other bits in several threads and cannot be told.
+    None where a copy of this process would not do: it cannot be copied, or the numbers come from a
+    library that computes other bits in several threads and cannot be told.
     """
-    if sys.platform != "linux" or threading.active_count() > 1:
+    if not can_be_copied():
         return []
     maps = Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
     libraries = {line.split()[-1] for line in maps if re.search(r"/lib[^/]*(blas|mkl)", line)}
