@@ -183,16 +183,15 @@ def run(
     reached, 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
     from flighttune.campaign.engine.engine import run_campaign  # first, so that the copy has it
-    from flighttune.campaign.engine.flyer import Flyer
+    from flighttune.campaign.engine.flyer import begun
+    from flighttune.simulate.batch import cores
 
-    with Flyer() as flyer:
-        if not (dry_run or scheduler):
-            flyer.begin(copy=True)  # it loads what flights need while the campaign is planned
+    # They load what flights need while the campaign is planned.
+    with begun(0 if dry_run or scheduler else workers or cores()) as flyers:
         folder = out or str(Path("runs") / Path(file).stem)
         plan = _planned(file, runs, folder, resume=resume)
         if dry_run:
             from flighttune.campaign.engine.cost import campaign_cost
-            from flighttune.simulate.batch import cores
 
             cost, count = campaign_cost(plan), workers or cores()
             emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count))
@@ -209,7 +208,7 @@ def run(
                     resume=resume,
                     until_halfwidth=until_halfwidth,
                     observer=observer,
-                    flyer=flyer,
+                    flyers=flyers,
                 )
         except (CampaignError, OutputError) as error:
             if not (Path(folder) / CAMPAIGN).exists():

@@ -62,8 +62,8 @@ class Chunks:
     def _size(self, workers: int) -> int:
         if math.isnan(self._run_s):
             return 1
-        share_s = self.left * self._run_s / (CHUNKS_LEFT * workers)
-        seconds = min(max(share_s, SHORTEST_S), LONGEST_S)
+        even_s = self.left * self._run_s / workers
+        seconds = min(max(even_s / CHUNKS_LEFT, SHORTEST_S), even_s, LONGEST_S)
         runs = round(seconds / max(self._run_s, 1e-9))  # a clock may say that a run took no time
         return max(1, min(runs, GROWTH * self._largest))
 

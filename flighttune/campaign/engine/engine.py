@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +41,7 @@ def run_campaign(
     resume: bool = False,
     until_halfwidth: float | None = None,
     observer: CampaignObserver | None = None,
-    flyer: Flyer | None = None,
+    flyers: Sequence[Flyer] = (),
 ) -> CampaignOutcome:
     """Fly a campaign, or what is missing of it.
 
@@ -52,7 +52,8 @@ def run_campaign(
     out : str or Path
         Folder of the rows. Only this process writes.
     workers : int, optional
-        Flights at a time on this machine; by default one a core, and one for a small campaign.
+        Flights at a time on this machine; by default one a core, and for a small campaign one for
+        each of `flyers`, or one.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
@@ -61,8 +62,8 @@ def run_campaign(
         Stop as soon as the 95 % interval of every group's success rate is that narrow.
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
-    flyer : Flyer, optional
-        A process that flies, if one has begun already; it is closed in any case.
+    flyers : sequence of Flyer
+        Processes that fly, where some have begun already.
 
     Returns
     -------
@@ -83,8 +84,8 @@ def run_campaign(
     interim = list(interim_analyses(plan, until_halfwidth))
     halfwidth, done = None, True
     if workers is None and scheduler is None and is_small(plan):
-        workers = 1
-    with worker_pool(workers, scheduler, observer, flyer=flyer) as pool, locked(Path(out)):
+        workers = max(len(flyers), 1)
+    with worker_pool(workers, scheduler, observer, flyers=flyers) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         tally = _counted(dataset, observer.hear)

@@ -19,7 +19,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -38,6 +38,9 @@ START_S = 120.0
 
 EXIT_S = 10.0
 """Longest time a process may take to exit after its output has closed."""
+
+MOST_COPIES = 4
+"""Of a process that begins to fly: more take longer to make than they save."""
 
 ORPHAN_LIMITS = 2.0
 """After this many time limits of a run the process ends itself. Its parent ends it after one; a
@@ -89,30 +92,20 @@ class Flyer:
         self._cancelled = self._ready = False
         self.versions: dict[str, str] = {}
 
-    def begin(self, *, copy: bool = False) -> None:
-        """Start the process, unless it runs, and do not wait for it.
+    def launch(self, one_thread: Sequence[Callable[[int], Any]] = ()) -> None:
+        """Start the process, and neither wait for it nor listen to it.
 
         Parameters
         ----------
-        copy : bool
-            Whether a copy of this process will do, where the system can: it starts with what has
-            been imported here.
-
-        Raises
-        ------
-        PlantError
-            If the flights have been cancelled.
+        one_thread : sequence of callable
+            Of `_thread_setters`; with them the process is a copy of this one.
         """
-        if self._process is not None:
-            return
-        if self._cancelled:
-            raise PlantError("the flights of this worker have been cancelled.")
         self._messages, self._ready = queue.SimpleQueue(), False
         with _ctrl_c_blocked():
-            if copy and (one_thread := _thread_setters()):
-                self._process = _Copy(one_thread)
-            else:
-                self._process = subprocess.Popen(
+            self._process = (
+                _Copy(one_thread)
+                if one_thread
+                else subprocess.Popen(
                     [sys.executable, "-m", "flighttune.campaign.engine.flyer"],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
@@ -120,6 +113,11 @@ class Flyer:
                     creationflags=OWN_GROUP,
                     env={**os.environ, **dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1")},
                 )
+            )
+
+    def listen(self) -> None:
+        """Take what the process says, in a thread of its own."""
+        assert self._process is not None
         assert self._process.stdout is not None
         reader = threading.Thread(
             target=_read_messages, args=(self._process.stdout, self._messages), daemon=True
@@ -132,9 +130,13 @@ class Flyer:
         Raises
         ------
         PlantError
-            If it does not come up.
+            If it does not come up, or the flights have been cancelled.
         """
-        self.begin()
+        if self._process is None:
+            if self._cancelled:
+                raise PlantError("the flights of this worker have been cancelled.")
+            self.launch()
+            self.listen()
         if self._ready:
             return
         kind, _, payload = self._next(START_S)
@@ -226,6 +228,24 @@ class Flyer:
         finally:
             self.close()
         return crash_of(code) or f"exit status {code}"
+
+
+@contextmanager
+def begun(count: int) -> Iterator[list[Flyer]]:
+    """Processes that fly, begun for the block as copies of this one, with all it has imported.
+
+    At most `count` and `MOST_COPIES`; where this process cannot be copied it is one that starts
+    anew.
+    """
+    one_thread = _thread_setters()
+    flyers = [Flyer() for _ in range(min(count, MOST_COPIES if one_thread else 1))]
+    with ExitStack() as stack:
+        for flyer in flyers:
+            stack.callback(flyer.close)
+            flyer.launch(one_thread)
+        for flyer in flyers:  # not before: a process with threads cannot be copied
+            flyer.listen()
+        yield flyers
 
 
 class _Copy:

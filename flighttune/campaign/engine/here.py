@@ -1,6 +1,6 @@
 """Tasks done on this machine: by threads, each with a process that flies for it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Any
@@ -31,19 +31,17 @@ def is_small(plan: Plan) -> bool:
 
 
 @contextmanager
-def workers_here(count: int, flyer: Flyer | None = None) -> Iterator["Threads"]:
+def workers_here(count: int, begun: Sequence[Flyer] = ()) -> Iterator["Threads"]:
     """Threads for the block; the processes that fly for them end with it.
 
     Parameters
     ----------
     count : int
-    flyer : Flyer, optional
-        A process for the first of them, which has begun already.
+    begun : sequence of Flyer
+        Processes for the first of them, which have begun already.
     """
-    flyers = [Flyer() for _ in range(count - (flyer is not None))]
-    if flyer is not None:
-        flyers.append(flyer)
-    with ThreadPoolExecutor(count, "flights", lambda: fly_by(flyers.pop())) as executor:
+    flyers = [*begun[:count], *(Flyer() for _ in range(count - len(begun)))]
+    with ThreadPoolExecutor(count, "flights", lambda: fly_by(flyers.pop(0))) as executor:
         try:
             yield Threads(executor, count)
         finally:

@@ -38,7 +38,7 @@ def worker_pool(
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
     *,
-    flyer: Flyer | None = None,
+    flyers: Sequence[Flyer] = (),
 ) -> Iterator["WorkerPool"]:
     """Workers for the block: threads of this process, or those of a scheduler elsewhere.
 
@@ -50,8 +50,8 @@ def worker_pool(
         Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
     observer : CampaignObserver, optional
         Receives the progress; may stop the flights.
-    flyer : Flyer, optional
-        A process, started already, for this machine's first thread; closed in any case.
+    flyers : sequence of Flyer
+        Processes, begun already, for the first threads of this machine.
 
     Yields
     ------
@@ -69,11 +69,9 @@ def worker_pool(
         raise InputError("`workers` must not be given with `scheduler`, which has its own.")
     check_at_least(1, workers=workers)
     if scheduler is None:
-        with workers_here(workers or cores(), flyer) as threads:
+        with workers_here(workers or cores(), flyers) as threads:
             yield WorkerPool(lambda: threads, observer)
         return
-    if flyer is not None:
-        flyer.close()
     with cluster(scheduler) as connect:
         yield WorkerPool(connect, observer)
 
