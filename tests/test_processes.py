@@ -1,4 +1,4 @@
-"""Work in a copy of the process: where it is done, and what is left of it."""
+"""How a process ended, on systems with signals and on Windows; work in a copy of one."""
 
 import os
 import sys
@@ -7,9 +7,33 @@ import threading
 import pytest
 
 from flighttune import processes
-from flighttune.processes import meanwhile
+from flighttune.processes import crash_of, joined, meanwhile
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
+linux = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        (0, ""),
+        (3, ""),
+        (-11, "SIGSEGV"),
+        (-250, "signal 250"),
+        (0xC0000005, "exception 0xC0000005"),  # access violation, as Windows numbers it
+    ],
+)
+def test_a_crash_is_named(code, said):
+    assert crash_of(code) == said
+
+
+@pytest.mark.parametrize(
+    ("system", "line"),
+    [("posix", "fly '--root=C:/My Flights'"), ("nt", 'fly "--root=C:/My Flights"')],
+)
+def test_a_command_line_is_quoted_for_the_shell_of_the_system(system, line, monkeypatch):
+    monkeypatch.setattr(os, "name", system)
+
+    assert joined(["fly", "--root=C:/My Flights"]) == line
 
 
 @pytest.fixture
@@ -18,6 +42,7 @@ def one_thread(monkeypatch):
     monkeypatch.setattr(processes.threading, "active_count", lambda: 1)
 
 
+@linux
 @pytest.mark.usefixtures("one_thread")
 def test_the_result_is_that_of_another_process():
     with meanwhile(lambda: (os.getpid(), os.getppid())) as answer:
@@ -26,6 +51,7 @@ def test_the_result_is_that_of_another_process():
     assert worker != os.getpid() == parent
 
 
+@linux
 @pytest.mark.usefixtures("one_thread")
 @pytest.mark.parametrize(
     "work", [lambda: os.getpid() and 1 / 0, lambda: os.getpid().missing], ids=["number", "name"]
@@ -38,6 +64,7 @@ def test_an_error_is_that_of_the_work(work):
         answer()
 
 
+@linux
 @pytest.mark.usefixtures("one_thread")
 @pytest.mark.parametrize("end", [lambda: os._exit(1), threading.Lock], ids=["ends", "no pickle"])
 def test_work_without_a_result_is_done_here(end):
@@ -50,6 +77,7 @@ def test_work_without_a_result_is_done_here(end):
         assert answer() == here
 
 
+@linux
 @pytest.mark.usefixtures("one_thread")
 def test_a_copy_that_nobody_waits_for_is_ended(monkeypatch):
     copies, fork = [], os.fork
