@@ -392,3 +392,13 @@ def test_chunks_are_whole_draws_that_cover_the_gaps_and_shrink_to_the_end():
     assert max(span.runs for span in taken) * 0.1 <= 10.0 + 0.4
     assert taken[-1].runs <= 4
     assert chunks.left == 0
+
+
+def test_no_worker_is_given_more_than_its_share_of_quick_flights():
+    chunks = Chunks([Span(0, 40)], draw=4)
+
+    while left := chunks.left:
+        span = chunks.take(2)
+        chunks.learn(span, 0.027 * span.runs)
+
+        assert span.runs <= left / 2 + 3  # up to the end of a draw

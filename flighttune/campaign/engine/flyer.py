@@ -160,12 +160,6 @@ class Flyer:
         """Fly a run of a plan (its JSON) for its signals, not longer than `limit` (s)."""
         return self._ask({"plan": plan, "signals": run, "limit": limit}, limit)
 
-    def __enter__(self) -> "Flyer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def close(self) -> None:
         """End the process."""
         if self._process is not None:
