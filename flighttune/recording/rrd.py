@@ -44,6 +44,10 @@ FAINT = 150
 FAINTEST = 110
 """Opacity of measured signals."""
 
+GUARD = "".join(map(chr, range(0x180, 0x184)))
+"""Letters after `BLANK`. Zeros follow a text in a chunk; where an id has ended in the same letter,
+LZ4 stores the letter and the zeros as a copy of those."""
+
 SHORTEST_BOUND = 1.5
 """Time that a bound must last to be drawn, s: shreds of it say nothing."""
 
@@ -130,7 +134,7 @@ def log_recording(
     for i, channel in enumerate(CHANNELS):
         _log_bounds(stream, f"{channel}_err", i, drawn)
     stream.flush()
-    stream.log(entities.SEAL, rr.AnyValues(file=BLANK), static=True)
+    stream.log(entities.SEAL, rr.AnyValues(file=BLANK + GUARD), static=True)
 
 
 @contextmanager

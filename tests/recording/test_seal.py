@@ -8,13 +8,15 @@ from functools import partial
 
 import numpy as np
 import pytest
+import rerun as rr
 
 from flighttune.errors import RecordingError
 from flighttune.recording.load import load_recording
 from flighttune.recording.parquet import write_run
-from flighttune.recording.rrd import write_recording
+from flighttune.recording.rrd import GUARD, recording_bytes, write_recording
 from flighttune.recording.run_columns import check_recording
 from flighttune.recording.run_record import RunRecord
+from flighttune.recording.seal import BLANK, sealed_bytes
 from flighttune.recording.viewer import view
 
 SEED = 12
@@ -46,6 +48,16 @@ def refusal(path):
     assert line.startswith(f"{path}: must ")
     assert "\n" not in line
     return line
+
+
+@pytest.mark.parametrize("letters", [BLANK[-1], GUARD[-1], GUARD[-3:]])
+def test_there_is_room_for_the_sha256_whatever_an_id_ends_in(letters, monkeypatch, tmp_path):
+    values, path = rr.AnyValues, tmp_path / "flight.rrd"
+    monkeypatch.setattr(rr, "AnyValues", lambda **given: values(before=letters, **given))
+
+    path.write_bytes(recording_bytes([], page="# Page\n", title="Flight"))
+
+    assert sealed_bytes(path, "recording")
 
 
 @pytest.mark.parametrize("count", COUNTS)
