@@ -151,7 +151,7 @@ def row(name, folder, flights):
         met &= valid and outside <= 1e-6 and verify_s <= VERIFY_S and size <= FILE_MB
         if width is not None:
             met &= bool((widths.max(axis=0) <= width).all() and widths[-1].max() <= end)
-            met &= cpu <= 2.0 * seconds  # of two cores
+            met &= cpu <= seconds
         if ratio is not None:
             met &= bool(ratios.max() <= ratio)
     return measured | {"target_met": bool(met)}
@@ -211,7 +211,7 @@ def flown_by_model(problem, count, rng):
     return np.stack(flights, axis=2)
 
 
-def counted(name, folder):
+def count(name, folder):
     """The file of a count for a scenario of the Aerosonde in calm air."""
     path = Path(folder) / f"{name}.json"
     command = ["conform", *AIRCRAFT[name][0], "--window", "0.1", "--out", str(path)]
@@ -248,7 +248,7 @@ def tube_of_aircraft(name, path, folder):
 def calm_row(name, folder, flights):
     """The tube in calm air, and how wide the flights of the model are in its boxes."""
     _, width, end, seconds, ratio = AIRCRAFT[name]
-    found, measured = tube_of_aircraft(name, counted(name, folder), folder)
+    found, measured = tube_of_aircraft(name, count(name, folder), folder)
     measured = {"row": f"Aerosonde, calm, {name}"} | measured
     if found.status != "bounded" or found.counted_from is not None:
         return measured | {"target_met": False}

@@ -9,7 +9,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -45,10 +45,23 @@ def joined(command: Sequence[str]) -> str:
 
 
 @contextmanager
+def ctrl_c_blocked() -> Iterator[None]:
+    """Let Ctrl-C not reach processes started in the block: it is for the command to end them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
 def meanwhile(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
     """Work in a copy of this process while the block runs; its result is a call away.
 
-    Where a copy will not do, or ends without a result, the call does the work here: errors are
+    Where there can be no copy, or it ends without a result, the call does the work here: errors are
     those of the work itself.
 
     Parameters
@@ -59,37 +72,50 @@ def meanwhile(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
     if not can_be_copied():
         yield work
         return
-    result, to_parent = os.pipe()
-    with warnings.catch_warnings():
-        # Python 3.12 warns of any thread; those of BLAS know of copies.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        copy = os.fork()
-    if copy == 0:
-        with suppress(BaseException):
-            found = pickle.dumps(work())
-            with os.fdopen(to_parent, "wb") as stream:
-                stream.write(found)
-        os._exit(0)  # without what the parent still has in its buffers
-    os.close(to_parent)
-    with os.fdopen(result, "rb") as stream:
+    with ExitStack() as stack:
+        with ctrl_c_blocked():  # until the copy is sure to be ended
+            result, to_parent = os.pipe()
+            stream = stack.enter_context(os.fdopen(result, "rb"))
+            with os.fdopen(to_parent, "wb") as there:
+                copy = _fork()
+                if copy == 0:
+                    stream.close()
+                    with suppress(BaseException):
+                        there.write(pickle.dumps(work()))
+                        there.flush()
+                    os._exit(0)  # without what the parent still has in its buffers
+            if copy is not None:
+                stack.callback(_end, copy)
 
         def answer() -> T:
             try:
                 return pickle.load(stream)
-            except (EOFError, pickle.UnpicklingError):  # it ended before, or in the middle
+            except (EOFError, pickle.UnpicklingError):  # none, or its end is missing
                 return work()
 
-        try:
-            yield answer
-        finally:
-            os.kill(copy, signal.SIGKILL)
-            os.waitpid(copy, 0)
+        yield answer
 
 
 def can_be_copied() -> bool:
-    """Whether a fork of this process can work.
+    """Whether a fork of this process may be tried.
 
     Not on another system than Linux (frameworks of macOS break in it), nor with other threads of
-    Python, whose locks it would hold for ever.
+    Python, whose locks it would hold for ever. Threads of libraries are not counted.
     """
     return sys.platform == "linux" and threading.active_count() == 1
+
+
+def _fork() -> int | None:
+    """Of `os.fork`; None where the system has no room for a copy."""
+    with warnings.catch_warnings(), suppress(OSError):
+        # Python 3.12 warns of any thread; those of BLAS know of copies.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return os.fork()
+    return None
+
+
+def _end(process: int) -> None:
+    """End a process started here; somebody else may have waited for it."""
+    with suppress(ProcessLookupError, ChildProcessError):
+        os.kill(process, signal.SIGKILL)
+        os.waitpid(process, 0)

@@ -40,7 +40,7 @@ def test_the_count_that_is_kept_is_about_the_shipped_aircraft():
     scenario = ft.load_scenario("paper_identified")
 
     known.check(
-        scenario, scenario.plant_of("jsbsim:aerosonde"), gain_set(scenario, "tuned_identified")
+        scenario, scenario.plant_table("jsbsim:aerosonde"), gain_set(scenario, "tuned_identified")
     )
     assert known.attempts[-1].outside == 0
     # That many flights miss an event of probability epsilon at most this often.

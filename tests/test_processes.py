@@ -1,5 +1,6 @@
 """How a process ended, on systems with signals and on Windows; work in a copy of one."""
 
+import errno
 import os
 import sys
 import threading
@@ -88,6 +89,18 @@ def test_a_copy_that_nobody_waits_for_is_ended(monkeypatch):
 
     with pytest.raises(ProcessLookupError):
         os.kill(copies[0], 0)
+
+
+@linux
+@pytest.mark.usefixtures("one_thread")
+def test_where_there_is_no_room_for_a_copy_the_work_is_done_here(monkeypatch):
+    def full():
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr(processes.os, "fork", full)
+
+    with meanwhile(os.getpid) as answer:
+        assert answer() == os.getpid()
 
 
 def test_beside_other_threads_the_work_is_done_here(monkeypatch):

@@ -169,7 +169,7 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
             settings.over or _over(in_this_air), campaign.nominal.flight.duration_s, settings.window
         ),
     )
-    aircraft = campaign.nominal.plant_of(group.plant).aircraft or ""
+    aircraft = campaign.nominal.plant_table(group.plant).aircraft or ""
     learned = replace(
         in_this_air.of_group(group),
         runs=plan.draws,
@@ -302,7 +302,7 @@ def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
         If the aircraft has no identified model.
     """
     flight = scenario.flight
-    identified = load_identified(scenario.plant_of(plant).aircraft or "")
+    identified = load_identified(scenario.plant_table(plant).aircraft or "")
     nearest = identified.nearest(flight.V_a_mps, scenario.followed().initial[1])
     return ConformantModel(V_a=flight.V_a_mps, g=flight.g_mps2, lags=nearest.lags)
 

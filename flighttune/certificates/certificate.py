@@ -129,6 +129,7 @@ class Certificate:
         for one in self.models:
             if one.names != self.model.names:
                 raise InputError("`models` must have the states, inputs and errors of `model`.")
+        # A plain dict: a read-only view cannot be pickled, and certificates come back from a copy.
         object.__setattr__(self, "made_with", dict(self.made_with))
 
     def _check_model(self) -> None:

@@ -27,8 +27,8 @@ from flighttune.errors import FlightTuneError
 from flighttune.extras import missing_extra
 
 COLLECT_AFTER = 50_000
-"""Objects made between searches for garbage: Python's 700 cost a command a thirtieth of its time,
-while modules are imported that stay."""
+"""New objects between two garbage collections. With Python's default of 700 a command spends a
+thirtieth of its time on them, while it imports modules that stay."""
 
 app = typer.Typer(
     name="flighttune",

@@ -182,12 +182,12 @@ def run(
     A flight that fails is a result: the exit status stays 0. It is 1 if --until-halfwidth was not
     reached, 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
-    from flighttune.campaign.engine.engine import run_campaign  # first, so that the copy has it
-    from flighttune.campaign.engine.flyer import begun
+    from flighttune.campaign.engine.engine import run_campaign  # first, so that copies have it
+    from flighttune.campaign.engine.flyer import flyer_copies
     from flighttune.simulate.batch import cores
 
-    # They load what flights need while the campaign is planned.
-    with begun(0 if dry_run or scheduler else workers or cores()) as flyers:
+    # The copies load what flights need while the campaign is planned.
+    with flyer_copies(0 if dry_run or scheduler else workers or cores()) as flyers:
         folder = out or str(Path("runs") / Path(file).stem)
         plan = _planned(file, runs, folder, resume=resume)
         if dry_run:

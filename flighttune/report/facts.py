@@ -141,7 +141,7 @@ def facts_of(source: Source, *, prepare: Callable[[], object] | None = None) -> 
     source : Source
         Runs of one scenario.
     prepare : callable, optional
-        Called once while the certificates are still made, in a process of their own.
+        Called once, while a copy of this process may still make the certificates.
 
     Raises
     ------
@@ -155,13 +155,13 @@ def facts_of(source: Source, *, prepare: Callable[[], object] | None = None) -> 
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
     scenario = _scenario(source, runs)
     # The solver of certificates takes as long to import as the ladders take to fly.
-    with meanwhile(lambda: _guaranteed(scenario, runs)) as guaranteed:
+    with meanwhile(lambda: _certificates_and_frontier(scenario, runs)) as guarantees:
         gaps, without = _gaps(scenario, runs)
         checks = {run.label: one for run in runs if (one := flight_check(run)) is not None}
         aircraft = _aircraft(runs)
         if prepare is not None:
             prepare()
-        gains, curve = guaranteed()
+        gains, curve = guarantees()
     return Facts(
         name=source.name,
         scenario=scenario,
@@ -207,7 +207,7 @@ def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
     return scenario_from(dict(first.provenance.scenario))
 
 
-def _guaranteed(
+def _certificates_and_frontier(
     scenario: Scenario, runs: Sequence[Run]
 ) -> tuple[tuple[GainFacts, ...], pd.DataFrame]:
     """The gain sets with their certificates, and the frontier with the gains marked."""

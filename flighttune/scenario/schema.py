@@ -338,9 +338,19 @@ class Scenario(Table):
         """Whether the first law is the exact one, so that gains are tuned for it by default."""
         return self.laws[0].acts_on_rates
 
-    def plant_of(self, label: str) -> PlantTable:
-        """The table of one of its plants."""
-        return next(table for table in self.plant if table.label == label)
+    def plant_table(self, label: str) -> PlantTable:
+        """The table of one of its plants.
+
+        Raises
+        ------
+        InputError
+            If it has none of that label.
+        """
+        for table in self.plant:
+            if table.label == label:
+                return table
+        known = ", ".join(table.label for table in self.plant)
+        raise InputError(f"`plant` must be one of {known}, got {label}.")
 
     @property
     def windy(self) -> bool:

@@ -25,7 +25,7 @@ def flights_inside(tube: Tube) -> bool:
 def _flights(tube: Tube) -> Iterator[pd.DataFrame]:
     problem = tube.problem
     scenario, condition = problem.scenario, problem.scenario.condition
-    table = scenario.plant_of(problem.plant)
+    table = scenario.plant_table(problem.plant)
     corners = {(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}
     for chi, gamma in sorted(corners):
         start = replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma)

@@ -17,7 +17,7 @@ than 100 roundings under ``2^-53 cosh(1.56)``."""
 SERIES_TERMS = 14
 
 LEAST, MOST = np.array(-np.inf), np.array(np.inf)
-"""Where `outward` moves to; arrays, because it would make one of a float each time."""
+"""Directions for `np.nextafter`, as arrays: it would convert a float at every call."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +104,7 @@ def cosine(angle: Interval) -> Interval:
 
 
 def sine_and_cosine(angle: Interval) -> tuple[Interval, Interval]:
-    """Contain the sines and the cosines of angles inside +-`LARGEST_ANGLE`."""
+    """Intervals that contain the sines and the cosines of angles inside +-`LARGEST_ANGLE`."""
     ends = np.array([angle.low, angle.high])
     # Taylor polynomials at both ends, by Horner's rule: 1 - x^2/d_1 (1 - x^2/d_2 (1 - ...)).
     square, total = ends * ends, np.ones((2, *ends.shape))

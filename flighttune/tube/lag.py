@@ -22,11 +22,14 @@ ROUNDING = 1e-13
 WIDER = 0.05
 """Part of its width by which a box is widened before it is tried again."""
 
-FURTHER = 1.5
-"""Sum of a geometric series of 1/`SHORT`."""
-
 SHORT = 3.0
 """Steps within a sample, times the sample time and the norm of A."""
+
+FURTHER = 1.0 / (1.0 - 1.0 / SHORT)
+"""Sum of a geometric series of 1/`SHORT`."""
+
+SLACK = 1e-9
+"""Widening of a box that is tried, for one that has no width."""
 
 REMAINDER = Fraction(1, 10**22)
 """Bound on what the exponential series leaves out."""
@@ -134,10 +137,11 @@ class SampledLag:
     def _box(self, start: FloatArray, pushed: FloatArray, t: float) -> FloatArray | None:
         """A box of all states up to `t` (s) from a box of them: lower ends, then upper ones."""
         n, outwards = self.order, self._outwards
-        # As far as the rates at the start lead, and what these lead to: mostly enough at once.
+        # The first box: the rates at the start, the rates these cause, and a geometric bound on the
+        # rest. Mostly it holds at once.
         by = t * self._rates(start, pushed)
         further = t * (self._sizes @ np.maximum(np.abs(by[:n]), np.abs(by[n:])))
-        further += FURTHER * t * (self._sizes @ further) + 1e-9
+        further += FURTHER * t * (self._sizes @ further) + SLACK
         box = start + outwards * (np.maximum(outwards * by, 0.0) + np.tile(further, (2, 1)))
         for _ in range(PICARD):
             by = t * self._rates(box, pushed)
@@ -146,7 +150,7 @@ class SampledLag:
             beyond = outwards * (moved - box)
             if (beyond <= 0.0).all():
                 return moved
-            margin = WIDER * (moved[n:] - moved[:n]) + 1e-9
+            margin = WIDER * (moved[n:] - moved[:n]) + SLACK
             box = box + outwards * (np.maximum(beyond, 0.0) + np.concatenate([margin, margin]))
         return None
 

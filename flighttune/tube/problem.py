@@ -131,7 +131,7 @@ class TubeProblem:
     @property
     def model(self) -> str:
         """The plant enclosed, in words."""
-        kind = MODELS[self.scenario.plant_of(self.plant).kind]
+        kind = MODELS[self.scenario.plant_table(self.plant).kind]
         return f"{kind}; {self.basis}" if self.basis else kind
 
     @property
@@ -185,7 +185,7 @@ class TubeProblem:
             d_low=self.d_low,
             d_high=self.d_high,
             start=(chi, gamma, condition.phi, condition.n_z),
-            exact=self.scenario.plant_of(self.plant).kind != "kinematic",
+            exact=self.scenario.plant_table(self.plant).kind != "kinematic",
             lags=tuple(SampledLag.of(lag, controller.dt) for lag in self.lags),
             inversion=inversion,
             roll=self.roll,
@@ -286,7 +286,7 @@ def tube_problem(
 
 def sees_roll_flown(scenario: Scenario, plant: str, reference: FloatArray) -> bool:
     """Whether a feed-forward sees the roll of an aircraft, which is not all that of its model."""
-    aircraft = scenario.plant_of(plant).aircraft is not None
+    aircraft = scenario.plant_table(plant).aircraft is not None
     return aircraft and scenario.controller.feed_forward and not reference[:, 2:4].any()
 
 
@@ -298,12 +298,13 @@ def sample_times(scenario: Scenario) -> FloatArray:
 
 def _chosen(scenario: Scenario, plant: str | None, kinds: tuple[str, ...]) -> PlantTable:
     """The plant of a label; without one the first of one of `kinds`."""
+    if plant is not None:
+        return scenario.plant_table(plant)
     for table in scenario.plant:
-        if table.label == plant or (plant is None and table.kind in kinds):
+        if table.kind in kinds:
             return table
     known = ", ".join(table.label for table in scenario.plant)
-    wanted = f"of kind {' or '.join(kinds)}" if plant is None else f"one of {known}"
-    raise InputError(f"`plant` must be {wanted} for this tube, got {plant or known}.")
+    raise InputError(f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {known}.")
 
 
 def _within(scenario: Scenario, disturbance: float | None, samples: int) -> FloatArray:
@@ -323,7 +324,7 @@ def _within(scenario: Scenario, disturbance: float | None, samples: int) -> Floa
 def _check_known(scenario: Scenario, plant: str) -> None:
     """Refuse what no set is known for."""
     # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted there.
-    moving = scenario.plant_of(plant).aircraft is None and scenario.windy
+    moving = scenario.plant_table(plant).aircraft is None and scenario.windy
     swings = scenario.disturbance is not None and scenario.disturbance.as_wind
     for key, given in (("sensors", scenario.sensors), ("wind", moving or swings)):
         if given:

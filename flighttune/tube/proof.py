@@ -151,10 +151,11 @@ def _tube_from(arrays: dict[str, Any]) -> Tube:
             f"`settings` must have at most {MOST_PIECES} pieces and {MOST_SYMBOLS} symbols, got "
             f"{settings.sides**2} and {settings.symbols}."
         )
+    scenario = scenario_from(claim["scenario"])
     problem = TubeProblem(
-        scenario=scenario_from(claim["scenario"]),
+        scenario=scenario,
         gains=PIGains.from_lists(**claim["gains"]),
-        plant=claim["plant"],
+        plant=scenario.plant_table(claim["plant"]).label,
         start=float(claim["start_rad"]),
         d_low=arrays["d_low"],
         d_high=arrays["d_high"],

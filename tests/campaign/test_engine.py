@@ -7,6 +7,7 @@ import pytest
 from campaigns import Notes, bits, children, plan
 
 from flighttune.campaign.dataset import open_dataset
+from flighttune.campaign.engine import flyer
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.engine.pool import WAITING_PER_THREAD
 from flighttune.campaign.flying.columns import row_schema
@@ -44,6 +45,19 @@ def test_every_run_is_there_once_as_one_process_flies_it(tmp_path, monkeypatch, 
     assert {path.name for path in tmp_path.iterdir()} == {"files", "out"}
     assert not LISTENING
     assert not children()
+
+
+def test_where_there_is_no_room_for_copies_none_fly_and_no_pipe_stays(monkeypatch):
+    def full(*_):
+        raise BlockingIOError
+
+    monkeypatch.setattr(flyer, "_thread_setters", lambda: [print])
+    monkeypatch.setattr(flyer.multiprocessing.get_context("fork").Process, "_Popen", full)
+    before = psutil.Process().num_fds()
+
+    with flyer.flyer_copies(2) as flyers:
+        assert flyers == []
+        assert psutil.Process().num_fds() == before
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from flighttune.comparison import Source, load_source
 from flighttune.errors import RecordingError
 from flighttune.flight.outer_loop import tuning_problem
 from flighttune.metrics import channel_metrics
-from flighttune.report.facts import LONGEST_LADDER, _guaranteed, facts_of
+from flighttune.report.facts import LONGEST_LADDER, _certificates_and_frontier, facts_of
 from flighttune.report.headline import headline
 from flighttune.report.page import write_report
 from flighttune.report.top import matrix
@@ -323,8 +323,8 @@ def test_the_gaps_of_one_aircraft_are_called_by_their_gains(paper_facts):
     assert [gap.name for gap in paper_facts.gaps] == ["paper", "tuned"]
 
 
-def test_what_a_report_has_made_in_a_copy_comes_back(paper_facts):
-    made = _guaranteed(paper_facts.scenario, paper_facts.runs)
+def test_certificates_and_frontier_can_be_pickled(paper_facts):
+    made = _certificates_and_frontier(paper_facts.scenario, paper_facts.runs)
 
     gains, curve = pickle.loads(pickle.dumps(made))
 

@@ -119,6 +119,7 @@ def test_a_wider_disturbance_is_refused(changed):
         ("d_low", lambda d: d + 1.0, "d_low"),
         ("settings", lambda s: {**s, "sides": 10**6}, "settings"),
         ("scenario", lambda s: {**s, "colour": "red"}, "colour"),
+        ("plant", lambda _: "glider", r"changed\.npz: `plant` must be one of .* got glider"),
     ],
 )
 def test_what_is_no_tube_is_refused_in_one_line(changed, name, change, what):

@@ -9,7 +9,8 @@ LONGEST_S = 10.0
 """Longest time a chunk should take: it is lost with its worker, or at Ctrl-C."""
 
 SHORTEST_S = 0.25
-"""Shortest time of a chunk: handing it out costs 5 ms, 2 % of this."""
+"""Shortest time of a chunk but for the last ones, which are shared evenly: handing it out costs
+5 ms, 2 % of this."""
 
 CHUNKS_LEFT = 4
 """Each worker should get this many more chunks of the runs left, so that all end together."""

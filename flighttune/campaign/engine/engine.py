@@ -52,8 +52,8 @@ def run_campaign(
     out : str or Path
         Folder of the rows. Only this process writes.
     workers : int, optional
-        Flights at a time on this machine; by default one a core, and for a small campaign one for
-        each of `flyers`, or one.
+        Flights at a time on this machine; by default one a core. For a small campaign: as many as
+        `flyers`, at least one.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
@@ -63,7 +63,7 @@ def run_campaign(
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
     flyers : sequence of Flyer
-        Processes that fly, where some have begun already.
+        Processes that have started already, to fly on this machine.
 
     Returns
     -------

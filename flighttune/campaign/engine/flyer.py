@@ -3,7 +3,7 @@
 `Flyer` is the side of the worker: it starts ``python -m flighttune.campaign.engine.flyer``, watches
 it, and replaces it when it ends. Requests go to its standard input, messages come back from its
 standard output: pickled dicts there, pickled tuples of a kind, a run and a payload here. The first
-process of a command may be a fork of it instead, which need not import again what flights need.
+processes of a command may be forks of it instead, which need not import again what flights need.
 """
 
 import ctypes
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from flighttune.errors import FlightTuneError, PlantError
-from flighttune.processes import OWN_GROUP, can_be_copied, crash_of
+from flighttune.processes import OWN_GROUP, can_be_copied, crash_of, ctrl_c_blocked
 from flighttune.shipped import TRUST_AIRCRAFT
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ EXIT_S = 10.0
 """Longest time a process may take to exit after its output has closed."""
 
 MOST_COPIES = 4
-"""Of a process that begins to fly: more take longer to make than they save."""
+"""Most copies of the command: a fifth takes longer to make than it saves."""
 
 ORPHAN_LIMITS = 2.0
 """After this many time limits of a run the process ends itself. Its parent ends it after one; a
@@ -92,18 +92,27 @@ class Flyer:
         self._cancelled = self._ready = False
         self.versions: dict[str, str] = {}
 
-    def launch(self, one_thread: Sequence[Callable[[int], Any]] = ()) -> None:
+    def launch(
+        self, one_thread: Sequence[Callable[[int], Any]] = (), beside: Sequence["Flyer"] = ()
+    ) -> None:
         """Start the process, and neither wait for it nor listen to it.
 
         Parameters
         ----------
         one_thread : sequence of callable
             Of `_thread_setters`; with them the process is a copy of this one.
+        beside : sequence of Flyer
+            Those launched before, whose pipes a copy must not hold.
+
+        Raises
+        ------
+        OSError
+            If the system has no room for a process.
         """
         self._messages, self._ready = queue.SimpleQueue(), False
-        with _ctrl_c_blocked():
+        with ctrl_c_blocked():
             self._process = (
-                _Copy(one_thread)
+                _Copy(one_thread, [flyer.ends() for flyer in beside])
                 if one_thread
                 else subprocess.Popen(
                     [sys.executable, "-m", "flighttune.campaign.engine.flyer"],
@@ -114,6 +123,13 @@ class Flyer:
                     env={**os.environ, **dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1")},
                 )
             )
+
+    def ends(self) -> tuple[int, int]:
+        """This side's ends of the pipes to the process: its input and its output."""
+        assert self._process is not None
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        return self._process.stdin.fileno(), self._process.stdout.fileno()
 
     def listen(self) -> None:
         """Take what the process says, in a thread of its own."""
@@ -225,18 +241,21 @@ class Flyer:
 
 
 @contextmanager
-def begun(count: int) -> Iterator[list[Flyer]]:
-    """Processes that fly, begun for the block as copies of this one, with all it has imported.
+def flyer_copies(count: int) -> Iterator[list[Flyer]]:
+    """Up to `count` processes that fly, for the block: copies of this one, with all its imports.
 
-    At most `count` and `MOST_COPIES`; where this process cannot be copied it is one that starts
-    anew.
+    Not more than `MOST_COPIES`, nor than the system has room for. Where this process cannot be
+    copied, one starts anew.
     """
-    one_thread = _thread_setters()
-    flyers = [Flyer() for _ in range(min(count, MOST_COPIES if one_thread else 1))]
+    one_thread = _thread_setters() if count else []
+    flyers: list[Flyer] = []
     with ExitStack() as stack:
-        for flyer in flyers:
-            stack.callback(flyer.close)
-            flyer.launch(one_thread)
+        with suppress(OSError):
+            for _ in range(min(count, MOST_COPIES if one_thread else 1)):
+                flyer = Flyer()
+                stack.callback(flyer.close)
+                flyer.launch(one_thread, flyers)
+                flyers.append(flyer)
         for flyer in flyers:  # not before: a process with threads cannot be copied
             flyer.listen()
         yield flyers
@@ -245,18 +264,20 @@ def begun(count: int) -> Iterator[list[Flyer]]:
 class _Copy:
     """A copy of this process that flies, with the members of `subprocess.Popen` that are used."""
 
-    def __init__(self, one_thread: Sequence[Callable[[int], Any]]) -> None:
+    def __init__(
+        self, one_thread: Sequence[Callable[[int], Any]], others: Sequence[tuple[int, int]]
+    ) -> None:
         requests, to_copy = os.pipe()
         from_copy, messages = os.pipe()
+        of_parent = [end for pair in (*others, (to_copy, from_copy)) for end in pair]
         self._process = multiprocessing.get_context("fork").Process(
-            target=_serve_as_copy,
-            args=(requests, messages, (to_copy, from_copy), one_thread),
-            daemon=True,
+            target=_serve_as_copy, args=(requests, messages, of_parent, one_thread), daemon=True
         )
-        self._process.start()
-        for theirs in (requests, messages):
-            os.close(theirs)
-        self.stdin, self.stdout = os.fdopen(to_copy, "wb"), os.fdopen(from_copy, "rb")
+        with os.fdopen(requests, "rb"), os.fdopen(messages, "wb"), ExitStack() as ours:
+            self.stdin = ours.enter_context(os.fdopen(to_copy, "wb"))
+            self.stdout = ours.enter_context(os.fdopen(from_copy, "rb"))
+            self._process.start()
+            ours.pop_all()  # they stay open
 
     def kill(self) -> None:
         self._process.kill()
@@ -272,10 +293,10 @@ class _Copy:
 def _serve_as_copy(
     requests: int,
     messages: int,
-    of_parent: tuple[int, int],
+    of_parent: Sequence[int],
     one_thread: Sequence[Callable[[int], Any]],
 ) -> None:
-    """Serve in a copy, without its parent's ends of the pipes: they shall end with the parent."""
+    """Serve in a copy, without the parent's ends of any pipe, so that it ends with its parent."""
     for descriptor in of_parent:
         os.close(descriptor)
     nothing = os.open(os.devnull, os.O_RDWR)
@@ -290,8 +311,8 @@ def _serve_as_copy(
 def _thread_setters() -> list[Callable[[int], Any]]:
     """Functions that set the threads of each OpenBLAS in this process.
 
-    None where a copy of this process would not do: it cannot be copied, or the numbers come from a
-    library that computes other bits in several threads and cannot be told.
+    An empty list where a copy of this process would not do: it cannot be copied, or the numbers
+    come from a library that computes other bits in several threads and cannot be told.
     """
     if not can_be_copied():
         return []
@@ -432,19 +453,6 @@ def _preload(waiting: "queue.SimpleQueue[dict[str, Any]]") -> None:
         if (gains := gain_set(scenario, "paper")) and waiting.empty():
             fly_batch([scenario], law, gains, None)  # compiled, which takes time to load
     _ = refly, rows, parquet
-
-
-@contextmanager
-def _ctrl_c_blocked() -> Iterator[None]:
-    """Let Ctrl-C not reach processes started in the block: it is for the command to end them."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _leave_no_core_file() -> None:

@@ -11,7 +11,7 @@ from flighttune.campaign.engine.worker import cancel_flights, end_flights, fly_b
 from flighttune.campaign.planning.plan import Plan
 
 SMALL_S = 3.0
-"""Time of all flights on one core up to which a second process is not worth its start."""
+"""Time of all flights on one core up to which a new process, not a copy, is not worth its start."""
 
 SPEEDS = {"kinematic": 5000.0, "point_mass": 3000.0}
 """Seconds of flight in a second of a core, roughly, by kind of plant."""
@@ -21,7 +21,7 @@ SPEED = 600.0
 
 
 def is_small(plan: Plan) -> bool:
-    """Whether all flights of a plan take one process less time than another takes to start."""
+    """Whether all flights of a plan take one process less time than it takes to start another."""
     kinds = {table.label: table.kind for table in plan.scenario.plant}
     cycle_s = sum(
         plan.scenario.flight.duration_s / SPEEDS.get(kinds[group.plant], SPEED)
@@ -31,17 +31,17 @@ def is_small(plan: Plan) -> bool:
 
 
 @contextmanager
-def workers_here(count: int, begun: Sequence[Flyer] = ()) -> Iterator["Threads"]:
+def workers_here(count: int, flyers: Sequence[Flyer] = ()) -> Iterator["Threads"]:
     """Threads for the block; the processes that fly for them end with it.
 
     Parameters
     ----------
     count : int
-    begun : sequence of Flyer
-        Processes for the first of them, which have begun already.
+    flyers : sequence of Flyer
+        Processes for the first of them, which have started already.
     """
-    flyers = [*begun[:count], *(Flyer() for _ in range(count - len(begun)))]
-    with ThreadPoolExecutor(count, "flights", lambda: fly_by(flyers.pop(0))) as executor:
+    ready = [*flyers[:count], *(Flyer() for _ in range(count - len(flyers)))]
+    with ThreadPoolExecutor(count, "flights", lambda: fly_by(ready.pop(0))) as executor:
         try:
             yield Threads(executor, count)
         finally:

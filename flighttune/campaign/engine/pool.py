@@ -51,7 +51,7 @@ def worker_pool(
     observer : CampaignObserver, optional
         Receives the progress; may stop the flights.
     flyers : sequence of Flyer
-        Processes, begun already, for the first threads of this machine.
+        Processes that have started already, for the first threads of this machine.
 
     Yields
     ------

@@ -21,7 +21,7 @@ def wind_source(scenario: Scenario, group: Group) -> Group | None:
     group : Group
     """
     source = scenario.wind_source
-    if source is None or scenario.plant_of(group.plant).aircraft is not None:
+    if source is None or scenario.plant_table(group.plant).aircraft is not None:
         return None
     return Group(source.label, group.gains)
 
@@ -51,7 +51,7 @@ def fly_group(
     source = wind_source(scenario, group)
     if source is not None and source not in wind_runs:
         fly_group(plan, scenario, source, wind_runs)
-    table, gains = scenario.plant_of(group.plant), plan.gain_sets[group.gains]
+    table, gains = scenario.plant_table(group.plant), plan.gain_sets[group.gains]
     wind_run = None if source is None else wind_runs[source]
     run = fly_alone(scenario, table, gains, group.gains, wind_run=wind_run)
     if scenario.windy and source is None:

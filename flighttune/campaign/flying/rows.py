@@ -122,7 +122,7 @@ def warm_up(plan: Plan) -> None:
         gains = plan.gain_sets[group.gains]
         with suppress(FlightTuneError):
             law, _ = scenario.law_of(group.gains)
-            if gains is not None and batchable(scenario, scenario.plant_of(group.plant), law):
+            if gains is not None and batchable(scenario, scenario.plant_table(group.plant), law):
                 fly_batch([scenario], law, gains, None)
             fly_group(plan, scenario, group)
     with suppress(FlightTuneError):
@@ -145,7 +145,7 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
         wind_runs: dict[Group, Run] = {}
         for run in of_draw:
             group, scenarios[run] = plan.group_of(run), scenario
-            table = scenario.plant_of(group.plant)
+            table = scenario.plant_table(group.plant)
             law, _ = scenario.law_of(group.gains)
             known = plan.gain_sets[group.gains] is not None and plan.tube is None
             if known and batchable(scenario, table, law):
