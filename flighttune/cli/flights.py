@@ -194,7 +194,8 @@ def view(
 
 def _heading(path: Path) -> dict[str, str]:
     """Name, title and claim of a shipped file; the whole file is checked by a test, not here."""
-    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    # As far as the first table: the rest takes ten times as long to parse.
+    tables = tomllib.loads(path.read_text(encoding="utf-8").partition("\n[")[0])
     return {"name": path.stem, "title": tables["title"], "verifies": tables.get("verifies", "")}
 
 
