@@ -7,7 +7,7 @@ from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, un
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.kinematic_batch import KNOWN, batchable
-from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.flying.rows import FLOWN_ALONE, fly_runs
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.flight.expectations import check_claim
 from flighttune.metrics import measures
@@ -27,6 +27,11 @@ FAR_ROUND = 1e-10
 """The same of courses up to 1000 rad, whose last bit is 1e-13 rad."""
 
 CLAIM = {"from_s": 0.7, "L_d_rad_s2": 0.15}
+
+
+@pytest.fixture(autouse=True)
+def _in_batches_from_the_first_draw(monkeypatch):
+    monkeypatch.setattr("flighttune.campaign.flying.rows.FLOWN_ALONE", 0)
 
 
 def in_columns(measured):
@@ -295,3 +300,22 @@ def test_a_key_that_is_new_to_a_table_sends_its_flights_out_of_the_batch():
 
     assert batchable(scenario, scenario.plant[0])
     assert not batchable(later, later.plant[0])
+
+
+def test_the_first_draws_of_every_campaign_are_flown_without_compiled_code(monkeypatch):
+    monkeypatch.setattr("flighttune.campaign.flying.rows.FLOWN_ALONE", FLOWN_ALONE)
+    batches = []
+
+    def note(scenarios, *_):
+        batches.append(len(scenarios))
+        return [None] * len(scenarios)
+
+    monkeypatch.setattr("flighttune.campaign.flying.rows.fly_batch", note)
+    tables = tables_of(gains=["paper"])
+    plan = plan_of(tables, uniform("flight.V_a_mps", 20.0, 30.0), runs=FLOWN_ALONE + 3)
+
+    fly_runs(plan, range(FLOWN_ALONE))
+    assert not batches
+
+    fly_runs(plan, range(plan.runs))
+    assert batches == [3]

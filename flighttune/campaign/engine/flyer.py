@@ -435,23 +435,17 @@ def _exit_after(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
-def _preload(waiting: "queue.SimpleQueue[dict[str, Any]]") -> None:
-    """Load what flights need until the first request: the plan may still be in the making."""
+def _preload() -> None:
+    """Load what flights need before the first request: the plan may still be in the making."""
     from flighttune.campaign.flying import refly, rows
-    from flighttune.campaign.flying.kinematic_batch import fly_batch
     from flighttune.flight.fly import fly
-    from flighttune.flight.outer_loop import gain_set
     from flighttune.recording import parquet
     from flighttune.scenario import load_scenario
 
     scenario = load_scenario("paper")
     short = scenario.flight.model_copy(update={"duration_s": 0.1})
-    scenario = scenario.model_copy(update={"flight": short, "gains": ["paper"]})
-    law, _ = scenario.law_of("paper")
     with suppress(FlightTuneError):
-        fly(scenario)
-        if (gains := gain_set(scenario, "paper")) and waiting.empty():
-            fly_batch([scenario], law, gains, None)  # compiled, which takes time to load
+        fly(scenario.model_copy(update={"flight": short, "gains": ["paper"]}))
     _ = refly, rows, parquet
 
 
@@ -493,7 +487,7 @@ def _serve(source: IO[bytes], out: IO[bytes]) -> None:
 
     server = _Server(out)
     server.send("ready", payload=library_versions())
-    _preload(waiting)
+    _preload()
     while True:
         server.answer(waiting.get())
 

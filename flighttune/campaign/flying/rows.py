@@ -29,6 +29,10 @@ from flighttune.theory.indicators import indicators_batch
 BLOCK = 256
 """Draws of a block: its kinematic flights are flown as a batch."""
 
+FLOWN_ALONE = 12
+"""First draws, whose kinematic flights are flown one by one: a campaign of no more does without
+compiled code, which takes as long to load as twenty such flights."""
+
 SAMPLES = 4
 """Length, in samples, of the flights of `warm_up`."""
 
@@ -122,7 +126,8 @@ def warm_up(plan: Plan) -> None:
         gains = plan.gain_sets[group.gains]
         with suppress(FlightTuneError):
             law, _ = scenario.law_of(group.gains)
-            if gains is not None and batchable(scenario, scenario.plant_table(group.plant), law):
+            table, many = scenario.plant_table(group.plant), plan.draws > FLOWN_ALONE
+            if many and gains is not None and batchable(scenario, table, law):
                 fly_batch([scenario], law, gains, None)
             fly_group(plan, scenario, group)
     with suppress(FlightTuneError):
@@ -148,7 +153,7 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
             table = scenario.plant_table(group.plant)
             law, _ = scenario.law_of(group.gains)
             known = plan.gain_sets[group.gains] is not None and plan.tube is None
-            if known and batchable(scenario, table, law):
+            if draw >= FLOWN_ALONE and known and batchable(scenario, table, law):
                 batches.setdefault(group, []).append(run)
                 continue
             begins(run)
