@@ -50,8 +50,9 @@ def ctrl_c_blocked() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     try:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -72,26 +73,26 @@ def meanwhile(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
     if not can_be_copied():
         yield work
         return
+    stream = None
     with ExitStack() as stack:
-        with ctrl_c_blocked():  # until the copy is sure to be ended
+        with ctrl_c_blocked(), suppress(OSError):  # where there is no room for a copy
             result, to_parent = os.pipe()
             stream = stack.enter_context(os.fdopen(result, "rb"))
             with os.fdopen(to_parent, "wb") as there:
-                copy = _fork()
+                copy = _forked()
                 if copy == 0:
                     stream.close()
                     with suppress(BaseException):
                         there.write(pickle.dumps(work()))
                         there.flush()
                     os._exit(0)  # without what the parent still has in its buffers
-            if copy is not None:
-                stack.callback(_end, copy)
+            stack.callback(_end, copy)
 
         def answer() -> T:
-            try:
-                return pickle.load(stream)
-            except (EOFError, pickle.UnpicklingError):  # none, or its end is missing
-                return work()
+            if stream is not None:
+                with suppress(EOFError, pickle.UnpicklingError):  # none, or its end is missing
+                    return pickle.load(stream)
+            return work()
 
         yield answer
 
@@ -105,13 +106,12 @@ def can_be_copied() -> bool:
     return sys.platform == "linux" and threading.active_count() == 1
 
 
-def _fork() -> int | None:
-    """Of `os.fork`; None where the system has no room for a copy."""
-    with warnings.catch_warnings(), suppress(OSError):
+def _forked() -> int:
+    """What `os.fork` returns."""
+    with warnings.catch_warnings():
         # Python 3.12 warns of any thread; those of BLAS know of copies.
         warnings.simplefilter("ignore", DeprecationWarning)
         return os.fork()
-    return None
 
 
 def _end(process: int) -> None:

@@ -1,4 +1,7 @@
-"""Property tests judge results, not the clock, and try the same cases every time."""
+"""What all tests share: settings of property tests, aircraft that are trusted, garbage left alone.
+
+Property tests judge results, not the clock, and try the same cases every time.
+"""
 
 import gc
 import os
@@ -15,11 +18,13 @@ os.environ[TRUST_AIRCRAFT] = "1"
 os.environ.pop("COLUMNS", None)  # a worker of xdist has the width of a terminal there is not
 
 
-def pytest_configure():
-    """No search for garbage while tests are collected, nor later among what stays to the end."""
-    gc.disable()
+def pytest_configure(config):
+    """No search for garbage while tests are collected; the controller of xdist collects none."""
+    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
+        gc.disable()
 
 
 def pytest_collection_finish():
+    """Nor later among what has been collected, which stays to the end."""
     gc.freeze()
     gc.enable()

@@ -93,11 +93,12 @@ def test_a_copy_that_nobody_waits_for_is_ended(monkeypatch):
 
 @linux
 @pytest.mark.usefixtures("one_thread")
-def test_where_there_is_no_room_for_a_copy_the_work_is_done_here(monkeypatch):
+@pytest.mark.parametrize("lacks", ["fork", "pipe"])
+def test_where_there_is_no_room_for_a_copy_the_work_is_done_here(lacks, monkeypatch):
     def full():
         raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
-    monkeypatch.setattr(processes.os, "fork", full)
+    monkeypatch.setattr(processes.os, lacks, full)
 
     with meanwhile(os.getpid) as answer:
         assert answer() == os.getpid()

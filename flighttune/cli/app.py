@@ -27,7 +27,7 @@ from flighttune.errors import FlightTuneError
 from flighttune.extras import missing_extra
 
 COLLECT_AFTER = 500_000
-"""New objects between two garbage collections. With Python's default of 700 a command spends a
+"""New objects between two garbage collections. With the 700 of Python 3.11 a command spends a
 twentieth of its time on them, while it imports modules that stay."""
 
 app = typer.Typer(

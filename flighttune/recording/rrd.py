@@ -34,7 +34,7 @@ from flighttune.recording.readout import log_readout
 from flighttune.recording.run_columns import log_runs
 from flighttune.recording.run_record import naming
 from flighttune.recording.scene import log_scene
-from flighttune.recording.seal import BLANK, seal
+from flighttune.recording.seal import BLANK, GUARD, seal
 from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
 
@@ -43,10 +43,6 @@ FAINT = 150
 
 FAINTEST = 110
 """Opacity of measured signals."""
-
-GUARD = "".join(map(chr, range(0x180, 0x184)))
-"""Letters after `BLANK`. Zeros follow a text in a chunk; where an id has ended in the same letter,
-LZ4 stores the letter and the zeros as a copy of those."""
 
 SHORTEST_BOUND = 1.5
 """Time that a bound must last to be drawn, s: shreds of it say nothing."""

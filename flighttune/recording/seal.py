@@ -21,6 +21,11 @@ RECORDING_FILE = "recording (.rrd)"
 BLANK = MARK.decode() + "".join(map(chr, range(0x100, 0x100 + DIGITS // 2)))
 """What to write into a file where `seal` shall put the SHA-256, after all other text."""
 
+GUARD = "".join(map(chr, range(0x180, 0x184)))
+"""What to write after `BLANK` in a recording. Zeros follow a text there: LZ4 takes them for a copy
+of earlier ones, and with them as many bytes before as are equal, such as the last one of an id.
+Those are then some of these eight."""
+
 
 def seal(data: bytes) -> bytes:
     """Replace `BLANK` in the bytes of a file by the SHA-256 of the rest.

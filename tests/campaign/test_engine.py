@@ -1,6 +1,8 @@
 """Campaigns flown by real workers: every run once, as one process flies it."""
 
 import json
+import os
+import sys
 
 import psutil
 import pytest
@@ -12,6 +14,7 @@ from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.engine.pool import WAITING_PER_THREAD
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.errors import PlantError
 
 pytestmark = pytest.mark.slow
 
@@ -47,17 +50,22 @@ def test_every_run_is_there_once_as_one_process_flies_it(tmp_path, monkeypatch, 
     assert not children()
 
 
-def test_where_there_is_no_room_for_copies_none_fly_and_no_pipe_stays(monkeypatch):
-    def full(*_):
+def test_where_there_is_no_room_for_copies_there_are_none(monkeypatch):
+    def full():
         raise BlockingIOError
 
     monkeypatch.setattr(flyer, "_thread_setters", lambda: [print])
-    monkeypatch.setattr(flyer.multiprocessing.get_context("fork").Process, "_Popen", full)
-    before = psutil.Process().num_fds()
+    monkeypatch.setattr(os, "fork", full)
 
     with flyer.flyer_copies(2) as flyers:
         assert flyers == []
-        assert psutil.Process().num_fds() == before
+
+
+def test_a_process_that_cannot_start_is_said_in_one_line(monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/no/such/python")
+
+    with pytest.raises(PlantError, match=r"process that flies must start, got: no such file"):
+        flyer.Flyer().start()
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 """Batches of kinematic draws have the bits of flights alone, whatever is dispersed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, uniform
@@ -7,7 +9,7 @@ from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, un
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.kinematic_batch import KNOWN, batchable
-from flighttune.campaign.flying.rows import FLOWN_ALONE, fly_runs
+from flighttune.campaign.flying.rows import DRAWS_ALONE, fly_runs
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.flight.expectations import check_claim
 from flighttune.metrics import measures
@@ -31,7 +33,7 @@ CLAIM = {"from_s": 0.7, "L_d_rad_s2": 0.15}
 
 @pytest.fixture(autouse=True)
 def _in_batches_from_the_first_draw(monkeypatch):
-    monkeypatch.setattr("flighttune.campaign.flying.rows.FLOWN_ALONE", 0)
+    monkeypatch.setattr("flighttune.campaign.flying.rows.DRAWS_ALONE", 0)
 
 
 def in_columns(measured):
@@ -303,7 +305,7 @@ def test_a_key_that_is_new_to_a_table_sends_its_flights_out_of_the_batch():
 
 
 def test_the_first_draws_of_every_campaign_are_flown_without_compiled_code(monkeypatch):
-    monkeypatch.setattr("flighttune.campaign.flying.rows.FLOWN_ALONE", FLOWN_ALONE)
+    monkeypatch.setattr("flighttune.campaign.flying.rows.DRAWS_ALONE", DRAWS_ALONE)
     batches = []
 
     def note(scenarios, *_):
@@ -312,10 +314,14 @@ def test_the_first_draws_of_every_campaign_are_flown_without_compiled_code(monke
 
     monkeypatch.setattr("flighttune.campaign.flying.rows.fly_batch", note)
     tables = tables_of(gains=["paper"])
-    plan = plan_of(tables, uniform("flight.V_a_mps", 20.0, 30.0), runs=FLOWN_ALONE + 3)
+    plan = plan_of(tables, uniform("flight.V_a_mps", 20.0, 30.0), runs=DRAWS_ALONE + 3)
 
-    fly_runs(plan, range(FLOWN_ALONE))
+    fly_runs(plan, range(DRAWS_ALONE))
     assert not batches
 
     fly_runs(plan, range(plan.runs))
     assert batches == [3]
+
+    given = tuple(plan.values_of(draw) for draw in range(5))
+    fly_runs(replace(plan, given=given, runs=5), range(5))
+    assert batches == [3, 5]

@@ -18,7 +18,7 @@ from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 from flighttune.cli import main
 from flighttune.cli.app import app
 from flighttune.recording.parquet import read_run
-from flighttune.shipped import scenario_files
+from flighttune.shipped import campaign_files, scenario_files
 
 
 @pytest.fixture(scope="module")
@@ -215,8 +215,11 @@ def test_list_shows_what_ships():
     assert "aerosonde" in found["aircraft"]
     assert {"paper", "paper_as_printed", "level_turn"} <= {s["name"] for s in found["scenarios"]}
     assert {"first_campaign", "kinematic_sweep"} <= {c["name"] for c in found["campaigns"]}
-    for one in (*found["scenarios"], *found["campaigns"]):
-        assert set(one) == {"name", "title", "verifies"}
+    for kind, files in (("scenarios", scenario_files()), ("campaigns", campaign_files())):
+        for one in found[kind]:
+            whole = tomllib.loads(files[one["name"]].read_text())
+            said = {"title": whole["title"], "verifies": whole.get("verifies", "")}
+            assert one == {"name": one["name"], **said}
 
 
 def test_list_says_what_is_verified_where_asked():

@@ -13,10 +13,10 @@ import rerun as rr
 from flighttune.errors import RecordingError
 from flighttune.recording.load import load_recording
 from flighttune.recording.parquet import write_run
-from flighttune.recording.rrd import GUARD, recording_bytes, write_recording
+from flighttune.recording.rrd import recording_bytes, write_recording
 from flighttune.recording.run_columns import check_recording
 from flighttune.recording.run_record import RunRecord
-from flighttune.recording.seal import BLANK, sealed_bytes
+from flighttune.recording.seal import BLANK, GUARD, sealed_bytes
 from flighttune.recording.viewer import view
 
 SEED = 12

@@ -27,6 +27,7 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.processes import OWN_GROUP, can_be_copied, crash_of, ctrl_c_blocked
 from flighttune.shipped import TRUST_AIRCRAFT
+from flighttune.whole_file import reason_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -112,7 +113,7 @@ class Flyer:
         self._messages, self._ready = queue.SimpleQueue(), False
         with ctrl_c_blocked():
             self._process = (
-                _Copy(one_thread, [flyer.ends() for flyer in beside])
+                _Copy(one_thread, [flyer.pipe_ends() for flyer in beside])
                 if one_thread
                 else subprocess.Popen(
                     [sys.executable, "-m", "flighttune.campaign.engine.flyer"],
@@ -124,7 +125,7 @@ class Flyer:
                 )
             )
 
-    def ends(self) -> tuple[int, int]:
+    def pipe_ends(self) -> tuple[int, int]:
         """This side's ends of the pipes to the process: its input and its output."""
         assert self._process is not None
         assert self._process.stdin is not None
@@ -151,7 +152,11 @@ class Flyer:
         if self._process is None:
             if self._cancelled:
                 raise PlantError("the flights of this worker have been cancelled.")
-            self.launch()
+            try:
+                self.launch()
+            except OSError as error:
+                got = reason_of(error)
+                raise PlantError(f"the process that flies must start, got: {got}.") from error
             self.listen()
         if self._ready:
             return
@@ -267,15 +272,16 @@ class _Copy:
     def __init__(
         self, one_thread: Sequence[Callable[[int], Any]], others: Sequence[tuple[int, int]]
     ) -> None:
-        requests, to_copy = os.pipe()
-        from_copy, messages = os.pipe()
-        of_parent = [end for pair in (*others, (to_copy, from_copy)) for end in pair]
-        self._process = multiprocessing.get_context("fork").Process(
-            target=_serve_as_copy, args=(requests, messages, of_parent, one_thread), daemon=True
-        )
-        with os.fdopen(requests, "rb"), os.fdopen(messages, "wb"), ExitStack() as ours:
-            self.stdin = ours.enter_context(os.fdopen(to_copy, "wb"))
-            self.stdout = ours.enter_context(os.fdopen(from_copy, "rb"))
+        with ExitStack() as theirs, ExitStack() as ours:
+            requests, self.stdin = _pipe(theirs, ours)
+            self.stdout, messages = _pipe(ours, theirs)
+            own = self.stdin.fileno(), self.stdout.fileno()
+            of_parent = [end for pair in (*others, own) for end in pair]
+            self._process = multiprocessing.get_context("fork").Process(
+                target=_serve_as_copy,
+                args=(requests.fileno(), messages.fileno(), of_parent, one_thread),
+                daemon=True,
+            )
             self._process.start()
             ours.pop_all()  # they stay open
 
@@ -288,6 +294,13 @@ class _Copy:
         if code is None:
             raise subprocess.TimeoutExpired("flights", timeout or 0.0)
         return code
+
+
+def _pipe(reading: ExitStack, writing: ExitStack) -> tuple[IO[bytes], IO[bytes]]:
+    """Both ends of a new pipe, each open as long as its stack."""
+    read, write = os.pipe()
+    ends = os.fdopen(read, "rb"), os.fdopen(write, "wb")
+    return reading.enter_context(ends[0]), writing.enter_context(ends[1])
 
 
 def _serve_as_copy(

@@ -11,7 +11,7 @@ from flighttune.campaign.engine.worker import cancel_flights, end_flights, fly_b
 from flighttune.campaign.planning.plan import Plan
 
 SMALL_S = 3.0
-"""Time of all flights on one core up to which a new process, not a copy, is not worth its start."""
+"""Time of all flights on one core above which a new process, not a copy, is worth its start."""
 
 SPEEDS = {"kinematic": 5000.0, "point_mass": 3000.0}
 """Seconds of flight in a second of a core, roughly, by kind of plant."""

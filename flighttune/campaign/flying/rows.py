@@ -29,7 +29,7 @@ from flighttune.theory.indicators import indicators_batch
 BLOCK = 256
 """Draws of a block: its kinematic flights are flown as a batch."""
 
-FLOWN_ALONE = 12
+DRAWS_ALONE = 12
 """First draws, whose kinematic flights are flown one by one: a campaign of no more does without
 compiled code, which takes as long to load as twenty such flights."""
 
@@ -126,12 +126,17 @@ def warm_up(plan: Plan) -> None:
         gains = plan.gain_sets[group.gains]
         with suppress(FlightTuneError):
             law, _ = scenario.law_of(group.gains)
-            table, many = scenario.plant_table(group.plant), plan.draws > FLOWN_ALONE
+            table, many = scenario.plant_table(group.plant), plan.draws > _draws_alone(plan)
             if many and gains is not None and batchable(scenario, table, law):
                 fly_batch([scenario], law, gains, None)
             fly_group(plan, scenario, group)
     with suppress(FlightTuneError):
         claims(plan)
+
+
+def _draws_alone(plan: Plan) -> int:
+    """How many draws are flown alone: none of those that are given, a new plan for every few."""
+    return DRAWS_ALONE if plan.given is None else 0
 
 
 def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
@@ -153,7 +158,7 @@ def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
             table = scenario.plant_table(group.plant)
             law, _ = scenario.law_of(group.gains)
             known = plan.gain_sets[group.gains] is not None and plan.tube is None
-            if draw >= FLOWN_ALONE and known and batchable(scenario, table, law):
+            if draw >= _draws_alone(plan) and known and batchable(scenario, table, law):
                 batches.setdefault(group, []).append(run)
                 continue
             begins(run)
