@@ -1,7 +1,7 @@
 """How processes are named, kept from Ctrl-C, and end; work in a copy of this one."""
 
+import multiprocessing
 import os
-import pickle
 import shlex
 import signal
 import subprocess
@@ -10,7 +10,11 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
 
 T = TypeVar("T")
 
@@ -73,25 +77,24 @@ def meanwhile(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
     if not can_be_copied():
         yield work
         return
-    stream = None
+    context = multiprocessing.get_context("fork")
+    receiving = None
     with ExitStack() as stack:
-        with ctrl_c_blocked(), suppress(OSError):  # where there is no room for a copy
-            result, to_parent = os.pipe()
-            stream = stack.enter_context(os.fdopen(result, "rb"))
-            with os.fdopen(to_parent, "wb") as there:
-                copy = _forked()
-                if copy == 0:
-                    stream.close()
-                    with suppress(BaseException):
-                        there.write(pickle.dumps(work()))
-                        there.flush()
-                    os._exit(0)  # without what the parent still has in its buffers
-            stack.callback(_end, copy)
+        # Ctrl-C does not reach the copy. An OSError says that there is no room for one.
+        with ctrl_c_blocked(), suppress(OSError), warnings.catch_warnings():
+            # Python 3.12 warns of any thread; those of BLAS know of copies.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            ends = context.Pipe(duplex=False)
+            receiving = stack.enter_context(ends[0])
+            with ends[1]:
+                copy = context.Process(target=_send_result, args=(work, *ends), daemon=True)
+                stack.callback(_end, copy)
+                copy.start()
 
         def answer() -> T:
-            if stream is not None:
-                with suppress(EOFError, pickle.UnpicklingError):  # none, or its end is missing
-                    return pickle.load(stream)
+            if receiving is not None:
+                with suppress(EOFError, OSError):  # none, or its end is missing
+                    return receiving.recv()
             return work()
 
         yield answer
@@ -106,16 +109,15 @@ def can_be_copied() -> bool:
     return sys.platform == "linux" and threading.active_count() == 1
 
 
-def _forked() -> int:
-    """What `os.fork` returns."""
-    with warnings.catch_warnings():
-        # Python 3.12 warns of any thread; those of BLAS know of copies.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        return os.fork()
+def _send_result(
+    work: Callable[[], object], receiving: "Connection", sending: "Connection"
+) -> None:
+    receiving.close()  # or it would wait for ever for a parent that is gone
+    with suppress(BaseException):  # without a result the work is done again, and says what is wrong
+        sending.send(work())
 
 
-def _end(process: int) -> None:
-    """End a process started here; somebody else may have waited for it."""
-    with suppress(ProcessLookupError, ChildProcessError):
-        os.kill(process, signal.SIGKILL)
-        os.waitpid(process, 0)
+def _end(copy: "BaseProcess") -> None:
+    if copy.pid is not None:  # it has started
+        copy.kill()
+        copy.join()

@@ -22,9 +22,9 @@ BLANK = MARK.decode() + "".join(map(chr, range(0x100, 0x100 + DIGITS // 2)))
 """What to write into a file where `seal` shall put the SHA-256, after all other text."""
 
 GUARD = "".join(map(chr, range(0x180, 0x184)))
-"""What to write after `BLANK` in a recording. Zeros follow a text there: LZ4 takes them for a copy
-of earlier ones, and with them as many bytes before as are equal, such as the last one of an id.
-Those are then some of these eight."""
+"""What to write after `BLANK` in a recording, where zeros follow a text. LZ4 may store them as a
+copy of earlier zeros, and with them the bytes before as far as these are equal too: an id may end
+in the same byte. It then takes of these eight, and leaves `BLANK` as it is."""
 
 
 def seal(data: bytes) -> bytes:

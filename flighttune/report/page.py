@@ -58,7 +58,7 @@ def write_report(
     ScenarioError
         If the recorded scenario is not valid any more.
     """
-    # It is cached: compiled while the certificates are made, it is there when the page is written.
+    # The template is cached: it is compiled while the certificates are made, and used at the end.
     template = partial(page_template, "flighttune.report", "page.html.jinja")
     source = source if isinstance(source, Source) else load_source(source)
     facts = facts_of(source, prepare=template)

@@ -135,7 +135,10 @@ def warm_up(plan: Plan) -> None:
 
 
 def _draws_alone(plan: Plan) -> int:
-    """How many draws are flown alone: none of those that are given, a new plan for every few."""
+    """How many draws are flown alone.
+
+    None where draws are given: a search gives each of its generations to a plan of its own.
+    """
     return DRAWS_ALONE if plan.given is None else 0
 
 
