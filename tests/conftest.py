@@ -19,12 +19,12 @@ os.environ.pop("COLUMNS", None)  # a worker of xdist has the width of a terminal
 
 
 def pytest_configure(config):
-    """No search for garbage while tests are collected; the controller of xdist collects none."""
+    """No search for garbage while tests are collected, which xdist leaves to its workers."""
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         gc.disable()
 
 
 def pytest_collection_finish():
-    """Nor later among what has been collected, which stays to the end."""
+    """What has been collected stays to the end: no search among it either."""
     gc.freeze()
     gc.enable()
