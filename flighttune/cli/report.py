@@ -44,7 +44,9 @@ def report(
         folder = folder.parent if folder.exists() else out.parent
     tubes = run_tubes(source.runs, folder, make=tube, conformance=conformance)
     lines = [*run_tubes_text(tubes, f"flighttune report {path} --tube")]
-    written = write_report(replace(source, runs=tubes.runs), out, tubes=lines)
+    written = write_report(
+        replace(source, runs=tubes.runs), out, tubes=lines, at_a_glance=tubes.at_a_glance
+    )
     answer = {
         "report": written.path,
         "bytes": written.path.stat().st_size,

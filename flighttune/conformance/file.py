@@ -43,6 +43,9 @@ AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "pla
 NAMED = 5
 """Keys that are drawn and named in the sentence of a claim; all are in the file."""
 
+LEAVES = "leaves them with probability at most"
+"""Before the probability and its confidence, in the sentence of a claim."""
+
 ROUNDING = 1e-6
 """Degrees by which the ends of a range may be rounded."""
 
@@ -211,9 +214,8 @@ class Conformance:
             )
         before = f" (count {tries}, after {tries - 1} with flights outside)" if tries > 1 else ""
         return (
-            f"of {last.counted} flights not used, none left the boxes{before}: a {flights} leaves "
-            f"them with probability at most {number(self.epsilon)}, confidence "
-            f"{self.confidence:.10g}"
+            f"of {last.counted} flights not used, none left the boxes{before}: a {flights} "
+            f"{LEAVES} {number(self.epsilon)}, confidence {self.confidence:.10g}"
         )
 
     def check(

@@ -33,7 +33,11 @@ NO_CURVE = (
 
 
 def write_report(
-    source: str | Path | Source, path: str | Path, *, tubes: Sequence[str] = ()
+    source: str | Path | Source,
+    path: str | Path,
+    *,
+    tubes: Sequence[str] = (),
+    at_a_glance: Sequence[str] = (),
 ) -> Report:
     """Write one self-contained page about the runs of a scenario.
 
@@ -46,6 +50,8 @@ def write_report(
         HTML file to write or replace; parent folders are made.
     tubes : sequence of str
         What the tubes of the runs say, a sentence each. They are drawn where the runs have them.
+    at_a_glance : sequence of str
+        How far each aircraft can be off, said at the top.
 
     Returns
     -------
@@ -66,7 +72,7 @@ def write_report(
     return write_page(
         Path(path),
         template(),
-        summary=(f"{facts.claim.short}.", best_sentence(facts)),
+        summary=(f"{facts.claim.short}.", best_sentence(facts), *at_a_glance),
         answers=headline(facts, tubes),
         claim_sentence=f"{facts.claim.sentence}.",
         matrix=matrix(facts),

@@ -13,10 +13,10 @@ import pyarrow.parquet as pq
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import FlightTuneError, InputError
+from flighttune.present.numbers import degrees
 from flighttune.scenario.load import scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS, WORST_SIGNALS, Run
 from flighttune.tube.flight_hash import ABOUT, flight_sha256
-from flighttune.units import DEG
 from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -121,19 +121,44 @@ class RunTubes:
     found: Mapping[str, RunTube]
     why_not: Mapping[str, str]
 
-    def sentence(self, label: str) -> str:
-        """What the tube of a run says, in a sentence."""
+    @property
+    def at_a_glance(self) -> tuple[str, ...]:
+        """How far each aircraft can be off and with which probability, a sentence each."""
+        aircraft = [run.label for run in self.runs if run.provenance.aircraft is not None]
+        return tuple(self._glance(label) for label in aircraft if label in self.found)
+
+    def _glance(self, label: str) -> str:
+        from flighttune.conformance.file import LEAVES  # not to be imported where there is no tube
+
         one = self.found[label]
-        (chi, chi_end), (gamma, gamma_end) = one.half_widths / DEG
+        _, counted, chance = one.model.rpartition(LEAVES)
+        share = f"; a flight leaves it with probability at most{chance}" if counted else ""
+        # Where the bounds are those counted they hold all the same, and why is said below.
+        lost = self._lost(label) if one.counted_from is None else ""
+        return f"{self._width(label)}{share}.{lost}"
+
+    def sentence(self, label: str) -> str:
+        """What the tube of a run says."""
+        one = self.found[label]
+        return (
+            f"{self._width(label)}.{self._lost(label)} It is for every flight of {one.model}. "
+            f"{_nearest(one)}"
+        )
+
+    def _width(self, label: str) -> str:
+        one = self.found[label]
+        (chi, chi_end), (gamma, gamma_end) = ([degrees(w) for w in row] for row in one.half_widths)
         flown = "leaves it" if label in self.outside else "is inside"
-        lost = "It is lost" if one.counted_from is None else COUNTED_ONLY
-        end = f" {lost}: {one.reason}." if one.reason else ""
         ever = "" if one.handed_over is None else f", from {one.handed_over:.1f} s on for ever"
         return (
-            f"{label}: the tube is ±{chi:.2g}° of course and ±{gamma:.2g}° of path angle wide, "
-            f"±{chi_end:.2g}° and ±{gamma_end:.2g}° at the end{ever}; the flight flown {flown}."
-            f"{end} It is for every flight of {one.model}. {_nearest(one)}"
+            f"{label}: the tube is ±{chi} of course and ±{gamma} of path angle wide, "
+            f"±{chi_end} and ±{gamma_end} at the end{ever}; the flight flown {flown}"
         )
+
+    def _lost(self, label: str) -> str:
+        one = self.found[label]
+        lost = "It is lost" if one.counted_from is None else COUNTED_ONLY
+        return f" {lost}: {one.reason}." if one.reason else ""
 
     @property
     def outside(self) -> tuple[str, ...]:

@@ -9,11 +9,13 @@ import pytest
 from commands import answer, flighttune
 
 from flighttune import record
+from flighttune.comparison import Source
 from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_flight
 from flighttune.flight.gap_charts import bound_chart
 from flighttune.recording.load import load_recording
 from flighttune.recording.plots import shown_plots, value_range
+from flighttune.report.page import write_report
 from flighttune.scenario import scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS
 from flighttune.tube.of_run import leaves_tube, run_sha256, tubes_of, write_worst
@@ -66,6 +68,17 @@ def test_where_only_errors_that_were_counted_are_left_it_says_so(flown, tmp_path
     assert "The model's set is lost, and the bounds are those counted: roll cannot" in sentence
     chi, gamma = np.rad2deg(ERROR)
     assert f"±{chi:.2g}° and ±{gamma:.2g}° at the end" in sentence
+
+
+def test_at_the_top_stand_the_width_and_the_probability_of_aircraft(tubes, tmp_path):
+    known, (glance,) = conformance(flight()), tubes.at_a_glance
+    page = tmp_path / "report.html"
+
+    write_report(Source(name="runs", runs=tubes.runs), page, at_a_glance=tubes.at_a_glance)
+
+    assert glance.startswith("jsbsim:aerosonde / ")
+    assert f"at most {known.epsilon:g}, confidence {known.confidence:g}." in glance
+    assert f'<p class="summary">{glance}</p>' in page.read_text()
 
 
 def test_one_that_left_is_told(tubes):
