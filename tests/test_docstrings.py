@@ -1,4 +1,4 @@
-"""The public docstrings name every argument and every attribute; ruff sees that there are any."""
+"""The public docstrings are there, and name every argument and every attribute."""
 
 import dataclasses
 import inspect
