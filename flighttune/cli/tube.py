@@ -69,7 +69,7 @@ def tube(
     check_ending(out, ".npz")
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
-    if loaded.is_own_law(name):
+    if not loaded.law_of(name, chosen)[0].by_gains:
         fail(
             f"{scenario}: gains {name}: a tube must be of the paper's law, got one of your own.", NO
         )

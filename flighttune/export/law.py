@@ -1,40 +1,12 @@
-"""Laws that can be exported: the paper's and the exact one, but none written in Python."""
+"""Why gains cannot be exported: of the laws only some can, and none written in Python."""
 
-from flighttune.control.exact_law import ExactLaw
-from flighttune.control.gains import PIGains
-from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.law import Law, kinds_with
 from flighttune.errors import InputError
-from flighttune.flight.fly import controller_of
-from flighttune.scenario.schema import Scenario
 
 
-def exported_law(
-    scenario: Scenario, name: str, gains: PIGains, limits: Limits
-) -> MimoPI | ExactLaw:
-    """The controller of a scenario, if it can be exported.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    name : str
-        Of the gain set, with its law.
-    gains : PIGains
-    limits : Limits
-        Of the commands.
-
-    Raises
-    ------
-    InputError
-        If `name` belongs to a law in Python; the message names it.
-    """
-    if scenario.is_own_law(name):
-        raise refusal(name, scenario.law_of(name)[0].name, "paper or exact")
-    return controller_of(scenario, name, gains, limits)
-
-
-def refusal(name: str, law: str, known: str) -> InputError:
-    """Why the gains of a law cannot be exported."""
+def refusal(name: str, law: Law, ability: str) -> InputError:
+    """Why the gain set `name` of a law without an ability of `Law` cannot be exported."""
     return InputError(
-        f"`gains` must be flown by the law {known} to be exported, got {name!r} of the law {law!r}."
+        f"`gains` must be flown by the law {kinds_with(ability)} to be exported, got {name!r} of "
+        f"the law {law.name!r}."
     )

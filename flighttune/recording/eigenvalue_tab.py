@@ -9,10 +9,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flighttune.arrays import FloatArray
-from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
-from flighttune.guarantee.mismatch import law_of
+from flighttune.guarantee.mismatch import trim_of
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import evenly
 from flighttune.recording import entities
@@ -80,30 +79,24 @@ def frozen_loop(run: Run) -> FrozenLoop | None:
     The Jacobians of the chi/gamma law, see `kinematic_model`. Frozen eigenvalues are a picture of
     how the loop changes in flight; they prove nothing about it.
     """
-    law, gains, signals = law_of(run), run.provenance.gains, run.signals
-    if law is None or gains is None:
+    at, gains, signals = trim_of(run), run.provenance.gains, run.signals
+    if at is None or gains is None:
         return None
+    law = run.provenance.law
     try:
-        trim = np.linalg.eigvals(closed_loop(law.model(gains), gains))
+        trim = np.linalg.eigvals(closed_loop(law.linear_model(at), gains))
     except InputError:
         return None
     kept = evenly(len(signals), most=LINEARISED)
     V_a, gamma, phi, n_z = (
         signals[name].to_numpy(dtype=float)[kept] for name in ("V_a", "gamma", "phi", "n_z")
     )
-    usable = np.isfinite(V_a + gamma + phi + n_z) & (V_a > 0.0) & (np.cos(phi) > 1e-3)
+    usable = np.isfinite(V_a + gamma + phi + n_z) & (V_a > 0.0) & (np.abs(gamma) < np.pi / 2)
+    usable &= (np.abs(phi) < np.pi / 2) & (np.cos(phi) > 1e-3)
     V_a, gamma, phi, n_z = V_a[usable], gamma[usable], phi[usable], n_z[usable]
     if not len(V_a):
         return None
-    A_K = np.zeros((len(V_a), 4, 4))
-    B = np.zeros((len(V_a), 2, 2))
-    B[:, 0, 0], B[:, 1, 0], B[:, 1, 1] = -1.0 / np.cos(phi) ** 2, n_z * np.sin(phi), -np.cos(phi)
-    B *= (law.g / V_a)[:, None, None]
-    pull = law.g / V_a * np.sin(gamma)
-    if acts_on_rates(gains):  # the same loop all along
-        B[:], pull = -np.eye(2), np.zeros_like(V_a)
-    A_K[:, :2, :2], A_K[:, :2, 2:], A_K[:, 2:, :2] = B @ gains.K_P, B @ gains.K_I, np.eye(2)
-    A_K[:, 1, 1] += pull
+    A_K = law.loops_along(gains, V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=at.g)
     t = run.t[kept][usable]
     return FrozenLoop(
         t=t, eigenvalues=np.linalg.eigvals(A_K).astype(complex), trim=trim.astype(complex)

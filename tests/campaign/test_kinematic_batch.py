@@ -123,7 +123,7 @@ SEEN = (
 def test_draws_of_everything_at_once_are_flown_as_flights_alone(sensors, seen):
     tables = tables_of(disturbance=WAVE, expect=[SUCCESS], **sensors)
     plan = plan_of(tables, *EVERYTHING, *seen, runs=240, certificate=CLAIM)
-    assert batchable(plan.scenario_of(0), plan.scenario.plant[0])
+    assert batchable(plan.scenario_of(0), plan.scenario.plant[0], plan.scenario.laws[0])
 
     rows = rows_of(plan)
 
@@ -290,7 +290,7 @@ def test_what_the_batch_does_not_know_is_flown_alone(change, together):
     plants = change.pop("plants", (KINEMATIC,))
     scenario = plan_of(tables_of(plants, **change)).scenario
 
-    assert batchable(scenario, scenario.plant[0]) == together
+    assert batchable(scenario, scenario.plant[0], scenario.laws[0]) == together
 
 
 def test_a_key_that_is_new_to_a_table_sends_its_flights_out_of_the_batch():
@@ -300,8 +300,8 @@ def test_a_key_that_is_new_to_a_table_sends_its_flights_out_of_the_batch():
     scenario = plan_of(tables_of()).scenario
     later = scenario.model_copy(update={"flight": Later(V_a_mps=25.0, slip_deg=1.0)})
 
-    assert batchable(scenario, scenario.plant[0])
-    assert not batchable(later, later.plant[0])
+    assert batchable(scenario, scenario.plant[0], scenario.laws[0])
+    assert not batchable(later, later.plant[0], later.laws[0])
 
 
 def test_the_first_draws_of_every_campaign_are_flown_without_compiled_code(monkeypatch):

@@ -8,7 +8,6 @@ import numpy as np
 
 from flighttune.campaign.flying.alone import nominal_flights
 from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.control.exact_law import acts_on_rates
 from flighttune.guarantee.flight_check import flight_check
 from flighttune.guarantee.ultimate_set import (
     SETTLED_FROM,
@@ -80,10 +79,10 @@ def _claims(by_content: _PlanByContent) -> Mapping[Group, UltimateSet | None]:
 
 def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> UltimateSet | None:
     gains, scenario = plan.gain_sets[group.gains], plan.scenario
-    if gains is None or L_d is None or scenario.is_own_law(group.gains):
+    law, _ = scenario.law_of(group.gains, gains)
+    if gains is None or L_d is None or not law.by_gains:
         return None
-    model = scenario.kinematic_model(rates=acts_on_rates(gains))
-    loop = certified_loop(model, gains)
+    loop = certified_loop(scenario.kinematic_model(law), gains)
     commanded = _commanded(scenario)
     return loop and UltimateSet(loop=loop, L_d=L_d, t_from=t_from, commanded=commanded)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
+from flighttune.control.law import Law
 from flighttune.guarantee.mismatch import LEAST_SAMPLES
 from flighttune.guarantee.ultimate_set import UltimateSet
 from flighttune.metrics import METRICS
@@ -14,7 +15,6 @@ from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
 from flighttune.scenario.tables import (
     DisturbanceTable,
-    LawTable,
     PlantTable,
     ReferenceTable,
     SensorsTable,
@@ -69,22 +69,9 @@ class FlightResult(NamedTuple):
     certified: str | None
 
 
-def batchable(scenario: Scenario, table: PlantTable, law: LawTable | None = None) -> bool:
-    """Whether the flight of a plant in a scenario can be flown in a batch.
-
-    It is one of the paper's law, and nothing in the scenario is unknown to the batch.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Of a draw.
-    table : PlantTable
-        The plant.
-    law : LawTable, optional
-        The paper's by default.
-    """
-    of_the_user = law is not None and law.kind == "python"
-    if table.kind != "kinematic" or of_the_user or not _knows(table):
+def batchable(scenario: Scenario, table: PlantTable, law: Law) -> bool:
+    """Whether the kernel knows the law, the plant, and everything in the scenario of a draw."""
+    if law.kernel() is None or not table.family.batched or not _knows(table):
         return False
     names = ("flight", "reference", "limits", "controller", "disturbance", "sensors")
     parts = (getattr(scenario, name) for name in names)
@@ -97,16 +84,15 @@ def _knows(table: Any) -> bool:
 
 
 def fly_batch(
-    scenarios: Sequence[Scenario], law: LawTable, gains: PIGains, claim: UltimateSet | None
+    scenarios: Sequence[Scenario], law: Law, gains: PIGains, claim: UltimateSet | None
 ) -> list[FlightResult | None]:
-    """Fly one gain set of the kinematic law in many scenarios.
+    """Fly one gain set on the kinematic plant in many scenarios.
 
     Parameters
     ----------
     scenarios : sequence of Scenario
         `batchable` ones.
-    law : LawTable
-        The paper's or the exact law.
+    law : Law
     gains : PIGains
     claim : UltimateSet or None
         Checked in each flight.
@@ -140,10 +126,12 @@ def _moving(scenario: Scenario) -> bool:
 
 
 def _fly(
-    scenarios: Sequence[Scenario], law: LawTable, gains: PIGains, claim: UltimateSet | None
+    scenarios: Sequence[Scenario], law: Law, gains: PIGains, claim: UltimateSet | None
 ) -> Iterator[FlightResult | None]:
     """Flights with the same controller, duration and kinds of inputs."""
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
+    kernel = law.kernel()
+    assert kernel is not None  # of `batchable` flights
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
     at = t if _moving(scenarios[0]) else np.zeros(1)
@@ -170,7 +158,7 @@ def _fly(
         sensors=[one.sensors.sensors(one.seed) for one in scenarios if one.sensors is not None],
         trajectories=True,
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
-        exact=law.exact_options() if law.kind == "exact" else None,
+        exact=kernel.exact,
         threads=1,
     )
     columns = {name: values.tolist() for name, values in _measured(flights, batch).items()}

@@ -16,7 +16,6 @@ from flighttune.campaign.flying.columns import RESIDUALS, TUBE_SHARE, row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.expectations import missed
@@ -275,18 +274,21 @@ def _indicators(
     for run in runs:
         name = plan.group_of(run).gains
         gains = plan.gain_sets[name]
-        if gains is None or run not in scenarios or scenarios[run].is_own_law(name):
+        if gains is None or run not in scenarios:
             continue
         scenario = scenarios[run]
+        law, _ = scenario.law_of(name, gains)
+        if not law.by_gains:
+            continue
         flight, controller = scenario.flight, scenario.controller
         _, gamma = scenario.followed().initial
         # what the linear model of a draw depends on; all else in it is not dispersed
         at = (flight.V_a_mps, gamma, flight.g_mps2, controller.rate_hz, controller.schedule)
-        model = (*at, gains.law)
+        model = (*at, law.kind)
         keys[run] = (*model, name)
         if keys[run] not in loops:
             if model not in models:
-                models[model] = scenario.linear_model(rates=acts_on_rates(gains))
+                models[model] = scenario.linear_model(law)
             loops[keys[run]] = closed_loop(models[model], gains)
     found: dict[tuple[float | str, ...], tuple[float | None, float | None]] = {}
     for size in {A_K.shape for A_K in loops.values()}:
