@@ -5,7 +5,7 @@ import textwrap
 import time
 import traceback
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from flighttune.control.controller import (
     Controller,
@@ -18,7 +18,6 @@ from flighttune.control.controller import (
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import CommandLimiter, Limits
 from flighttune.control.linear_model import LinearModel
-from flighttune.errors import InputError
 
 FAILURES = (Exception, SystemExit)
 """What ends a flight and nothing else: code of a user's must not end the program either."""
@@ -50,15 +49,6 @@ def failure(name: str, error: BaseException, t: float | None) -> str:
 
 class LawError(Exception):
     """A law raised, or what it commands cannot be flown; the message names law and time."""
-
-
-class LimitedLaw(Controller, Protocol):
-    """A controller that applies its limits itself."""
-
-    @property
-    def limiter(self) -> Limiter:
-        """Of the commands it returns."""
-        ...
 
 
 class GuardedLaw(SelfLimiting):
@@ -157,18 +147,3 @@ def _numbers(returned: Any) -> list[float] | None:
         return [float(value) for value in returned]
     except (TypeError, ValueError):
         return None
-
-
-def limited_law(law: Controller, limits: Limits | None) -> LimitedLaw:
-    """The law as the loop flies it: one that does not limit its own commands is guarded.
-
-    Raises
-    ------
-    InputError
-        If `limits` is given for a controller that applies its own.
-    """
-    if not isinstance(law, SelfLimiting):
-        return GuardedLaw(law, Limits.none(2) if limits is None else limits)
-    if limits is not None:
-        raise InputError("`limits` must be given to the controller, which applies them itself.")
-    return law

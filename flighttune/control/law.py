@@ -99,6 +99,8 @@ class Law(ABC):
     keys : set of str
         Further keys of ``[[law]]`` that it takes; those that are fields of the class are its
         options.
+    required : tuple of str
+        Keys that it cannot do without.
     named_alone : bool
         Whether a scenario can name the kind without a table.
     inputs : tuple of two str
@@ -116,6 +118,7 @@ class Law(ABC):
 
     kind: ClassVar[str]
     keys: ClassVar[frozenset[str]] = frozenset()
+    required: ClassVar[tuple[str, ...]] = ()
     named_alone: ClassVar[bool] = True
     inputs: ClassVar[tuple[str, str]] = COMMANDS
     by_gains: ClassVar[bool] = True
@@ -150,21 +153,12 @@ class Law(ABC):
         V_a, gamma, g, phi, n_z, _ = trim
         return kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=g)
 
-    def loops_along(
-        self,
-        gains: PIGains,
-        *,
-        V_a: FloatArray,
-        gamma: FloatArray,
-        phi: FloatArray,
-        n_z: FloatArray,
-        g: float,
-    ) -> FloatArray:
-        """A_K at every instant of a flight, whose conditions have shape (k,): shape (k, 4, 4)."""
-        flown = zip(V_a.tolist(), gamma.tolist(), phi.tolist(), n_z.tolist(), strict=True)
-        trims = (
-            Trim(V_a=V, gamma=climb, phi=roll, n_z=load, g=g) for V, climb, roll, load in flown
-        )
+    def loops_along(self, gains: PIGains, flown: FloatArray, g: float, /) -> FloatArray:
+        """A_K at every instant of a flight, shape (k, 4, 4).
+
+        The rows of `flown` are airspeed, path angle, roll and load factor, shape (k, 4).
+        """
+        trims = (Trim(V_a, gamma, g, phi, n_z) for V_a, gamma, phi, n_z in flown.tolist())
         return np.array([closed_loop(self.linear_model(trim), gains) for trim in trims])
 
     def loop(
@@ -202,6 +196,16 @@ class Law(ABC):
     def discrete_pi(self, _setup: LawSetup, /) -> MimoPI | None:
         """The controller as a discrete PI of two commands; None where it is something else."""
         return None
+
+    def refusal(self, ability: str, gains: str) -> InputError:
+        """Why the gain set `gains` cannot be exported: the law lacks a method of its own."""
+        able = (
+            k for k, law in law_kinds().items() if getattr(law, ability) != getattr(Law, ability)
+        )
+        return InputError(
+            f"`gains` must be flown by the law {' or '.join(able)} to be exported, got {gains!r} "
+            f"of the law {self.name!r}."
+        )
 
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
         """Names of gain sets flown with it: as they are with the paper's, else ``LAW:GAINS``."""
@@ -241,15 +245,6 @@ def law_kinds() -> Mapping[str, type[Law]]:
 def plain_laws() -> tuple[str, ...]:
     """Kinds of law that a scenario can name without a table."""
     return tuple(kind for kind, law in law_kinds().items() if law.named_alone)
-
-
-def kinds_with(ability: str) -> str:
-    """Kinds of law with a method of their own for something, in words."""
-    return " or ".join(
-        kind
-        for kind, law in law_kinds().items()
-        if getattr(law, ability) is not getattr(Law, ability)
-    )
 
 
 def made_law(kind: str, name: str | None = None, **options: Any) -> Law:

@@ -7,7 +7,6 @@ from string import Template
 from flighttune import __version__
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.export.law import refusal
 from flighttune.flight.fly import law_setup, plant_of
 from flighttune.flight.ladder import aircraft_table
 from flighttune.scenario.schema import Scenario
@@ -49,7 +48,7 @@ def export_c(
     law, _ = scenario.law_of(name, gains)
     controller = law.discrete_pi(law_setup(scenario, gains, limits))
     if controller is None:
-        raise refusal(name, law, "discrete_pi")
+        raise law.refusal("discrete_pi", name)
     write_text(folder / SOURCE, c_source(controller, title=scenario.title, gains=name))
     return folder / SOURCE
 

@@ -19,7 +19,6 @@ from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
 from flighttune.errors import InputError, OutputError
-from flighttune.export.law import refusal
 from flighttune.flight.fly import law_setup, plant_of
 from flighttune.flight.ladder import aircraft_table
 from flighttune.plants.jsbsim import properties
@@ -116,7 +115,7 @@ def export_jsbsim(
     setup = law_setup(scenario, gains, scenario.limits.limits().within(flown.limits))
     loop = law.outer_loop(setup)
     if loop is None:
-        raise refusal(name, law, "outer_loop")
+        raise law.refusal("outer_loop", name)
     flown.start(scenario.condition)
     folder = folder.absolute()
     flight = _Flight(scenario, setup, loop, flown)

@@ -74,7 +74,7 @@ def _bound(
     """Tables of which those of the user's hold their classes."""
     bound = list(tables)
     for i, table in enumerate(tables):
-        maker = made.get(table.label)
+        maker = made.get(table.name or "")
         if table.of_the_user and (maker or table.maker is None):
             bound[i] = table.made_by(maker or _loaded(title, key, table))
     return bound
@@ -92,7 +92,7 @@ def _python(name: str, made: Any) -> dict[str, Any]:
 
 
 def _loaded(title: str, key: str, table: LawTable | PlantTable) -> Any:
-    name = table.label
+    name = table.name
     where = f"{title}: [[{key}]] {name}"
     if table.module is None or table.class_ is None:
         raise ScenarioError(

@@ -25,11 +25,6 @@ class PlantKind(NamedTuple):
     enclosed: str | None = None
     batched: bool = False
 
-    @property
-    def of_the_user(self) -> bool:
-        """Whether a class of the user's flies."""
-        return "module" in self.keys
-
 
 _LAGS = tuple(f"{channel}_{key}" for channel in ("roll", "n_z") for key in ("lag_rad_s", "delay_s"))
 

@@ -88,15 +88,13 @@ def frozen_loop(run: Run) -> FrozenLoop | None:
     except InputError:
         return None
     kept = evenly(len(signals), most=LINEARISED)
-    V_a, gamma, phi, n_z = (
-        signals[name].to_numpy(dtype=float)[kept] for name in ("V_a", "gamma", "phi", "n_z")
-    )
-    usable = np.isfinite(V_a + gamma + phi + n_z) & (V_a > 0.0) & (np.abs(gamma) < np.pi / 2)
+    flown = signals[["V_a", "gamma", "phi", "n_z"]].to_numpy(dtype=float)[kept]
+    V_a, gamma, phi, _ = flown.T
+    usable = np.isfinite(flown).all(axis=1) & (V_a > 0.0) & (np.abs(gamma) < np.pi / 2)
     usable &= (np.abs(phi) < np.pi / 2) & (np.cos(phi) > 1e-3)
-    V_a, gamma, phi, n_z = V_a[usable], gamma[usable], phi[usable], n_z[usable]
-    if not len(V_a):
+    if not usable.any():
         return None
-    A_K = law.loops_along(gains, V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=at.g)
+    A_K = law.loops_along(gains, flown[usable], at.g)
     t = run.t[kept][usable]
     return FrozenLoop(
         t=t, eigenvalues=np.linalg.eigvals(A_K).astype(complex), trim=trim.astype(complex)

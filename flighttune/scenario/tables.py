@@ -1,10 +1,10 @@
 """The tables of a scenario file: units at the end of each key, values in SI by a method."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import (
@@ -274,6 +274,10 @@ class AirframeTable(Table):
 class OwnTable(Table):
     """A law or plant, which may be a class of the user's: the class itself is in no file."""
 
+    _kinds: ClassVar[Mapping[str, PlantKind | type[Law]]]
+    if TYPE_CHECKING:  # the subclasses say in which order keys are written
+        name: str | None
+        kind: str
     _maker: Callable[..., Any] | None = PrivateAttr(None)
 
     @property
@@ -287,11 +291,24 @@ class OwnTable(Table):
         table._maker = maker
         return table
 
+    @property
+    def of_the_user(self) -> bool:
+        """Whether a class of the user's flies."""
+        return "module" in self._kinds[self.kind].keys
 
-if TYPE_CHECKING:
-    PlantName: TypeAlias = str
-else:
-    PlantName = Literal[tuple(PLANT_KINDS)]
+    @model_validator(mode="after")
+    def _keys_of_the_kind(self) -> Self:
+        own = self._kinds[self.kind]
+        for key in sorted(self.model_fields_set - own.keys):
+            kinds = " or ".join(kind for kind, other in self._kinds.items() if key in other.keys)
+            if kinds:
+                raise ValueError(f"`{key.removesuffix('_')}` must be given with kind {kinds} only")
+        for key in own.required:
+            if getattr(self, key) is None:
+                raise ValueError(f"`{key}` must be given with kind {self.kind}")
+        if len({"module", "class_"} & self.model_fields_set) == 1:
+            raise ValueError("`module` and `class` must be given together")
+        return self
 
 
 class PlantTable(OwnTable):
@@ -304,7 +321,8 @@ class PlantTable(OwnTable):
     of the same kind and aircraft.
     """
 
-    kind: PlantName
+    _kinds: ClassVar[Mapping[str, PlantKind]] = PLANT_KINDS
+    kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim", "python"]
     aircraft: PathName | None = None
     name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
@@ -320,45 +338,10 @@ class PlantTable(OwnTable):
     parameters: dict[str, Any] | None = None
     sha256: str | None = None
 
-    @model_validator(mode="after")
-    def _aircraft_of_jsbsim(self) -> "PlantTable":
-        if ("aircraft" in self.family.keys) != (self.aircraft is not None):
-            raise ValueError("`aircraft` must be given with kind jsbsim, and only there")
-        for key in ("throttle_max", "airframe"):
-            if getattr(self, key) is not None and self.aircraft is None:
-                raise ValueError(f"`{key}` must be given with kind jsbsim only")
-        return self
-
-    @model_validator(mode="after")
-    def _class_of_python(self) -> "PlantTable":
-        given = sorted(self.model_fields_set & PLANT_KINDS["python"].keys)
-        if given and not self.of_the_user:
-            raise ValueError(f"`{given[0].removesuffix('_')}` must be given with kind python only")
-        if self.of_the_user and self.name is None:
-            raise ValueError("`name` must be given with kind python")
-        if (self.module is None) != (self.class_ is None):
-            raise ValueError("`module` and `class` of [[plant]] must be given together")
-        return self
-
-    @model_validator(mode="after")
-    def _lag_of_point_mass(self) -> "PlantTable":
-        given = {key for key in self.model_fields_set if key.startswith(("roll_", "n_z_"))}
-        if given - self.family.keys:
-            raise ValueError(f"`{min(given)}` must be given with kind point_mass_lag only")
-        for key in self.family.required:
-            if getattr(self, key) is None:
-                raise ValueError(f"`{key}` must be given with kind {self.kind}")
-        return self
-
     @property
     def family(self) -> PlantKind:
         """What the other rooms ask about its kind."""
         return PLANT_KINDS[self.kind]
-
-    @property
-    def of_the_user(self) -> bool:
-        """Whether a class of the user's flies."""
-        return self.family.of_the_user
 
     @property
     def label(self) -> str:
@@ -399,6 +382,7 @@ class LawTable(OwnTable):
     """
 
     name: Name
+    _kinds: ClassVar[Mapping[str, type[Law]]] = law_kinds()
     kind: LawKind
     priority: Priority | None = None
     lift_floor: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
@@ -409,28 +393,10 @@ class LawTable(OwnTable):
     sha256: str | None = None
 
     @model_validator(mode="after")
-    def _keys_of_the_kind(self) -> "LawTable":
-        keys = self.model_fields_set - {"name", "kind"} - law_kinds()[self.kind].keys
-        for key in sorted(keys):
-            kinds = " or ".join(kind for kind, law in law_kinds().items() if key in law.keys)
-            raise ValueError(
-                f"`{key.removesuffix('_')}` of [[law]] must be given with kind {kinds} only"
-            )
-        if (self.module is None) != (self.class_ is None):
-            raise ValueError("`module` and `class` of [[law]] must be given together")
+    def _has_its_own_name(self) -> Self:
         if self.name in LAWS and self.name != self.kind:
             raise ValueError(f"`name` of [[law]] must not be {self.name!r} with kind {self.kind}")
         return self
-
-    @property
-    def label(self) -> str:
-        """Name of the law before the colon of its gain sets."""
-        return self.name
-
-    @property
-    def of_the_user(self) -> bool:
-        """Whether a class of the user's flies."""
-        return "module" in law_kinds()[self.kind].keys
 
     def law(self) -> Law:
         """The law, with defaults where the table does not say."""

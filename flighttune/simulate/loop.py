@@ -10,8 +10,14 @@ from operator import itemgetter
 import numpy as np
 import pandas as pd
 
-from flighttune.control.controller import Controller, FlightCondition, Measured, ReferenceSample
-from flighttune.control.guarded import LawError, limited_law
+from flighttune.control.controller import (
+    Controller,
+    FlightCondition,
+    Measured,
+    ReferenceSample,
+    SelfLimiting,
+)
+from flighttune.control.guarded import GuardedLaw, LawError
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
@@ -92,7 +98,12 @@ def simulate(
     dt = controller.dt
     if not (math.isfinite(duration) and duration >= dt):
         raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
-    law = limited_law(controller, limits)
+    if not isinstance(controller, SelfLimiting):
+        law = GuardedLaw(controller, Limits.none(2) if limits is None else limits)
+    elif limits is not None:
+        raise InputError("`limits` must be given to the controller, which applies them itself.")
+    else:
+        law = controller
     count = round(duration / dt)
     t = np.arange(count + 1, dtype=np.float64) * dt
     sensed = None if sensors is None else len(plant.signals)

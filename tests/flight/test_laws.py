@@ -142,10 +142,10 @@ def test_an_expectation_may_name_law_and_gains():
         ({"law": ["exact", "exact"]}, "`law` must not name anything twice"),
         (
             {"law": [{"name": "a", "kind": "paper", "braking": 0.5}]},
-            "`braking` of .* kind exact only",
+            "`braking` .* kind exact only",
         ),
         ({"law": [{"name": "a", "kind": "exact", "priority": "n_z"}]}, "`priority` must be"),
-        ({"law": [{"name": "a", "kind": "exact", "module": "x.py"}]}, "`module` of .* kind python"),
+        ({"law": [{"name": "a", "kind": "exact", "module": "x.py"}]}, "`module` .* kind python"),
         ({"law": [{"name": "exact", "kind": "paper"}]}, "`name` of .* must not be 'exact'"),
         ({"law": [{"name": "a", "kind": "exact", "rate": 2.0}]}, "`rate` is not a known key"),
         ({"tuning": {"input_limits": True}}, "`input_limits` of .* absent with the exact law"),

@@ -67,11 +67,9 @@ class Exact(Law):
         """Error dynamics, the same at every condition."""
         return rate_model()
 
-    def loops_along(
-        self, gains: PIGains, *, V_a: FloatArray, **_condition: FloatArray | float
-    ) -> FloatArray:
+    def loops_along(self, gains: PIGains, flown: FloatArray, _g: float, /) -> FloatArray:
         """A_K at every instant of a flight: the same."""
-        return np.broadcast_to(closed_loop(rate_model(), gains), (len(V_a), 4, 4))
+        return np.broadcast_to(closed_loop(rate_model(), gains), (len(flown), 4, 4))
 
     def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
         """Units of the states; each error in units of `LAGS_PER_ERROR` lags of its channel.

@@ -41,18 +41,10 @@ class Paper(Law):
             return model
         return replace(model, B=model.B * (trim.V_a / trim.schedule_speed))
 
-    def loops_along(
-        self,
-        gains: PIGains,
-        *,
-        V_a: FloatArray,
-        gamma: FloatArray,
-        phi: FloatArray,
-        n_z: FloatArray,
-        g: float,
-    ) -> FloatArray:
+    def loops_along(self, gains: PIGains, flown: FloatArray, g: float, /) -> FloatArray:
         """A_K at every instant of a flight: `kinematic_model` at many conditions at once."""
-        A_K, B = np.zeros((len(V_a), 4, 4)), np.zeros((len(V_a), 2, 2))
+        V_a, gamma, phi, n_z = flown.T
+        A_K, B = np.zeros((len(flown), 4, 4)), np.zeros((len(flown), 2, 2))
         B[:, 0, 0], B[:, 1, 0] = -1.0 / np.cos(phi) ** 2, n_z * np.sin(phi)
         B[:, 1, 1] = -np.cos(phi)
         B *= (g / V_a)[:, None, None]
