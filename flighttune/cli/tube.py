@@ -105,6 +105,7 @@ def tube_json(found: "Tube") -> dict[str, Any]:
     ever = found.hand_over and found.hand_over.bounds
     return {
         **pick(found, "status reason model"),
+        "probability": found.probability,
         "half_width_deg": {
             channel: {
                 "max": float(column.max()),
@@ -155,6 +156,8 @@ def _text(
         spans = ", ".join(f"{begin:.2f}..{end:.2f} s" for begin, end in intervals) or "never"
         yield f"a limit can hold {command}: {spans}"
     yield for_ever_text(found)
+    if found.probability is not None:
+        yield found.probability.sentence
     yield f"flights flown with it inside: {'yes' if answer['inside'] else 'NO'}"
     yield f"signals: {answer['signals']}"
     if out is not None and found.status == "bounded":
@@ -180,13 +183,12 @@ def run_tubes_json(found: "RunTubes") -> dict[str, Any]:
     """Tubes of runs as ``--json`` has them, by label of the run."""
     return {
         label: {
-            **pick(one, "status reason model"),
+            **pick(one.about, "status reason model start_deg handed_over_s counted_from_s"),
+            "probability": one.about.probability,
             "half_width_deg": {
                 channel: dict(zip(("max", "end"), widths.tolist(), strict=True))
                 for channel, widths in zip(("chi", "gamma"), one.half_widths / DEG, strict=True)
             },
-            "handed_over_s": one.handed_over,
-            "counted_from_s": one.counted_from,
             "inside": label not in found.outside,
         }
         for label, one in found.found.items()
