@@ -66,7 +66,9 @@ NARROWEST = 1e-9
 """Half width of a range, rad and 1, below which it is not remembered: it would say nothing."""
 
 FRESH_SYMBOLS = 20
-"""Most symbols that a sample adds."""
+"""Most symbols that a sample adds: of the paper's law 12 for the kinks of four limits, 2 commands,
+2 integrals, course, path angle, and behind lags a load factor and a roll seen. The exact law adds
+7, and one more for every time that pieces are split after its roll command."""
 
 TAKE_UP = 25
 """Samples after which errors without a symbol get one: until then they only add up, and what the
@@ -343,6 +345,8 @@ class Enclosure:
     def _controlled(self, k: int) -> "Controlled":
         """The commands of sample k, in as many pieces as that takes."""
         pieces = self.pieces
+        # A split changes the pieces and their constraints, so every form is made anew after it. No
+        # symbol is added before the last pass: constraints may only speak of symbols that stay.
         while True:
             state = pieces.forms()
             errors = self._errors(k, state)
