@@ -235,8 +235,8 @@ class Bounds(NamedTuple):
     ----------
     ranges : ndarray, shape (4, 2)
         Lower and upper bound of course error, flight-path-angle error, roll and load-factor
-        command; the errors hold up to the next sample with the margin added, against the straight
-        line between the samples' bounds.
+        command. The errors have a margin, with which they also hold between the samples: on the
+        straight line from the bounds of one to those of the next.
     held : ndarray of bool, shape (2,)
         Whether a limit can hold the command.
     """
@@ -314,6 +314,7 @@ class Enclosure:
 
     def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan) -> None:
         self.loop, self.pieces, self.plan = loop, pieces, plan
+        self._margin = np.zeros(2)
 
     def sample(self, k: int) -> Bounds:
         """Take the set through sample k and on to the next; return what is proven of it.
@@ -336,8 +337,10 @@ class Enclosure:
         ranges = [*map(ordered, (*error_ranges, *flown.commands))]
         bounds = np.array([(one.low.min(), one.high.max()) for one in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
-        # times how far apart its rate can be.
-        margin = 0.25 * loop.dt * flown.spread * UP
+        # times how far apart its rate can be. The line between the bounds needs that at both of its
+        # ends, so a sample takes the larger margin of the interval before it and of the one after.
+        after = 0.25 * loop.dt * flown.spread * UP
+        margin, self._margin = np.maximum(self._margin, after), after
         bounds[:2, 0] -= margin
         bounds[:2, 1] += margin
         return Bounds(bounds, np.array(held))
