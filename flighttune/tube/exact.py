@@ -35,7 +35,6 @@ from flighttune.tube.sample import (
     Controlled,
     Cut,
     Enclosure,
-    Excess,
     Inversion,
     Plan,
     SampledLoop,
@@ -97,6 +96,7 @@ class ExactEnclosure(Enclosure):
             lifting = self._lifting(state, errors, phi, b)
             if not self._fewer_or_more([turning, lifting]):
                 break
+        self._note_limits(k, [turning, lifting])
         extra = self._vertical(lifting, phi, b)
         held = [self._held(i, channel) for i, channel in enumerate((turning, lifting))]
         integrals = self._kept(
@@ -162,7 +162,7 @@ class ExactEnclosure(Enclosure):
                 low, high = excess.values.low, excess.values.high
                 low = np.where(known == LIMITED, np.maximum(low, -OVERLAP), low)
                 high = np.where(known == FREE, np.minimum(high, OVERLAP), high)
-                sides[side] = Excess(excess.form, Interval(low, high))
+                sides[side] = excess._replace(values=Interval(low, high))
                 self._known.append((sides[side], i, side))
         return Channel(x, increment, at, *sides)
 

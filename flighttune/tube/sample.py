@@ -79,6 +79,13 @@ COMPUTED = 1e-11
 Runge-Kutta rule over 0.02 s and some rounding."""
 
 
+RATE, RANGE = "rate limit", "range"
+
+COMMANDS = ("roll", "the load factor")
+
+SIDES = (("to the right", "to the left"), ("upwards", "downwards"))
+"""Of the limits above and below the two commands."""
+
 CLIMB = "the flight-path angle"
 
 STEEPEST = math.radians(85.0)
@@ -180,10 +187,14 @@ class Inversion(NamedTuple):
 
 
 class Excess(NamedTuple):
-    """How far a command would be beyond one of its limits: the form Y and its values."""
+    """How far a command would be beyond one of its limits: the form Y and its values.
+
+    `limit` says which limits these can be, in words.
+    """
 
     form: Form
     values: Interval
+    limit: str
 
 
 class Channel(NamedTuple):
@@ -308,12 +319,16 @@ class Enclosure:
     ----------
     overlap : float
         By how much the halves of a piece overlap.
+    limits : dict of str to (str, int)
+        By command and side, which of its limits could act in the last sample, and the sample since
+        which some did without a break.
     """
 
     overlap = 0.0
 
     def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan) -> None:
         self.loop, self.pieces, self.plan = loop, pieces, plan
+        self.limits: dict[str, tuple[str, int]] = {}
         self._margin = np.zeros(2)
 
     def sample(self, k: int) -> Bounds:
@@ -362,10 +377,24 @@ class Enclosure:
             *(self._limited(i, c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
             strict=True,
         )
+        self._note_limits(k, channels)
         phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
         phi = pieces.fresh(phi, PHI)
         extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
         return Controlled(state, errors, roll, phi, extra, self._kept(integrals), held)
+
+    def _note_limits(self, k: int, channels: Sequence[Channel]) -> None:
+        """Write down which limits can act, so that a set that is lost has a cause."""
+        sides = {
+            f"{command} {side}": excess
+            for command, sides, channel in zip(COMMANDS, SIDES, channels, strict=True)
+            for side, excess in zip(sides, (channel.above, channel.below), strict=True)
+        }
+        self.limits = {
+            side: (excess.limit, self.limits[side][1] if side in self.limits else k)
+            for side, excess in sides.items()
+            if excess is not None and (excess.values.high > 0.0).any()
+        }
 
     def _kept(self, integrals: Sequence[Form]) -> list[Form]:
         """Integrals with a symbol each for their errors."""
@@ -470,18 +499,19 @@ class Enclosure:
             return None
         if math.isinf(step):
             form = combined((side, x), (side, command), shift=-limit)
-            return Excess(form, self._range(form))
-        terms = [(side, x)]
+            return Excess(form, self._range(form), RANGE)
+        terms, name = [(side, x)], RATE
         if not math.isinf(limit):
             # What the range leaves of the step: all of it, unless the command is near its end.
             near = values * side + (step - limit)
             if (near.high > 0.0).any():
+                name = RANGE if (near.low >= 0.0).all() else f"{RATE} or the {RANGE}"
                 close = combined((side, command), shift=step - limit)
                 # A command is never beyond its range.
                 near = ordered(Interval(near.low, np.minimum(near.high, step)))
                 terms.append((1.0, positive_part(close, near, self.plan.slope(near))))
         form = combined(*terms, shift=-step)
-        return Excess(form, self._range(form))
+        return Excess(form, self._range(form), name)
 
     def _empty(self, channels: Sequence[Channel]) -> Flags:
         empty = np.zeros(len(self.pieces), dtype=bool)
@@ -499,7 +529,7 @@ class Enclosure:
     def _split(self, cut: Cut) -> None:
         """Below and above `cut.at`: a flight is in one of the two."""
         which, pieces = np.flatnonzero(cut.which), self.pieces
-        form, values = cut.excess
+        form, values, _ = cut.excess
         count = len(pieces)
         pieces.split(which)
         both = [
