@@ -10,12 +10,15 @@ from flighttune.cli.gain_sets import chosen_gains
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.errors import InputError
 from flighttune.present.tables import Table
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flighttune.control.gains import PIGains
+    from flighttune.scenario.schema import Scenario
     from flighttune.simulate.run import Run
     from flighttune.tube.of_run import RunTubes
     from flighttune.tube.result import Tube
@@ -52,6 +55,13 @@ def tube(
     out: Annotated[
         Path | None, Option("--out", help="Proof file (.npz) to write; `verify` checks it.")
     ] = None,
+    largest_disturbance: Annotated[
+        bool,
+        Option(
+            "--largest-disturbance",
+            help="Search, to two digits, for the largest disturbance for which the set is bounded.",
+        ),
+    ] = False,
 ) -> None:
     """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
 
@@ -73,6 +83,14 @@ def tube(
         fail(
             f"{scenario}: gains {name}: a tube must be of the paper's law, got one of your own.", NO
         )
+    law = name.rpartition(":")[0] or "exact"
+    if largest_disturbance:
+        if disturbance is not None or conformance is not None or out is not None:
+            raise InputError(
+                "`largest_disturbance` must stand without --disturbance, --conformance and --out."
+            )
+        _largest_disturbance(loaded, name, chosen, plant=plant, start=start_deg * DEG, law=law)
+        return
     began = time.perf_counter()
     with progress_bar() as progress:
         found = tube_of(
@@ -82,7 +100,7 @@ def tube(
             start=start_deg * DEG,
             disturbance=disturbance,
             conformance=conformance and load_conformance(conformance),
-            law=name.rpartition(":")[0] or "exact",
+            law=law,
             progress=progress and (lambda part: progress(f"tube {name}", part)),
         )
     inside = flights_inside(found)
@@ -97,6 +115,34 @@ def tube(
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if not inside:
         fail(f"{scenario}: gains {name}: a flight leaves the tube.", NO)
+
+
+def _largest_disturbance(
+    scenario: "Scenario", name: str, gains: "PIGains", *, plant: str | None, start: float, law: str
+) -> None:
+    from flighttune.tube.tube import largest_disturbance
+
+    with progress_bar() as progress:
+        tried = largest_disturbance(
+            scenario,
+            gains,
+            plant=plant,
+            start=start,
+            law=law,
+            progress=progress and (lambda part: progress(f"tube {name}", part)),
+        )
+    rows = [
+        {"disturbance": float(one.problem.d_high.max()), **pick(one, "status reason")}
+        for one in tried
+    ]
+    bounded = [row["disturbance"] for row in rows if row["status"] == "bounded"]
+    largest = max(bounded, default=None)
+    lines = [f"tried {row['disturbance']:.2g} rad/s: {row['reason'] or 'bounded'}" for row in rows]
+    if largest is not None:
+        lines.append(f"largest disturbance for which the set is bounded: {largest:.2g} rad/s")
+    emit({"largest_disturbance": largest, "tried": rows}, lines)
+    if largest is None:
+        fail(f"{scenario.title}: gains {name}: for no disturbance tried the set is bounded.", NO)
 
 
 def tube_json(found: "Tube") -> dict[str, Any]:

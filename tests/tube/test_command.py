@@ -1,6 +1,7 @@
 """`flighttune tube` and `verify` of its file, as a user meets them."""
 
 import json
+import re
 
 import pandas as pd
 import pytest
@@ -82,9 +83,24 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
 
     found = json.loads(stdout)
     assert found["status"] == "unbounded"
-    assert "t = " in found["reason"]
+    # The start is 20 deg off: roll meets its rate limit of 30 deg/s at once, to the left.
+    assert re.search(r"rate limit.* of roll to the left from 0\.\d\d s", found["reason"])
     assert found["reason"] in stderr
     assert not out.exists()
+
+
+@pytest.mark.slow
+def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario):
+    stdout, _ = flighttune("tube", scenario(duration=0.2), "--largest-disturbance", "--json")
+
+    found = json.loads(stdout)
+    tried = {row["disturbance"]: row["status"] for row in found["tried"]}
+    largest = found["largest_disturbance"]
+    assert tried[largest] == "bounded"
+    lost = [size for size, status in tried.items() if status == "unbounded"]
+    assert all(row["reason"] for row in found["tried"] if row["disturbance"] in lost)
+    # No number of two digits is in between.
+    assert largest < min(lost) <= float(f"{largest * 1.1:.1e}")
 
 
 @pytest.mark.parametrize(
@@ -94,6 +110,7 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
         (["--disturbance", "nan"], "", "`disturbance` must be positive"),
         (["--start-deg", "-2"], "", "`start` must lie in 0..45 deg, got -2 deg"),
         (["--plant", "jsbsim:x"], "", "`plant` must be one of kinematic"),
+        (["--largest-disturbance", "--disturbance", "1"], "", "`largest_disturbance` must stand"),
         (["--out", "proof.json"], "", "--out must end in .npz"),
         ([], "[wind]\nspeed_mps = 3.0\nfrom_deg = 0.0", "`wind` must not"),
         ([], "[sensors]\nchi_bias_deg = 1.0", "`sensors` must not"),
