@@ -115,11 +115,14 @@ class RunTubes:
         By label of the run.
     why_not : mapping of str to str
         Why there is none, of runs for which one was to be made.
+    left : tuple of str
+        Labels of runs that leave the tube made for them, which is not kept.
     """
 
     runs: tuple[Run, ...]
     found: Mapping[str, RunTube]
     why_not: Mapping[str, str]
+    left: tuple[str, ...] = ()
 
     @property
     def at_a_glance(self) -> tuple[str, ...]:
@@ -163,7 +166,8 @@ class RunTubes:
     @property
     def outside(self) -> tuple[str, ...]:
         """Labels of runs that leave their tube."""
-        return tuple(run.label for run in self.runs if run.label in self.found and leaves_tube(run))
+        drawn = (run for run in self.runs if run.label in self.found)
+        return (*self.left, *(run.label for run in drawn if leaves_tube(run)))
 
 
 def _nearest(tube: RunTube) -> str:
@@ -215,6 +219,7 @@ def tubes_of(
     known = dict(_known(folder / FOLDER))
     found: dict[str, RunTube] = {}
     why_not: dict[str, str] = {}
+    left: list[str] = []
     for run in runs:
         if len(run.signals) < 2:
             continue
@@ -225,6 +230,11 @@ def tubes_of(
             except FlightTuneError as error:
                 why_not[run.label] = str(error)
                 continue
+            if not made.contains(run.signals):
+                # A tube that its own flight leaves is wrong: nobody is to find it here later.
+                why_not[run.label] = "the flight leaves the tube made for it, which is not kept"
+                left.append(run.label)
+                continue
             from flighttune.tube.signals import write_signals
 
             path = folder / FOLDER / f"{sha256[:16]}.parquet"
@@ -233,7 +243,7 @@ def tubes_of(
         if sha256 in known:
             found[run.label] = read_tube(known[sha256])
     drawn = [found[run.label].around(run) if run.label in found else run for run in runs]
-    return RunTubes(runs=tuple(drawn), found=found, why_not=why_not)
+    return RunTubes(runs=tuple(drawn), found=found, why_not=why_not, left=tuple(left))
 
 
 def _tube(
