@@ -129,7 +129,7 @@ def tube_json(found: "Tube") -> dict[str, Any]:
         "gains": problem.gains.as_lists(),
         "start_rad": problem.start,
         "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
-        "counted": problem.boxes and (problem.boxes.basis or None),
+        "counted": problem.conformance and problem.conformance.sentence,
     }
 
 
@@ -164,8 +164,8 @@ def problem_text(found: "Tube") -> Iterator[str]:
         f"{name} " + "; ".join(" ".join(f"{gain:.6g}" for gain in row) for row in matrix)
         for name, matrix in (("K_P", problem.gains.K_P), ("K_I", problem.gains.K_I))
     )
-    if problem.boxes is not None and problem.boxes.basis:
-        yield f"counted: {problem.boxes.basis}"
+    if problem.conformance is not None:
+        yield f"counted: {problem.conformance.sentence}"
 
 
 def widths_text(found: "Tube", gains: str) -> Table:

@@ -53,9 +53,8 @@ class AircraftBoxes:
         Of roll and load factor, in the model whose rates were subtracted.
     start_known : bool
         Whether the path over ground begins where the scenario says.
-    basis : str
-        The sentence of that conformance; empty where the boxes come from the file of a tube and
-        were not compared with the conformance.
+    conformance : Conformance or None
+        What they come from; None where they stand in the file of a tube and were not compared.
     """
 
     conformance_sha256: str
@@ -65,7 +64,7 @@ class AircraftBoxes:
     counted: FloatArray
     lags: tuple[InnerLag, ...]
     start_known: bool
-    basis: str = ""
+    conformance: Conformance | None = None
 
     @classmethod
     def of(
@@ -99,7 +98,7 @@ class AircraftBoxes:
             lags=conformance.model.lags,
             start_known=scenario.wind is not None or not conformance.distribution.windy,
             conformance_sha256=conformance_sha256(conformance),
-            basis=conformance.sentence,
+            conformance=conformance,
         )
 
     def check(self, samples: int) -> None:
@@ -116,10 +115,10 @@ class AircraftBoxes:
                 raise InputError(f"`{name}` must be lower and upper bounds, twice, at a sample.")
 
     def difference(self, other: "AircraftBoxes") -> str | None:
-        """Name of the first attribute that is not the same, `basis` aside; None if all are."""
+        """Name of the first attribute that differs, `conformance` aside; None if none does."""
         for field in fields(self):
             mine, theirs = getattr(self, field.name), getattr(other, field.name)
-            if field.name != "basis" and not np.array_equal(mine, theirs):
+            if field.name != "conformance" and not np.array_equal(mine, theirs):
                 return field.name
         return None
 
@@ -214,12 +213,17 @@ class TubeProblem:
     def model(self) -> str:
         """The plant enclosed, in words, and what was counted for it."""
         kind = MODELS[self.table.kind]
-        return f"{kind}; {self.boxes.basis}" if self.boxes and self.boxes.basis else kind
+        return kind if self.conformance is None else f"{kind}; {self.conformance.sentence}"
+
+    @property
+    def conformance(self) -> Conformance | None:
+        """What the boxes of an aircraft were rebuilt from."""
+        return self.boxes and self.boxes.conformance
 
     @property
     def aircraft_checked(self) -> bool | None:
         """Whether the boxes were rebuilt from a conformance; None for a plant without boxes."""
-        return None if self.boxes is None else bool(self.boxes.basis)
+        return None if self.boxes is None else self.conformance is not None
 
     @property
     def d_low(self) -> FloatArray:

@@ -55,7 +55,7 @@ in another order."""
 SAME_REFERENCE = 1e-6
 """Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
 reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by up
-to 3e-9 where inputs change by 1e-15. Tubes are a thousand times as wide as this."""
+to 3e-9 where inputs change by 1e-15. It is 0.00006 deg; tubes are wider than 0.001 deg."""
 
 MOST_BYTES, MOST_COMPRESSED = 128_000_000, 32_000_000
 """Sizes of all members and of a file above which it is not read: three and five times those of the
