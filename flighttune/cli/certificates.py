@@ -16,6 +16,7 @@ from flighttune.cli.gain_sets import (
 )
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.errors import InputError
 from flighttune.present.tables import Bad, Table
 
 EIGENVALUES_A_LINE = 4
@@ -189,6 +190,13 @@ def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "C
 
 def verify(
     certificate: Annotated[Path, Argument(metavar="FILE", help="Certificate, or proof of a tube.")],
+    conformance: Annotated[
+        Path | None,
+        Option(
+            help="File of `flighttune conform` from which the boxes in the tube of an aircraft are "
+            "rebuilt [default: they are believed, and the answer says so]."
+        ),
+    ] = None,
 ) -> None:
     """Check a certificate without any solver, or a tube without the search that found it.
 
@@ -197,8 +205,10 @@ def verify(
     from flighttune.tube.proof import is_tube_file
 
     if is_tube_file(certificate):
-        _verify_tube(certificate)
+        _verify_tube(certificate, conformance)
         return
+    if conformance is not None:
+        raise InputError("`--conformance` must be given for the tube of an aircraft only.")
     from flighttune.certificates import load_certificate
     from flighttune.certificates import verify as verify_certificate
 
@@ -234,30 +244,27 @@ def verify(
         fail(f"{certificate}: {found.reason}", NO)
 
 
-def _verify_tube(file: Path) -> None:
-    from flighttune.cli.tube import for_ever_text, tube_json, widths_text
+def _verify_tube(file: Path, conformance: Path | None) -> None:
+    from flighttune.cli.tube import NOT_CHECKED, for_ever_text, problem_text, tube_json, widths_text
+    from flighttune.conformance import load_conformance
     from flighttune.tube.proof import load_tube, verify_tube
 
-    loaded = load_tube(file)
-    found = verify_tube(loaded)
+    loaded = load_tube(file, conformance and load_conformance(conformance))
+    found, checked = verify_tube(loaded), loaded.problem.aircraft_checked
     verdict = "valid: every inclusion is proven" if found.valid else "not valid"
     basis = "proven" if loaded.lost is None else "proven, within the errors that were counted"
+    if checked is False:
+        basis = f"proven {NOT_CHECKED}"
     rows = [(one.name, f"{one.margin:.3e}") for one in found.checks]
-    problem = loaded.problem
-    claim = {
-        **tube_json(loaded),
-        "gains": problem.gains.as_lists(),
-        "start_rad": problem.start,
-        "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
-        "scenario": problem.scenario.as_dict(),
-    }
+    claim = {**tube_json(loaded), "scenario": loaded.problem.scenario.as_dict()}
     text = [
         table(f"{file}: {verdict}", ("check", "margin"), rows),
         f"{basis if found.valid else 'claimed, not proven'}:",
         widths_text(loaded, "of the file"),
+        *problem_text(loaded),
         for_ever_text(loaded),
     ]
-    emit({**pick(found, "valid reason checks"), "claim": claim}, text)
+    emit({**pick(found, "valid reason checks"), "aircraft_checked": checked, "claim": claim}, text)
     if not found.valid:
         fail(f"{file}: {found.reason}", NO)
 

@@ -17,10 +17,12 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import campaign_pool
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, table
+from flighttune.errors import InputError
 from flighttune.present.tables import Table
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
+    from flighttune.campaign.conform import ConformSettings
     from flighttune.conformance import Conformance
 
 
@@ -35,7 +37,7 @@ def conform(
             autocompletion=lambda: campaign_names() + scenario_names() + aircraft_names(),
         ),
     ],
-    out: Annotated[Path, Option("--out", help="JSON file to write.")],
+    out: Annotated[Path | None, Option("--out", help="JSON file to write.")] = None,
     epsilon: Annotated[
         float, Option(help="Accepted probability of leaving the boxes, 0 to 1.")
     ] = 0.01,
@@ -69,6 +71,16 @@ def conform(
         float,
         Option(help="Largest deviation from a scenario's start, course and path angle, deg."),
     ] = 0.0,
+    seed: Annotated[
+        int | None, Option(help="Seed of the draws [default: the campaign's].", min=0)
+    ] = None,
+    recount: Annotated[
+        Path | None,
+        Option(
+            help="Conformance file made of the same source: fly as many new flights with another "
+            "seed [default: the next one] and count those that leave its boxes."
+        ),
+    ] = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
 ) -> None:
@@ -76,8 +88,10 @@ def conform(
 
     The model is the exact point mass behind the identified lag. The boxes are fitted to the
     campaign's flights and tested on new random ones. Exit status 1 if flights leave them in every
-    attempt.
+    attempt, or any flight in a recount.
     """
+    if (out is None) == (recount is None):
+        raise InputError("`--out` must be given, or `--recount` in its place.")
     check_ending(out, ".json")
     from flighttune.campaign.conform import ConformSettings
     from flighttune.campaign.conform import conform as learn_and_count
@@ -93,7 +107,11 @@ def conform(
         over=boxes,
         window=window,
         start_deg=start_deg,
+        seed=seed,
     )
+    if out is None:
+        _recount(source, recount, settings, workers, scheduler)
+        return
     with campaign_pool(workers, scheduler) as pool:
         found = learn_and_count(source, settings, pool)
     if found is None:
@@ -109,6 +127,33 @@ def conform(
     emit(answer, _text(found, out))
     if not found.holds:
         fail(f"{source}: {found.sentence}; nothing is written", NO)
+
+
+def _recount(
+    source: str,
+    path: Path | None,
+    settings: "ConformSettings",
+    workers: int | None,
+    scheduler: str | None,
+) -> None:
+    """Count new flights against the boxes of a file."""
+    from flighttune.campaign.conform import recount
+    from flighttune.conformance import load_conformance
+
+    known = load_conformance(path or "")
+    with campaign_pool(workers, scheduler) as pool:
+        attempt = recount(source, known, settings, pool)
+    if attempt is None:
+        fail(f"{source}: interrupted", INTERRUPTED)
+    counts = f"{attempt.outside} of {attempt.flights} new flights left the boxes"
+    answer = {
+        "status": "flights_outside" if attempt.outside else "counted",
+        "flights": attempt.flights,
+        "outside": attempt.outside,
+    }
+    emit(answer, [f"{path}: {counts}"])
+    if attempt.outside:
+        fail(f"{path}: {counts}", NO)
 
 
 def _text(found: "Conformance", out: Path) -> Iterator[Table | str]:
@@ -130,8 +175,9 @@ def _text(found: "Conformance", out: Path) -> Iterator[Table | str]:
     yield f"errors in the last window: {errors}"
     for number, one in enumerate(found.attempts, 1):
         yield (
-            f"count {number}: learned from {one.learned} flights, widened by {one.widened:.2f}, "
-            f"{one.outside} of {one.counted} fresh ones outside"
+            f"count {number}: learned from draws {one.learned[0]} to {one.learned[1]}, widened by "
+            f"{one.widened:.2f}, {one.outside} of {one.flights} fresh ones outside (draws "
+            f"{one.counted[0]} to {one.counted[1]} of seed {found.seed})"
         )
     if found.holds:
         yield found.sentence

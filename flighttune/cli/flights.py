@@ -18,7 +18,7 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import progress_bar, raise_on_interrupt
 from flighttune.cli.show import NO, emit, fail, pick, say, table, tell
-from flighttune.cli.tube import run_tubes, run_tubes_json, run_tubes_text
+from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_json, run_tubes_text
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.tables import Bad, Table
@@ -79,6 +79,7 @@ def fly(
         )
     if view:
         _open(files.recording)
+    fail_if_outside(tubes)
     if claim.missed:
         more = f" ({len(claim.missed) - 1} more)" if claim.missed[1:] else ""
         fail(f"{claim.missed[0]}{more}", NO)

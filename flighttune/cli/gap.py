@@ -19,7 +19,7 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, as_json, emit, fail, pick, table, tell
-from flighttune.cli.tube import run_tubes, run_tubes_json, run_tubes_text
+from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_json, run_tubes_text
 from flighttune.present.numbers import number
 from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD
@@ -93,6 +93,7 @@ def gap(
         else {}
     )
     emit(answer, text)
+    fail_if_outside(tubes)
     if found.status != "explained":
         fail(f"{scenario}: {found.reason}", NO)
     if found.verdict is None or not found.verdict.held:

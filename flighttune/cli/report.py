@@ -11,7 +11,7 @@ from typer import Argument, Option
 from flighttune.cli.options import ConformanceOption, TubeOption, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import emit, table
-from flighttune.cli.tube import run_tubes, run_tubes_json, run_tubes_text
+from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_json, run_tubes_text
 from flighttune.present.tables import Bad, Table
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def report(
         yield f"report: {written.path}"
 
     emit(answer, text())
+    fail_if_outside(tubes)
 
 
 def reproduce(

@@ -10,12 +10,18 @@ from flighttune.cli.gain_sets import chosen_gains
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.errors import InputError
 from flighttune.present.tables import Table
 from flighttune.units import DEG
+
+NOT_CHECKED = "for the boxes in the file; that an aircraft keeps them is not checked here"
+"""Said of the tube of an aircraft that was read without the conformance of its boxes."""
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flighttune.control.gains import PIGains
+    from flighttune.scenario.schema import Scenario
     from flighttune.simulate.run import Run
     from flighttune.tube.of_run import RunTubes
     from flighttune.tube.result import Tube
@@ -52,10 +58,17 @@ def tube(
     out: Annotated[
         Path | None, Option("--out", help="Proof file (.npz) to write; `verify` checks it.")
     ] = None,
+    largest_disturbance: Annotated[
+        bool,
+        Option(
+            "--largest-disturbance",
+            help="Search, to two digits, for the largest disturbance for which the set is bounded.",
+        ),
+    ] = False,
 ) -> None:
     """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
 
-    Exit status 1 if the set cannot be bounded for the whole time.
+    Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
     import time
 
@@ -73,6 +86,14 @@ def tube(
         fail(
             f"{scenario}: gains {name}: a tube must be of the paper's law, got one of your own.", NO
         )
+    law = name.rpartition(":")[0] or "exact"
+    if largest_disturbance:
+        if disturbance is not None or conformance is not None or out is not None:
+            raise InputError(
+                "`largest_disturbance` must stand without --disturbance, --conformance and --out."
+            )
+        _largest_disturbance(loaded, name, chosen, plant=plant, start=start_deg * DEG, law=law)
+        return
     began = time.perf_counter()
     with progress_bar() as progress:
         found = tube_of(
@@ -82,29 +103,62 @@ def tube(
             start=start_deg * DEG,
             disturbance=disturbance,
             conformance=conformance and load_conformance(conformance),
-            law=name.rpartition(":")[0] or "exact",
+            law=law,
             progress=progress and (lambda part: progress(f"tube {name}", part)),
         )
     inside = flights_inside(found)
-    signals = (out or Path("runs") / f"{Path(scenario).stem}-tube.npz").with_suffix(".parquet")
-    write_signals(found, signals)
-    if out is not None and found.status == "bounded":
+    # A tube that its own flight leaves is wrong: neither bounds nor a proof of them are written.
+    signals = proof = None
+    if inside:
+        signals = (out or Path("runs") / f"{Path(scenario).stem}-tube.npz").with_suffix(".parquet")
+        write_signals(found, signals)
+    if inside and found.status == "bounded" and out is not None:
         save_tube(found, out)
+        proof = out
     answer = {**tube_json(found), "inside": inside, "signals": signals}
     answer["seconds"] = time.perf_counter() - began
-    emit(answer, _text(found, name, answer, out))
+    emit(answer, _text(found, name, answer, proof))
     if found.status != "bounded":
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if not inside:
-        fail(f"{scenario}: gains {name}: a flight leaves the tube.", NO)
+        fail(f"{scenario}: gains {name}: a flight leaves the tube, so that no file is written.", NO)
+
+
+def _largest_disturbance(
+    scenario: "Scenario", name: str, gains: "PIGains", *, plant: str | None, start: float, law: str
+) -> None:
+    from flighttune.tube.tube import largest_disturbance
+
+    with progress_bar() as progress:
+        tried = largest_disturbance(
+            scenario,
+            gains,
+            plant=plant,
+            start=start,
+            law=law,
+            progress=progress and (lambda part: progress(f"tube {name}", part)),
+        )
+    rows = [
+        {"disturbance": float(one.problem.d_high.max()), **pick(one, "status reason")}
+        for one in tried
+    ]
+    bounded = [row["disturbance"] for row in rows if row["status"] == "bounded"]
+    largest = max(bounded, default=None)
+    lines = [f"tried {row['disturbance']:.2g} rad/s: {row['reason'] or 'bounded'}" for row in rows]
+    if largest is not None:
+        lines.append(f"largest disturbance for which the set is bounded: {largest:.2g} rad/s")
+    emit({"largest_disturbance": largest, "tried": rows}, lines)
+    if largest is None:
+        fail(f"{scenario.title}: gains {name}: for no disturbance tried the set is bounded.", NO)
 
 
 def tube_json(found: "Tube") -> dict[str, Any]:
     """A tube as ``--json`` has it."""
-    widths = found.half_widths[:, :2] / DEG
+    problem, widths = found.problem, found.half_widths[:, :2] / DEG
     ever = found.hand_over and found.hand_over.bounds
     return {
         **pick(found, "status reason model"),
+        "probability": found.probability,
         "half_width_deg": {
             channel: {
                 "max": float(column.max()),
@@ -119,25 +173,67 @@ def tube_json(found: "Tube") -> dict[str, Any]:
         },
         "handed_over_s": found.handed_over,
         "counted_from_s": found.counted_from,
+        "gains": problem.gains.as_lists(),
+        "start_rad": problem.start,
+        "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
+        "counted": problem.conformance and problem.conformance.sentence,
     }
+
+
+def problem_text(found: "Tube") -> Iterator[str]:
+    """Which flights a tube encloses, and what was counted for them."""
+    problem = found.problem
+    flight, limits = problem.scenario.flight, problem.limits
+    chi, gamma = (angle / DEG for angle in problem.path_at_start)
+    yield (
+        f"flights of {problem.scenario.title!r}, plant {problem.plant!r}: {flight.duration_s:g} s "
+        f"at {flight.V_a_mps:g} m/s, {problem.scenario.controller.rate_hz:g} Hz"
+    )
+    yield (
+        f"from within {problem.start / DEG:g} deg of course {chi:g} and path angle {gamma:g} deg; "
+        "the reference ends at {:g} and {:g} deg".format(*problem.reference[-1, :2] / DEG)
+    )
+    yield "limits: " + ", ".join(
+        f"{name} {lower * unit:g}..{upper * unit:g} at {falling * unit:g}..{rising * unit:g} per s"
+        for name, unit, lower, upper, falling, rising in zip(
+            ("phi_cmd [deg]", "n_z_cmd"),
+            (1.0 / DEG, 1.0),
+            *(limits.lower, limits.upper, limits.rate_lower, limits.rate_upper),
+            strict=True,
+        )
+    )
+    low, high = problem.d_low.min(axis=0), problem.d_high.max(axis=0)
+    yield "any disturbance of the rates [rad/s]: " + ", ".join(
+        f"{name} {lowest:g}..{highest:g}"
+        for name, lowest, highest in zip(("chi", "gamma"), low, high, strict=True)
+    )
+    yield "gains: " + ", ".join(
+        f"{name} " + "; ".join(" ".join(f"{gain:.6g}" for gain in row) for row in matrix)
+        for name, matrix in (("K_P", problem.gains.K_P), ("K_I", problem.gains.K_I))
+    )
+    if problem.conformance is not None:
+        yield f"counted: {problem.conformance.sentence}"
 
 
 def widths_text(found: "Tube", gains: str) -> Table:
     """The half-widths of a tube as a table; `gains` is what to call its gains."""
+    from flighttune.tube.problem import MODELS
+
     widths = tube_json(found)["half_width_deg"]
     rows = [
         (channel, f"{width['max']:.3f}", f"{width['end']:.3f}") for channel, width in widths.items()
     ]
-    title = f"{found.problem.scenario.title}; gains {gains}, {found.model}: {found.status}"
+    kind = MODELS[found.problem.table.kind]
+    title = f"{found.problem.scenario.title!r}; gains {gains}, {kind}: {found.status}"
     return table(title, ("error", "half-width, largest [deg]", "at the end [deg]"), rows)
 
 
 def for_ever_text(found: "Tube") -> str:
     """What holds after the time that is enclosed, in a sentence."""
     if found.lost is not None:
-        return (
-            f"{found.reason}: the bounds on the errors are those that flights were counted against"
-        )
+        unchecked = found.problem.aircraft_checked is False
+        boxes = "in the file" if unchecked else "that flights were counted against"
+        return f"{found.reason}: the bounds on the errors are those {boxes}"
     if found.hand_over is None:
         return "after the time of the scenario nothing is claimed: no set was found that is kept"
     chi, gamma = (0.5 * (high - low) / DEG for low, high in found.hand_over.bounds[:2])
@@ -148,17 +244,22 @@ def for_ever_text(found: "Tube") -> str:
 
 
 def _text(
-    found: "Tube", name: str, answer: dict[str, Any], out: Path | None
+    found: "Tube", name: str, answer: dict[str, Any], proof: Path | None
 ) -> Iterator[Table | str]:
     yield widths_text(found, name)
+    yield from problem_text(found)
     for command, intervals in answer["limits_can_hold"].items():
         spans = ", ".join(f"{begin:.2f}..{end:.2f} s" for begin, end in intervals) or "never"
         yield f"a limit can hold {command}: {spans}"
     yield for_ever_text(found)
+    if found.probability is not None:
+        yield found.probability.sentence
     yield f"flights flown with it inside: {'yes' if answer['inside'] else 'NO'}"
-    yield f"signals: {answer['signals']}"
-    if out is not None and found.status == "bounded":
-        yield f"proof: {out}   (check it with: flighttune verify {out})"
+    if answer["signals"] is not None:
+        yield f"signals: {answer['signals']}"
+    if proof is not None:
+        boxes = "" if found.problem.boxes is None else " --conformance FILE"
+        yield f"proof: {proof}   (check it with: flighttune verify {proof}{boxes})"
 
 
 def run_tubes(
@@ -180,13 +281,12 @@ def run_tubes_json(found: "RunTubes") -> dict[str, Any]:
     """Tubes of runs as ``--json`` has them, by label of the run."""
     return {
         label: {
-            **pick(one, "status reason model"),
+            **pick(one.about, "status reason model start_deg handed_over_s counted_from_s"),
+            "probability": one.about.probability,
             "half_width_deg": {
                 channel: dict(zip(("max", "end"), widths.tolist(), strict=True))
                 for channel, widths in zip(("chi", "gamma"), one.half_widths / DEG, strict=True)
             },
-            "handed_over_s": one.handed_over,
-            "counted_from_s": one.counted_from,
             "inside": label not in found.outside,
         }
         for label, one in found.found.items()
@@ -201,3 +301,9 @@ def run_tubes_text(found: "RunTubes", how: str) -> Iterator[str]:
         yield f"{label}: no tube: {why}"
     if not (found.found or found.why_not):
         yield f"no tube around the errors yet: {how} makes it"
+
+
+def fail_if_outside(found: "RunTubes") -> None:
+    """End the command with status 1 if a flight leaves its tube."""
+    if found.outside:
+        fail(f"{', '.join(found.outside)}: the flight leaves its tube.", NO)
