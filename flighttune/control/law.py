@@ -18,12 +18,12 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import Controller, LawSetup, SelfLimiting
-from flighttune.control.exact_law import ExactOptions, command_gains, rate_gains
+from flighttune.control.exact_law import ExactOptions, RateLaw, command_gains, rate_gains
 from flighttune.control.gains import COMMANDS, RATES, PIGains
 from flighttune.control.guarded import GuardedLaw
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
 from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.mimo_pi import ChannelLaw, MimoPI
 from flighttune.errors import InputError
 
 
@@ -62,6 +62,26 @@ class KernelLaw(NamedTuple):
     """
 
     exact: ExactOptions | None = None
+
+
+class SampledController(NamedTuple):
+    """A law as a tube follows it from sample to sample.
+
+    Attributes
+    ----------
+    channels : tuple of ChannelLaw, length 2
+    conditional : bool
+        Whether anti-windup is conditional.
+    feed_forward : bool
+        Whether the lift of steady flight on the reference is added to the load factor.
+    inverts : RateLaw or None
+        Of a law whose channels command rates, which it inverts for roll and load factor.
+    """
+
+    channels: tuple[ChannelLaw, ...]
+    conditional: bool
+    feed_forward: bool = False
+    inverts: RateLaw | None = None
 
 
 class OuterLoop(NamedTuple):
@@ -189,6 +209,10 @@ class Law(ABC):
         """How the batch kernel flies it; None where the kernel does not know it."""
         return None
 
+    def sampled(self, _setup: LawSetup, /) -> SampledController | None:
+        """How a tube follows it; None where no tube knows it."""
+        return None
+
     def outer_loop(self, _setup: LawSetup, /) -> OuterLoop | None:
         """How JSBSim flies it by itself; None where it cannot be exported."""
         return None
@@ -197,14 +221,14 @@ class Law(ABC):
         """The controller as a discrete PI of two commands; None where it is something else."""
         return None
 
-    def refusal(self, ability: str, gains: str) -> InputError:
-        """Why the gain set `gains` cannot be exported: the law lacks a method of its own."""
+    def refusal(self, ability: str, done: str) -> InputError:
+        """Why its gains cannot be exported or enclosed: it has no method of its own for it."""
         able = (
             k for k, law in law_kinds().items() if getattr(law, ability) != getattr(Law, ability)
         )
         return InputError(
-            f"`gains` must be flown by the law {' or '.join(able)} to be exported, got {gains!r} "
-            f"of the law {self.name!r}."
+            f"`gains` must be flown by the law {' or '.join(able)} to be {done}, got the law "
+            f"{self.name!r}."
         )
 
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ def export_c(
     law, _ = scenario.law_of(name, gains)
     controller = law.discrete_pi(law_setup(scenario, gains, limits))
     if controller is None:
-        raise law.refusal("discrete_pi", name)
+        raise law.refusal("discrete_pi", "exported")
     write_text(folder / SOURCE, c_source(controller, title=scenario.title, gains=name))
     return folder / SOURCE
 

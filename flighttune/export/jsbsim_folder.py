@@ -115,7 +115,7 @@ def export_jsbsim(
     setup = law_setup(scenario, gains, scenario.limits.limits().within(flown.limits))
     loop = law.outer_loop(setup)
     if loop is None:
-        raise law.refusal("outer_loop", name)
+        raise law.refusal("outer_loop", "exported")
     flown.start(scenario.condition)
     folder = folder.absolute()
     flight = _Flight(scenario, setup, loop, flown)

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import pandas as pd
 
-from flighttune.control.controller import Controller, LawSetup
+from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
 from flighttune.control.guarded import LawError
 from flighttune.control.limits import Limits
@@ -219,7 +219,7 @@ def plant_of(
             table.lags(),
             wind=wind,
             disturbance=scenario.disturbance and scenario.disturbance.sinusoid(),
-            law="paper" if table.kind == "kinematic" else "exact",
+            law=table.family.turn,
             g=scenario.flight.g_mps2,
         )
     from flighttune.aircraft.aircraft import load_aircraft
@@ -426,14 +426,6 @@ def fly_once(
         provenance=replace(made_by, wall_s=wall_s),
         units={name: u for name, u in controller.signals.items() if name not in SIGNAL_UNITS},
     )
-
-
-def controller_of(
-    scenario: Scenario, gains_name: str, gains: PIGains, limits: Limits
-) -> Controller:
-    """A fresh controller of a scenario, in limits; `gains_name` as for `Scenario.law_of`."""
-    law, _ = scenario.law_of(gains_name, gains)
-    return law.controller(law_setup(scenario, gains, limits))
 
 
 def _unflown(made_by: Provenance, status: RunStatus, reason: str) -> Run:

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
+from flighttune.plants.point_mass import TurnLaw
+
 
 class PlantKind(NamedTuple):
     """One kind of plant that a scenario can name.
@@ -14,6 +16,8 @@ class PlantKind(NamedTuple):
         Keys of ``[[plant]]`` that only this kind takes.
     required : tuple of str
         Keys that it cannot do without.
+    turn : {"exact", "paper"}
+        How a point mass of the kind turns, as `turn_rates` has it.
     enclosed : str or None
         Its model in a tube, in words; None where its flights cannot be enclosed.
     batched : bool
@@ -22,6 +26,7 @@ class PlantKind(NamedTuple):
 
     keys: frozenset[str] = frozenset()
     required: tuple[str, ...] = ()
+    turn: TurnLaw = "exact"
     enclosed: str | None = None
     batched: bool = False
 
@@ -30,7 +35,7 @@ _LAGS = tuple(f"{channel}_{key}" for channel in ("roll", "n_z") for key in ("lag
 
 PLANT_KINDS: Mapping[str, PlantKind] = MappingProxyType(
     {
-        "kinematic": PlantKind(enclosed="the paper's law", batched=True),
+        "kinematic": PlantKind(turn="paper", enclosed="the paper's law", batched=True),
         "point_mass": PlantKind(enclosed="the exact point mass"),
         "point_mass_lag": PlantKind(
             keys=frozenset({*_LAGS, "roll_damping", "n_z_damping"}),

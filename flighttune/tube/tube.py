@@ -7,6 +7,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.conformance import Conformance
 from flighttune.control.gains import PIGains
+from flighttune.control.law import Law
 from flighttune.scenario.schema import Scenario
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
@@ -33,7 +34,7 @@ def tube(
     start: float = 0.0,
     disturbance: float | None = None,
     conformance: Conformance | None = None,
-    law: str = "exact",
+    law: Law | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Tube:
     """Enclose all flights of a scenario: the controller as it flies, with all its limits.
@@ -53,8 +54,8 @@ def tube(
     conformance : Conformance, optional
         Of an aircraft: its model flies, under every disturbance in its boxes. Where the set of
         these flights is lost, the errors are within the boxes that were counted for them.
-    law : str
-        Name of the exact law in the scenario, where the gains are of one.
+    law : Law, optional
+        Law that flies the gains; by default the first of the scenario that takes them.
     progress : callable, optional
         Called with the part of the time that is enclosed, 0 to 1.
 
@@ -87,7 +88,7 @@ def largest_disturbance(
     *,
     plant: str | None = None,
     start: float = 0.0,
-    law: str = "exact",
+    law: Law | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Tube]:
     """Look for the largest disturbance, to two digits, for which the set is bounded.

@@ -18,8 +18,9 @@ from flighttune.control.exact_law import (
 )
 from flighttune.control.gains import RATES, PIGains
 from flighttune.control.inner_loop import InnerLag
-from flighttune.control.law import KernelLaw, Law, OuterLoop, Trim
+from flighttune.control.law import KernelLaw, Law, OuterLoop, SampledController, Trim
 from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.mimo_pi import ChannelLaw
 from flighttune.errors import InputError
 
 LAGS_PER_ERROR = 3.0
@@ -83,6 +84,13 @@ class Exact(Law):
     def kernel(self) -> KernelLaw:
         """How the batch kernel flies it."""
         return KernelLaw(self.options)
+
+    def sampled(self, setup: LawSetup, /) -> SampledController:
+        """How a tube follows it: channels that command rates, and their inversion."""
+        law = self.make(setup).law
+        rows = zip(law.K_P, law.K_I_dt, law.bounds, strict=True)
+        channels = tuple(ChannelLaw(K_P, K_I_dt, *bounds) for K_P, K_I_dt, bounds in rows)
+        return SampledController(channels, law.conditional, inverts=law)
 
     def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
         """How JSBSim flies it by itself."""

@@ -8,7 +8,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
-from flighttune.control.law import KernelLaw, Law, OuterLoop, Trim
+from flighttune.control.law import KernelLaw, Law, OuterLoop, SampledController, Trim
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError
@@ -55,6 +55,11 @@ class Paper(Law):
     def kernel(self) -> KernelLaw:
         """How the batch kernel flies it."""
         return KernelLaw()
+
+    def sampled(self, setup: LawSetup, /) -> SampledController:
+        """How a tube follows it."""
+        made = self.make(setup)
+        return SampledController(made.law.channels, made.law.conditional, made.feed_forward)
 
     def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
         """How JSBSim flies it by itself."""
