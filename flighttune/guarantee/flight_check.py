@@ -195,8 +195,8 @@ def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck
     references = signals["chi_ref"].to_numpy(), signals["gamma_ref"].to_numpy()
     errors = signals["chi_err"].to_numpy(), signals["gamma_err"].to_numpy()
     t = run.t
-    rates = found.rates[:, 0], found.rates[:, 1]
-    flown = error_states(t, errors=errors, references=references, rates=rates)
+    turning = found.rates[:, 0], found.rates[:, 1]
+    flown = error_states(t, errors=errors, references=references, rates=turning)
     limited = np.zeros(len(t) - 1, dtype=bool)
     for name in LIMITED:
         if name in signals:

@@ -111,12 +111,12 @@ def mismatch(run: Run) -> Mismatch:
     if trim is None:
         raise InputError(f"`run` must be of a scenario with an airspeed, got {run.label}.")
     dt = np.diff(t := run.t)[:, None]
-    rates = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
+    flown = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
     level = np.cos(signals["gamma"].to_numpy())
     level = 0.5 * (level[:-1] + level[1:])
     modelled = MODELLED[run.provenance.law.plant](signals.iloc[:-1], level, trim)
-    d = rates - np.column_stack(modelled)
-    return Mismatch(t=t[:-1], rates=rates, d=d, d_dot=np.diff(d, axis=0) / dt[:-1])
+    d = flown - np.column_stack(modelled)
+    return Mismatch(t=t[:-1], rates=flown, d=d, d_dot=np.diff(d, axis=0) / dt[:-1])
 
 
 def _kinematic(signals: "pd.DataFrame", level: FloatArray, trim: Trim) -> tuple[FloatArray, ...]:

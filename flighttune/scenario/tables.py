@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import (
@@ -274,10 +274,6 @@ class AirframeTable(Table):
 class OwnTable(Table):
     """A law or plant, which may be a class of the user's: the class itself is in no file."""
 
-    _kinds: ClassVar[Mapping[str, PlantKind | type[Law]]]
-    if TYPE_CHECKING:  # the subclasses say in which order keys are written
-        name: str | None
-        kind: str
     _maker: Callable[..., Any] | None = PrivateAttr(None)
 
     @property
@@ -291,24 +287,18 @@ class OwnTable(Table):
         table._maker = maker
         return table
 
-    @property
-    def of_the_user(self) -> bool:
-        """Whether a class of the user's flies."""
-        return "module" in self._kinds[self.kind].keys
 
-    @model_validator(mode="after")
-    def _keys_of_the_kind(self) -> Self:
-        own = self._kinds[self.kind]
-        for key in sorted(self.model_fields_set - own.keys):
-            kinds = " or ".join(kind for kind, other in self._kinds.items() if key in other.keys)
-            if kinds:
-                raise ValueError(f"`{key.removesuffix('_')}` must be given with kind {kinds} only")
-        for key in own.required:
-            if getattr(self, key) is None:
-                raise ValueError(f"`{key}` must be given with kind {self.kind}")
-        if len({"module", "class_"} & self.model_fields_set) == 1:
-            raise ValueError("`module` and `class` must be given together")
-        return self
+def _check_keys(table: Table, kind: str, kinds: Mapping[str, PlantKind | type[Law]]) -> None:
+    """Refuse keys of other kinds, and that a key is missing that a kind cannot do without."""
+    for key in sorted(table.model_fields_set - kinds[kind].keys):
+        others = " or ".join(name for name, other in kinds.items() if key in other.keys)
+        if others:
+            raise ValueError(f"`{key.removesuffix('_')}` must be given with kind {others} only")
+    for key in kinds[kind].required:
+        if getattr(table, key) is None:
+            raise ValueError(f"`{key}` must be given with kind {kind}")
+    if len({"module", "class_"} & table.model_fields_set) == 1:
+        raise ValueError("`module` and `class` must be given together")
 
 
 class PlantTable(OwnTable):
@@ -321,7 +311,6 @@ class PlantTable(OwnTable):
     of the same kind and aircraft.
     """
 
-    _kinds: ClassVar[Mapping[str, PlantKind]] = PLANT_KINDS
     kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim", "python"]
     aircraft: PathName | None = None
     name: Name | None = None
@@ -338,10 +327,20 @@ class PlantTable(OwnTable):
     parameters: dict[str, Any] | None = None
     sha256: str | None = None
 
+    @model_validator(mode="after")
+    def _keys_of_the_kind(self) -> Self:
+        _check_keys(self, self.kind, PLANT_KINDS)
+        return self
+
     @property
     def family(self) -> PlantKind:
         """What the other rooms ask about its kind."""
         return PLANT_KINDS[self.kind]
+
+    @property
+    def of_the_user(self) -> bool:
+        """Whether a class of the user's flies."""
+        return "module" in self.family.keys
 
     @property
     def label(self) -> str:
@@ -382,7 +381,6 @@ class LawTable(OwnTable):
     """
 
     name: Name
-    _kinds: ClassVar[Mapping[str, type[Law]]] = law_kinds()
     kind: LawKind
     priority: Priority | None = None
     lift_floor: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
@@ -393,10 +391,16 @@ class LawTable(OwnTable):
     sha256: str | None = None
 
     @model_validator(mode="after")
-    def _has_its_own_name(self) -> Self:
+    def _keys_of_the_kind(self) -> Self:
+        _check_keys(self, self.kind, law_kinds())
         if self.name in LAWS and self.name != self.kind:
             raise ValueError(f"`name` of [[law]] must not be {self.name!r} with kind {self.kind}")
         return self
+
+    @property
+    def of_the_user(self) -> bool:
+        """Whether a class of the user's flies."""
+        return "module" in law_kinds()[self.kind].keys
 
     def law(self) -> Law:
         """The law, with defaults where the table does not say."""
