@@ -1,6 +1,7 @@
 """The Rerun viewer with a recording or a live flight: in a window, or served to a browser."""
 
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from urllib.parse import quote
 
 from flighttune.errors import InputError, RecordingError
 from flighttune.processes import OWN_GROUP
-from flighttune.recording.run_columns import check_recording, executable
+from flighttune.recording.origin import check_recording
 from flighttune.whole_file import reason_of
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
@@ -51,16 +52,22 @@ def stream_url(port: int) -> str:
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
+def executable() -> Path:
+    """Path of the ``rerun`` program that came with the Rerun SDK."""
+    # Not the script of that name: it is a shim, and ending the shim would orphan the viewer.
+    import rerun_cli
+
+    name = "rerun.exe" if os.name == "nt" else "rerun"
+    return Path(next(iter(rerun_cli.__path__))) / name
+
+
 def tied(command: list[str]) -> list[str]:
-    """A command that, on Linux, ends with the thread that starts it, however that ends."""
-    if sys.platform != "linux":
-        return command
-    program = (
-        "import ctypes, os, signal, sys; "
-        "ctypes.CDLL(None).prctl(1, signal.SIGKILL); "  # 1: PR_SET_PDEATHSIG, kept by exec
-        "os.execv(sys.argv[1], sys.argv[1:])"
-    )
-    return [sys.executable, "-ISc", program, *command]
+    """A command that, on Linux, is killed when the thread that starts it ends, however that ends.
+
+    ``setpriv`` is part of util-linux; without it the viewer of a killed command stays.
+    """
+    setpriv = shutil.which("setpriv")
+    return command if setpriv is None else [setpriv, "--pdeathsig", "KILL", "--", *command]
 
 
 class ViewerProcess:
