@@ -20,8 +20,9 @@ DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 LOCAL = "127.0.0.1"
 START_TIMEOUT = 30.0
 POLL = 0.05
+
+# A word in an error that the viewer logs on every machine without a desktop; it means nothing.
 NOISE = "XDG_RUNTIME_DIR"
-"""In an error that the viewer logs on every machine without a desktop, and that means nothing."""
 
 
 def free_port() -> int:
@@ -73,25 +74,10 @@ def tied(command: list[str]) -> list[str]:
 class ViewerProcess:
     """A running viewer that listens on this machine only.
 
-    On Linux it ends with the thread that started it, even if that is killed.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Command line without the name of the program, port and address.
-    port : int
-        Port of its data server.
-    wait_for : int
-        Port that answers once the viewer is ready.
-    url : str, optional
-        Where a browser finds it; kept as an attribute.
-    environment : mapping of str to str, optional
-        Variables to add to the environment.
-
-    Raises
-    ------
-    RecordingError
-        If it ends or does not answer; the message has its last error.
+    On Linux it ends with the thread that started it, even if that is killed. `arguments` are those
+    of ``rerun`` without port and address, `port` is that of its data server, `wait_for` the port
+    that answers once the viewer is ready, and `url` where a browser finds it. A viewer that ends or
+    does not answer is a RecordingError with its last error.
     """
 
     def __init__(
@@ -156,8 +142,9 @@ class ViewerProcess:
         lines = self._output.read().decode(errors="replace").strip().splitlines()
         panics = [line for line in lines if "panicked" in line]
         errors = [line for line in lines if "error" in line.lower() and NOISE not in line]
-        found = panics[:1] or errors[-1:] or lines[-1:] or [f"exit status {self._process.poll()}"]
-        return found[0].strip().rstrip(".")
+        status = f"exit status {self._process.poll()}"
+        line, *_ = panics[:1] or errors[-1:] or lines[-1:] or [status]
+        return line.strip().rstrip(".")
 
     def wait(self) -> int:
         """Wait until the user closes it and return its exit status."""
@@ -182,31 +169,10 @@ class ViewerProcess:
 
 
 def view(path: str | Path, *, web: bool | None = None, port: int | None = None) -> ViewerProcess:
-    """Open a recording in the viewer.
+    """Open a recording (.rrd) in a viewer, which the caller waits for or closes.
 
-    Parameters
-    ----------
-    path : path-like
-        A ``.rrd`` file.
-    web : bool, optional
-        Serve it to a browser instead of opening a window; by default where there is no screen.
-        It is served on this machine only and needs no network.
-    port : int, optional
-        Serve it to a browser at this port, and its data at the next one; otherwise free ones.
-
-    Returns
-    -------
-    ViewerProcess
-        The running viewer, with the `url` to open where it serves a browser. The caller waits for
-        it (``wait``) or ends it (``close``, or a ``with`` block).
-
-    Raises
-    ------
-    RecordingError
-        If `path` is not a recording, a window is asked for where there is no screen, or the viewer
-        does not start.
-    InputError
-        If `port` or the next one is taken.
+    With `web` it is served to a browser on this machine instead of a window; by default where there
+    is no screen. With `port` it is served at this port, and its data at the next one.
     """
     check_recording(path)
     if port is not None:
@@ -221,23 +187,7 @@ def view(path: str | Path, *, web: bool | None = None, port: int | None = None) 
 
 
 def waiting_viewer(*, web: bool | None = None) -> ViewerProcess:
-    """Start a viewer for a `flighttune.recording.live.LiveSession`.
-
-    Parameters
-    ----------
-    web : bool, optional
-        As of `view`.
-
-    Returns
-    -------
-    ViewerProcess
-        The session connects to the `stream_url` of its port.
-
-    Raises
-    ------
-    RecordingError
-        If it does not start.
-    """
+    """Start a viewer for a live session, which connects to the `stream_url` of its port."""
     return _viewer("--hide-welcome-screen", web=web)
 
 
