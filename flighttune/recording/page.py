@@ -190,9 +190,10 @@ def _reading(runs: Sequence[Run]) -> list[str]:
         length = metres_per_mps(drawn[0], factor * geometry.span_of(drawn[0].run))
         notes.append(
             f"The arrow of an aircraft is its velocity over ground ({length:.3g} m per m/s), the "
-            f"grey one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip of the arrow "
-            "of a law is the certified set: while the tip is inside, the errors of course and path "
-            "angle are as guaranteed. There is no ring while nothing below 45 deg is claimed. The "
-            "thick piece of the path of an aircraft is the last eighth of the flight."
+            f"grey one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip of the "
+            "arrow of a law is the certified set: while the tip is inside, the errors of course "
+            "and path angle are as guaranteed. There is no ring while nothing below 45 deg is "
+            "claimed. The thick piece of the path of an aircraft is the last eighth of the "
+            "flight."
         )
     return notes
