@@ -14,32 +14,28 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
-import numpy as np
-
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import Controller, LawSetup, SelfLimiting
 from flighttune.control.exact_law import ExactOptions, RateLaw, command_gains, rate_gains
 from flighttune.control.gains import COMMANDS, RATES, PIGains
 from flighttune.control.guarded import GuardedLaw
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
-from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
+from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import ChannelLaw, MimoPI
 from flighttune.errors import InputError
 
 
 class Trim(NamedTuple):
-    """Steady flight about which a law is linearised.
+    """Steady wings-level flight about which a law is linearised.
 
     Attributes
     ----------
     V_a : float, m/s
         Airspeed.
-    gamma, phi : float, rad
-        Flight-path angle, climb positive; roll angle, right wing down.
+    gamma : float, rad
+        Flight-path angle, climb positive.
     g : float, m/s^2
         Acceleration of gravity.
-    n_z : float or None, 1
-        Load factor; None for the steady value.
     schedule_speed : float or None, m/s
         Airspeed for which gains were made that the controller scales by airspeed; None without.
     """
@@ -47,8 +43,6 @@ class Trim(NamedTuple):
     V_a: float
     gamma: float
     g: float
-    phi: float = 0.0
-    n_z: float | None = None
     schedule_speed: float | None = None
 
 
@@ -170,16 +164,7 @@ class Law(ABC):
         InputError
             If there is no such flight condition.
         """
-        V_a, gamma, g, phi, n_z, _ = trim
-        return kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=g)
-
-    def loops_along(self, gains: PIGains, flown: FloatArray, g: float, /) -> FloatArray:
-        """A_K at every instant of a flight, shape (k, 4, 4).
-
-        The rows of `flown` are airspeed, path angle, roll and load factor, shape (k, 4).
-        """
-        trims = (Trim(V_a, gamma, g, phi, n_z) for V_a, gamma, phi, n_z in flown.tolist())
-        return np.array([closed_loop(self.linear_model(trim), gains) for trim in trims])
+        return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g)
 
     def loop(
         self, model: LinearModel, gains: PIGains, _setup: LawSetup, /

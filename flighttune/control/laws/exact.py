@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
 from flighttune.control.exact_law import (
@@ -16,10 +14,10 @@ from flighttune.control.exact_law import (
     Priority,
     rate_model,
 )
-from flighttune.control.gains import RATES, PIGains
+from flighttune.control.gains import RATES
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import KernelLaw, Law, OuterLoop, SampledController, Trim
-from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import ChannelLaw
 from flighttune.errors import InputError
 
@@ -67,10 +65,6 @@ class Exact(Law):
     def linear_model(self, _trim: Trim, /) -> LinearModel:
         """Error dynamics, the same at every condition."""
         return rate_model()
-
-    def loops_along(self, gains: PIGains, flown: FloatArray, _g: float, /) -> FloatArray:
-        """A_K at every instant of a flight: the same."""
-        return np.broadcast_to(closed_loop(rate_model(), gains), (len(flown), 4, 4))
 
     def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
         """Units of the states; each error in units of `LAGS_PER_ERROR` lags of its channel.

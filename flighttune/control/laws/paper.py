@@ -3,11 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
-from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
-from flighttune.control.gains import PIGains
 from flighttune.control.law import KernelLaw, Law, OuterLoop, SampledController, Trim
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
@@ -40,17 +36,6 @@ class Paper(Law):
         if trim.schedule_speed is None:
             return model
         return replace(model, B=model.B * (trim.V_a / trim.schedule_speed))
-
-    def loops_along(self, gains: PIGains, flown: FloatArray, g: float, /) -> FloatArray:
-        """A_K at every instant of a flight: `kinematic_model` at many conditions at once."""
-        V_a, gamma, phi, n_z = flown.T
-        A_K, B = np.zeros((len(flown), 4, 4)), np.zeros((len(flown), 2, 2))
-        B[:, 0, 0], B[:, 1, 0] = -1.0 / np.cos(phi) ** 2, n_z * np.sin(phi)
-        B[:, 1, 1] = -np.cos(phi)
-        B *= (g / V_a)[:, None, None]
-        A_K[:, :2, :2], A_K[:, :2, 2:], A_K[:, 2:, :2] = B @ gains.K_P, B @ gains.K_I, np.eye(2)
-        A_K[:, 1, 1] += g / V_a * np.sin(gamma)
-        return A_K
 
     def kernel(self) -> KernelLaw:
         """How the batch kernel flies it."""
