@@ -1,13 +1,10 @@
 """The paper reproduced in a folder: figures, tables, texts, page, errata and recording."""
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flighttune.extras import need
-from flighttune.paper import style
 from flighttune.paper.claims import CLAIMS
 from flighttune.paper.claims.base import VERDICTS, Finding, text_of
 from flighttune.paper.errata import Erratum, errata, errata_text
@@ -22,9 +19,6 @@ TITLE = (
     "Robust Convergency Indicator using MIMO-PI Controller in the presence of disturbances, "
     "computed again"
 )
-PIXELS_PER_INCH = 108.0
-"""Size of the figures on the page."""
-
 RECORDED = {"fig8", "fig11"}
 """Items with which the families are recorded."""
 
@@ -127,12 +121,11 @@ def reproduce(
     Raises
     ------
     InputError
-        If there is no item of a name, or the extra ``figures`` is not installed.
+        If there is no item of a name.
     RecordingError
         If a file cannot be written.
     """
     items = chosen(names)
-    need("`reproduce`", "matplotlib")
     study, folder = Study() if study is None else study, Path(out)
     tell = progress if progress is not None else _silent
     made = tuple(_made(item, study, folder, k / len(items), tell) for k, item in enumerate(items))
@@ -148,7 +141,7 @@ def reproduce(
         recording = write_families(study, folder)
         tell("recording", 1.0)
     parts = errata(study)
-    page = _page(made, findings, parts, folder)
+    page = _page(made, findings, parts)
     return Reproduction(
         items=made,
         findings=tuple(findings),
@@ -162,34 +155,26 @@ def _page(
     items: Sequence[MadeItem],
     findings: Sequence[Finding],
     parts: Mapping[str, Sequence[Erratum]],
-    folder: Path,
 ) -> str:
-    """The page with everything, as HTML that needs no other file; its figures are in `folder`."""
-
-    def uri(name: str) -> str:
-        svg = (folder / f"{name}.svg").read_bytes()
-        return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
-
+    """The page with everything, as HTML that needs no other file."""
     return page_text(
         page_template("flighttune.paper", "page.html.jinja"),
         title=TITLE,
         items=items,
-        findings=sorted(findings, key=lambda one: READ_FIRST.index(one.verdict)),
+        findings=sorted(findings, key=lambda finding: READ_FIRST.index(finding.verdict)),
         verdicts=VERDICTS,
         errata=parts,
         text=text_of,
-        uri=uri,
-        pixels_per_inch=PIXELS_PER_INCH,
     )
 
 
 def _made(item: Item, study: Study, folder: Path, part: float, tell: Progress) -> MadeItem:
-    import matplotlib as mpl
-
     tell("items", part)
-    with mpl.rc_context(style.RC):
-        made = item.make(study)
-        files = style.save(made.figures, folder)
+    made = item.make(study)
+    files = []
+    for name, figure in made.figures.items():
+        files.append(folder / f"{name}.svg")
+        figure.save(files[-1])
     for name, table in made.tables.items():
         text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
         files.append(write_text(folder / f"{name}.csv", text))

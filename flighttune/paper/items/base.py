@@ -2,15 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
 from flighttune.paper import parameters as printed
 from flighttune.paper.study import Study
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from flighttune.present.chart import Sheet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -19,7 +17,7 @@ class Made:
 
     Attributes
     ----------
-    figures : mapping of str to Figure
+    figures : mapping of str to Sheet
         By file name; the first bears the item's name.
     tables : mapping of str to DataFrame
         What the figures show, by file name; the first bears the item's name. Columns carry units.
@@ -29,7 +27,7 @@ class Made:
         Further numbers, which only its sentences name.
     """
 
-    figures: "Mapping[str, Figure]"
+    figures: Mapping[str, Sheet]
     tables: Mapping[str, pd.DataFrame]
     values: Mapping[str, Any]
     numbers: Mapping[str, Any] = field(default_factory=dict)
