@@ -19,63 +19,46 @@ TITLE = (
     "Robust Convergency Indicator using MIMO-PI Controller in the presence of disturbances, "
     "computed again"
 )
+
+# Items with which the families are recorded.
 RECORDED = {"fig8", "fig11"}
-"""Items with which the families are recorded."""
 
+# Verdicts in the order in which the page lists its claims.
 READ_FIRST = ("not reproduced", "partly", "reproduced", "not checkable")
-"""Verdicts in the order in which the page lists its claims."""
 
+# Called with what is being made and the part of it that is done, 0 to 1.
 Progress = Callable[[str, float], None]
-"""Called with what is being made and the part of it that is done, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MadeItem:
-    """An item in the folder.
-
-    Attributes
-    ----------
-    item : Item
-    made : Made
-    files : tuple of Path
-        Figures, tables and text.
-    """
+    """An item in the folder."""
 
     item: Item
     made: Made
-    files: tuple[Path, ...]
+    files: tuple[Path, ...]  # figures, tables and text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reproduction:
-    """What `reproduce` made.
-
-    Attributes
-    ----------
-    items : tuple of MadeItem
-    findings : tuple of Finding
-        Every claim with its verdict.
-    page, errata : Path
-    recording : Path or None
-        None where no family was among the items.
-    """
+    """What `reproduce` made."""
 
     items: tuple[MadeItem, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # every claim with its verdict
     page: Path
     errata: Path
-    recording: Path | None
+    recording: Path | None  # none where no family was among the items
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, as ``--json`` prints them."""
         return {
             "items": [
                 {
-                    "name": one.item.name,
-                    "files": [str(path) for path in one.files],
-                    "values": dict(one.made.values),
+                    "name": made.item.name,
+                    "files": [str(path) for path in made.files],
+                    "values": dict(made.made.values),
                 }
-                for one in self.items
+                for made in self.items
             ],
             "claims": [
                 {
@@ -101,30 +84,7 @@ def reproduce(
     study: Study | None = None,
     progress: Progress | None = None,
 ) -> Reproduction:
-    """Make items of the paper, and judge every claim.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Items; all of them by default.
-    out : path-like
-        Folder for the files; made if it is not there.
-    study : Study, optional
-        By default the paper's gains.
-    progress : callable, optional
-        Told what is being made.
-
-    Returns
-    -------
-    Reproduction
-
-    Raises
-    ------
-    InputError
-        If there is no item of a name.
-    RecordingError
-        If a file cannot be written.
-    """
+    """Make items of the paper, all by default, and judge every claim."""
     items = chosen(names)
     study, folder = Study() if study is None else study, Path(out)
     tell = progress if progress is not None else _silent

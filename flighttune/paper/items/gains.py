@@ -30,8 +30,8 @@ OPTIMUM = "optimum without input constraints"
 NEAREST = "smallest I_K within the input constraints"
 GAIN_SET_COLOURS = {STAR: INK, OPTIMUM: GREEN, NEAREST: MAGENTA}
 
+# R_K and I_K as printed: the rows of Table 2, and the line below K*.
 PAIRS_PRINTED = {**printed.TABLE_2, STAR: (printed.R_K_PRINTED, printed.I_K_PRINTED)}
-"""R_K and I_K as printed: the rows of Table 2, and the line below K*."""
 
 
 def _indicators_over(study: Study, epsilon: FloatArray) -> IndicatorArrays:
@@ -47,7 +47,7 @@ def gains(study: Study) -> Made:
     for name, result in ((OPTIMUM, study.optimum), (NEAREST, study.constrained)):
         if result.gains is not None:
             sets[name] = result.gains
-    table = pd.DataFrame({name: _row(study, one) for name, one in sets.items()}).T
+    table = pd.DataFrame({name: _row(study, gain_set) for name, gain_set in sets.items()}).T
     star, best, near = study.indicators[STAR], study.optimum, study.constrained
     return Made(
         figures={
@@ -81,20 +81,20 @@ def gains(study: Study) -> Made:
     )
 
 
-def _row(study: Study, one: PIGains) -> dict[str, float]:
-    found = indicators(closed_loop(study.model, one))
+def _row(study: Study, gain_set: PIGains) -> dict[str, float]:
+    loop = indicators(closed_loop(study.model, gain_set))
     entries = {
         f"{part}_{i + 1}{j + 1}": float(matrix[i, j])
-        for part, matrix in (("K_P", one.K_P), ("K_I", one.K_I))
+        for part, matrix in (("K_P", gain_set.K_P), ("K_I", gain_set.K_I))
         for i in (0, 1)
         for j in (0, 1)
     }
     return {
         **entries,
-        "R_K_1_per_s": found.R_K,
-        "I_K_s2": found.I_K,
-        "spectral_abscissa_1_per_s": found.spectral_abscissa,
-        "largest_use_of_a_limit": largest_share(one),
+        "R_K_1_per_s": loop.R_K,
+        "I_K_s2": loop.I_K,
+        "spectral_abscissa_1_per_s": loop.spectral_abscissa,
+        "largest_use_of_a_limit": largest_share(gain_set),
     }
 
 
@@ -160,8 +160,8 @@ def _constraints(sets: dict[str, PIGains]) -> Sheet:
         height=280.0,
         x_ticks=[(group * k + (group - 2) / 2, label) for k, label in enumerate(labels.values())],
     )
-    for k, (name, one) in enumerate(sets.items()):
-        uses = initial_commands(one)
+    for k, (name, gain_set) in enumerate(sets.items()):
+        uses = initial_commands(gain_set)
         shares, places = [uses[key].share for key in labels], group * np.arange(len(labels)) + k
         colour = GAIN_SET_COLOURS[name]
         chart.bars(np.zeros(len(labels)), shares, [colour] * len(labels), at=places)
@@ -185,21 +185,19 @@ def table2(study: Study) -> Made:
         name: {
             "epsilon": {**PAPER_EPSILON, STAR: 0.0}[name],
             "R_K_printed": PAIRS_PRINTED[name][0],
-            "R_K": found.R_K,
+            "R_K": row.R_K,
             "I_K_printed": PAIRS_PRINTED[name][1],
-            "I_K": found.I_K,
-            "spectral_abscissa": found.spectral_abscissa,
+            "I_K": row.I_K,
+            "spectral_abscissa": row.spectral_abscissa,
         }
-        for name, found in study.indicators.items()
+        for name, row in study.indicators.items()
     }
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("type")
     distance = (table["R_K"] - table["R_K_printed"]).abs()
     return Made(
         figures={"table2": _table2_panels(study, table)},
         tables={"table2": table.reset_index()},
-        values={
-            name: {"R_K": found.R_K, "I_K": found.I_K} for name, found in study.indicators.items()
-        },
+        values={name: {"R_K": row.R_K, "I_K": row.I_K} for name, row in study.indicators.items()},
         numbers={
             "largest_distance": distance.drop(STAR).max(),
             "distance_of_star": distance[STAR],
@@ -229,12 +227,12 @@ def _table2_panels(study: Study, table: pd.DataFrame) -> Sheet:
 
 def fig6(study: Study) -> Made:
     """Draw the eigenvalues of A_K(0) with K*, and the disturbance."""
-    found = study.indicators[STAR]
+    star = study.indicators[STAR]
     t = np.linspace(0.0, DURATION, 401)
     disturbance = printed.disturbance(printed.PRINTED_DISTURBANCE)
     d = np.array([disturbance(moment) for moment in t.tolist()])
     eigenvalues = pd.DataFrame(
-        {"real_1_per_s": found.eigenvalues.real, "imag_1_per_s": found.eigenvalues.imag}
+        {"real_1_per_s": star.eigenvalues.real, "imag_1_per_s": star.eigenvalues.imag}
     )
     plane = Chart(
         title="eigenvalues of A_K(0) with K*",
@@ -244,7 +242,7 @@ def fig6(study: Study) -> Made:
         y_range=(-1.6, 1.6),
     )
     plane.upright(0.0, LIMIT)
-    plane.points(found.eigenvalues.real, found.eigenvalues.imag, INK)
+    plane.points(star.eigenvalues.real, star.eigenvalues.imag, INK)
     history = Chart(title="disturbance", y="disturbance [rad/s]", x_range=(0.0, DURATION))
     history.line(t, d[:, 0], CHI, name="d_χ")
     history.line(t, d[:, 1], GAMMA, name="d_γ")
@@ -256,6 +254,6 @@ def fig6(study: Study) -> Made:
         },
         values={
             "eigenvalues": eigenvalues.to_numpy().tolist(),
-            "spectral_abscissa": found.spectral_abscissa,
+            "spectral_abscissa": star.spectral_abscissa,
         },
     )

@@ -18,29 +18,28 @@ from flighttune.paper.items.panels import (
     over_time,
     sheet,
 )
-from flighttune.paper.measures import CHANNELS
 from flighttune.paper.parameters import AFTERWARDS, DURATION, STAR, printed_limits
 from flighttune.paper.study import Study
 from flighttune.present.chart import DASHED, LONG, Chart, Sheet
 from flighttune.present.palette import INK, LIMIT, NEUTRAL
 
+# The errors and their rates, panels (a) to (d) of figures 5, 8 and 11.
 PROFILES = ("chi", "gamma", "chi_dot", "gamma_dot")
-"""The errors and their rates, panels (a) to (d) of figures 5, 8 and 11."""
 
 MEASURES = ["ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad", "mean", "std"]
 
+# Readings of the limits that are drawn; without any limit the loop diverges off the page.
 READING_COLOURS = {
     "ranges only": INK,
     "ranges and rate limits": GAMMA,
     "with rate limits and anti-windup": GREEN,
 }
-"""Readings of the limits that are drawn; without any limit the loop diverges off the page."""
 
+# Of a flight in a file: errors, their rates, commands after and before the limits.
 COLUMNS = (
     *("e_chi_rad", "e_gamma_rad", "e_chi_dot_radps", "e_gamma_dot_radps"),
     *("phi_rad", "n_z", "phi_wanted_rad", "n_z_wanted"),
 )
-"""Of a flight in a file: errors, their rates, commands after and before the limits."""
 
 
 def history_table(flights: Mapping[str, PaperFlight], *, commands: bool = True) -> pd.DataFrame:
@@ -55,13 +54,9 @@ def history_table(flights: Mapping[str, PaperFlight], *, commands: bool = True) 
 
 def measures_of(table: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]]:
     """Measures by name and channel as plain numbers, from an index (name, channel)."""
-    names = table.index.get_level_values(0).unique()
     return {
-        str(name): {
-            channel: {key: float(table.loc[(name, channel), key]) for key in MEASURES}
-            for channel in CHANNELS
-        }
-        for name in names
+        str(name): rows.droplevel(0).to_dict("index")
+        for name, rows in table[MEASURES].groupby(level=0, sort=False)
     }
 
 
@@ -85,10 +80,7 @@ def fig5(study: Study) -> Made:
     return Made(
         figures={"fig5": figure, "fig5_peak_time": _peaks(flight)},
         tables={"fig5": history_table({"": flight})},
-        values={
-            channel: {key: float(flight.measures.loc[channel, key]) for key in MEASURES}
-            for channel in PROFILES
-        },
+        values=flight.measures.loc[list(PROFILES), MEASURES].to_dict("index"),
     )
 
 
@@ -117,7 +109,7 @@ def fig12(study: Study) -> Made:
         tables={
             "fig12": history_table({"": flight}),
             "fig12_rate_limits": history_table(
-                {name.replace(" ", "_"): one for name, one in flights.items()}
+                {name.replace(" ", "_"): flight for name, flight in flights.items()}
             ),
         },
         values={
@@ -125,7 +117,7 @@ def fig12(study: Study) -> Made:
             "largest_n_z": float(largest[1]),
             "largest_phi_rate_radps": float(rates[0]),
             "largest_n_z_rate_1_per_s": float(rates[1]),
-            "readings": {name: _peak_values(one) for name, one in study.readings.items()},
+            "readings": {name: _peak_values(flight) for name, flight in study.readings.items()},
         },
         numbers={
             "rate_limits": printed_limits().rate_upper,

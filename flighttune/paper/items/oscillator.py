@@ -13,8 +13,8 @@ from flighttune.present.palette import INK, LIMIT, NEUTRAL
 
 HARD_COLOURS = {"constant L_d": GAMMA, "along the motion": GREEN}
 
+# Widest strip drawn, as a share of the region: at its edge R(f) is zero and I(f) infinite.
 WIDEST_STRIP = 0.999
-"""Widest strip drawn, as a share of the region: at its edge R(f) is zero and I(f) infinite."""
 
 
 def fig3(study: Study) -> Made:
@@ -31,7 +31,7 @@ def fig3(study: Study) -> Made:
             "region_half_width": case.model.region,
             "largest_x1": {
                 "noise": case.farthest,
-                **{name: one.farthest for name, one in hard.items()},
+                **{name: pushed.farthest for name, pushed in hard.items()},
             },
             "largest_norm_f": float(np.max(case.norm_f)),
             "cases": cases.to_dict(orient="records"),
@@ -47,9 +47,9 @@ def _strips(duffing: DuffingCases) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "c": widths,
-            "epsilon": [one.rate * one.P_max for one in bounds],
-            "R_f_1_per_s": [one.rate for one in bounds],
-            "I_f": [one.radius for one in bounds],
+            "epsilon": [theorem.rate * theorem.P_max for theorem in bounds],
+            "R_f_1_per_s": [theorem.rate for theorem in bounds],
+            "I_f": [theorem.radius for theorem in bounds],
         }
     )
 
@@ -64,18 +64,18 @@ def _time_histories(duffing: DuffingCases) -> pd.DataFrame:
         "a_noise_largest": case.norm_f.max(axis=1),
         "a_undisturbed": duffing.undisturbed.norm_f[:, 0],
     }
-    for name, one in duffing.hard.items():
-        columns[f"a_{name.replace(' ', '_')}"] = one.norm_f[:, 0]
-    for alpha, one in duffing.family.items():
-        columns[f"b_mean_norm_f_alpha_{alpha:g}"] = one.norm_f.mean(axis=1)
+    for name, other in duffing.hard.items():
+        columns[f"a_{name.replace(' ', '_')}"] = other.norm_f[:, 0]
+    for alpha, other in duffing.family.items():
+        columns[f"b_mean_norm_f_alpha_{alpha:g}"] = other.norm_f.mean(axis=1)
     return pd.DataFrame(columns)
 
 
 def _panels(duffing: DuffingCases) -> Sheet:
     symbols = zip("αβδ", printed.DUFFING_A.values(), strict=True)
-    given = ", ".join(f"{symbol} = {value:g}" for symbol, value in symbols)
+    parameters = ", ".join(f"{symbol} = {value:g}" for symbol, value in symbols)
     a = Chart(
-        title=f"{given}, L_d = {printed.DUFFING_L_D:g}",
+        title=f"{parameters}, L_d = {printed.DUFFING_L_D:g}",
         y="‖f(x)‖ [1/s]",
         log="y",
         x_range=(0.0, printed.DURATION),
@@ -86,8 +86,8 @@ def _panels(duffing: DuffingCases) -> Sheet:
     low, high = np.maximum(case.norm_f.min(axis=1), 1e-3), case.norm_f.max(axis=1)
     a.band(case.t, low, high, CHI, name=f"{case.norm_f.shape[1]} noise runs")
     a.line(case.t, case.norm_f[:, 0], CHI, width=0.9, name="one of them")
-    for name, one in duffing.hard.items():
-        a.line(one.t, one.norm_f[:, 0], HARD_COLOURS[name], name=name)
+    for name, other in duffing.hard.items():
+        a.line(other.t, other.norm_f[:, 0], HARD_COLOURS[name], name=name)
     a.line(calm.t, calm.norm_f[:, 0], NEUTRAL, dash=DASHED, name="no disturbance")
     a.line(case.t, case.bound_over_time, INK, width=2.0, name="bound of Theorem 1")
     b = Chart(
@@ -95,8 +95,8 @@ def _panels(duffing: DuffingCases) -> Sheet:
         y="mean of ‖f(x)‖ [1/s]",
         x_range=(0.0, printed.DURATION),
     )
-    for colour, (alpha, one) in zip(STRONG, duffing.family.items(), strict=True):
-        b.line(one.t, one.norm_f.mean(axis=1), colour, name=f"α = {alpha:g}")
+    for colour, (alpha, other) in zip(STRONG, duffing.family.items(), strict=True):
+        b.line(other.t, other.norm_f.mean(axis=1), colour, name=f"α = {alpha:g}")
     b.y_range = 0.0, b.y_ends()[1]
     c = Chart(title="measures of ‖f(x)‖ against R(f)", x="R(f) [1/s]", y="‖f(x)‖ [1/s]")
     d = Chart(title="measures of ‖f(x)‖ against I(f)", x="I(f) [1/s]", y="‖f(x)‖ [1/s]", log="x")
@@ -120,8 +120,8 @@ def _region(duffing: DuffingCases, strips: pd.DataFrame) -> Sheet:
     for run in range(x.shape[1]):
         name = "" if run else f"noise, {x.shape[1]} runs"
         plane.line(x[:, run, 0], x[:, run, 1], CHI, width=0.5, name=name, hover=False)
-    for name, one in duffing.hard.items():
-        plane.line(one.x[:, 0, 0], one.x[:, 0, 1], HARD_COLOURS[name], name=name, hover=False)
+    for name, other in duffing.hard.items():
+        plane.line(other.x[:, 0, 0], other.x[:, 0, 1], HARD_COLOURS[name], name=name, hover=False)
     plane.points(*printed.DUFFING_X_0, INK, name="start")
     for edge in (-c, c):
         plane.upright(edge, LIMIT, dash=DASHED)

@@ -32,12 +32,13 @@ FIG_9 = (
     ("mean", ("chi_dot", "gamma_dot"), "mean of ė", "mean [rad/s]"),
     ("std", ("chi_dot", "gamma_dot"), "deviation of ė", "deviation [rad/s]"),
 )
+
+# Panels: the measure, its channels where they differ, the title, and the label of the axis.
 FIG_10 = (
     ("ITAE", ("chi", "gamma"), "ITAE of e", "ITAE [rad s²]"),
     ("MS_rad", ("s_chi", "s_gamma"), "MS of s", "MS [rad]"),
     ("ST_rad", ("s_chi", "s_gamma"), "ST of s", "ST [rad]"),
 )
-"""Panels: the measure, its channels where they differ, the title, and the label of the axis."""
 
 
 def _over(
@@ -96,8 +97,8 @@ def fig13(study: Study) -> Made:
         figures={"fig13": _over_R_K(study, FIG_13, channels)},
         tables={"fig13": measures_table(study.by_gains.loc[(slice(None), channels), :])},
         values={
-            name: {channel: found[channel] for channel in channels}
-            for name, found in measures_of(study.by_gains).items()
+            name: {channel: values[channel] for channel in channels}
+            for name, values in measures_of(study.by_gains).items()
         },
         numbers=at_ends(study.of_gains("s_gamma", "MS_rad")),
     )
@@ -145,5 +146,5 @@ def fig10(study: Study) -> Made:
             "measures": measures_of(study.by_disturbance),
             "largest_growth_of_ST_rad": growth,
         },
-        numbers={"released": {name: one.released for name, one in study.disturbed.items()}},
+        numbers={"released": {name: flight.released for name, flight in study.disturbed.items()}},
     )
