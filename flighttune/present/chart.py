@@ -23,30 +23,31 @@ from flighttune.whole_file import write_text
 Range: TypeAlias = tuple[float, float]
 Ticks: TypeAlias = Sequence[tuple[float, str]]
 
+# Size of a chart in pixels; a page scales it to its column.
 WIDTH, HEIGHT = 460.0, 236.0
-"""Of a chart in pixels; a page scales it to its column."""
 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 10.0, 8.0, 36.0
 HEAD_AND_FOOT = TOP + BOTTOM
-ROOM = 0.05
-"""Part of the height of an axis left free above and below what is drawn."""
 
+# Part of the height of an axis left free above and below what is drawn.
+ROOM = 0.05
+
+# Pixels between two labels of the x and of the y axis, roughly.
 GAPS = 64.0, 42.0
-"""Pixels between two labels of the x and of the y axis, roughly."""
 
 DASHED, DOTTED, LONG = "5 3", "1.5 2.5", "9 4"
 
 
 Shape: TypeAlias = Literal["dot", "cross", "plus"]
 
+# Name, colour, and dashes of a line, or `band` or a `Shape`.
 LegendEntry: TypeAlias = tuple[str, str, str]
-"""Name, colour, and dashes of a line, or ``band`` or a `Shape`."""
 
+# A letter with a letter or digit as its index, such as `n_z`; `tuned_identified` is none.
 SYMBOL = re.compile(r"\b([^\W\d_])_(\w)\b")
-"""A letter with a letter or digit as its index, such as ``n_z``; ``tuned_identified`` is none."""
 
+# What follows a lowered index in SVG stays down unless something lifts it: an empty space does.
 SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tspan>'
-"""What follows a lowered index in SVG stays down unless something lifts it: an empty space does."""
 
 
 @cache
@@ -275,11 +276,11 @@ class Chart:
     ) -> None:
         """Draw upright bars at 0, 1, 2, ... or `at`, from `low` to `high`, each in its colour."""
         lows, highs = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-        at = np.arange(len(lows)) if at is None else np.asarray(at)
-        self._seen += [(at - 0.5, lows), (at + 0.5, highs)]
+        places = np.asarray(np.arange(len(lows)) if at is None else at, dtype=float)
+        self._seen += [(places - 0.5, lows), (places + 0.5, highs)]
 
         def drawn(a: "_Axes") -> str:
-            sides = a.sx(np.array([at - 0.32, at + 0.32])).T.tolist()
+            sides = a.sx(np.array([places - 0.32, places + 0.32])).T.tolist()
             ends = a.sy(np.sort([lows, highs], axis=0)[::-1]).T.tolist()
             return "".join(
                 f'<rect x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0:.1f}" height="{y1 - y0:.1f}" '
@@ -671,8 +672,8 @@ def dashes(style: LineStyle) -> str:
     return DASHED if style.dashed else ""
 
 
+# Width of a letter in pixels, roughly.
 LETTER = 6.7
-"""Width of a letter in pixels, roughly."""
 
 
 Box: TypeAlias = tuple[float, float, float, float]
@@ -692,11 +693,11 @@ def marked_up(text: str, index: str = SVG_INDEX) -> str:
     return SYMBOL.sub(lambda symbol: symbol[1] + index.format(symbol[2]), escape(text))
 
 
+# Height of a row of names, pixels.
 LEGEND_ROW = 15.0
-"""Height of a row of names, pixels."""
 
+# Pixels before a name in a legend, and in all that it takes besides its letters.
 SIGN, NEXT_SIGN = 28.0, 42.0
-"""Pixels before a name in a legend, and in all that it takes besides its letters."""
 
 
 def _legend_rows(legend: Sequence[LegendEntry], width: float) -> list[list[LegendEntry]]:
