@@ -34,7 +34,8 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
         document.add(tomlkit.comment(note))
     for name, comment in _COMMENTS.items():
         if tables.get(name):
-            table = tomlkit.table().comment(comment)
+            table = tomlkit.table()
+            table.comment(comment)
             for key, value in _rounded(tables[name]).items():
                 table[key] = tomlkit.inline_table() | value if isinstance(value, dict) else value
             document.add(tomlkit.nl())
