@@ -120,7 +120,7 @@ def _silence() -> Iterator[None]:
 
 
 class ClusterWorkers:
-    """Workers of one cluster, see `flighttune.campaign.engine.pool.Workers`."""
+    """Workers of one cluster."""
 
     def __init__(self, client: "Client") -> None:
         self._client = client

@@ -6,13 +6,13 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from functools import cache
 from itertools import chain, groupby
-from typing import Any, Protocol
+from typing import Any
 
 import pyarrow as pa
 
 from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import Span
-from flighttune.campaign.engine.cluster import cluster
+from flighttune.campaign.engine.cluster import ClusterWorkers, cluster
 from flighttune.campaign.engine.flyer import (
     Draw,
     Flyer,
@@ -35,7 +35,7 @@ from flighttune.campaign.flying.rows import (
     table_of,
 )
 from flighttune.campaign.planning.plan import Plan
-from flighttune.errors import CampaignError, InputError
+from flighttune.errors import InputError
 from flighttune.simulate.batch import cores
 
 AHEAD = 2
@@ -54,28 +54,8 @@ Task = tuple[Callable[..., Any], tuple[Any, ...]]
 """A call for a worker."""
 
 
-class Workers(Protocol):
-    """Threads here, or those of a cluster."""
-
-    def threads(self) -> int:
-        """How many tasks can run at a time now; CampaignError if the cluster is gone."""
-        ...
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand out a call of a function of a module."""
-        ...
-
-    def failure(self, error: BaseException) -> CampaignError:
-        """What a task raised, as an error of the campaign."""
-        ...
-
-    def stop(self) -> None:
-        """Take back all tasks, and end the flights in progress where they can be reached."""
-        ...
-
-
-class _Threads:
-    """Threads of this process, each with a process that flies for it."""
+class Threads:
+    """Threads of this process, each with a process that flies for it; as `ClusterWorkers`."""
 
     def __init__(self, count: int) -> None:
         self._count, self._flyers = count, [Flyer() for _ in range(count)]
@@ -83,22 +63,23 @@ class _Threads:
         for flyer in self._flyers:
             flyer.start()  # all at once: each takes a second to import what it needs
         self._executor = ThreadPoolExecutor(count, "flights", lambda: fly_by(waiting.pop()))
+        self.submit = self._executor.submit
+        self.failure = failure
 
     def threads(self) -> int:
+        """How many tasks can run at a time."""
         return self._count
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        return self._executor.submit(function, *arguments)
-
-    def failure(self, error: BaseException) -> CampaignError:
-        return failure(error)
-
     def stop(self) -> None:
+        """Take back all tasks, and end the flights in progress."""
         for flyer in self._flyers:
             flyer.close()
         self._executor.shutdown(cancel_futures=True)
         for flyer in self._flyers:
             flyer.end()
+
+
+Workers = Threads | ClusterWorkers
 
 
 @contextmanager
@@ -120,12 +101,12 @@ def worker_pool(
 
 
 @contextmanager
-def _threads(count: int) -> Iterator[Callable[[], _Threads]]:
+def _threads(count: int) -> Iterator[Callable[[], Threads]]:
     """Threads of this process for the block: a call starts them."""
     with ExitStack() as stack:
 
-        def start() -> _Threads:
-            threads = _Threads(count)
+        def start() -> Threads:
+            threads = Threads(count)
             stack.callback(threads.stop)
             return threads
 
