@@ -226,22 +226,37 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
 def test_the_main_process_killed_leaves_no_worker_and_whole_files(
     tmp_path, file, ours, undisturbed, address
 ):
-    out = tmp_path / "out"
-    with flying(file, "--out", out, "--workers", "2") as command:
+    out, scratch = tmp_path / "out", tmp_path / "scratch"
+    scratch.mkdir()
+    environment = {**os.environ, "TMPDIR": str(scratch)}
+    with flying(file, "--out", out, "--workers", "2", env=environment) as command:
         some_parts(out)
         command.suspend()  # so that it cannot have flown everything before it is killed
-        first, second = sorted(children(command), key=lambda copy: copy.pid)
-        second.suspend()  # a copy made later does not keep one made before
+        below = children(command)
+        assert len(list(scratch.iterdir())) == len(below) == 2
         command.kill()
-        wait_until(lambda: gone([first]))
-        second.resume()
-        wait_until(lambda: gone([second]))
+        wait_until(lambda: gone(below))
+    assert not list(scratch.iterdir())
     assert 0 < len(rows_of(out)) < RUNS
 
     run_campaign(ours, out, scheduler=address, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
     assert not (out / ".writing").exists()
+
+
+def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at_most(tmp_path):
+    mass = "plant.airframe.mass_factor"
+    file = write_campaign(
+        tmp_path, runs=8, law=False, top="time_limit_s = 2.0\ngains = ['paper']",
+        aircraft=(aircraft_with(tmp_path / "aircraft", DOUBLING),),
+        disperse=SPEED + CHOICE.format(key=mass, values=[1.05], weights=[1.0]),
+    )  # fmt: skip
+    with flying(file, "--out", tmp_path / "out", "--workers", "1") as command:
+        some_parts(tmp_path / "out")
+        below = children(command)
+        command.kill()
+        wait_until(lambda: gone(below))
 
 
 def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed, address):

@@ -122,6 +122,8 @@ def _silence() -> Iterator[None]:
 class ClusterWorkers:
     """Workers of one cluster."""
 
+    max_draws = 8  # of a task: to hand one out takes 1 ms
+
     def __init__(self, client: "Client") -> None:
         self._client = client
         self._threads, self._counted = 0, -math.inf

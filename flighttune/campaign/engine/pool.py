@@ -41,9 +41,6 @@ from flighttune.simulate.batch import cores
 AHEAD = 2
 """Tasks of a worker: one that it flies, and one that is ready when it ends."""
 
-MAX_DRAWS = 8
-"""Most draws of a task: to hand one out to a cluster takes 1 ms. The last tasks have fewer."""
-
 LOOK_S = 0.2
 
 KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
@@ -56,6 +53,8 @@ Task = tuple[Callable[..., Any], tuple[Any, ...]]
 
 class Threads:
     """Threads of this process, each with a process that flies for it; as `ClusterWorkers`."""
+
+    max_draws = 1  # of a task
 
     def __init__(self, count: int) -> None:
         self._count, self._flyers = count, [Flyer() for _ in range(count)]
@@ -212,8 +211,9 @@ class WorkerPool:
                 yield None
             draws = [_draw(plan, list(runs)) for _, runs in groupby(alone, key=plan.draw_of)]
             while draws:
-                share = left // (2 * AHEAD * max(self._start().threads(), 1))
-                size = min(max(share, 1), MAX_DRAWS)
+                workers = self._start()
+                share = left // (2 * AHEAD * max(workers.threads(), 1))  # fewer towards the end
+                size = min(max(share, 1), workers.max_draws)
                 task, draws = draws[:size], draws[size:]
                 left -= len(task)
                 yield fly_draws, (text, limit, task)
