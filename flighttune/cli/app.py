@@ -1,6 +1,8 @@
 """The commands, and how errors end them."""
 
 import gc
+import io
+import os
 import sys
 from typing import Annotated
 
@@ -20,7 +22,6 @@ from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
 from flighttune.cli.report import report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, fail
-from flighttune.cli.streams import StandardStreams
 from flighttune.cli.tube import tube
 from flighttune.cli.worst import worst
 from flighttune.errors import FlightTuneError
@@ -111,13 +112,30 @@ def _options(
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
     gc.set_threshold(COLLECT_AFTER)
-    streams = StandardStreams()
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by whoever started the command
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
     try:
         _run()
     finally:
         gc.freeze()  # Python collects once more as it ends: 0.1 s where pandas has been imported
-        if why := streams.failure():
-            fail(f"standard output must be writable, got {why}.", COULD_NOT_RUN)
+        _flush()
+
+
+def _flush() -> None:
+    """Write what is left of standard output; it is no failure that nobody reads it."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        from flighttune.whole_file import reason_of
+
+        # what is left cannot be written: Python would complain about it once more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
 
 
 def _run() -> None:

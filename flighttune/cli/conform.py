@@ -1,6 +1,6 @@
 """The command that learns boxes of an aircraft's residual rates, and counts new flights."""
 
-from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,12 +16,31 @@ from flighttune.cli.options import (
     scenario_names,
 )
 from flighttune.cli.progress import campaign_pool
-from flighttune.cli.show import INTERRUPTED, NO, emit, fail, table
-from flighttune.present.tables import Table
-from flighttune.units import DEG
+from flighttune.cli.show import INTERRUPTED, NO, emit, fail
+from flighttune.present.answer import Answer
+from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.tables import Column, Table
+from flighttune.units import DEG_PER_RAD
 
 if TYPE_CHECKING:
     from flighttune.conformance import Conformance
+
+RATE_COLUMNS = (
+    Column("rate", "rate"),
+    Column("low", "lowest", "rad/s", "+.4f"),
+    Column("high", "highest", "rad/s", "+.4f"),
+    Column("widest", "widest box", "rad/s", ".4f"),
+    Column("narrowest", "narrowest box", "rad/s", ".4f"),
+    Column("error_low", "error in the last window, from", "deg", "+.3g", DEG_PER_RAD),
+    Column("error_high", "to", "deg", "+.3g", DEG_PER_RAD),
+)
+COUNT_COLUMNS = (
+    Column("count", "count", digits=".0f"),
+    Column("learned", "flights learned from", digits=".0f"),
+    Column("widened", "widened by", digits=".2f"),
+    Column("outside", "new flights outside", digits=".0f"),
+    Column("counted", "of", digits=".0f"),
+)
 
 
 def conform(
@@ -41,7 +60,7 @@ def conform(
     ] = 0.01,
     confidence: Annotated[float, Option(help="Confidence of the claim, 0 to 1.")] = 0.999,
     attempts: Annotated[
-        int, Option(help="Attempts at most; they share the confidence.", min=1)
+        int, Option(help="Maximum number of counts; the confidence is split between them.", min=1)
     ] = 3,
     gains: Annotated[
         str | None,
@@ -100,39 +119,41 @@ def conform(
         fail(f"{source}: interrupted, nothing is written", INTERRUPTED)
     if found.holds:
         save_conformance(found, out)
-    answer = {
-        **found.as_dict(),
-        "status": "counted" if found.holds else "flights_outside",
-        "air": found.air,
-        "out": out if found.holds else None,
-    }
-    emit(answer, _text(found, out))
+    emit(_answer(found, out))
     if not found.holds:
         fail(f"{source}: {found.sentence}; nothing is written", NO)
 
 
-def _text(found: "Conformance", out: Path) -> Iterator[Table | str]:
+def _answer(found: "Conformance", out: Path) -> Answer:
     low, high = found.boxes.low, found.boxes.high
-    yield table(
-        f"{found.aircraft}, {found.gains_name}: residual rates [rad/s]",
-        ("rate", "lowest", "highest", "widest box", "narrowest box"),
-        [
-            (
-                name,
-                *(f"{value:+.4f}" for value in (low[:, i].min(), high[:, i].max())),
-                *(f"{f((high - low)[:, i]):.4f}" for f in (max, min)),
-            )
-            for i, name in enumerate(("chi", "gamma"))
+    rates = [
+        {
+            "rate": name,
+            "low": float(low[:, i].min()),
+            "high": float(high[:, i].max()),
+            "widest": float((high - low)[:, i].max()),
+            "narrowest": float((high - low)[:, i].min()),
+            # the last two columns of the boxes are the errors
+            "error_low": float(low[-1, i - 2]),
+            "error_high": float(high[-1, i - 2]),
+        }
+        for i, name in enumerate(CHANNEL_SYMBOLS)
+    ]
+    counts = [{"count": k, **asdict(attempt)} for k, attempt in enumerate(found.attempts, 1)]
+    return Answer(
+        values={
+            **found.as_dict(),
+            "status": "counted" if found.holds else "flights_outside",
+            "air": found.air,
+        },
+        tables=[
+            Table(
+                title=f"{found.aircraft}, {found.gains_name}: residual rates",
+                columns=RATE_COLUMNS,
+                records=rates,
+            ),
+            Table(title="counts of new flights", columns=COUNT_COLUMNS, records=counts),
         ],
+        verdict=found.sentence if found.holds else "",
+        files={"out": out if found.holds else None},
     )
-    ends = zip(("chi", "gamma"), *(end[-1, -2:] / DEG for end in (low, high)), strict=True)
-    errors = ", ".join(f"{name} {least:+.3g}..{most:+.3g} deg" for name, least, most in ends)
-    yield f"errors in the last window: {errors}"
-    for number, one in enumerate(found.attempts, 1):
-        yield (
-            f"count {number}: learned from {one.learned} flights, widened by {one.widened:.2f}, "
-            f"{one.outside} of {one.counted} fresh ones outside"
-        )
-    if found.holds:
-        yield found.sentence
-        yield f"conformance: {out}"

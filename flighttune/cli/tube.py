@@ -1,6 +1,6 @@
 """The command that encloses all flights of a scenario."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,8 +9,9 @@ from typer import Option
 from flighttune.cli.gain_sets import chosen_gains
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.progress import progress_bar
-from flighttune.cli.show import NO, emit, fail, pick, table
-from flighttune.present.tables import Table
+from flighttune.cli.show import NO, emit, fail, pick
+from flighttune.present.answer import Answer
+from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
@@ -19,6 +20,29 @@ if TYPE_CHECKING:
     from flighttune.simulate.run import Run
     from flighttune.tube.of_run import RunTubes
     from flighttune.tube.result import Tube
+
+WIDTH_COLUMNS = (
+    Column("error", "error"),
+    Column("max", "largest half-width", "deg", ".3f"),
+    Column("end", "at the end", "deg", ".3f"),
+    Column("ever", "ever after", "deg", ".3f"),
+)
+LIMITED_COLUMNS = (
+    Column("command", "command"),
+    Column("from", "from", "s", ".2f", missing="never"),
+    Column("to", "to", "s", ".2f"),
+)
+RUN_TUBE_COLUMNS = (
+    Column("run", "run"),
+    Column("half_width_deg.chi.max", "largest ±χ", "deg", ".3g"),
+    Column("half_width_deg.gamma.max", "±γ", "deg", ".3g"),
+    Column("half_width_deg.chi.end", "at the end ±χ", "deg", ".3g"),
+    Column("half_width_deg.gamma.end", "±γ", "deg", ".3g"),
+    Column("handed_over_s", "for ever from", "s", ".1f"),
+    Column("inside", "flight inside", good=("yes",)),
+    Column("model", "every flight of"),
+    Column("reason", "lost", good=("",)),
+)
 
 
 def tube(
@@ -90,26 +114,39 @@ def tube(
     write_signals(found, signals)
     if out is not None and found.status == "bounded":
         save_tube(found, out)
-    answer = {**tube_json(found), "inside": inside, "signals": signals}
-    answer["seconds"] = time.perf_counter() - began
-    emit(answer, _text(found, name, answer, out))
+    values = tube_values(found)
+    proof = out if found.status == "bounded" else None
+    title = f"{loaded.title}; gains {name}, {found.model}: {found.status}"
+    emit(
+        Answer(
+            values={**values, "inside": inside, "seconds": time.perf_counter() - began},
+            tables=[widths_table(title, values), limited_table(values)],
+            notes=[bounds_after(found)],
+            verdict="The flights flown with it are inside."
+            if inside
+            else "A flight flown with it leaves the tube.",
+            files={"signals": signals, "proof": proof},
+        )
+    )
     if found.status != "bounded":
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if not inside:
         fail(f"{scenario}: gains {name}: a flight leaves the tube.", NO)
 
 
-def tube_json(found: "Tube") -> dict[str, Any]:
+def tube_values(found: "Tube") -> dict[str, Any]:
     """A tube as ``--json`` has it."""
     widths = found.half_widths[:, :2] / DEG
-    ever = found.hand_over and found.hand_over.bounds
+    ever = None
+    if found.hand_over is not None:
+        ever = 0.5 * (found.hand_over.bounds[:, 1] - found.hand_over.bounds[:, 0]) / DEG
     return {
         **pick(found, "status reason model"),
         "half_width_deg": {
             channel: {
                 "max": float(column.max()),
                 "end": float(column[-1]),
-                "ever": None if ever is None else float(0.5 * (ever[i, 1] - ever[i, 0]) / DEG),
+                "ever": None if ever is None else float(ever[i]),
             }
             for i, (channel, column) in enumerate(zip(("chi", "gamma"), widths.T, strict=True))
             if len(column)
@@ -122,43 +159,34 @@ def tube_json(found: "Tube") -> dict[str, Any]:
     }
 
 
-def widths_text(found: "Tube", gains: str) -> Table:
-    """The half-widths of a tube as a table; `gains` is what to call its gains."""
-    widths = tube_json(found)["half_width_deg"]
-    rows = [
-        (channel, f"{width['max']:.3f}", f"{width['end']:.3f}") for channel, width in widths.items()
+def widths_table(title: str, values: Mapping[str, Any]) -> Table:
+    """The half-widths of a tube as `tube_values` has them."""
+    records = [{"error": channel, **own} for channel, own in values["half_width_deg"].items()]
+    return Table(title=title, columns=WIDTH_COLUMNS, records=records)
+
+
+def limited_table(values: Mapping[str, Any]) -> Table:
+    """When a limit can hold a command, as `tube_values` has it."""
+    records = [
+        {"command": name, "from": begin, "to": end}
+        for name, intervals in values["limits_can_hold"].items()
+        for begin, end in intervals or [(None, None)]
     ]
-    title = f"{found.problem.scenario.title}; gains {gains}, {found.model}: {found.status}"
-    return table(title, ("error", "half-width, largest [deg]", "at the end [deg]"), rows)
+    return Table(title="a limit can hold", columns=LIMITED_COLUMNS, records=records)
 
 
-def for_ever_text(found: "Tube") -> str:
+def bounds_after(found: "Tube") -> str:
     """What holds after the time that is enclosed, in a sentence."""
     if found.lost is not None:
         return (
-            f"{found.reason}: the bounds on the errors are those that flights were counted against"
+            f"{found.reason}: the bounds on the errors are those that flights were counted against."
         )
     if found.hand_over is None:
-        return "after the time of the scenario nothing is claimed: no set was found that is kept"
-    chi, gamma = (0.5 * (high - low) / DEG for low, high in found.hand_over.bounds[:2])
+        return "There is no claim beyond the end of the scenario: no invariant set was found."
     return (
-        f"from {found.handed_over:.2f} s on for ever no limit holds a command, and half-widths are "
-        f"{chi:.3g} and {gamma:.3g} deg, under disturbances within those at the end"
+        f"From {found.handed_over:.2f} s on no limit ever holds a command, under disturbances "
+        "within those at the end."
     )
-
-
-def _text(
-    found: "Tube", name: str, answer: dict[str, Any], out: Path | None
-) -> Iterator[Table | str]:
-    yield widths_text(found, name)
-    for command, intervals in answer["limits_can_hold"].items():
-        spans = ", ".join(f"{begin:.2f}..{end:.2f} s" for begin, end in intervals) or "never"
-        yield f"a limit can hold {command}: {spans}"
-    yield for_ever_text(found)
-    yield f"flights flown with it inside: {'yes' if answer['inside'] else 'NO'}"
-    yield f"signals: {answer['signals']}"
-    if out is not None and found.status == "bounded":
-        yield f"proof: {out}   (check it with: flighttune verify {out})"
 
 
 def run_tubes(
@@ -176,28 +204,31 @@ def run_tubes(
         return tubes_of(runs, folder, make=make, conformance=boxes, progress=progress)
 
 
-def run_tubes_json(found: "RunTubes") -> dict[str, Any]:
+def run_tubes_values(found: "RunTubes") -> dict[str, Any]:
     """Tubes of runs as ``--json`` has them, by label of the run."""
     return {
         label: {
-            **pick(one, "status reason model"),
+            **pick(tube, "status reason model"),
             "half_width_deg": {
                 channel: dict(zip(("max", "end"), widths.tolist(), strict=True))
-                for channel, widths in zip(("chi", "gamma"), one.half_widths / DEG, strict=True)
+                for channel, widths in zip(("chi", "gamma"), tube.half_widths / DEG, strict=True)
             },
-            "handed_over_s": one.handed_over,
-            "counted_from_s": one.counted_from,
+            "handed_over_s": tube.handed_over,
+            "counted_from_s": tube.counted_from,
             "inside": label not in found.outside,
         }
-        for label, one in found.found.items()
+        for label, tube in found.found.items()
     }
 
 
-def run_tubes_text(found: "RunTubes", how: str) -> Iterator[str]:
-    """A line for each tube, for each that could not be made, or how to make them."""
-    for label in found.found:
-        yield found.sentence(label)
-    for label, why in found.why_not.items():
-        yield f"{label}: no tube: {why}"
-    if not (found.found or found.why_not):
-        yield f"no tube around the errors yet: {how} makes it"
+def run_tubes_table(found: "RunTubes") -> Table:
+    """The tube of each run that has one."""
+    records = [{"run": label, **own} for label, own in run_tubes_values(found).items()]
+    return Table(title="tubes", columns=RUN_TUBE_COLUMNS, records=records)
+
+
+def run_tubes_notes(found: "RunTubes", how: str) -> list[str]:
+    """Why runs have no tube, or how to make them."""
+    if found.found or found.why_not:
+        return [f"{label}: no tube: {why}" for label, why in found.why_not.items()]
+    return [f"No tube around the errors yet: {how} makes it."]

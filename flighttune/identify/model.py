@@ -8,8 +8,8 @@ from flighttune.control.exact_law import rate_model
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
-from flighttune.present.tables import Table
-from flighttune.units import DEG
+from flighttune.present.tables import Column, Table
+from flighttune.units import DEG_PER_RAD
 
 ANGLE_PER_SPEED = math.radians(60.0)
 """Difference of climb that counts like a doubling of airspeed in `nearest`."""
@@ -102,31 +102,42 @@ class IdentifiedAircraft:
         return min(self.conditions, key=distance)
 
 
+LAG_COLUMNS = (
+    Column("V_a", "V_a", "m/s", "g"),
+    Column("gamma", "γ", "deg", "g", DEG_PER_RAD),
+    Column("channel", "channel"),
+    Column("order", "order", digits=".0f"),
+    Column("natural_frequency", "ω", "rad/s", ".2f"),
+    Column("damping", "damping", digits=".2f", missing="-"),
+    Column("lag", "lag", "s", ".3f", missing="-"),
+    Column("delay", "delay", "s", ".3f"),
+    Column("bandwidth", "bandwidth", "rad/s", ".2f"),
+    Column("cross", "cross", digits=".3f"),
+    Column("fit_percent", "fit", "%", ".1f"),
+)
+
+
 def lags_table(aircraft: IdentifiedAircraft) -> Table:
     """Every lag with its fit, a row each channel of a condition."""
-    rows = [
-        (
-            f"{at.V_a:g}",
-            f"{at.gamma / DEG:g}",
-            name,
-            str(lag.order),
-            f"{lag.natural_frequency:.2f}",
-            f"{lag.damping:.2f}" if lag.order > 1 else "-",
-            f"{lag.lag:.3f}" if lag.order > 2 else "-",
-            f"{lag.delay:.3f}",
-            f"{lag.bandwidth:.2f}",
-            f"{channel.cross:.3f}",
-            f"{channel.fit_percent:.1f}",
-        )
+    records = [
+        {
+            "V_a": at.V_a,
+            "gamma": at.gamma,
+            "channel": name,
+            "order": channel.lag.order,
+            "natural_frequency": channel.lag.natural_frequency,
+            "damping": channel.lag.damping if channel.lag.order > 1 else None,
+            "lag": channel.lag.lag if channel.lag.order > 2 else None,
+            "delay": channel.lag.delay,
+            "bandwidth": channel.lag.bandwidth,
+            "cross": channel.cross,
+            "fit_percent": channel.fit_percent,
+        }
         for at in aircraft.conditions
-        for name, channel, lag in (("phi", at.phi, at.phi.lag), ("n_z", at.n_z, at.n_z.lag))
+        for name, channel in (("phi", at.phi), ("n_z", at.n_z))
     ]
-    columns = "V_a [m/s], γ [deg], channel, order, ω [rad/s], damping, lag [s], delay [s]"
-    return Table(
-        title=f"{aircraft.aircraft}: identified inner loop",
-        head=(*columns.split(", "), "bandwidth [rad/s]", "cross", "fit [%]"),
-        rows=rows,
-    )
+    title = f"{aircraft.aircraft}: identified inner loop"
+    return Table(title=title, columns=LAG_COLUMNS, records=records)
 
 
 LAGS_PER_ERROR = 3.0

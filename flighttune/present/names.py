@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from flighttune.present.numbers import number
+from flighttune.present.tables import Column
 from flighttune.units import DEG_PER_RAD
 
 CHANNEL_SYMBOLS = {"chi": "χ", "gamma": "γ"}
@@ -39,6 +41,10 @@ class MetricLabel:
     def text(self, value: float) -> str:
         """A value of the metric (SI) in the unit shown."""
         return number(value * self.factor, f"z.{self.decimals}f")
+
+    def column(self, key: str, **more: Any) -> Column:
+        """The column of a table with the metric (SI) at `key` of its records."""
+        return Column(key, self.name, self.unit, f"z.{self.decimals}f", self.factor, **more)
 
 
 METRIC_LABELS = {

@@ -10,7 +10,7 @@ from flighttune.guarantee.flight_check import flight_check
 from flighttune.present.names import METRIC_LABELS, SYMBOLS
 from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.palette import hue_tells_gains
-from flighttune.present.tables import Table
+from flighttune.present.tables import markdown
 from flighttune.recording import geometry
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import SEEN_AS
@@ -74,7 +74,7 @@ def scenario_page(
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return Table(title="", head=head, rows=rows).markdown()
+    return markdown(head, rows)
 
 
 def _about(scenario: Mapping[str, Any]) -> list[str]:

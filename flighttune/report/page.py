@@ -8,13 +8,18 @@ from flighttune.comparison import Source, load_source
 from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.tables import Table
 from flighttune.report.facts import Facts, facts_of
+from flighttune.report.gap_tables import check_table, step_table
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel
 from flighttune.report.headline import headline
 from flighttune.report.panels import commands, errors, paths, tracking
 from flighttune.report.tables import (
+    aircraft_tables,
+    certificates_table,
+    convergence_table,
     gains_table,
-    gap_table,
+    kept_table,
     provenance_table,
     runs_table,
     tracking_table,
@@ -36,7 +41,8 @@ def write_report(
     source: str | Path | Source,
     path: str | Path,
     *,
-    tubes: Sequence[str] = (),
+    tubes: Table | None = None,
+    tube_notes: Sequence[str] = (),
     at_a_glance: Sequence[str] = (),
 ) -> Report:
     """Write one self-contained page about the runs of a scenario.
@@ -48,8 +54,10 @@ def write_report(
         ``scenario@gains``.
     path : path-like
         HTML file to write or replace; parent folders are made.
-    tubes : sequence of str
-        What the tubes of the runs say, a sentence each. They are drawn where the runs have them.
+    tubes : Table, optional
+        Tubes of the runs. They are drawn where the runs have them.
+    tube_notes : sequence of str
+        Why runs have no tube.
     at_a_glance : sequence of str
         How far each aircraft can be off, said at the top.
 
@@ -73,11 +81,11 @@ def write_report(
         Path(path),
         template(),
         summary=(f"{facts.claim.short}.", best_sentence(facts), *at_a_glance),
-        answers=headline(facts, tubes),
+        questions=headline(facts, tube_notes),
         claim_sentence=f"{facts.claim.sentence}.",
         matrix=matrix(facts),
         duration=f"{max(run.duration for run in facts.runs):g}",
-        sections=_sections(facts),
+        sections=_sections(facts, tubes),
         title=facts.scenario.title,
         claim=facts.scenario.verifies,
         legend=[(run.label, facts.styles[run.label]) for run in facts.runs],
@@ -91,7 +99,7 @@ def write_report(
     )
 
 
-def _sections(facts: Facts) -> list[Section]:
+def _sections(facts: Facts, tubes: Table | None) -> list[Section]:
     sections = [
         Section(id="runs", title="", charts=tracking(facts.flights), folded=False),
         Section(
@@ -100,7 +108,12 @@ def _sections(facts: Facts) -> list[Section]:
             note="Errors are reference minus actual, the course error wrapped to ±180°. A band is "
             "the tube of a run: every flight of its model is in it.",
             charts=errors(facts.flights),
-            tables=[tracking_table(facts), runs_table(facts)],
+            tables=[
+                convergence_table(facts),
+                tracking_table(facts),
+                runs_table(facts),
+                *([tubes] if tubes and tubes.records else []),
+            ],
         ),
         Section(
             id="commands",
@@ -127,7 +140,7 @@ def _certificate_section(facts: Facts) -> Section:
         "reference changes slope. A red cross marks where a flight first exceeds it. "
         f"{SENSED if facts.scenario.sensors else ''}{'' if curve else NO_CURVE}",
         charts=[*certificate_panels(facts), *curve],
-        tables=[gains_table(facts)],
+        tables=[gains_table(facts), certificates_table(facts), kept_table(facts)],
     )
 
 
@@ -150,6 +163,6 @@ def _gap_section(facts: Facts) -> Section:
             for kind in (itae_chart, steps_chart, bound_chart)
         ],
         columns=3,
-        tables=[gap_table(facts.gaps)],
+        tables=[step_table(facts.gaps), check_table(facts.gaps), *aircraft_tables(facts)],
         legend=False,
     )

@@ -1,7 +1,7 @@
 """Progress and outcome of a campaign, and the observer that is informed of them."""
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the command line imports this module before anything heavy
@@ -148,7 +148,3 @@ class CampaignOutcome:
     rate_per_s: float
     halfwidth: float | None = None
     interrupted: bool = False
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as plain values."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
