@@ -15,7 +15,7 @@ from flighttune.identify.model import lags_table
 from flighttune.identify.steps import steps_table
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Question, Section, page_template, write_page
-from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
 from flighttune.present.tables import Column, Table, facts_table
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
@@ -24,21 +24,14 @@ from flighttune.units import DEG
 
 PAGE = "adoption.html"
 
-FLIGHT_COLUMNS = (
-    Column("gains", "gains"),
-    Column("status", "flight", good=("completed",)),
-    Column("ITAE.chi", "ITAE χ", "rad\u00a0s²", ".3g", best="low"),
-    Column("ITAE.gamma", "ITAE γ", "rad\u00a0s²", ".3g", best="low"),
-    Column("ST_deg.chi", "ST χ", "deg", ".3g"),
-    Column("ST_deg.gamma", "ST γ", "deg", ".3g"),
-)
-TRIM_COLUMNS = (
-    Column("V_a_mps", "V_a", "m/s", ".1f"),
-    Column("gamma_deg", "γ", "deg", ".0f"),
-    Column("alpha_deg", "α", "deg", ".1f"),
-    Column("throttle", "throttle", digits=".2f"),
-    Column("reason", "no trim"),
-)
+FLIGHT_COLUMNS = [
+    *columns("gains status"),
+    Column("ITAE.chi", "ITAE χ", "rad\u00a0s²", best="low"),
+    Column("ITAE.gamma", "ITAE γ", "rad\u00a0s²", best="low"),
+    Column("ST_deg.chi", "ST χ", "deg"),
+    Column("ST_deg.gamma", "ST γ", "deg"),
+]
+TRIM_COLUMNS = columns("V_a_mps gamma_deg alpha_deg throttle reason")
 
 
 def write_adoption(found: Adoption) -> Path:

@@ -9,6 +9,7 @@ from flighttune.cli.options import aircraft_names, check_ending, out_folder
 from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 from flighttune.shipped import is_shipped
 from flighttune.units import DEG, DEG_PER_RAD
@@ -19,28 +20,16 @@ if TYPE_CHECKING:
 GOOD_FIT = 90.0
 """Share of the variance, in percent, below which the answer of `identify` is no."""
 
-TRIM_COLUMNS = (
-    Column("V_a_mps", "V_a", "m/s", "g"),
-    Column("gamma_deg", "γ", "deg", "g"),
-    Column("trim.alpha_deg", "α", "deg", "z.2f", missing="-"),
-    Column("trim.beta_deg", "β", "deg", "z.2f", missing="-"),
-    Column("trim.elevator_deg", "elevator", "deg", "z.2f", missing="-"),
-    Column("trim.rudder_deg", "rudder", "deg", "z.2f", missing="-"),
-    Column("trim.throttle", "throttle", digits=".3f", missing="-"),
-    Column("reason", "no trim", good=("",)),
+TRIM_COLUMNS = columns(
+    "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "
+    "trim.throttle reason"
 )
-GAIN_COLUMNS = (
-    Column("gain", "gain"),
-    Column("designed", "designed", digits=".4g"),
-    Column("before", "before", digits=".4g"),
-)
-MODE_COLUMNS = (
-    Column("name", "mode"),
-    Column("eigenvalue_per_s.0", "real part", "1/s", ".3f"),
-    Column("eigenvalue_per_s.1", "imaginary part", "rad/s", ".3f"),
-    Column("natural_frequency_rad_s", "ω", "rad/s", ".3f"),
-    Column("damping", "damping", digits=".3f"),
-)
+MODE_COLUMNS = [
+    *columns("name"),
+    Column("eigenvalue_per_s.0", "real part", "1/s"),
+    Column("eigenvalue_per_s.1", "imaginary part", "rad/s"),
+    *columns("natural_frequency_rad_s damping"),
+]
 FIT_NOTE = (
     "fit: share of the variance explained in a manoeuvre not used for the fit; cross: largest "
     "response of the other channel, 1/rad (phi) and rad (n_z)"
@@ -120,7 +109,9 @@ def design(
         Answer(
             values={"gains": gains.gains},
             tables=[
-                Table(title=config.title, columns=GAIN_COLUMNS, records=compared),
+                Table(
+                    title=config.title, columns=columns("gain designed before"), records=compared
+                ),
                 steps_table(designed.checks),
             ],
             verdict="" if written else "nothing is written",

@@ -18,6 +18,7 @@ from flighttune.cli.progress import campaign_display, campaign_pool, duration, p
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick, tell
 from flighttune.errors import CampaignError, OutputError, RecordingError
 from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.numbers import percent
 from flighttune.present.tables import Column, Table
 
@@ -39,53 +40,24 @@ OF_BEST = (
 )
 """Keys of the chosen candidate that stand at the top of the JSON object of `tune`."""
 
-CANDIDATE_COLUMNS = (
-    Column("name", "gains"),
-    Column("I_K", "I_K", "s²", ".5g"),
-    Column("R_K", "R_K", "1/s", ".4f"),
-    Column("draws", "draws", digits=".0f"),
+CANDIDATE_COLUMNS = [
+    *columns("name I_K R_K draws"),
     Column("success", "succeed", "%", percent, ends=("success_interval.0", "success_interval.1")),
-    Column("value", "percentile", digits=".4g", best="low", ends=("interval.0", "interval.1")),
-    Column("behind", "behind", digits=".3g", ends=("behind_interval.0", "behind_interval.1")),
-    Column("p_best", "probability to be the best", digits=".3f", missing="-"),
-    Column("dropped", "dropped"),
-)
-DRAWN_COLUMNS = (Column("parameter", "parameter"), Column("value", "value", digits=".6g"))
-DIFFERENCE_COLUMNS = (
-    Column("column", "column"),
+    Column("value", "percentile", best="low", ends=("interval.0", "interval.1")),
+    Column("behind", "behind", ends=("behind_interval.0", "behind_interval.1")),
+    Column("p_best", "probability to be the best"),
+    *columns("dropped"),
+]
+DIFFERENCE_COLUMNS = [
+    *columns("column"),
     Column("in_row", "in the row", digits=".17g"),
     Column("flown", "flown", digits=".17g"),
-)
-OUTCOME_COLUMNS = (
-    Column("runs", "runs", digits=".0f"),
-    Column("completed", "completed", digits=".0f"),
-    Column("failed", "failed", digits=".0f"),
-)
-PLAN_COLUMNS = (
-    Column("runs", "runs", digits=".0f"),
-    Column("draws", "draws", digits=".0f"),
-    Column("design", "design"),
-    Column("seed", "seed", digits=".0f"),
-    Column("time_limit_s", "time limit of a run", "s", "g"),
-)
-GROUP_COLUMNS = (
-    Column("plant", "plant"),
-    Column("gains", "gains"),
-    Column("run_s", "time of a run", "s", ".2g"),
-)
-DISPERSED_COLUMNS = (
-    Column("key", "key"),
-    Column("distribution", "distribution"),
-    Column("acts", "acts"),
-    Column("numbers", "numbers"),
-)
-COST_COLUMNS = (
-    Column("core_s", "time of one core", digits=duration),
-    Column("workers", "workers", digits=".0f"),
-    Column("wall_s", "wall time", digits=duration),
-    Column("rows_bytes", "rows", "MB", ".3g", 1e-6),
-    Column("signals_bytes", "signals, at most", "MB", ".3g", 1e-6),
-)
+]
+COST_COLUMNS = [
+    *columns("core_s workers wall_s"),
+    Column("rows_bytes", "rows", "MB", factor=1e-6),
+    Column("signals_bytes", "signals, at most", "MB", factor=1e-6),
+]
 
 CampaignArgument = Annotated[
     str,
@@ -201,7 +173,7 @@ def fly(
             tables=[
                 Table(
                     title=f"run {run}: {row['plant']} / {row['gains']}, draw {row['draw']}",
-                    columns=DRAWN_COLUMNS,
+                    columns=columns("parameter value"),
                     records=drawn,
                 ),
                 Table(
@@ -390,17 +362,8 @@ def _planned(file: str, runs: int | None, folder: str, *, resume: bool) -> "Plan
 
 def _outcome(done: "CampaignOutcome") -> Answer:
     values = pick(done, " ".join(field.name for field in fields(done) if field.name != "dataset"))
-    others = [
-        Column(f"statuses.{status}", status.replace("_", " "), digits=".0f")
-        for status in done.statuses
-        if status not in ("completed", "crashed")
-    ]
-    columns = [
-        *OUTCOME_COLUMNS,
-        *others,
-        Column("crashed", "crashed", digits=".0f"),
-        Column("succeeded", "met every requirement", digits=".0f"),
-    ]
+    shown = {key: values[key] for key in ("runs", "completed", "failed", "crashed", "succeeded")}
+    shown |= {key: n for key, n in done.statuses.items() if key not in shown}
     notes = [
         f"flown now: {done.flown} in {duration(done.wall_s)}, {rate(done.rate_per_s)} a second"
         if done.flown
@@ -410,7 +373,7 @@ def _outcome(done: "CampaignOutcome") -> Answer:
         notes.append(f"half width of the success rates: at most {done.halfwidth:.3g}")
     return Answer(
         values=values,
-        tables=[Table(columns=columns, records=[values])],
+        tables=[Table(columns=columns(" ".join(shown)), records=[shown])],
         notes=notes,
         files={"dataset": done.dataset},
     )
@@ -447,9 +410,17 @@ def _plan(plan: "Plan", cost: "CampaignCost", workers: int) -> Answer:
     return Answer(
         values=values,
         tables=[
-            Table(title=campaign.title, columns=PLAN_COLUMNS, records=[values]),
-            Table(title="groups", name="groups", columns=GROUP_COLUMNS, records=groups),
-            Table(title="dispersed", columns=DISPERSED_COLUMNS, records=shown),
+            Table(
+                title=campaign.title,
+                columns=columns("runs draws design seed time_limit_s"),
+                records=[values],
+            ),
+            Table(
+                title="groups", name="groups", columns=columns("plant gains run_s"), records=groups
+            ),
+            Table(
+                title="dispersed", columns=columns("key distribution acts numbers"), records=shown
+            ),
             Table(
                 title=f"cost, from {cost.timed} runs flown now",
                 columns=COST_COLUMNS,

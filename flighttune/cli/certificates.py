@@ -19,40 +19,26 @@ from flighttune.cli.gain_sets import (
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 
 ANY_ENVELOPE = (
     "The certificate holds over any envelope: the error dynamics of the exact law are the same "
     "everywhere."
 )
-INDICATOR_COLUMNS = (
+INDICATOR_COLUMNS = [
     Column("units", "units of state"),
-    Column("R_K", "R_K", "1/s", ".4f"),
-    Column("I_K", "I_K", "s²", ".4f"),
-    Column("spectral_abscissa", "spectral abscissa", "1/s", ".4f"),
-)
-EIGENVALUE_COLUMNS = (
-    Column("real", "real part", "1/s", ".3f"),
-    Column("imaginary", "imaginary part", "rad/s", ".3f"),
-)
-CERTIFICATE_COLUMNS = (
-    Column("status", "status", good=("certified",)),
-    Column("rate", "rate", "1/s", ".5f"),
-    Column("growth", "largest growth of the norm", digits=".2f"),
-    Column("radius", "ultimate radius", "rad", ".5f"),
-    Column("L_d", "L_d", "rad/s²", ".5g"),
-    Column("largest_factor", "largest certified envelope", digits=".3f"),
-)
-CLAIM_COLUMNS = (
-    Column("rate", "rate", "1/s", ".6g"),
-    Column("radius", "ultimate radius", "rad", ".6g"),
-    Column("L_d", "L_d", "rad/s²", ".6g"),
-)
-CHECK_COLUMNS = (
-    Column("name", "check"),
-    Column("margin", "margin", digits=".3e"),
-    Column("exact", "proven exactly", good=("yes",)),
-)
+    *columns("R_K I_K spectral_abscissa"),
+]
+EIGENVALUE_COLUMNS = [
+    Column("real", "real part", "1/s"),
+    Column("imaginary", "imaginary part", "rad/s"),
+]
+CERTIFICATE_COLUMNS = [
+    *columns("status rate growth radius L_d"),
+    Column("largest_factor", "largest certified envelope"),
+]
+CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 if TYPE_CHECKING:
     from flighttune.certificates import Certificate, Certification, Claim
@@ -242,7 +228,7 @@ def verify(
             values={**pick(found, "valid reason"), "claim": claim},
             tables=[
                 Table(title=title, name="checks", columns=CHECK_COLUMNS, records=checks),
-                Table(title="claim", columns=CLAIM_COLUMNS, records=[claim]),
+                Table(title="claim", columns=columns("rate radius L_d"), records=[claim]),
                 gains_table("gains", loaded.gains),
             ],
             verdict=_where(loaded) if found.valid else f"claimed, not proven: {_where(loaded)}",

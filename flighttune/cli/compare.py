@@ -8,22 +8,21 @@ from typer import Argument, Option
 from flighttune.cli.options import check_ending
 from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, pick
 from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.comparison import Comparison, Violation
 
-PAIR_COLUMNS = (
+PAIR_COLUMNS = [
     Column("source_a", "A"),
     Column("run_a", "run of A"),
-    Column("status_a", "status", good=("completed",)),
+    Column("status_a", "status"),
     Column("source_b", "B"),
     Column("run_b", "run of B"),
-    Column("status_b", "status", good=("completed",)),
-    Column("compared_s", "compared", "s", "g"),
-    Column("max_distance_m", "apart at most", "m", ".3f"),
-    Column("max_distance_at_s", "at", "s", ".2f"),
-)
+    Column("status_b", "status"),
+    *columns("compared_s max_distance_m max_distance_at_s"),
+]
 
 
 def compare(

@@ -18,29 +18,17 @@ from flighttune.cli.options import (
 from flighttune.cli.progress import campaign_pool
 from flighttune.cli.show import INTERRUPTED, NO, emit, fail
 from flighttune.present.answer import Answer
-from flighttune.present.names import CHANNEL_SYMBOLS
-from flighttune.present.tables import Column, Table
-from flighttune.units import DEG_PER_RAD
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.tables import Table
+from flighttune.units import DEG
 
 if TYPE_CHECKING:
     from flighttune.conformance import Conformance
 
-RATE_COLUMNS = (
-    Column("rate", "rate"),
-    Column("low", "lowest", "rad/s", "+.4f"),
-    Column("high", "highest", "rad/s", "+.4f"),
-    Column("widest", "widest box", "rad/s", ".4f"),
-    Column("narrowest", "narrowest box", "rad/s", ".4f"),
-    Column("error_low", "error in the last window, from", "deg", "+.3g", DEG_PER_RAD),
-    Column("error_high", "to", "deg", "+.3g", DEG_PER_RAD),
+RATE_COLUMNS = columns(
+    "rate low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_error_low_deg last_error_high_deg"
 )
-COUNT_COLUMNS = (
-    Column("count", "count", digits=".0f"),
-    Column("learned", "flights learned from", digits=".0f"),
-    Column("widened", "widened by", digits=".2f"),
-    Column("outside", "new flights outside", digits=".0f"),
-    Column("counted", "of", digits=".0f"),
-)
+COUNT_COLUMNS = columns("count learned widened outside counted")
 
 
 def conform(
@@ -129,13 +117,13 @@ def _answer(found: "Conformance", out: Path) -> Answer:
     rates = [
         {
             "rate": name,
-            "low": float(low[:, i].min()),
-            "high": float(high[:, i].max()),
-            "widest": float((high - low)[:, i].max()),
-            "narrowest": float((high - low)[:, i].min()),
+            "low_rad_s": float(low[:, i].min()),
+            "high_rad_s": float(high[:, i].max()),
+            "widest_rad_s": float((high - low)[:, i].max()),
+            "narrowest_rad_s": float((high - low)[:, i].min()),
             # the last two columns of the boxes are the errors
-            "error_low": float(low[-1, i - 2]),
-            "error_high": float(high[-1, i - 2]),
+            "last_error_low_deg": float(low[-1, i - 2]) / DEG,
+            "last_error_high_deg": float(high[-1, i - 2]) / DEG,
         }
         for i, name in enumerate(CHANNEL_SYMBOLS)
     ]

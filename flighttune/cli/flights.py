@@ -20,39 +20,20 @@ from flighttune.cli.show import NO, emit, fail, pick, say, tell
 from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_table, run_tubes_values
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer
-from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
-from flighttune.units import DEG_PER_RAD
 
-RUN_COLUMNS = (
-    Column("plant", "plant"),
-    Column("gains", "gains"),
-    Column("status", "status", good=("completed",)),
-    *(
-        Column(f"metrics.{channel}.{key}", f"{name} {symbol}", unit, ".2f", factor, "low", **words)
-        for name, key, unit, factor, words in (
-            ("ITAE", "ITAE", "rad\u00a0s²", 1.0, {}),
-            ("MO", "MO_rad", "deg", DEG_PER_RAD, {}),
-            ("settle", "settling_s", "s", 1.0, {"good": ("-",)}),
-        )
-        for channel, symbol in CHANNEL_SYMBOLS.items()
-    ),
+RUN_COLUMNS = columns(
+    "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
+    "metrics.gamma.MO_rad metrics.chi.settling_s metrics.gamma.settling_s"
 )
-"""Metrics of the printed table; ``--json`` has them all. MO: maximum overshoot; settle: time to
-within 5 %."""
+"""Metrics of the printed table; ``--json`` has them all."""
 
-INDICATOR_COLUMNS = (
-    Column("gains", "gains"),
-    Column("R_K", "R_K", "1/s", ".4f", best="high"),
-    Column("I_K", "I_K", "s²", ".3f", best="low"),
-)
-REFLOWN_COLUMNS = (
-    Column("run", "run"),
-    Column("status", "status"),
-    Column("samples", "samples", digits=".0f"),
+REFLOWN_COLUMNS = [
+    *columns("run status samples"),
     Column("result", "result", good=("equal to the bit",)),
-)
-LIST_COLUMNS = (Column("name", "name"), Column("title", "title"), Column("verifies", "verifies"))
+]
+LIST_COLUMNS = columns("name title verifies")
 
 if TYPE_CHECKING:
     from flighttune.flight.expectations import ClaimCheck
@@ -295,7 +276,9 @@ def _flown(
         },
         tables=[
             Table(title=title, columns=RUN_COLUMNS, records=shown, grouped=True),
-            Table(title="on the kinematic law", columns=INDICATOR_COLUMNS, records=gain_sets),
+            Table(
+                title="on the kinematic law", columns=columns("gains R_K I_K"), records=gain_sets
+            ),
             run_tubes_table(tubes),
         ],
         notes=notes,

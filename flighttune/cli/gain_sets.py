@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from flighttune.cli.show import NO, fail, pick
 from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
@@ -22,14 +23,12 @@ GAINS_COLUMNS = (
     Column("I.0", "int e_chi", digits="z.4f"),
     Column("I.1", "int e_gamma", digits="z.4f"),
 )
-MARGIN_COLUMNS = (
-    Column("loop", "loop"),
-    Column("gain_decrease", "gain from", digits=".2f"),
-    Column("gain_increase", "gain to", digits=".2f"),
-    Column("phase_margin_deg", "phase", "deg", ".0f"),
-    Column("delay_margin_s", "delay", "s", ".3f"),
-    Column("lag_margin_s", "first-order lag", "s", ".3f"),
-)
+MARGIN_COLUMNS = [
+    *columns("loop"),
+    Column("gain_decrease", "gain from"),
+    Column("gain_increase", "gain to"),
+    *columns("phase_margin_deg delay_margin_s lag_margin_s"),
+]
 
 
 def chosen_gains(scenario: "Scenario", wanted: str | None) -> tuple[str, "PIGains"]:

@@ -23,46 +23,28 @@ from flighttune.cli.options import (
 from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 
 ENVELOPE_STARTS = 2
 """Searches over an envelope, besides the one from the gains tuned at the trim."""
 
-INDICATORS = (
-    Column("R_K", "R_K", "1/s", ".5f"),
-    Column("I_K", "I_K", "s²", ".4f"),
-    Column("spectral_abscissa", "spectral abscissa", "1/s", ".4f"),
-)
-FRONTIER_COLUMNS = (
-    Column("name", "gains"),
-    Column("I_K", "I_K", "s²", ".4f"),
-    Column("R_K", "R_K", "1/s", ".4f"),
-    Column("spectral_abscissa", "spectral abscissa", "1/s", ".4f"),
-)
-RESULT_COLUMNS = (
-    Column("status", "status", good=("optimal",)),
-    *INDICATORS,
-    Column("active", "binding"),
-    Column("method", "method"),
-    Column("starts", "starts", digits=".0f"),
-    Column("wall_s", "time", "s", ".2f"),
-)
-ENVELOPE_COLUMNS = (
-    Column("status", "status", good=("found",)),
-    Column("R_envelope", "rate over the envelope", "1/s", ".4f"),
-    *INDICATORS,
-    Column("wall_s", "time", "s", ".1f"),
-)
-DIAGNOSIS_COLUMNS = (
-    Column("smallest_I_K", "smallest I_K", "s²", ".2f"),
-    Column("largest_R_K", "largest R_K", "1/s", ".4f"),
-    Column("common_factor", "factor on all limits that would be enough", digits=".2f"),
-)
-LIMIT_COLUMNS = (
+RESULT_COLUMNS = columns("status R_K I_K spectral_abscissa active method starts wall_s")
+ENVELOPE_COLUMNS = [
+    *columns("status"),
+    Column("R_envelope", "rate over the envelope", "1/s"),
+    *columns("R_K I_K spectral_abscissa wall_s"),
+]
+DIAGNOSIS_COLUMNS = [
+    Column("smallest_I_K", "smallest I_K", "s²"),
+    Column("largest_R_K", "largest R_K", "1/s"),
+    Column("common_factor", "factor on all limits that would be enough"),
+]
+LIMIT_COLUMNS = [
     Column("name", "limit"),
-    Column("factor_alone", "factor on it alone that would be enough", digits=".2f"),
-    Column("smallest_I_K_without", "smallest I_K without it", "s²", ".2f"),
-)
+    Column("factor_alone", "factor on it alone that would be enough"),
+    Column("smallest_I_K_without", "smallest I_K without it", "s²"),
+]
 
 
 def tune(
@@ -134,7 +116,13 @@ def frontier(
     emit(
         Answer(
             values={"points": points, "marked": gain_sets},
-            tables=[Table(title=loaded.title, columns=FRONTIER_COLUMNS, records=rows)],
+            tables=[
+                Table(
+                    title=loaded.title,
+                    columns=columns("name I_K R_K spectral_abscissa"),
+                    records=rows,
+                )
+            ],
             files={"csv": csv, "figure": svg},
         )
     )

@@ -11,6 +11,7 @@ from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
@@ -21,17 +22,13 @@ if TYPE_CHECKING:
     from flighttune.tube.of_run import RunTubes
     from flighttune.tube.result import Tube
 
-WIDTH_COLUMNS = (
-    Column("error", "error"),
-    Column("max", "largest half-width", "deg", ".3f"),
-    Column("end", "at the end", "deg", ".3f"),
-    Column("ever", "ever after", "deg", ".3f"),
-)
-LIMITED_COLUMNS = (
-    Column("command", "command"),
-    Column("from", "from", "s", ".2f", missing="never"),
-    Column("to", "to", "s", ".2f"),
-)
+WIDTH_COLUMNS = [
+    *columns("error"),
+    Column("max", "largest half-width", "deg"),
+    Column("end", "at the end", "deg"),
+    Column("ever", "ever after", "deg"),
+]
+LIMITED_COLUMNS = columns("command from_s to_s")
 RUN_TUBE_COLUMNS = (
     Column("run", "run"),
     Column("half_width_deg.chi.max", "largest ±χ", "deg", ".3g"),
@@ -168,9 +165,9 @@ def widths_table(title: str, values: Mapping[str, Any]) -> Table:
 def limited_table(values: Mapping[str, Any]) -> Table:
     """When a limit can hold a command, as `tube_values` has it."""
     records = [
-        {"command": name, "from": begin, "to": end}
+        {"command": name, "from_s": begin, "to_s": end}
         for name, intervals in values["limits_can_hold"].items()
-        for begin, end in intervals or [(None, None)]
+        for begin, end in intervals or [("never", None)]
     ]
     return Table(title="a limit can hold", columns=LIMITED_COLUMNS, records=records)
 

@@ -11,6 +11,7 @@ from flighttune.cli.options import campaign_names, check_ending, scenario_names
 from flighttune.cli.progress import campaign_pool
 from flighttune.cli.show import INTERRUPTED, emit, fail, pick
 from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.numbers import number
 from flighttune.present.tables import Column, Table
 
@@ -21,23 +22,19 @@ if TYPE_CHECKING:
 
 GONE = "interrupted, nothing is written"
 
-WORST_COLUMNS = (
-    Column("plant", "plant"),
-    Column("gains", "gains"),
-    Column("value", "worst", digits=".4g"),
-    Column("first", "worst of the first generation, drawn from the distribution", digits=".4g"),
-    Column("distance", "standard deviations from the median", digits=".4g"),
-    Column("radius", "of those that have 99.9 % of the distribution", digits=".4g"),
-    Column("status", "status", good=("completed",)),
-    Column("ratio.chi", "tube over flight χ", digits=".4g"),
-    Column("ratio.gamma", "γ", digits=".4g"),
-)
-DRAWN_COLUMNS = (Column("key", "key"), Column("value", "value", digits=".6g"))
-RARE_COLUMNS = (
-    Column("probability", "probability", digits=".4g", ends=("low", "high")),
-    Column("flights", "flights", digits=".0f"),
-    Column("levels", "levels"),
-)
+WORST_COLUMNS = [
+    *columns("plant gains value"),
+    Column("first", "worst of the first generation, drawn from the distribution"),
+    Column("distance", "standard deviations from the median"),
+    Column("radius", "of those that have 99.9 % of the distribution"),
+    *columns("status"),
+    Column("ratio.chi", "tube over flight χ"),
+    Column("ratio.gamma", "tube over flight γ"),
+]
+RARE_COLUMNS = [
+    Column("probability", "probability", ends=("low", "high")),
+    *columns("flights levels"),
+]
 
 
 def worst(
@@ -142,7 +139,7 @@ def worst(
             values=values,
             tables=[
                 Table(title=title, columns=WORST_COLUMNS, records=[values]),
-                Table(title="drawn", columns=DRAWN_COLUMNS, records=drawn),
+                Table(title="drawn", columns=columns("key value"), records=drawn),
             ],
             verdict=found.missed or "no requirement is missed",
             files={"scenario": written},

@@ -8,7 +8,8 @@ from flighttune.control.exact_law import rate_model
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
-from flighttune.present.tables import Column, Table
+from flighttune.present.names import columns
+from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD
 
 ANGLE_PER_SPEED = math.radians(60.0)
@@ -102,18 +103,9 @@ class IdentifiedAircraft:
         return min(self.conditions, key=distance)
 
 
-LAG_COLUMNS = (
-    Column("V_a", "V_a", "m/s", "g"),
-    Column("gamma", "γ", "deg", "g", DEG_PER_RAD),
-    Column("channel", "channel"),
-    Column("order", "order", digits=".0f"),
-    Column("natural_frequency", "ω", "rad/s", ".2f"),
-    Column("damping", "damping", digits=".2f", missing="-"),
-    Column("lag", "lag", "s", ".3f", missing="-"),
-    Column("delay", "delay", "s", ".3f"),
-    Column("bandwidth", "bandwidth", "rad/s", ".2f"),
-    Column("cross", "cross", digits=".3f"),
-    Column("fit_percent", "fit", "%", ".1f"),
+LAG_COLUMNS = columns(
+    "V_a_mps gamma_deg channel order natural_frequency_rad_s damping lag_s delay_s bandwidth_rad_s "
+    "cross fit_percent"
 )
 
 
@@ -121,15 +113,15 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
     """Every lag with its fit, a row each channel of a condition."""
     records = [
         {
-            "V_a": at.V_a,
-            "gamma": at.gamma,
+            "V_a_mps": at.V_a,
+            "gamma_deg": at.gamma * DEG_PER_RAD,
             "channel": name,
             "order": channel.lag.order,
-            "natural_frequency": channel.lag.natural_frequency,
+            "natural_frequency_rad_s": channel.lag.natural_frequency,
             "damping": channel.lag.damping if channel.lag.order > 1 else None,
-            "lag": channel.lag.lag if channel.lag.order > 2 else None,
-            "delay": channel.lag.delay,
-            "bandwidth": channel.lag.bandwidth,
+            "lag_s": channel.lag.lag if channel.lag.order > 2 else None,
+            "delay_s": channel.lag.delay,
+            "bandwidth_rad_s": channel.lag.bandwidth,
             "cross": channel.cross,
             "fit_percent": channel.fit_percent,
         }

@@ -11,6 +11,7 @@ from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
@@ -173,14 +174,12 @@ def check_steps(config: AircraftConfig) -> tuple[StepCheck, ...]:
     )
 
 
-STEP_COLUMNS = (
-    Column("name", "step"),
-    Column("t90_s", "t90", "s", ".2f"),
-    Column("t90_allowed_s", "at most", "s", ".3g"),
-    Column("overshoot", "overshoot", "%", ".1f", 100.0),
-    Column("overshoot_allowed", "at most", "%", "g", 100.0),
-    Column("met", "met", good=("yes",)),
-)
+STEP_COLUMNS = [
+    *columns("name t90_s t90_allowed_s"),
+    Column("overshoot", "overshoot", "%", factor=100.0),
+    Column("overshoot_allowed", "allowed", "%", factor=100.0),
+    *columns("met"),
+]
 
 
 def steps_table(checks: Sequence[StepCheck]) -> Table:

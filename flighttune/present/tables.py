@@ -28,7 +28,7 @@ class Column:
     key: str  # dots lead into a value: "metrics.chi.ITAE"
     name: str = ""
     unit: str = ""
-    digits: str | Callable[[float], str] = ""  # format of its numbers; empty for words
+    digits: str | Callable[[float], str] = ".4g"  # how its numbers are written
     factor: float = 1.0  # from the value to the unit shown
     best: Literal["", "low", "high"] = ""  # which number is bold on a terminal
     ends: tuple[str, str] | None = None  # keys of the interval around its numbers
@@ -43,8 +43,7 @@ class Column:
     def number(self, record: Mapping[str, Any]) -> float:
         """The value in the unit shown; NaN where there is none, or a word."""
         value = _value(record, self.key)
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        return value * self.factor if self.digits and is_number else math.nan
+        return value * self.factor if _is_number(value) else math.nan
 
     def text(self, record: Mapping[str, Any]) -> str:
         """The value as it is written."""
@@ -55,8 +54,8 @@ class Column:
             return "yes" if value else "no"
         if isinstance(value, list | tuple):
             return ", ".join(map(str, value)) or self.missing
-        if isinstance(value, str) or not self.digits:
-            return str(value)
+        if isinstance(value, str):
+            return value
         written = self.digits if callable(self.digits) else self._formatted
         if self.ends is None:
             return self.missing if math.isnan(value) else written(value * self.factor)
@@ -92,6 +91,14 @@ class Table:
         return [one.heading for one in self.columns] if any(c.name for c in self.columns) else []
 
     @property
+    def of_words(self) -> list[bool]:
+        """Whether a column has no number: its cells stand to the left."""
+        return [
+            not any(_is_number(_value(record, column.key)) for record in self.records)
+            for column in self.columns
+        ]
+
+    @property
     def rows(self) -> list[list[str]]:
         """Cells as text."""
         return [[column.text(record) for column in self.columns] for record in self.records]
@@ -120,8 +127,8 @@ class Table:
         ]
         if len(columns) < len(self.columns):
             return replace(self, columns=columns).text(width, styled=styled)
-        natural = sum(self._natural()) + len(GAP) * (len(self.columns) - 1)
-        if self.grouped and len(self.columns) > 1 and natural > width:
+        least = sum(map(self._least, range(len(columns)))) + len(GAP) * (len(columns) - 1)
+        if self.grouped and least > width:
             first, *others = self.columns
             groups = dict.fromkeys(first.text(record) for record in self.records)
             tables = [
@@ -148,8 +155,10 @@ class Table:
     def _least(self, i: int) -> int:
         """Width to which a column may be wrapped."""
         heading, cells = self.columns[i].heading, [row[i] for row in self.rows]
-        if self.columns[i].digits:
+        if not self.of_words[i]:
             return max(map(len, (*heading.split(), *cells, "")))
+        if not i:  # it names the rows
+            return min(max(map(len, (heading, *cells))), 2 * NARROWEST)
         words = max((len(word) for cell in (heading, *cells) for word in cell.split()), default=0)
         return min(words, NARROWEST)
 
@@ -182,6 +191,7 @@ class Table:
     def _row(
         self, cells: Sequence[str], widths: dict[int, int], styles: dict[int, str] | None = None
     ) -> Iterator[str]:
+        words = self.of_words
         wrapped = {i: wrap(cells[i], width, break_on_hyphens=False) for i, width in widths.items()}
         for k in range(max(len(lines) for lines in wrapped.values())):
             shown = []
@@ -190,7 +200,7 @@ class Table:
                 space = " " * (width - len(part))
                 if part and styles and i in styles:
                     part = f"{styles[i]}{part}{PLAIN}"
-                shown.append(space + part if self.columns[i].digits else part + space)
+                shown.append(part + space if words[i] else space + part)
             yield GAP.join(shown).rstrip()
 
     def _best(self) -> set[tuple[int, int]]:
@@ -208,7 +218,7 @@ class Table:
 
     def markdown(self) -> str:
         """Markdown without the title; numbers stand to the right."""
-        rule = ["---:" if column.digits else "---" for column in self.columns]
+        rule = ["---" if words else "---:" for words in self.of_words]
         return _markdown(self.head, rule, self.rows)
 
 
@@ -254,6 +264,10 @@ def _value(record: Any, key: str) -> Any:
         if letter == "." and key[:place] in record:
             return _value(record[key[:place]], key[place + 1 :])
     return None
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _shared_out(columns: dict[int, tuple[int, int]], room: int) -> dict[int, int]:

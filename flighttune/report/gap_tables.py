@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flighttune.flight.ladder import rung_metrics
-from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
+from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
 from flighttune.simulate.run import TUBE_SIGNALS
 from flighttune.units import DEG_PER_RAD
@@ -18,56 +19,35 @@ if TYPE_CHECKING:
     from flighttune.guarantee.ultimate_set import Verdict
     from flighttune.identify.fit import FittedLag
 
-METRICS = (
-    ("ITAE", "ITAE", "rad\u00a0s²", 1.0),
-    ("MO", "MO_rad", "deg", DEG_PER_RAD),
-    ("ST", "ST_rad", "deg", DEG_PER_RAD),
-    ("limited", "saturation_s", "s", 1.0),
-)
+METRICS = [
+    f"metrics.{channel}.{key}"
+    for key in ("ITAE", "MO_rad", "ST_rad", "saturation_s")
+    for channel in CHANNEL_SYMBOLS
+]
 """Metrics of the tables; ``--json`` has them all."""
 
 
-def _metric_columns(digits: str) -> list[Column]:
-    return [
-        Column(f"metrics.{channel}.{key}", f"{name} {symbol}", unit, digits, factor, missing="-")
-        for name, key, unit, factor in METRICS
-        for channel, symbol in CHANNEL_SYMBOLS.items()
-    ]
-
-
-RUNG_COLUMNS = (
-    Column("plant", "plant"),
-    Column("status", "status", good=("completed",)),
-    *_metric_columns(".2f"),
-)
-STEP_COLUMNS = (
+RUNG_COLUMNS = columns(" ".join(["plant", "status", *METRICS]))
+STEP_COLUMNS = [
     Column("adds", "step"),
     Column("signals.chi.rms_rad", "Δχ rms", "deg", ".2f", DEG_PER_RAD),
     Column("signals.gamma.rms_rad", "Δγ rms", "deg", ".2f", DEG_PER_RAD),
-    *_metric_columns("+.2f"),
-)
-LAG_COLUMNS = (
-    Column("channel", "channel"),
-    Column("order", "order", digits=".0f"),
-    Column("natural_frequency_rad_s", "ω", "rad/s", ".2f"),
-    Column("delay_s", "delay", "s", ".3f"),
-    Column("fit_percent", "of this flight", "%", ".2f", missing="not commanded"),
-)
-MISMATCH_COLUMNS = (
-    Column("bound", "largest |d|", "rad/s", ".3f"),
-    Column("L_d", "L_d, its largest rate", "rad/s²", ".3f"),
-)
-CHECK_COLUMNS = (
-    Column("gains", "gains"),
+    *(replace(column, digits="+.2f") for column in columns(" ".join(METRICS))),
+]
+LAG_COLUMNS = columns("channel order natural_frequency_rad_s delay_s fit_percent")
+MISMATCH_COLUMNS = [Column("bound", "largest |d|", "rad/s"), *columns("L_d")]
+CHECK_COLUMNS = [
+    *columns("gains"),
     Column("check", "bound"),
-    Column("t_from", "from", "s", ".2f"),
-    Column("L_d", "L_d", "rad/s²", ".3f"),
-    Column("tube_rad.chi", "error χ within", "deg", ".1f", DEG_PER_RAD),
-    Column("tube_rad.gamma", "γ within", "deg", ".1f", DEG_PER_RAD),
-    Column("at_end_rad.chi", "at the end χ", "deg", ".1f", DEG_PER_RAD),
-    Column("at_end_rad.gamma", "γ", "deg", ".1f", DEG_PER_RAD),
+    Column("t_from", "from", "s"),
+    *columns("L_d"),
+    *(
+        Column(f"{key}.{channel}", f"{symbol} {where}", "deg", ".3g", DEG_PER_RAD)
+        for key, where in (("tube_rad", "within"), ("at_end_rad", "at the end"))
+        for channel, symbol in CHANNEL_SYMBOLS.items()
+    ),
     Column("sentence", "flight"),
-)
+]
 
 
 def gap_values(gap: "Gap", signals: Mapping[str, Path]) -> dict[str, Any]:
@@ -171,7 +151,7 @@ def step_table(gaps: Sequence["Gap"]) -> Table:
                     "aircraft": first + sum(steps),
                 }
             )
-    columns = [
+    shown = [
         Column("gains", "gains, channel"),
         Column("law", "paper's law", digits="z.2f"),
         *(
@@ -181,7 +161,7 @@ def step_table(gaps: Sequence["Gap"]) -> Table:
         Column("aircraft", "aircraft", digits="z.2f"),
     ]
     title = "ITAE [rad\u00a0s²], step by step"
-    return Table(title=title, name="gap", columns=columns, records=records, label="run")
+    return Table(title=title, name="gap", columns=shown, records=records, label="run")
 
 
 def largest_step(gap: "Gap") -> str:

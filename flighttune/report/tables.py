@@ -8,7 +8,7 @@ import numpy as np
 
 from flighttune.comparison.compare import SHOWN, comparison_table
 from flighttune.metrics import channel_metrics, flight_metrics
-from flighttune.present.names import CHANNEL_SYMBOLS, METRIC_LABELS
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.numbers import MISSING, matrix
 from flighttune.present.tables import Column, Table, facts_table
 from flighttune.report.facts import Facts, GainFacts
@@ -17,58 +17,37 @@ from flighttune.scenario.tables import SensorsTable
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
 
-TRACKING = ("ITAE", "MO_rad", "PT_s", "rise_s", "settling_s", "MS_rad", "ST_rad", "saturation_s")
-FLIGHT = ("V_a_dev_mps", "n_z_min", "n_z_max", "alpha_max_rad")
+TRACKING = "ITAE MO_rad PT_s rise_s settling_s MS_rad ST_rad saturation_s"
+FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad"
 
-RUN = Column("run", "run")
-TRACKING_COLUMNS = (
-    RUN,
-    Column("channel", "channel"),
-    *(METRIC_LABELS[key].column(key) for key in TRACKING),
-)
-CONVERGENCE_COLUMNS = (
-    RUN,
-    Column("converges", "converges", good=("yes",)),
-    Column("residual.chi", "χ error, last quarter", "deg", ".2g", DEG_PER_RAD),
-    Column("allowed.chi", "limit", "deg", ".2g", DEG_PER_RAD),
-    Column("residual.gamma", "γ error, last quarter", "deg", ".2g", DEG_PER_RAD),
-    Column("allowed.gamma", "limit", "deg", ".2g", DEG_PER_RAD),
-)
-RUN_COLUMNS = (
-    RUN,
-    Column("flown_s", "flown", "s", ".2f"),
-    *(METRIC_LABELS[key].column(key) for key in FLIGHT),
-    Column("outcome", "outcome"),
-)
-GAIN_COLUMNS = (
-    Column("gains", "gains"),
-    Column("R_K", "R_K", "1/s", "z.4f"),
-    Column("I_K", "I_K", "s²", "z.4f"),
+TRACKING_COLUMNS = columns(f"run channel {TRACKING}")
+CONVERGENCE_COLUMNS = [
+    *columns("run converges"),
+    *(
+        Column(f"{key}.{channel}", f"{name} {symbol}", "deg", ".2g", DEG_PER_RAD)
+        for channel, symbol in CHANNEL_SYMBOLS.items()
+        for key, name in (("residual", "largest late error"), ("allowed", "limit"))
+    ),
+]
+RUN_COLUMNS = columns(f"run flown_s {FLIGHT} outcome")
+GAIN_COLUMNS = [
+    *columns("gains R_K I_K"),
     Column("K_P", "K_P, rows φ n_z, columns χ γ"),
     Column("K_I", "K_I", "1/s"),
-)
-CERTIFICATE_COLUMNS = (
-    Column("gains", "gains"),
-    Column("rate", "proven at trim", "1/s", "z.4f"),
-    Column("growth", "largest growth of ‖s‖", digits=".1f"),
-    Column("radius", "ultimate bound", "rad", ".3g"),
-    Column("L_d", "for L_d", "rad/s²", ".3g"),
-    Column("checks", "exact checks", digits=".0f"),
-    Column("envelope_rate", "proven over envelope", "1/s", "z.4f"),
+]
+CERTIFICATE_COLUMNS = [
+    *columns("gains"),
+    Column("rate", "proven at trim", "1/s"),
+    *columns("growth radius L_d checks"),
+    Column("envelope_rate", "proven over envelope", "1/s"),
     Column("reason", "refused"),
-)
-KEPT_COLUMNS = (
-    RUN,
+]
+KEPT_COLUMNS = [
+    *columns("run"),
     Column("kept", "‖s‖ below its bound", good=("yes",)),
-    Column("t_broken", "exceeded from", "s", ".1f"),
-)
-PAIR_COLUMNS = (
-    Column("gains", "gains"),
-    Column("lower", "from"),
-    Column("upper", "to"),
-    Column("max_distance_m", "paths apart at most", "m", ".1f"),
-    Column("max_distance_at_s", "at", "s", ".1f"),
-)
+    Column("t_broken", "exceeded from", "s"),
+]
+PAIR_COLUMNS = columns("gains from to max_distance_m max_distance_at_s")
 
 
 def tracking_table(facts: Facts) -> Table:
@@ -175,8 +154,8 @@ def aircraft_tables(facts: Facts) -> list[Table]:
     pairs = [
         {
             "gains": pair.a.provenance.gains_name,
-            "lower": pair.a.provenance.plant,
-            "upper": pair.b.provenance.plant,
+            "from": pair.a.provenance.plant,
+            "to": pair.b.provenance.plant,
             "max_distance_m": pair.max_distance,
             "max_distance_at_s": pair.t_max_distance,
         }
@@ -208,9 +187,9 @@ def provenance_table(name: str, scenario: Scenario, flown: Sequence[Run]) -> Tab
 
 
 def _by_run(
-    name: str, title: str, columns: Sequence[Column], records: Sequence[Mapping[str, Any]]
+    name: str, title: str, shown: Sequence[Column], records: Sequence[Mapping[str, Any]]
 ) -> Table:
-    return Table(title=title, name=name, columns=columns, records=records, label="run")
+    return Table(title=title, name=name, columns=shown, records=records, label="run")
 
 
 def _sensors(table: SensorsTable | None) -> dict[str, str]:

@@ -53,8 +53,8 @@ def test_where_there_is_room_for_one_line_there_is_one_table():
     assert lines[3].split() == RUNS.rows[0]
 
 
-def test_in_80_columns_each_plant_has_its_table():
-    tables = RUNS.text(80).split("\n\n")
+def test_where_room_is_short_each_plant_has_its_table():
+    tables = RUNS.text(70).split("\n\n")
 
     assert [table.splitlines()[0] for table in tables] == ["Runs", "kinematic", "jsbsim:aerosonde"]
     assert tables[2].splitlines()[-1].split()[0] == "exact:tuned_identified"

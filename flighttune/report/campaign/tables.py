@@ -6,7 +6,7 @@ from typing import Any
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import Findings
 from flighttune.campaign.statistics.flights import failures
-from flighttune.present.names import metric_label
+from flighttune.present.names import columns, metric_label
 from flighttune.present.numbers import figures, percent
 from flighttune.present.tables import Column, Table
 from flighttune.report.campaign.words import metric_name, probability, status_words
@@ -25,44 +25,33 @@ PARAMETERS = 5
 
 INFLUENCES = 10
 
-GROUP = Column("group", "group")
-RUN = Column("run", "run", digits=".0f")
-DRAW = Column("draw", "draw", digits=".0f")
-REASON_COLUMNS = (
-    GROUP,
-    Column("count", "flights", digits=".0f"),
-    Column("run", "first run", digits=".0f"),
-    Column("ended", "ended"),
-    Column("reason", "reason"),
-)
-INFLUENCE_COLUMNS = (
-    GROUP,
-    Column("parameter", "parameter"),
-    Column("n", "flights", digits=".0f"),
+REASON_COLUMNS = [
+    *columns("group"),
+    Column("count", "flights"),
+    Column("run", "first run"),
+    *columns("ended reason"),
+]
+INFLUENCE_COLUMNS = [
+    *columns("group parameter n"),
     # below 0 the parameter explains less than chance would
     Column("share", "rank variance", "%", lambda share: f"{max(0.0, share):.1f}", 100.0),
     Column("rho", "rank correlation", digits="+.2f", ends=("lo", "hi")),
     Column("partial", "partial", digits="+.2f"),
     Column("p", "p-value", digits=probability),
     Column("apart", "significant"),
-)
-SOBOL_COLUMNS = (
-    GROUP,
-    Column("of", "of"),
-    Column("parameter", "parameter"),
-    Column("blocks", "blocks", digits=".0f"),
+]
+SOBOL_COLUMNS = [
+    *columns("group of parameter blocks"),
     Column("first.0", "first index", digits=".2f", ends=("first.1", "first.2")),
     Column("total.0", "total index", digits=".2f", ends=("total.1", "total.2")),
-)
+]
 
 
 def success_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """How often each group succeeds, how its flights ended, and the metric that ranks them."""
     statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
-    columns = [
-        GROUP,
-        Column("n", "flights", digits=".0f"),
-        Column("successes", "succeed", digits=".0f"),
+    shown = [
+        *columns("group n successes"),
         Column("success", "rate", "%", percent, best="high", ends=("lo", "hi")),
         *(Column(f"statuses.{s}", status_words(s), digits=".0f", missing="0") for s in statuses),
     ]
@@ -71,18 +60,18 @@ def success_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table
         for name, percentile in (("median", "p50"), ("95 %", "p95")):
             ends = (f"{key}.{percentile}_interval.0", f"{key}.{percentile}_interval.1")
             heading = f"{label.name}, {name}"
-            columns.append(
+            shown.append(
                 Column(f"{key}.{percentile}", heading, label.unit, figures, label.factor, ends=ends)
             )
     if any(group["certified"] for group in groups):
         ends = ("certified.interval.0", "certified.interval.1")
-        columns += [
+        shown += [
             Column("certified.rate", "certified set held", "%", percent, ends=ends),
             Column("certified.tube_deg.0", "its error χ", "deg", figures),
             Column("certified.tube_deg.1", "and γ", "deg", figures),
             Column("certified.says_nothing", "too loose to be useful"),
         ]
-    return _by_group("How often", columns, groups)
+    return _by_group("How often", shown, groups)
 
 
 def reasons_table(groups: Sequence[Mapping[str, Any]]) -> Table:
@@ -112,13 +101,14 @@ def worst_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
         for flight in group["worst"]
     ]
     measured = [] if found.measure is None else [metric_label(found.measure).column(found.measure)]
-    columns = [
-        *(GROUP, RUN, DRAW, *measured),
+    shown = [
+        *columns("group run draw"),
+        *measured,
         Column("success", "succeeds"),
         *_parameter_columns("parameters.", keys),
         Column("command", "to fly it again"),
     ]
-    return _by_group("Worst completed flights", columns, records)
+    return _by_group("Worst completed flights", shown, records)
 
 
 def failures_table(found: Findings) -> Table:
@@ -132,8 +122,8 @@ def failures_table(found: Findings) -> Table:
         for flight in failures(found.flights.rows, FAILURES).to_dict("records")
     ]
     parameters = _parameter_columns("", influential_parameters(found))
-    columns = [GROUP, RUN, DRAW, *parameters, Column("ended", "ended")]
-    return _by_group("Flights that ended early", columns, records)
+    shown = [*columns("group run draw"), *parameters, *columns("ended")]
+    return _by_group("Flights that ended early", shown, records)
 
 
 def metrics_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
@@ -150,14 +140,14 @@ def metrics_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table
                 percentiles = {name: spread[name] * label.factor for name in ("p05", "p50", "p95")}
                 record[group["group"]] = percentiles
         records.append(record)
-    columns = [
+    shown = [
         Column("metric", "median [5 %, 95 %]"),
         *(
             Column(f"{name}.p50", name, digits=figures, ends=(f"{name}.p05", f"{name}.p95"))
             for name in (group["group"] for group in groups)
         ),
     ]
-    return Table(title="Metrics", columns=columns, records=records)
+    return Table(title="Metrics", columns=shown, records=records)
 
 
 def influence_table(groups: Sequence[Mapping[str, Any]], name: str) -> Table:
@@ -187,9 +177,9 @@ def paired_table(found: Findings, paired: Sequence[Mapping[str, Any]]) -> Table:
         {**pair, "pair": f"{pair['a']} against {pair['b']}, {pair['plant']}"} for pair in paired
     ]
     label = metric_label(found.measure or "chi.ITAE")
-    columns = [
+    shown = [
         Column("pair", "first against second"),
-        Column("n", "draws", digits=".0f"),
+        Column("n", "draws"),
         Column("win_rate", f"{label.name} lower with first", "%", percent, ends=("lo", "hi")),
         Column(
             "median",
@@ -199,11 +189,11 @@ def paired_table(found: Findings, paired: Sequence[Mapping[str, Any]]) -> Table:
             label.factor,
             ends=("median_lo", "median_hi"),
         ),
-        Column("only_a", "only first succeeds", digits=".0f"),
-        Column("only_b", "only second", digits=".0f"),
+        Column("only_a", "only first succeeds"),
+        Column("only_b", "only second"),
         Column("p_success", "p-value", digits=probability),
     ]
-    return Table(title="Gains on the same draws", columns=columns, records=records)
+    return Table(title="Gains on the same draws", columns=shown, records=records)
 
 
 def influential_parameters(found: Findings) -> list[str]:
@@ -229,5 +219,5 @@ def _parameter_columns(prefix: str, keys: Sequence[str]) -> Iterator[Column]:
         yield Column(f"{prefix}{key}", end if ends.count(end) == 1 else key, digits=figures)
 
 
-def _by_group(title: str, columns: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> Table:
-    return Table(title=title, columns=columns, records=records, label="group")
+def _by_group(title: str, shown: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> Table:
+    return Table(title=title, columns=shown, records=records, label="group")
