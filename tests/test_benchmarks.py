@@ -44,7 +44,7 @@ def test_the_count_that_is_kept_is_about_the_shipped_aircraft():
     )
     assert known.attempts[-1].outside == 0
     # That many flights miss an event of probability epsilon at most this often.
-    assert (1.0 - known.epsilon) ** known.attempts[-1].counted <= 1.0 - known.confidence
+    assert (1.0 - known.epsilon) ** known.attempts[-1].flights <= 1.0 - known.confidence
 
 
 @pytest.mark.slow

@@ -38,6 +38,7 @@ from flighttune.identify.model import design_model
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.scenario import load_gains, load_scenario, scenario_from
+from flighttune.seal import BLANK, seal
 from flighttune.shipped import aircraft_folder
 from flighttune.theory.indicators import indicators
 from flighttune.units import G_0
@@ -228,12 +229,16 @@ def boxed(folder):
         boxes=RateBoxes(windows=windows, low=-wide, high=wide),
         epsilon=0.01,
         confidence=0.999,
-        attempts=(Attempt(learned=10, counted=797, outside=0),),
+        planned=3,
+        attempts=(Attempt(learned=(0, 10), counted=(10, 807), outside=0),),
+        seed=1,
         distribution=Distribution(
             title="made up",
             air="calm",
             fixed=flown_values(scenario, scenario.plant[0]),
             dispersed={},
+            disperse=[],
+            correlation=[],
         ),
         sha256={"aircraft": files_hash("aerosonde"), "identified": "", "campaign": ""},
     ).as_dict()
@@ -253,6 +258,13 @@ def sealed(tables):
         rest = {key: value for key, value in tables.items() if key != "sha256"}
         tables = {**rest, "sha256": dataset._digest_of(rest)}
     return to_json(tables)
+
+
+def stamped(tables):
+    """A conformance with the SHA-256 of what it says."""
+    if not isinstance(tables, dict):
+        return to_json(tables)
+    return seal(json.dumps({**tables, "seal": BLANK}, ensure_ascii=False).encode()).decode()
 
 
 class Kind(NamedTuple):
@@ -334,7 +346,7 @@ KINDS = {
     "tolerances": Kind("x.toml", lambda _: TOLERANCES, to_toml, load_tolerances),
     "aircraft": Kind("aircraft.toml", of_aircraft, to_toml, in_folder(load_aircraft), started),
     "identified": Kind("x.json", lambda _: IDENTIFIED, to_json, load_identified, modelled),
-    "conformance": Kind("x.json", boxed, to_json, load_conformance),
+    "conformance": Kind("x.json", boxed, stamped, load_conformance),
     "certificate": Kind(
         "x.json", lambda _: certificate_of("paper_as_printed"), to_json, load_certificate, verify
     ),
@@ -357,7 +369,7 @@ def loads(load, path):
         assert line.startswith(f"{path}: "), line
         assert "\n" not in line
         assert len(line) < LONGEST_LINE, len(line)
-        assert re.search(r"`[^`]*`|the file must", line), line
+        assert re.search(r"`[^`]*`|the file must|must be a conformance file", line), line
         return None
 
 

@@ -15,7 +15,7 @@ from jupyter_client.manager import start_new_kernel
 from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
-from flighttune.recording.seal import seal
+from flighttune.seal import seal
 
 SMALL = 8_000
 """Characters of what a value shows of itself."""

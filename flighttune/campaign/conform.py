@@ -17,7 +17,7 @@ from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.places import spelled
-from flighttune.campaign.planning.plan import Group, Plan, plan_campaign
+from flighttune.campaign.planning.plan import Plan, plan_campaign
 from flighttune.campaign.planning.schema import (
     Campaign,
     CampaignTable,
@@ -36,7 +36,13 @@ from flighttune.conformance.boxes import (
     Windows,
     fitted_boxes,
 )
-from flighttune.conformance.file import Attempt, Conformance, Distribution, flown_values
+from flighttune.conformance.file import (
+    Attempt,
+    Conformance,
+    Distribution,
+    flights_needed,
+    flown_values,
+)
 from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.errors import InputError
 from flighttune.identify.file import identified_tables, load_identified
@@ -59,7 +65,6 @@ LOOKED_AT = 16
 
 OWN_FLIGHTS = 500
 """Flights learned from where there is no campaign."""
-
 
 PART = 4096
 """Fresh flights flown before it is looked whether one is outside, which ends the count."""
@@ -91,6 +96,8 @@ class ConformSettings:
         in common; differing flights leave them more easily.
     start_deg : float, deg
         Of a scenario: how far starts may be off in course and path angle, all equally likely.
+    seed : int or None
+        Of the draws; by default the campaign's.
     """
 
     epsilon: float = 0.01
@@ -102,17 +109,12 @@ class ConformSettings:
     over: Over | None = None
     window: float = WINDOW_S
     start_deg: float = 0.0
+    seed: int | None = None
 
     @property
     def flights(self) -> int:
-        """Fresh flights of each attempt.
-
-        If a flight is outside with probability above epsilon, none of them is outside with
-        probability at most ``(1 - epsilon)^flights``; this must not exceed the attempt's part of
-        ``1 - confidence``.
-        """
-        each = (1.0 - self.confidence) / self.attempts
-        return math.ceil(math.log(each) / math.log1p(-self.epsilon))
+        """Fresh flights of each attempt."""
+        return math.ceil(flights_needed(self.epsilon, self.confidence, self.attempts))
 
     def __post_init__(self) -> None:
         check_between(0.0, 1.0, epsilon=self.epsilon, confidence=self.confidence)
@@ -153,11 +155,94 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     ``1 - confidence`` (Bonferroni). Fresh flights are those of ``design = "random"``, whatever the
     design of those learned from. A count ends early once a flight is outside: it has failed.
     """
+    learned, fresh = _plans(source, settings)
+    assert learned.residuals is not None
+    windows = learned.residuals.windows
+    first, each = learned.runs, settings.flights
+    attempts: list[Attempt] = []
+    known = _flown(pool, learned, Span(0, first), "learning")
+    while known is not None:
+        boxes, widened = fitted_boxes(windows, *known.completed, each)
+        counted = _counted(pool, fresh, Span(first, first + each), boxes)
+        if counted is None:
+            break
+        outside = int(np.sum(~boxes.hold(counted.low, counted.high)))
+        end = first + len(counted.low)
+        attempts.append(Attempt((0, first), (first, end), outside, widened))
+        if not outside or len(attempts) == settings.attempts:
+            return _conformance(fresh, settings, boxes, attempts)
+        first = end
+        known = _Residuals.joined([known, counted])
+    return None
+
+
+def recount(
+    source: str, known: Conformance, settings: ConformSettings, pool: WorkerPool
+) -> Attempt | None:
+    """Fly as many flights again as were counted, of the same distribution with another seed.
+
+    Parameters
+    ----------
+    source : str
+        What the conformance was made of.
+    known : Conformance
+        Its claim, gains, air and windows replace those of the settings.
+    settings : ConformSettings
+        With a seed that is not that of the conformance, by default the next one.
+    pool : WorkerPool
+
+    Returns
+    -------
+    Attempt or None
+        The count against the boxes, with all flights outside; None where the observer stopped it.
+
+    Raises
+    ------
+    InputError
+        If the seed is that of the conformance, or the source is not what it was made of.
+    """
+    seed = known.seed + 1 if settings.seed is None else settings.seed
+    if seed == known.seed:
+        raise InputError(f"`seed` must not be that of the flights counted, got {seed}.")
+    settings = replace(
+        settings,
+        epsilon=known.epsilon,
+        confidence=known.confidence,
+        attempts=known.planned,
+        gains=known.gains_name,
+        air=known.air,
+        over=known.boxes.windows.over,
+        window=known.boxes.windows.length,
+        seed=known.seed,
+    )
+    _, counted = _plans(source, settings)
+    # Tuning gives other last digits on another machine, and the hash would be another one.
+    counted = counted.with_tuned_gains_of(
+        replace(counted, gain_sets={known.gains_name: known.gains})
+    )
+    if counted.sha256 != known.sha256["campaign"]:
+        raise InputError(
+            f"{source}: must be what the conformance was made of, with its aircraft and the same "
+            "--start-deg and --plant, got another hash."
+        )
+    again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
+    learned, last = known.attempts[-1].learned, known.attempts[-1].counted
+    flown = _flown(pool, again, Span(*last), "counting again")
+    if flown is None:
+        return None
+    outside = int(np.sum(~known.boxes.hold(flown.low, flown.high)))
+    return Attempt(learned, last, outside, known.attempts[-1].widened)
+
+
+def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan]:
+    """The flights to learn from and those to count, each of one aircraft and one gain set."""
     plan = _planned(source, settings)
     group = plan.chosen_group(settings.plant, settings.gains, kind="jsbsim")
-    air = settings.air or air_of(plan.campaign.central)
-    campaign = in_air(plan.campaign, air)
-    if not (campaign.keys or campaign.nominal.turbulence or campaign.nominal.sensors):
+    campaign = in_air(plan.campaign, settings.air or air_of(plan.campaign.central))
+    if settings.seed is not None:
+        campaign = campaign.model_copy(update={"seed": settings.seed})
+    drawn = [one for one in at_random(campaign).disperse if not _is_degenerate(one)]
+    if not (drawn or campaign.nominal.turbulence or campaign.nominal.sensors):
         raise InputError(
             f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
             "flights are the same one."
@@ -177,22 +262,16 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         residuals=summary,
     )
     # Fresh draws come after those learned from, whose seeds they must not share.
-    first, each = plan.draws, settings.flights
-    fresh = replace(learned, campaign=at_random(campaign), runs=first + settings.attempts * each)
-    attempts: list[Attempt] = []
-    known = _flown(pool, learned, Span(0, first), "learning")
-    while known is not None:
-        boxes, widened = fitted_boxes(summary.windows, *known.completed, each)
-        counted = _counted(pool, fresh, Span(first, first + each), boxes)
-        if counted is None:
-            break
-        outside = int(np.sum(~boxes.hold(counted.low, counted.high)))
-        attempts.append(Attempt(len(known.low), len(counted.low), outside, widened))
-        if not outside or len(attempts) == settings.attempts:
-            return _conformance(fresh, group, settings, boxes, attempts)
-        first += len(counted.low)
-        known = _Residuals.joined([known, counted])
-    return None
+    runs = plan.draws + settings.attempts * settings.flights
+    return learned, replace(learned, campaign=at_random(campaign), runs=runs)
+
+
+def _is_degenerate(table: Dispersion) -> bool:
+    """Whether a key that is drawn has the same value in every flight."""
+    if not isinstance(table, Choice):
+        return False
+    weights = table.weights or [1.0] * len(table.values)
+    return len({value for value, one in zip(table.values, weights, strict=True) if one}) < 2
 
 
 def _counted(pool: WorkerPool, plan: Plan, span: Span, boxes: RateBoxes) -> "_Residuals | None":
@@ -211,8 +290,9 @@ def _counted(pool: WorkerPool, plan: Plan, span: Span, boxes: RateBoxes) -> "_Re
 
 
 def _conformance(
-    plan: Plan, group: Group, settings: ConformSettings, boxes: RateBoxes, attempts: list[Attempt]
+    plan: Plan, settings: ConformSettings, boxes: RateBoxes, attempts: list[Attempt]
 ) -> Conformance:
+    (group,) = plan.groups
     gains, summary = plan.gain_sets[group.gains], plan.residuals
     assert gains is not None and summary is not None  # noqa: PT018
     ((aircraft, files),) = plan.aircraft.items()
@@ -225,7 +305,9 @@ def _conformance(
         boxes=boxes,
         epsilon=settings.epsilon,
         confidence=settings.confidence,
+        planned=settings.attempts,
         attempts=tuple(attempts),
+        seed=plan.campaign.seed,
         distribution=distribution_of(plan, group.plant),
         sha256={
             "aircraft": files,
@@ -411,11 +493,13 @@ def distribution_of(plan: Plan, plant: str) -> Distribution:
             key = spelled(place)
             fixed.pop(key, None)
             dispersed[key] = _range(table, nominal.get(key))
+    tables = plan.campaign.model_dump(mode="json", include={"disperse", "correlation"})
     return Distribution(
         title=plan.campaign.title,
         air=air_of(plan.campaign.central),
         fixed=fixed,
         dispersed=dispersed,
+        **tables,
     )
 
 

@@ -239,7 +239,7 @@ def verify(
 
 
 def _verify_tube(file: Path) -> None:
-    from flighttune.cli.tube import bounds_after, tube_values, widths_table
+    from flighttune.cli.tube import bounds_after, probability_notes, tube_values, widths_table
     from flighttune.tube.proof import load_tube, verify_tube
 
     loaded = load_tube(file)
@@ -263,7 +263,7 @@ def _verify_tube(file: Path) -> None:
                 Table(title=title, name="checks", columns=CHECK_COLUMNS[:2], records=checks),
                 widths_table(f"tube of {problem.scenario.title}", values),
             ],
-            notes=[bounds_after(loaded)],
+            notes=[bounds_after(loaded), *probability_notes(loaded)],
             verdict=basis if found.valid else "claimed, not proven",
         )
     )

@@ -16,19 +16,21 @@ from flighttune.cli.options import (
     scenario_names,
 )
 from flighttune.cli.progress import campaign_pool
-from flighttune.cli.show import INTERRUPTED, NO, emit, fail
+from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick
+from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Table
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
+    from flighttune.campaign.conform import ConformSettings
     from flighttune.conformance import Conformance
 
 RATE_COLUMNS = columns(
     "rate low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_error_low_deg last_error_high_deg"
 )
-COUNT_COLUMNS = columns("count learned widened outside counted")
+COUNT_COLUMNS = columns("learned counted widened flights outside")
 
 
 def conform(
@@ -42,7 +44,7 @@ def conform(
             autocompletion=lambda: campaign_names() + scenario_names() + aircraft_names(),
         ),
     ],
-    out: Annotated[Path, Option("--out", help="JSON file to write.")],
+    out: Annotated[Path | None, Option("--out", help="JSON file to write.")] = None,
     epsilon: Annotated[
         float, Option(help="Accepted probability of leaving the boxes, 0 to 1.")
     ] = 0.01,
@@ -76,6 +78,16 @@ def conform(
         float,
         Option(help="Largest deviation from a scenario's start, course and path angle, deg."),
     ] = 0.0,
+    seed: Annotated[
+        int | None, Option(help="Seed of the draws [default: the campaign's].", min=0)
+    ] = None,
+    recount: Annotated[
+        Path | None,
+        Option(
+            help="Conformance file made of the same source: fly as many new flights with another "
+            "seed [default: the next one] and count those that leave its boxes."
+        ),
+    ] = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
 ) -> None:
@@ -83,8 +95,10 @@ def conform(
 
     The model is the exact point mass behind the identified lag. The boxes are fitted to the
     campaign's flights and tested on new random ones. Exit status 1 if flights leave them in every
-    attempt.
+    attempt, or any flight in a recount.
     """
+    if (out is None) == (recount is None):
+        raise InputError("`--out` must be given, or `--recount` in its place.")
     check_ending(out, ".json")
     from flighttune.campaign.conform import ConformSettings
     from flighttune.campaign.conform import conform as learn_and_count
@@ -100,7 +114,11 @@ def conform(
         over=boxes,
         window=window,
         start_deg=start_deg,
+        seed=seed,
     )
+    if out is None:
+        _recount(source, recount, settings, workers, scheduler)
+        return
     with campaign_pool(workers, scheduler) as pool:
         found = learn_and_count(source, settings, pool)
     if found is None:
@@ -110,6 +128,29 @@ def conform(
     emit(_answer(found, out))
     if not found.holds:
         fail(f"{source}: {found.sentence}; nothing is written", NO)
+
+
+def _recount(
+    source: str,
+    path: Path | None,
+    settings: "ConformSettings",
+    workers: int | None,
+    scheduler: str | None,
+) -> None:
+    """Count new flights against the boxes of a file."""
+    from flighttune.campaign.conform import recount
+    from flighttune.conformance import load_conformance
+
+    boxes = load_conformance(path or "")
+    with campaign_pool(workers, scheduler) as pool:
+        attempt = recount(source, boxes, settings, pool)
+    if attempt is None:
+        fail(f"{source}: interrupted", INTERRUPTED)
+    verdict = f"{path}: {attempt.outside} of {attempt.flights} new flights left the boxes"
+    status = "flights_outside" if attempt.outside else "counted"
+    emit(Answer(values={"status": status, **pick(attempt, "flights outside")}, verdict=verdict))
+    if attempt.outside:
+        fail(verdict, NO)
 
 
 def _answer(found: "Conformance", out: Path) -> Answer:
@@ -127,7 +168,7 @@ def _answer(found: "Conformance", out: Path) -> Answer:
         }
         for i, name in enumerate(CHANNEL_SYMBOLS)
     ]
-    counts = [{"count": k, **asdict(attempt)} for k, attempt in enumerate(found.attempts, 1)]
+    counts = [asdict(attempt) | {"flights": attempt.flights} for attempt in found.attempts]
     return Answer(
         values={
             **found.as_dict(),

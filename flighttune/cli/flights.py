@@ -17,7 +17,7 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import progress_bar, raise_on_interrupt
 from flighttune.cli.show import NO, emit, fail, pick, say, tell
-from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_table, run_tubes_values
+from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
@@ -279,7 +279,6 @@ def _flown(
             Table(
                 title="on the kinematic law", columns=columns("gains R_K I_K"), records=gain_sets
             ),
-            run_tubes_table(tubes),
         ],
         notes=notes,
         verdict=claim.sentence,

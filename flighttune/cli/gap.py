@@ -17,7 +17,7 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, tell
-from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_table, run_tubes_values
+from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.present.answer import Answer
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def gap(
     emit(
         Answer(
             values={**values, "tubes": run_tubes_values(tubes)},
-            tables=[*gap_tables(found, values), run_tubes_table(tubes)],
+            tables=[*gap_tables(found, values)],
             notes=[
                 *_failed(found),
                 *run_tubes_notes(tubes, f"flighttune gap {scenario} --tube --conformance FILE"),

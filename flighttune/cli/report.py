@@ -10,7 +10,7 @@ from typer import Argument, Option
 from flighttune.cli.options import ConformanceOption, TubeOption, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import emit
-from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_table, run_tubes_values
+from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.present.answer import Answer
 from flighttune.present.tables import Column, Table
 
@@ -60,8 +60,7 @@ def report(
     page = write_report(
         replace(source, runs=tubes.runs),
         out,
-        tubes=run_tubes_table(tubes),
-        tube_notes=notes,
+        tubes=notes,
         at_a_glance=tubes.at_a_glance,
     )
     emit(
@@ -76,7 +75,6 @@ def report(
             tables=[
                 questions_table(page.questions),
                 *(replace(table, name="") for table in page.tables if table.name in PRINTED),
-                run_tubes_table(tubes),
             ],
             notes=[*page.summary, *notes],
             files={"report": page.path},

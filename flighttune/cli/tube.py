@@ -29,17 +29,6 @@ WIDTH_COLUMNS = [
     Column("ever", "ever after", "deg"),
 ]
 LIMITED_COLUMNS = columns("command from_s to_s")
-RUN_TUBE_COLUMNS = (
-    Column("run", "run"),
-    Column("half_width_deg.chi.max", "largest ±χ", "deg", ".3g"),
-    Column("half_width_deg.gamma.max", "±γ", "deg", ".3g"),
-    Column("half_width_deg.chi.end", "at the end ±χ", "deg", ".3g"),
-    Column("half_width_deg.gamma.end", "±γ", "deg", ".3g"),
-    Column("handed_over_s", "for ever from", "s", ".1f"),
-    Column("inside", "flight inside", good=("yes",)),
-    Column("model", "every flight of"),
-    Column("reason", "lost", good=("",)),
-)
 
 
 def tube(
@@ -102,7 +91,7 @@ def tube(
             plant=plant,
             start=start_deg * DEG,
             disturbance=disturbance,
-            conformance=conformance and load_conformance(conformance),
+            conformance=None if conformance is None else load_conformance(conformance),
             law=name.rpartition(":")[0] or "exact",
             progress=progress and (lambda part: progress(f"tube {name}", part)),
         )
@@ -118,7 +107,7 @@ def tube(
         Answer(
             values={**values, "inside": inside, "seconds": time.perf_counter() - began},
             tables=[widths_table(title, values), limited_table(values)],
-            notes=[bounds_after(found)],
+            notes=[bounds_after(found), *probability_notes(found)],
             verdict="The flights flown with it are inside."
             if inside
             else "A flight flown with it leaves the tube.",
@@ -139,6 +128,7 @@ def tube_values(found: "Tube") -> dict[str, Any]:
         ever = 0.5 * (found.hand_over.bounds[:, 1] - found.hand_over.bounds[:, 0]) / DEG
     return {
         **pick(found, "status reason model"),
+        "probability": found.probability,
         "half_width_deg": {
             channel: {
                 "max": float(column.max()),
@@ -186,6 +176,11 @@ def bounds_after(found: "Tube") -> str:
     )
 
 
+def probability_notes(found: "Tube") -> list[str]:
+    """With which probability a flight leaves, where flights were counted."""
+    return [] if found.probability is None else [found.probability.sentence]
+
+
 def run_tubes(
     runs: "Sequence[Run]", folder: Path, *, make: bool, conformance: Path | None
 ) -> "RunTubes":
@@ -205,27 +200,20 @@ def run_tubes_values(found: "RunTubes") -> dict[str, Any]:
     """Tubes of runs as ``--json`` has them, by label of the run."""
     return {
         label: {
-            **pick(tube, "status reason model"),
+            **pick(tube.about, "status reason model start_deg handed_over_s counted_from_s"),
+            "probability": tube.about.probability,
             "half_width_deg": {
                 channel: dict(zip(("max", "end"), widths.tolist(), strict=True))
                 for channel, widths in zip(("chi", "gamma"), tube.half_widths / DEG, strict=True)
             },
-            "handed_over_s": tube.handed_over,
-            "counted_from_s": tube.counted_from,
             "inside": label not in found.outside,
         }
         for label, tube in found.found.items()
     }
 
 
-def run_tubes_table(found: "RunTubes") -> Table:
-    """The tube of each run that has one."""
-    records = [{"run": label, **own} for label, own in run_tubes_values(found).items()]
-    return Table(title="tubes", columns=RUN_TUBE_COLUMNS, records=records)
-
-
 def run_tubes_notes(found: "RunTubes", how: str) -> list[str]:
-    """Why runs have no tube, or how to make them."""
-    if found.found or found.why_not:
-        return [f"{label}: no tube: {why}" for label, why in found.why_not.items()]
-    return [f"No tube around the errors yet: {how} makes it."]
+    """A sentence for each tube, for each that could not be made, or how to make them."""
+    notes = [found.sentence(label) for label in found.found]
+    notes += [f"{label}: no tube: {why}" for label, why in found.why_not.items()]
+    return notes or [f"No tube around the errors yet: {how} makes it."]

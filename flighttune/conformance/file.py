@@ -4,18 +4,21 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flighttune.aircraft.aircraft import files_hash
+from flighttune.arrays import check_between
 from flighttune.conformance.boxes import SHORTEST_S, Over, RateBoxes, Windows
+from flighttune.conformance.probability import CountedProbability
 from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import first_mistake
+from flighttune.mistakes import abridged, first_mistake
 from flighttune.present.numbers import number
 from flighttune.quantities import (
     Airspeed,
@@ -28,10 +31,11 @@ from flighttune.quantities import (
 )
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import PlantTable
+from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.table_file import json_tables
-from flighttune.whole_file import write_text
+from flighttune.whole_file import whole_file
 
-FORMAT = "flighttune conformance 3"
+FORMAT = "flighttune conformance 4"
 """Readers refuse what they do not know."""
 
 FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
@@ -43,36 +47,63 @@ AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "pla
 NAMED = 5
 """Keys that are drawn and named in the sentence of a claim; all are in the file."""
 
-LEAVES = "leaves them with probability at most"
-"""Before the probability and its confidence, in the sentence of a claim."""
+STARTS = ("flight.chi_deg", "flight.gamma_deg")
+"""Keys of the start of a flight."""
+
+BOUNDED = ("uniform", "choice")
+"""Distributions whose stated range holds every draw, not all but a few in 1e9."""
 
 ROUNDING = 1e-6
 """Degrees by which the ends of a range may be rounded."""
+
+COVERED = 1e-14
+"""Rad by which the ends of a range are rounded where it is added to a start."""
 
 SAME_GAINS = 1e-6
 """Relative difference of gains below which they are the same: tuning repeats to 1e-9."""
 
 
+Count: TypeAlias = Annotated[int, Field(ge=0, le=10**9)]
+Draws: TypeAlias = tuple[Count, Count]
+"""Numbers of draws of a campaign: the first, and the first after the last."""
+
+STRICT = ConfigDict(extra="forbid", strict=True)
+
+
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One count: boxes fitted to some flights, and fresh ones flown against them.
+    """One count: boxes fitted to some draws, and fresh ones flown against them."""
 
-    Attributes
-    ----------
-    learned : int
-        Flights the boxes were fitted to.
-    counted : int
-        Fresh flights.
-    outside : int
-        Those of them that left a box, or were not flown to their end.
-    widened : float, 1
-        Largest half width of a box over that of the smallest around the flights learned from.
+    __pydantic_config__: ClassVar = STRICT
+
+    learned: Draws  # that the boxes were fitted to
+    counted: Draws  # flown against the boxes; a count that failed ends early
+    outside: Count  # flights counted that left a box or did not reach their end
+    # Largest half width of a box over that of the smallest one around the flights learned from.
+    widened: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 1.0
+
+    def __post_init__(self) -> None:
+        (first, end), (fresh, last) = self.learned, self.counted
+        if not (first < end <= fresh < last and self.outside <= last - fresh):
+            raise InputError(
+                f"`counted` must be draws after those `learned`, got {fresh} to {last} after "
+                f"{first} to {end}, {self.outside} of them outside."
+            )
+
+    @property
+    def flights(self) -> int:
+        """Number of flights counted."""
+        return self.counted[1] - self.counted[0]
+
+
+def flights_needed(epsilon: float, confidence: float, attempts: int) -> float:
+    """Fresh flights, none of them outside, that a claim takes in each of the attempts planned.
+
+    If a flight is outside with probability above epsilon, none of N flights is outside with
+    probability at most ``(1 - epsilon)^N``; this must not exceed the attempt's part of
+    ``1 - confidence``.
     """
-
-    learned: int
-    counted: int
-    outside: int
-    widened: float = 1.0
+    return math.log((1.0 - confidence) / attempts) / math.log1p(-epsilon)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,12 +120,18 @@ class Distribution:
         Keys of the scenario that are the same in all flights, by dotted path.
     dispersed : mapping of str to list
         The lowest and the highest value of a key that is drawn, or all values where they are words.
+    disperse, correlation : list of mapping
+        How they are drawn: the tables of those names in the campaign.
     """
+
+    __pydantic_config__: ClassVar = STRICT
 
     title: str
     air: str
-    fixed: Mapping[str, Any]
-    dispersed: Mapping[str, list[Any]]
+    fixed: dict[str, Any]
+    dispersed: dict[str, Annotated[list[Any], Field(min_length=1)]]
+    disperse: list[dict[str, Any]]
+    correlation: list[dict[str, Any]]
 
     @property
     def windy(self) -> bool:
@@ -110,6 +147,20 @@ class Distribution:
         keys = ", ".join(drawn) or "nothing"
         air = {"calm": "calm air", "wind": "steady wind"}.get(self.air, f"{self.air} turbulence")
         return f'"{self.title}", drawn at random ({keys}) in {air}'
+
+    def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
+        """How far its flights start from a scenario's course and path angle, rad.
+
+        None unless its flights are those of the scenario in calm air in all but their starts, which
+        are drawn within as much to either side in both angles.
+        """
+        own, drawn = flown_values(scenario, plant), set(self.dispersed)
+        alike = drawn <= set(STARTS) and {*own} == {*self.fixed} | drawn and self.air == "calm"
+        if not alike or any(one.get("distribution") not in BOUNDED for one in self.disperse):
+            return None
+        ranges = ((own[key], self.dispersed.get(key, [own[key]])) for key in STARTS)
+        away = [abs(end - start) for start, ends in ranges for end in (ends[0], ends[-1])]
+        return math.radians(max(away)) if max(away) - min(away) <= ROUNDING else None
 
     def difference(self, scenario: Scenario, plant: PlantTable) -> str | None:
         """Why no flight of the distribution can be one of this scenario; None if one can.
@@ -173,9 +224,13 @@ class Conformance:
         Model whose rates are subtracted; the same for all flights.
     boxes : RateBoxes
     epsilon, confidence : float, 1
-        Of the claim.
+        Of the claim, in (0, 1).
+    planned : int
+        How many attempts share the confidence; fixed before the first.
     attempts : tuple of Attempt
         In order; the boxes are those of the last.
+    seed : int
+        Of the campaign: what its draws are, with their numbers.
     distribution : Distribution
     sha256 : mapping of str to str
         Hashes of the ``aircraft`` (its files), the ``identified`` model and the ``campaign``.
@@ -188,9 +243,31 @@ class Conformance:
     boxes: RateBoxes
     epsilon: float
     confidence: float
+    planned: int
     attempts: tuple[Attempt, ...]
+    seed: int
     distribution: Distribution
     sha256: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        check_between(0.0, 1.0, epsilon=self.epsilon, confidence=self.confidence)
+        if not 1 <= len(self.attempts) <= self.planned:
+            raise InputError(
+                f"`attempts` must be 1 to the {self.planned} planned, got {len(self.attempts)}."
+            )
+        for before, after in pairwise(self.attempts):
+            if not before.outside or after.counted[0] < before.counted[1]:
+                raise InputError(
+                    "`attempts` must each count new draws, after one with flights outside, got "
+                    f"draws from {after.counted[0]} on after {before.outside} outside."
+                )
+        needed = flights_needed(self.epsilon, self.confidence, self.planned)
+        if self.holds and self.attempts[-1].flights < needed:
+            raise InputError(
+                f"`counted` must be at least {needed:.0f} flights for `epsilon` {self.epsilon:g} "
+                f"and `confidence` {self.confidence:.10g} in {self.planned} attempts, got "
+                f"{self.attempts[-1].flights}."
+            )
 
     @property
     def holds(self) -> bool:
@@ -209,14 +286,34 @@ class Conformance:
         flights = f"flight of {self.distribution.sentence}"
         if not self.holds:
             return (
-                f"of {last.counted} flights not used, {last.outside} left the boxes in the last of "
+                f"of {last.flights} flights not used, {last.outside} left the boxes in the last of "
                 f"{tries} counts: nothing is claimed of a {flights}"
             )
         before = f" (count {tries}, after {tries - 1} with flights outside)" if tries > 1 else ""
         return (
-            f"of {last.counted} flights not used, none left the boxes{before}: a {flights} "
-            f"{LEAVES} {number(self.epsilon)}, confidence {self.confidence:.10g}"
+            f"of {last.flights} flights not used, none left the boxes{before}: a {flights} "
+            f"leaves the boxes with probability at most {number(self.epsilon)}, confidence "
+            f"{self.confidence:.10g}"
         )
+
+    def probability(
+        self, scenario: Scenario, plant: PlantTable, start: float, *, counted_only: bool
+    ) -> CountedProbability:
+        """What the count says of a tube from starts within `start` (rad) of a scenario's.
+
+        It speaks of flights where the tube covers all those counted: their starts are the only
+        difference between them and the tube is from all of these, or the bounds are those counted
+        for the errors (`counted_only`) and are the same for every flight. Otherwise it speaks of
+        the residual rates alone: most flights do not even start inside a tube from one start.
+        """
+        starts = self.distribution.start_range(scenario, plant)
+        # A phase is counted from the moves of a flight's own reference.
+        same = self.boxes.windows.over == "time" or not any(
+            key.startswith("reference.") for key in self.distribution.dispersed
+        )
+        from_all = starts is not None and start >= starts - COVERED
+        of = "flight" if from_all or (counted_only and same) else "residual_rates"
+        return CountedProbability(of=of, at_most=self.epsilon, confidence=self.confidence)
 
     def check(
         self, scenario: Scenario, plant: PlantTable, gains: PIGains, start: float = 0.0
@@ -253,7 +350,7 @@ class Conformance:
         if why := self.distribution.difference(scenario, plant):
             raise InputError(f"conformance: must be of the flights of the scenario: {why}.")
         flight = flown_values(scenario, plant)
-        for key in ("flight.chi_deg", "flight.gamma_deg") if start else ():
+        for key in STARTS if start else ():
             low, *_, high = self.distribution.dispersed.get(key, 2 * [flight[key]])
             most = min(flight[key] - low, high - flight[key])
             if math.degrees(start) > most + ROUNDING:
@@ -264,7 +361,6 @@ class Conformance:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as plain values, as written to the file."""
-        last = self.attempts[-1]
         return {
             "format": FORMAT,
             "sentence": self.sentence,
@@ -275,9 +371,8 @@ class Conformance:
             "distribution": asdict(self.distribution),
             "epsilon": self.epsilon,
             "confidence": self.confidence,
-            "flights_learned": last.learned,
-            "flights_counted": last.counted,
-            "outside": last.outside,
+            "planned": self.planned,
+            "seed": self.seed,
             "attempts": [asdict(one) for one in self.attempts],
             "boxes": {
                 "over": self.boxes.windows.over,
@@ -295,16 +390,6 @@ class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
 
 
-Count = Annotated[int, Field(ge=0, le=10**9)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-
-
-class _Hashes(_Table):
-    aircraft: str
-    identified: str
-    campaign: str
-
-
 class _Lag(_Table):
     order: Literal[1, 2, 3]
     natural_frequency: Bandwidth
@@ -318,20 +403,6 @@ class _Model(_Table):
     g_mps2: Gravity
     phi: _Lag
     n_z: _Lag
-
-
-class _Distribution(_Table):
-    title: str
-    air: str
-    fixed: dict[str, Any]
-    dispersed: dict[str, list[Any]]
-
-
-class _Attempt(_Table):
-    learned: Count
-    counted: Count
-    outside: Count
-    widened: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 1.0
 
 
 Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
@@ -354,65 +425,78 @@ class _Boxes(_Table):
         return RateBoxes(windows=windows, low=both[:, :, 0].T, high=both[:, :, 1].T)
 
 
+class _Hashes(_Table):
+    aircraft: str
+    identified: str
+    campaign: str
+
+
 class _File(_Table):
-    format: Literal["flighttune conformance 3"]
+    format: Literal["flighttune conformance 4"]
     aircraft: str
     sha256: _Hashes
     gains: GainsTable
     model: _Model
-    distribution: _Distribution
-    epsilon: Share
-    confidence: Share
-    attempts: Annotated[list[_Attempt], Field(min_length=1)]
+    distribution: Distribution
+    epsilon: float
+    confidence: float
+    planned: Count
+    seed: Count
+    attempts: Annotated[list[Attempt], Field(min_length=1)]
     boxes: _Boxes
 
 
-def save_conformance(found: Conformance, path: str | Path) -> None:
-    """Write a conformance as JSON, whole or not at all.
+KIND, REMEDY = "conformance file", "make it again with flighttune conform"
 
-    Parameters
-    ----------
-    found : Conformance
-    path : str or Path
+
+def save_conformance(found: Conformance, path: str | Path) -> None:
+    """Write a conformance as JSON with its SHA-256, whole or not at all.
 
     Raises
     ------
     OutputError
         If the file cannot be written.
     """
-    write_text(Path(path), json.dumps(found.as_dict(), indent=1) + "\n")
+    text = json.dumps({**found.as_dict(), "seal": BLANK}, indent=1, ensure_ascii=False)
+    with whole_file(Path(path)) as part:
+        part.write_bytes(seal(f"{text}\n".encode()))
 
 
 def load_conformance(path: str | Path) -> Conformance:
     """Read a conformance as `save_conformance` writes it.
 
-    Parameters
-    ----------
-    path : str or Path
-
     Raises
     ------
-    ScenarioError
-        If the file cannot be read or does not hold one; the message names file and key.
+    InputError
+        If the file cannot be read, is not as it was written, does not hold a conformance, or
+        claims more than what was counted supports; the message names file and key.
     """
+    tables = json_tables(Path(path))
+    if tables.get("format") != FORMAT:
+        raise ScenarioError(
+            f"{path}: `format` must be {FORMAT!r}, got {abridged(tables.get('format'))}."
+        )
+    sealed_bytes(Path(path), KIND, REMEDY)
     try:
-        read = _File.model_validate(json_tables(Path(path)))
-        boxes = read.boxes.value()
+        # Strictly from JSON text: only there is an object a dataclass, and an array a tuple.
+        read = _File.model_validate_json(json.dumps(tables))
+        return Conformance(
+            aircraft=read.aircraft,
+            gains_name=read.gains.name,
+            gains=read.gains.gains(),
+            model=ConformantModel.of(read.model.model_dump()),
+            boxes=read.boxes.value(),
+            epsilon=read.epsilon,
+            confidence=read.confidence,
+            planned=read.planned,
+            attempts=tuple(read.attempts),
+            seed=read.seed,
+            distribution=read.distribution,
+            sha256=read.sha256.model_dump(),
+        )
     except ValidationError as error:
         raise ScenarioError(f"{path}: {first_mistake(error)}") from error
-    except ScenarioError:  # is a ValueError too
-        raise
-    except ValueError as error:
+    except InputError as error:
+        raise ScenarioError(f"{path}: {error}") from error
+    except ValueError as error:  # NumPy's, of rows that differ in length
         raise ScenarioError(f"{path}: `boxes` must have equal counts: {error}") from error
-    return Conformance(
-        aircraft=read.aircraft,
-        gains_name=read.gains.name,
-        gains=read.gains.gains(),
-        model=ConformantModel.of(read.model.model_dump()),
-        boxes=boxes,
-        epsilon=read.epsilon,
-        confidence=read.confidence,
-        attempts=tuple(Attempt(**one.model_dump()) for one in read.attempts),
-        distribution=Distribution(**read.distribution.model_dump()),
-        sha256=read.sha256.model_dump(),
-    )

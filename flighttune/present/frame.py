@@ -28,6 +28,7 @@ class Question:
     verdict: Verdict  # "none" where the question is not one of yes and no
     short: str  # the answer in a few words
     criterion: str = ""  # what the verdict goes by
+    sentences: tuple[str, ...] = ()  # what no table says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from flighttune.errors import RecordingError
 from flighttune.plants.label import label_of
 from flighttune.recording.parquet import read_run, recorded_place, recorded_sha256, signal_files
 from flighttune.recording.run_record import RunRecord, naming
-from flighttune.recording.seal import RECORDING_FILE, seal_of, sealed_bytes
+from flighttune.seal import RECORDING_FILE, seal_of, sealed_bytes
 from flighttune.simulate.run import Run
 
 PARQUET, RECORDING = ".parquet", ".rrd"

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from flighttune.errors import RecordingError
 from flighttune.present.names import distinct
 from flighttune.recording.run_record import RunRecord, first_line, naming
-from flighttune.recording.seal import BLANK, seal, sealed_bytes
+from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
 

@@ -10,7 +10,7 @@ from flighttune.recording.page import scenario_page
 from flighttune.recording.parquet import Place, parquet_bytes, signal_files
 from flighttune.recording.rrd import recording_bytes
 from flighttune.recording.run_record import naming
-from flighttune.recording.seal import seal_of
+from flighttune.seal import seal_of
 from flighttune.whole_file import whole_file
 
 

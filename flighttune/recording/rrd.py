@@ -34,7 +34,7 @@ from flighttune.recording.readout import log_readout
 from flighttune.recording.run_columns import log_runs
 from flighttune.recording.run_record import naming
 from flighttune.recording.scene import log_scene
-from flighttune.recording.seal import BLANK, GUARD, seal
+from flighttune.seal import BLANK, GUARD, seal
 from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
 

@@ -19,7 +19,7 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import RecordingError
 from flighttune.recording.entities import RECORD, TIMELINE, plain_name, times
 from flighttune.recording.run_record import RunRecord, first_line
-from flighttune.recording.seal import RECORDING_FILE, sealed_bytes
+from flighttune.seal import RECORDING_FILE, sealed_bytes
 from flighttune.simulate.run import Run
 
 ROWS = 4096

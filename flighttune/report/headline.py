@@ -14,9 +14,9 @@ CRITERION = (
 )
 
 
-def headline(facts: Facts, tube_notes: Sequence[str] = ()) -> tuple[Question, ...]:
-    """Questions about the runs; `tube_notes` say why runs have no tube."""
-    questions = [_converges(facts), *_enclosed(facts, tube_notes), _certified(facts)]
+def headline(facts: Facts, tubes: Sequence[str] = ()) -> tuple[Question, ...]:
+    """Questions about the runs; `tubes` are sentences on their tubes."""
+    questions = [_converges(facts), *_enclosed(facts, tubes), _certified(facts)]
     if facts.aircraft is not None:
         questions.append(
             Question(
@@ -39,17 +39,17 @@ def _converges(facts: Facts) -> Question:
     )
 
 
-def _enclosed(facts: Facts, tube_notes: Sequence[str]) -> list[Question]:
-    """How many runs have a tube, where there is one or something to say of it."""
-    count = sum(set(TUBE_SIGNALS) <= set(run.signals) for run in facts.runs)
-    if not (count or tube_notes):
+def _enclosed(facts: Facts, tubes: Sequence[str]) -> list[Question]:
+    """What the tubes of the runs say."""
+    if not tubes:
         return []
+    count = sum(set(TUBE_SIGNALS) <= set(run.signals) for run in facts.runs)
     return [
         Question(
             question="How far can it be off?",
             verdict="none",
             short=f"a tube around {count} of {len(facts.runs)} runs",
-            criterion=" ".join(tube_notes),
+            sentences=tuple(tubes),
         )
     ]
 

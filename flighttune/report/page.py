@@ -8,7 +8,6 @@ from flighttune.comparison import Source, load_source
 from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
-from flighttune.present.tables import Table
 from flighttune.report.facts import Facts, facts_of
 from flighttune.report.gap_tables import check_table, step_table
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel
@@ -41,8 +40,7 @@ def write_report(
     source: str | Path | Source,
     path: str | Path,
     *,
-    tubes: Table | None = None,
-    tube_notes: Sequence[str] = (),
+    tubes: Sequence[str] = (),
     at_a_glance: Sequence[str] = (),
 ) -> Report:
     """Write one self-contained page about the runs of a scenario.
@@ -54,10 +52,8 @@ def write_report(
         ``scenario@gains``.
     path : path-like
         HTML file to write or replace; parent folders are made.
-    tubes : Table, optional
-        Tubes of the runs. They are drawn where the runs have them.
-    tube_notes : sequence of str
-        Why runs have no tube.
+    tubes : sequence of str
+        What the tubes of the runs say, a sentence each. They are drawn where the runs have them.
     at_a_glance : sequence of str
         How far each aircraft can be off, said at the top.
 
@@ -81,11 +77,11 @@ def write_report(
         Path(path),
         template(),
         summary=(f"{facts.claim.short}.", best_sentence(facts), *at_a_glance),
-        questions=headline(facts, tube_notes),
+        questions=headline(facts, tubes),
         claim_sentence=f"{facts.claim.sentence}.",
         matrix=matrix(facts),
         duration=f"{max(run.duration for run in facts.runs):g}",
-        sections=_sections(facts, tubes),
+        sections=_sections(facts),
         title=facts.scenario.title,
         claim=facts.scenario.verifies,
         legend=[(run.label, facts.styles[run.label]) for run in facts.runs],
@@ -99,7 +95,7 @@ def write_report(
     )
 
 
-def _sections(facts: Facts, tubes: Table | None) -> list[Section]:
+def _sections(facts: Facts) -> list[Section]:
     sections = [
         Section(id="runs", title="", charts=tracking(facts.flights), folded=False),
         Section(
@@ -112,7 +108,6 @@ def _sections(facts: Facts, tubes: Table | None) -> list[Section]:
                 convergence_table(facts),
                 tracking_table(facts),
                 runs_table(facts),
-                *([tubes] if tubes and tubes.records else []),
             ],
         ),
         Section(

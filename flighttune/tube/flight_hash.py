@@ -7,9 +7,6 @@ from typing import Any
 
 from flighttune.control.gains import PIGains
 
-ABOUT = b"flighttune.tube"
-"""Key in the metadata of a tube's file: what the bounds are of, as JSON."""
-
 WORDS = ("title", "verifies", "source", "seed", "gains", "expect", "tuning", "envelope")
 """Of a scenario, what a tube does not depend on."""
 

@@ -1,23 +1,21 @@
 """The tube of a flight: found by its hash, or made, and put around the errors flown."""
 
-import hashlib
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import FlightTuneError, InputError
-from flighttune.present.numbers import degrees
+from flighttune.present.numbers import degrees, number
 from flighttune.scenario.load import scenario_from
+from flighttune.seal import seal_of
 from flighttune.simulate.run import TUBE_SIGNALS, WORST_SIGNALS, Run
-from flighttune.tube.flight_hash import ABOUT, flight_sha256
-from flighttune.whole_file import whole_file
+from flighttune.tube.flight_hash import flight_sha256
+from flighttune.tube.sealed import AboutTube, AboutWorst, read_sealed, write_sealed
 
 if TYPE_CHECKING:
     from flighttune.conformance import Conformance
@@ -29,40 +27,23 @@ FOLDER = "tubes"
 COUNTED_ONLY = "The model's set is lost, and the bounds are those counted"
 """Said of a tube whose bounds end as `within_counted` has them, before the reason."""
 
-ABOUT_WORST = b"flighttune.worst"
-"""Key in the metadata of the file of a worst flight: of which tube, and how near, as JSON."""
+WORST = "-worst"
+"""At the end of the name of the file of the worst flight found in a tube."""
+
+EARLIER = "computed earlier and not proven again here"
+"""Said of a tube that is read from its file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunTube:
-    """Bounds that hold for the errors of a run, and what they rest on.
+    """Bounds that hold for the errors of a run, and what they rest on."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (k,), s
-        To where the bounds last.
-    bounds : ndarray, shape (k, 4), rad
-        Of `TUBE_SIGNALS`.
-    status, reason, model : str
-        As of `Tube`.
-    handed_over : float or None, s
-        From when on they hold for ever.
-    counted_from : float or None, s
-        From when on they are those that flights were counted against.
-    file : Path
-    worst : WorstOfTube or None
-        Where `flighttune worst` found one.
-    """
-
-    t: FloatArray
-    bounds: FloatArray
-    status: str
-    reason: str
-    model: str
-    handed_over: float | None
-    counted_from: float | None
+    t: FloatArray  # (k,), s: to where the bounds last
+    bounds: FloatArray  # (k, 4), rad: of `TUBE_SIGNALS`
+    about: AboutTube
     file: Path
-    worst: "WorstOfTube | None" = None
+    computed: bool = False  # by this very call, not read from a file of an earlier one
+    worst: "WorstOfTube | None" = None  # where `flighttune worst` found one
 
     @property
     def half_widths(self) -> FloatArray:
@@ -89,18 +70,10 @@ def _as_long(values: FloatArray, names: Sequence[str], samples: int) -> dict[str
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WorstOfTube:
-    """The flight found that comes nearest to leaving a tube.
+    """The flight found that comes nearest to leaving a tube."""
 
-    Attributes
-    ----------
-    errors : ndarray, shape (samples, 2), rad
-        Of course and flight-path angle.
-    ratio : mapping of str to float
-        How many times wider the tube is than this flight needs, of ``chi`` and ``gamma``.
-    """
-
-    errors: FloatArray
-    ratio: Mapping[str, float]
+    errors: FloatArray  # (samples, 2), rad: of course and flight-path angle
+    about: AboutWorst
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -128,42 +101,49 @@ class RunTubes:
         return tuple(self._glance(label) for label in aircraft if label in self.found)
 
     def _glance(self, label: str) -> str:
-        from flighttune.conformance.file import LEAVES  # not to be imported where there is no tube
-
-        one = self.found[label]
-        _, counted, chance = one.model.rpartition(LEAVES)
-        share = f"; a flight leaves it with probability at most{chance}" if counted else ""
+        about = self.found[label].about
         # Where the bounds are those counted they hold all the same, and why is said below.
-        lost = self._lost(label) if one.counted_from is None else ""
-        return f"{self._width(label)}{share}.{lost}"
+        lost = self._lost(label) if about.counted_from_s is None else ""
+        return f"{self._width(label)}{_probability(about)}.{lost}"
 
     def sentence(self, label: str) -> str:
         """What the tube of a run says."""
-        one = self.found[label]
+        tube = self.found[label]
+        about = tube.about
+        # Bounds that were counted hold for flights of the distribution, not for all of the model.
+        holds = "It is for every flight of" if about.counted_from_s is None else "It rests on"
         return (
-            f"{self._width(label)}.{self._lost(label)} It is for every flight of {one.model}. "
-            f"{_nearest(one)}"
+            f"{self._width(label)}{_probability(about)}.{self._lost(label)} {holds} {about.model}. "
+            f"{_nearest(tube)}"
         )
 
     def _width(self, label: str) -> str:
-        one = self.found[label]
-        (chi, chi_end), (gamma, gamma_end) = ([degrees(w) for w in row] for row in one.half_widths)
+        tube = self.found[label]
+        about = tube.about
+        (chi, chi_end), (gamma, gamma_end) = ([degrees(w) for w in row] for row in tube.half_widths)
+        starts = f" from every start within {number(about.start_deg)}°" if about.start_deg else ""
+        origin = "" if tube.computed else f" ({EARLIER})"
         flown = "leaves it" if label in self.outside else "is inside"
-        ever = "" if one.handed_over is None else f", from {one.handed_over:.1f} s on for ever"
+        handed = about.handed_over_s
+        ever = "" if handed is None else f", from {handed:.1f} s on for ever"
         return (
-            f"{label}: the tube is ±{chi} of course and ±{gamma} of path angle wide, "
-            f"±{chi_end} and ±{gamma_end} at the end{ever}; the flight flown {flown}"
+            f"{label}: the tube{starts}{origin} is ±{chi} of course and ±{gamma} of path angle "
+            f"wide, ±{chi_end} and ±{gamma_end} at the end{ever}; the flight flown {flown}"
         )
 
     def _lost(self, label: str) -> str:
-        one = self.found[label]
-        lost = "It is lost" if one.counted_from is None else COUNTED_ONLY
-        return f" {lost}: {one.reason}." if one.reason else ""
+        about = self.found[label].about
+        lost = "It is lost" if about.counted_from_s is None else COUNTED_ONLY
+        return f" {lost}: {about.reason}." if about.reason else ""
 
     @property
     def outside(self) -> tuple[str, ...]:
         """Labels of runs that leave their tube."""
         return tuple(run.label for run in self.runs if run.label in self.found and leaves_tube(run))
+
+
+def _probability(about: AboutTube) -> str:
+    return f"; {about.probability.sentence}" if about.probability else ""
 
 
 def _nearest(tube: RunTube) -> str:
@@ -173,7 +153,7 @@ def _nearest(tube: RunTube) -> str:
             "The worst flight inside is not known yet: "
             f"flighttune worst SCENARIO|CAMPAIGN --tube {tube.file} searches it."
         )
-    chi, gamma = tube.worst.ratio["chi"], tube.worst.ratio["gamma"]
+    chi, gamma = tube.worst.about.chi, tube.worst.about.gamma
     return f"It is {chi:.2g} and {gamma:.2g} times as wide as the worst flight found needs."
 
 
@@ -212,13 +192,12 @@ def tubes_of(
     OutputError
         If a file cannot be written.
     """
-    known = dict(_known(folder / FOLDER))
+    known, why_not = _known(folder / FOLDER)
     found: dict[str, RunTube] = {}
-    why_not: dict[str, str] = {}
     for run in runs:
         if len(run.signals) < 2:
             continue
-        sha256 = run_sha256(run)
+        sha256, computed = run_sha256(run), False
         if sha256 not in known and make:
             try:
                 made = _tube(run, conformance, progress)
@@ -229,9 +208,14 @@ def tubes_of(
 
             path = folder / FOLDER / f"{sha256[:16]}.parquet"
             write_signals(made, path)
-            known[sha256] = path
+            why_not.pop(str(path), None)  # a damaged file is replaced
+            known[sha256], computed = path, True
         if sha256 in known:
-            found[run.label] = read_tube(known[sha256])
+            path = known[sha256]
+            try:
+                found[run.label] = replace(read_tube(path, run), computed=computed)
+            except InputError as error:
+                why_not[run.label] = str(error)
     drawn = [found[run.label].around(run) if run.label in found else run for run in runs]
     return RunTubes(runs=tuple(drawn), found=found, why_not=why_not)
 
@@ -246,23 +230,33 @@ def _tube(
     scenario, gains = scenario_from(dict(run.provenance.scenario)), run.provenance.gains
     if gains is None:
         raise InputError("a law of one's own has no tube.")
-    aircraft = run.provenance.aircraft is not None
+    plant = scenario.plant_table(run.provenance.plant)
+    counts = None if plant.aircraft is None else conformance
+    # Where only the starts were drawn, the tube is from all of them: then it is of the flights
+    # counted, and not of the one from the scenario's own start.
+    start = counts and counts.distribution.start_range(scenario, plant)
     return tube(
         scenario,
         gains,
-        plant=run.provenance.plant,
-        conformance=conformance if aircraft else None,
+        plant=plant.label,
+        start=start or 0.0,
+        conformance=counts,
         law=run.provenance.gains_name.rpartition(":")[0] or "exact",
         progress=progress and (lambda part: progress(f"tube {run.label}", part)),
     )
 
 
-def _known(folder: Path) -> Iterator[tuple[str, Path]]:
-    for path in sorted(folder.glob("*.parquet")):
-        try:
-            yield about_tube(path)["run"], path
-        except InputError:
+def _known(folder: Path) -> tuple[dict[str, Path], dict[str, str]]:
+    """The tubes in a folder by the hash of their flight, and why the others are not read."""
+    known, refused = {}, {}
+    for path in sorted(folder.glob("[!.]*.parquet")):
+        if path.stem.endswith(WORST):
             continue
+        try:
+            known[read_sealed(path, AboutTube, TUBE_SIGNALS)[0].run] = path
+        except InputError as error:
+            refused[str(path)] = str(error).removeprefix(f"{path}: ")
+    return known, refused
 
 
 def run_sha256(run: Run) -> str:
@@ -271,89 +265,52 @@ def run_sha256(run: Run) -> str:
     return flight_sha256(made.scenario, made.plant, made.gains)
 
 
-def about_tube(path: Path) -> dict[str, Any]:
-    """What stands in the file of a tube beside its bounds.
+def read_tube(path: Path, run: Run) -> RunTube:
+    """The bounds in the file of the tube of a run.
 
     Raises
     ------
     InputError
-        If it is no such file.
+        If it is no such file, not as it was written, or its bounds are not those of the samples.
     """
-    try:
-        return json.loads(pq.read_schema(path).metadata[ABOUT])
-    except (OSError, TypeError, KeyError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{path}: must hold a tube, got none.") from error
+    from flighttune.tube.problem import sample_times
 
-
-def read_tube(path: Path) -> RunTube:
-    """The bounds in the file of a tube.
-
-    Raises
-    ------
-    InputError
-        If it is no such file.
-    """
-    stated = about_tube(path)
-    table = pq.read_table(path, columns=["t", *TUBE_SIGNALS])
-    return RunTube(
-        t=table["t"].to_numpy(),
-        bounds=np.column_stack([table[name].to_numpy() for name in TUBE_SIGNALS]),
-        status=stated["status"],
-        reason=stated["reason"],
-        model=stated["model"],
-        handed_over=stated["handed_over_s"],
-        counted_from=stated["counted_from_s"],
-        file=path,
-        worst=_read_worst(path),
-    )
+    about, t, bounds = read_sealed(path, AboutTube, TUBE_SIGNALS)
+    samples = sample_times(scenario_from(dict(run.provenance.scenario)))
+    # One that is lost ends early.
+    least = len(samples) if about.status == "bounded" else 1
+    if not (least <= len(t) <= len(samples) and np.allclose(t, samples[: len(t)], atol=1e-9)):
+        raise InputError(
+            f"{path}: `t` must be the {len(samples)} samples of the flight, got {len(t)} rows"
+            + (f": {about.reason}." if about.reason else ".")
+        )
+    if not (bounds[:, ::2] <= bounds[:, 1::2]).all():
+        raise InputError(f"{path}: lower bounds must not be above upper ones.")
+    return RunTube(t=t, bounds=bounds, about=about, file=path, worst=_read_worst(path))
 
 
 def write_worst(tube: Path, run: Run, ratio: Mapping[str, float]) -> Path:
-    """Write the errors of the worst flight found next to the file of its tube.
+    """Write the errors of the worst flight found next to the file of its tube; return the file.
 
-    Parameters
-    ----------
-    tube : Path
-    run : Run
-        The flight.
-    ratio : mapping of str to float
-        As of `WorstOfTube`.
-
-    Returns
-    -------
-    Path
-        The file written.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
+    `ratio` says how many times wider the tube is than this flight needs, of ``chi`` and ``gamma``.
     """
     path = _worst_file(tube)
     columns = {"t": run.t, **{name: run.signals[name[: -len("_worst")]] for name in WORST_SIGNALS}}
-    about = {"tube": _sha256(tube), "ratio": dict(ratio)}
-    with whole_file(path) as part:
-        table = pa.table(columns).replace_schema_metadata({ABOUT_WORST: json.dumps(about).encode()})
-        pq.write_table(table, part, compression="zstd")
+    about = AboutWorst(tube=seal_of(tube.read_bytes()), chi=ratio["chi"], gamma=ratio["gamma"])
+    write_sealed(pa.table(columns), about, path)
     return path
 
 
 def _worst_file(tube: Path) -> Path:
-    return tube.with_name(f"{tube.stem}-worst.parquet")
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return tube.with_name(f"{tube.stem}{WORST}.parquet")
 
 
 def _read_worst(tube: Path) -> WorstOfTube | None:
     """The worst flight of a tube; None where none is known of these very bounds."""
-    try:
-        table = pq.read_table(_worst_file(tube))
-        about = json.loads(table.schema.metadata[ABOUT_WORST])
-        if about["tube"] != _sha256(tube):
-            return None
-        errors = np.column_stack([table[name].to_numpy() for name in WORST_SIGNALS])
-    except (OSError, TypeError, KeyError, ValueError, pa.ArrowException):
+    path = _worst_file(tube)
+    if not path.exists():
         return None
-    return WorstOfTube(errors=errors, ratio=about["ratio"])
+    about, _, errors = read_sealed(path, AboutWorst, WORST_SIGNALS)
+    if about.tube != seal_of(tube.read_bytes()):
+        return None
+    return WorstOfTube(errors=errors, about=about)

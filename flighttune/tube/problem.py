@@ -65,6 +65,8 @@ class TubeProblem:
         Where the disturbance bounds of an aircraft come from; empty for other plants.
     law : str
         Name of the exact law in the scenario, if the gains belong to one.
+    conformance : Conformance or None
+        Where the boxes of an aircraft are from; None where that is not known, as of a proof file.
     """
 
     scenario: Scenario
@@ -81,6 +83,7 @@ class TubeProblem:
     start_known: bool = True
     basis: str = ""
     law: str = "exact"
+    conformance: Conformance | None = None
 
     def __post_init__(self) -> None:
         _check_known(self.scenario, self.plant)
@@ -281,6 +284,7 @@ def tube_problem(
         start_known=start_known,
         basis=basis,
         law=law,
+        conformance=None if table.aircraft is None else conformance,
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
+from flighttune.conformance.probability import CountedProbability
 from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import HandOver
 from flighttune.tube.problem import TubeProblem
@@ -91,6 +92,20 @@ class Tube:
     def model(self) -> str:
         """What flies, in words."""
         return self.problem.model
+
+    @property
+    def probability(self) -> CountedProbability | None:
+        """What was counted for an aircraft, of its flights if all of them are in the tube.
+
+        None without a conformance.
+        """
+        problem = self.problem
+        return problem.conformance and problem.conformance.probability(
+            problem.scenario,
+            problem.scenario.plant_table(problem.plant),
+            problem.start,
+            counted_only=self.lost == 0,
+        )
 
     @property
     def half_widths(self) -> FloatArray:

@@ -1,14 +1,13 @@
 """A tube over time as a Parquet file."""
 
-import json
+import math
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from flighttune.tube.flight_hash import ABOUT, flight_sha256
+from flighttune.tube.flight_hash import flight_sha256
 from flighttune.tube.result import QUANTITIES, Tube
-from flighttune.whole_file import whole_file
+from flighttune.tube.sealed import AboutTube, write_sealed
 
 UNITS = {"chi_err": "rad", "gamma_err": "rad", "phi_cmd": "rad", "n_z_cmd": "1"}
 
@@ -17,12 +16,6 @@ def write_signals(tube: Tube, path: Path) -> None:
     """Write the bounds: ``t`` in s, and every quantity with ``_low`` and ``_high``.
 
     The metadata have the hash of the flight, by which `flighttune.tube.of_run` finds its tube.
-
-    Parameters
-    ----------
-    tube : Tube
-    path : Path
-        File to write or replace.
 
     Raises
     ------
@@ -36,14 +29,14 @@ def write_signals(tube: Tube, path: Path) -> None:
             unit = {"unit": UNITS[name]}
             fields.append(pa.field(f"{name}_{end}", pa.float64(), metadata=unit))
     problem = tube.problem
-    about = {
-        "run": flight_sha256(problem.scenario.as_dict(), problem.plant, problem.gains),
-        "status": tube.status,
-        "reason": tube.reason,
-        "model": tube.model,
-        "handed_over_s": tube.handed_over,
-        "counted_from_s": tube.counted_from,
-    }
-    schema = pa.schema(fields, metadata={ABOUT: json.dumps(about).encode()})
-    with whole_file(path) as part:
-        pq.write_table(pa.table(columns, schema=schema), part, compression="zstd")
+    about = AboutTube(
+        run=flight_sha256(problem.scenario.as_dict(), problem.plant, problem.gains),
+        status=tube.status,
+        reason=tube.reason,
+        model=tube.model,
+        start_deg=math.degrees(problem.start),
+        handed_over_s=tube.handed_over,
+        counted_from_s=tube.counted_from,
+        probability=tube.probability,
+    )
+    write_sealed(pa.table(columns, schema=pa.schema(fields)), about, path)

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -21,6 +21,7 @@ from flighttune.campaign.conform import (
     distribution_of,
     in_air,
     own_campaign,
+    recount,
 )
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
@@ -29,6 +30,7 @@ from flighttune.conformance import Windows, load_conformance, save_conformance
 from flighttune.conformance.boxes import ResidualSummary
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.fly import fly
+from flighttune.seal import BLANK, seal
 
 GAINS = {"name": "soft", "K_P": [[0.5, 0.0], [0.0, 0.5]], "K_I": [[0.1, 0.0], [0.0, 0.1]]}
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
@@ -109,7 +111,9 @@ def test_counted_flights_are_not_those_learned_from_and_none_is_flown_twice():
     each = FEW.flights
     assert [len(runs) for runs in flown] == [2, each, each, each]
     assert list(chain(*flown)) == list(range(2 + 3 * each))
-    assert [one.learned for one in found.attempts] == [2, 2 + each, 2 + 2 * each]
+    ends = [2, 2 + each, 2 + 2 * each, 2 + 3 * each]
+    assert [one.learned for one in found.attempts] == [(0, end) for end in ends[:-1]]
+    assert [one.counted for one in found.attempts] == list(pairwise(ends))
     assert [one.outside for one in found.attempts] == [each] * 3
     assert not found.holds
     assert "nothing is claimed" in found.sentence
@@ -117,7 +121,7 @@ def test_counted_flights_are_not_those_learned_from_and_none_is_flown_twice():
 
 def test_what_is_claimed_names_flights_distribution_and_confidence(found):
     assert found.holds
-    assert found.attempts[-1].counted == FEW.flights
+    assert found.attempts[-1].flights == FEW.flights
     assert found.sentence.startswith(f"of {FEW.flights} flights not used, none left the boxes")
     assert "flight.chi_deg, flight.gamma_deg) in calm air" in found.sentence
     assert "probability at most 0.5, confidence 0.75" in found.sentence
@@ -215,20 +219,80 @@ def test_other_gains_and_another_aircraft_are_refused(found):
         found.check(scenario, other, gains)
 
 
+def rewritten(found, path, **changes):
+    """The file of a conformance with other keys, and the SHA-256 of what it says then."""
+    tables = {**found.as_dict(), **changes, "seal": BLANK}
+    path.write_bytes(seal(json.dumps(tables, ensure_ascii=False).encode()))
+    return path
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "flighttune conformance 9"}, "`format`"),
+        ({"format": "flighttune conformance 3"}, "`format`"),
         ({"boxes": None}, "`boxes`"),
         ({"epsilon": "small"}, "`epsilon`"),
+        ({"epsilon": 0.0}, "`epsilon` must be between 0 and 1"),
+        ({"confidence": 1.0}, "`confidence` must be between 0 and 1"),
+        ({"epsilon": 1e-4, "confidence": 0.999999}, "`counted` must be at least 149134 flights"),
+        ({"planned": 0}, "`attempts` must be 1 to the 0 planned"),
+        # The flights counted would be those that were learned from.
+        (
+            {"attempts": [{"learned": [0, 12], "counted": [4, 40], "outside": 0, "widened": 1.0}]},
+            "`attempts.0`.*`counted` must be draws after",
+        ),
     ],
 )
-def test_a_damaged_file_is_refused_in_one_line(found, tmp_path, change, message):
-    path = tmp_path / "boxes.json"
-    path.write_text(json.dumps({**found.as_dict(), **change}))
+def test_a_file_that_claims_more_than_was_counted_is_refused_in_one_line(
+    found, tmp_path, change, message
+):
+    path = rewritten(found, tmp_path / "boxes.json", **change)
 
-    with pytest.raises(ScenarioError, match=f"boxes.json: {message}"):
+    with pytest.raises(ScenarioError, match=f"boxes.json: {message}") as caught:
         load_conformance(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_with_one_digit_changed_is_refused(found, tmp_path):
+    path = tmp_path / "boxes.json"
+    save_conformance(found, path)
+    whole = path.read_bytes()
+    for place in (k for k, byte in enumerate(whole) if byte in b"3"):
+        path.write_bytes(whole[:place] + b"8" + whole[place + 1 :])
+
+        with pytest.raises(InputError, match=r"boxes\.json: "):
+            load_conformance(path)
+
+
+def test_another_seed_draws_other_flights_and_none_is_outside_the_boxes(found):
+    with flown_here(conform_module, "_planned", small_plan()) as pool:
+        again = recount("campaign", found, ConformSettings(), pool)
+        narrow = replace(
+            found, boxes=replace(found.boxes, low=found.boxes.centre, high=found.boxes.centre)
+        )
+        outside = recount("campaign", narrow, ConformSettings(seed=5), pool)
+        with pytest.raises(InputError, match=f"`seed` must not be .* got {found.seed}"):
+            recount("campaign", found, ConformSettings(seed=found.seed), pool)
+
+    assert (again.flights, again.outside) == (FEW.flights, 0)
+    assert outside.outside == FEW.flights
+    with (
+        flown_here(conform_module, "_planned", small_plan(wind=WIND)) as pool,
+        pytest.raises(InputError, match="campaign: must be what the conformance was made of"),
+    ):
+        recount("campaign", found, ConformSettings(), pool)
+
+
+def test_a_choice_of_one_value_is_not_random():
+    scenario = tables_of((AEROSONDE,), gains=[GAINS])
+    always = {"key": "flight.chi_deg", "distribution": "choice", "values": [3.0]}
+    plan = plan_of(scenario, always, runs=4)
+
+    with (
+        flown_here(conform_module, "_planned", plan) as pool,
+        pytest.raises(InputError, match="`start_deg` must be given"),
+    ):
+        conform("campaign", FEW, pool)
 
 
 def test_air_is_taken_apart():
@@ -263,6 +327,7 @@ def test_an_aircraft_flies_starts_and_references_of_its_own():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (("random_starts",), "`--out` must be given"),
         (("nowhere", "--out", "x.json"), "nowhere: the campaign must be a file or one of"),
         (("random_starts", "--out", "x.toml"), "x.toml: --out must end in .json"),
         (("random_starts", "--out", "x.json", "--epsilon", "0"), "`epsilon` must be between"),
@@ -291,10 +356,9 @@ def test_the_command_writes_what_it_says(tmp_path):
         )  # fmt: skip
 
     assert said["status"] == "counted"
-    assert said["attempts"][0]["learned"] == 12
-    assert said["flights_learned"] == said["attempts"][-1]["learned"]
-    assert said["flights_counted"] == FEW.flights
-    assert said["outside"] == 0
+    assert said["attempts"][0]["learned"] == [0, 12]
+    assert said["attempts"][0]["counted"] == [12, 12 + FEW.flights]
+    assert said["attempts"][-1]["outside"] == 0
     written = load_conformance(said["out"])
     assert said["boxes"]["d_chi_rad_s"][0] == [written.boxes.low[0, 0], written.boxes.high[0, 0]]
 
@@ -306,6 +370,6 @@ def test_workers_fly_what_is_learned_and_counted(tmp_path):
 
     said = answer("conform", still, *options, "--out", tmp_path / "boxes.json")
 
-    assert said["attempts"][0]["learned"] == 10  # 20 runs are 10 draws of two gain sets
+    assert said["attempts"][0]["learned"] == [0, 10]  # 20 runs are 10 draws of two gain sets
     assert said["status"] == "counted"
     assert load_conformance(said["out"]).air == "calm"

@@ -34,6 +34,7 @@ from flighttune.errors import InputError
 from flighttune.flight.fly import fly
 from flighttune.metrics import measures
 from flighttune.scenario import load_scenario
+from flighttune.tube.sealed import AboutTube, write_sealed
 
 SAME = 1e-9
 """A flight of a batch and the same one alone differ by 1e-12."""
@@ -196,7 +197,17 @@ def tube_around(signals, path, below=0.03, above=0.01):
     for name in ("chi_err", "gamma_err"):
         middle = signals[name].to_numpy()
         tube[f"{name}_low"], tube[f"{name}_high"] = middle - below, middle + above
-    tube.to_parquet(path)
+    about = AboutTube(
+        run="",
+        status="bounded",
+        reason="",
+        model="made up",
+        start_deg=0.0,
+        handed_over_s=None,
+        counted_from_s=None,
+        probability=None,
+    )
+    write_sealed(pa.Table.from_pandas(tube), about, path)
     return TubeBounds.read(path)
 
 
@@ -238,9 +249,9 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
 def test_a_file_without_a_tube_is_refused(tmp_path, columns):
     pd.DataFrame(columns).to_parquet(tmp_path / "tube.parquet")
 
-    with pytest.raises(InputError, match=r"tube.parquet: must hold the signals of a tube"):
+    with pytest.raises(InputError, match=r"tube.parquet: must be a Parquet file of a tube"):
         TubeBounds.read(tmp_path / "tube.parquet")
-    with pytest.raises(InputError, match=r"nothing.parquet: must hold the signals of a tube"):
+    with pytest.raises(InputError, match=r"nothing.parquet: must be a Parquet file of a tube"):
         TubeBounds.read(tmp_path / "nothing.parquet")
 
 

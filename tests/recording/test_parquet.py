@@ -15,7 +15,7 @@ from flighttune.control.gains import PIGains
 from flighttune.errors import OutputError, RecordingError
 from flighttune.recording.parquet import DESCRIPTION, RUN_SHA256, SEAL, read_run, write_run
 from flighttune.recording.run_record import RunRecord
-from flighttune.recording.seal import BLANK, seal
+from flighttune.seal import BLANK, seal
 from flighttune.simulate.run import SIGNAL_UNITS
 
 

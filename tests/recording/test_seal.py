@@ -16,8 +16,8 @@ from flighttune.recording.parquet import write_run
 from flighttune.recording.rrd import recording_bytes, write_recording
 from flighttune.recording.run_columns import check_recording
 from flighttune.recording.run_record import RunRecord
-from flighttune.recording.seal import BLANK, GUARD, sealed_bytes
 from flighttune.recording.viewer import view
+from flighttune.seal import BLANK, GUARD, sealed_bytes
 
 SEED = 12
 FEW, MANY = 40, 1000

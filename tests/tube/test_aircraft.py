@@ -50,12 +50,16 @@ def conformance(scenario, outside=0, half_width=WIDE, roll=ROLL):
         boxes=RateBoxes(windows=windows, low=-high, high=high),
         epsilon=0.01,
         confidence=0.999,
-        attempts=(Attempt(learned=10, counted=797, outside=outside),),
+        planned=3,
+        attempts=(Attempt(learned=(0, 10), counted=(10, 807), outside=outside),),
+        seed=1,
         distribution=Distribution(
             title="made up",
             air="calm",
             fixed=flown_values(scenario, scenario.plant[0]),
             dispersed={},
+            disperse=[],
+            correlation=[],
         ),
         sha256={"aircraft": files_hash("aerosonde"), "identified": "", "campaign": ""},
     )

@@ -1,24 +1,34 @@
 """Tubes of flights: found by their hash, made where asked, drawn in recording, report and gap."""
 
+import re
 import shutil
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from campaigns import flown_here
 from commands import answer, flighttune
 
 from flighttune import record
+from flighttune.campaign import conform as conform_module
+from flighttune.campaign.conform import ConformSettings, conform
+from flighttune.campaign.stated_set import planned
 from flighttune.comparison import Source
+from flighttune.control.gains import PAPER_GAINS
 from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_flight
 from flighttune.flight.gap_charts import bound_chart
 from flighttune.recording.load import load_recording
 from flighttune.recording.plots import shown_plots, value_range
 from flighttune.report.page import write_report
-from flighttune.scenario import scenario_from
+from flighttune.report.toml_text import toml_text
+from flighttune.scenario import load_scenario, scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS
 from flighttune.tube.of_run import leaves_tube, run_sha256, tubes_of, write_worst
+from flighttune.tube.sealed import write_sealed
+from flighttune.tube.tube import tube
 from tests.tube.test_aircraft import ERROR, conformance, flight
 
 pytestmark = pytest.mark.slow
@@ -77,6 +87,8 @@ def test_at_the_top_stand_the_width_and_the_probability_of_aircraft(tubes, tmp_p
     write_report(Source(name="runs", runs=tubes.runs), page, at_a_glance=tubes.at_a_glance)
 
     assert glance.startswith("jsbsim:aerosonde / ")
+    # Nothing is drawn in this distribution: the start of all its flights is that of the tube.
+    assert "a flight of the distribution counted leaves the tube" in glance
     assert f"at most {known.epsilon:g}, confidence {known.confidence:g}." in glance
     assert f'<p class="summary">{glance}</p>' in page.read_text()
 
@@ -146,8 +158,98 @@ def test_the_worst_flight_found_is_drawn_beside_its_tube(flown, tubes, folder, t
     page = tmp_path / "report.html"
     answer("report", copied.parent / "drawn", "--out", page)
     assert "dashed: the worst flight found in the tube" in page.read_text()
-    pq.write_table(pq.read_table(path).slice(0, 10), path)  # other bounds: not those of that flight
+    other = copied / "tubes" / tubes.found[flown.runs[1].label].file.name
+    write_worst(other, flown.runs[1], {"chi": 1.5, "gamma": 2.25})
+    worst = path.with_name(f"{path.stem}-worst.parquet")
+    # Of other bounds: not of those of that flight.
+    worst.write_bytes(other.with_name(f"{other.stem}-worst.parquet").read_bytes())
     assert tubes_of(flown.runs, copied).found[label].worst is None
+    worst.write_bytes(worst.read_bytes()[:-1])
+    assert "-worst.parquet: must be a" in tubes_of(flown.runs, copied).why_not[label]
+
+
+def altered(table, name, values):
+    return table.set_column(table.schema.get_field_index(name), name, pa.array(values))
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda t: altered(t, "chi_err_low", np.full(len(t), np.nan)), "must be finite"),
+        (lambda t: altered(t, "t", t["t"].to_numpy()[::-1]), "`t` must rise"),
+        (lambda t: t.slice(0, 5), "`t` must be the [0-9]+ samples of the flight, got 5"),
+        (lambda t: t.slice(0, 0), "`t` must be the [0-9]+ samples of the flight, got 0"),
+        (lambda t: altered(t, "gamma_err_high", np.full(len(t), -9.0)), "lower bounds"),
+    ],
+)
+def test_a_tube_whose_bounds_cannot_be_is_not_drawn(flown, tubes, tmp_path, change, why):
+    run = flown.runs[0]
+    path = tubes.found[run.label].file
+    written = tmp_path / "tubes" / path.name
+    write_sealed(change(pq.read_table(path)), tubes.found[run.label].about, written)
+
+    read = tubes_of([run], tmp_path)
+
+    assert read.found == {}
+    assert "chi_err_low" not in read.runs[0].signals
+    (line,) = read.why_not.values()
+    assert re.search(why, line)
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize("at", [0.1, 0.4, 0.7, 0.99])
+def test_a_damaged_tube_is_not_drawn_but_made_again_where_asked(flown, tubes, tmp_path, at):
+    run = flown.runs[0]
+    path = tmp_path / "tubes" / tubes.found[run.label].file.name
+    path.parent.mkdir()
+    data = bytearray(tubes.found[run.label].file.read_bytes())
+    data[int(at * len(data))] ^= 1
+    path.write_bytes(data)
+
+    read = tubes_of([run], tmp_path)
+
+    assert read.found == {}
+    assert "must be a Parquet file of a tube" in read.why_not[str(path)]
+    assert tubes_of([run], tmp_path, make=True).why_not == {}
+
+
+def test_a_tube_of_an_earlier_run_is_not_said_to_be_checked(flown, tubes, folder):
+    label = flown.runs[0].label
+
+    assert "not proven again" not in tubes.sentence(label)
+    assert "not proven again" in tubes_of(flown.runs, folder).sentence(label)
+
+
+def test_flights_drawn_as_counted_are_inside_the_tube_that_says_they_are(tmp_path):
+    """Counted on starts within 0.5 deg; 50 more of them are flown and compared with the tube."""
+    file = tmp_path / "turn.toml"
+    scenario = flight(duration_s=1.5)
+    file.write_text(toml_text({**scenario.as_dict(), "gains": ["paper"], "expect": []}))
+    plan = planned(str(file), kind="jsbsim", start_deg=0.5, draws=60)
+    settings = ConformSettings(epsilon=0.1, confidence=0.9, attempts=3)
+    with flown_here(conform_module, "_planned", plan) as pool:
+        counts = conform("turn", settings, pool)
+    (run,) = fly(load_scenario(file)).runs
+
+    tubes = tubes_of([run], tmp_path, make=True, conformance=counts)
+
+    (glance,) = tubes.at_a_glance
+    assert "leaves" in glance
+    assert "a flight" in glance
+    bounds = tubes.runs[0].signals[list(TUBE_SIGNALS)].to_numpy()
+    fresh = plan.with_runs(1050)  # draws from 1000 on: none was learned from or counted
+
+    def outside(draw, bounds):
+        (flown,) = fly(fresh.scenario_of(draw)).runs
+        errors = np.repeat(flown.signals[["chi_err", "gamma_err"]].to_numpy(), 2, axis=1)
+        return bool(((errors - bounds) * [1.0, -1.0, 1.0, -1.0] < 0.0).any())
+
+    assert not any(outside(draw, bounds) for draw in range(1000, 1050))
+    assert "from every start within 0.5°" in glance
+    assert "a flight of the distribution counted leaves the tube with probability" in glance
+    exact = tube(load_scenario(file), PAPER_GAINS, conformance=counts)
+    assert exact.probability.of == "residual_rates"
+    assert outside(1000, exact.bounds[:, :2].reshape(-1, 4))
 
 
 def test_commands_make_them_and_say_how_where_there_are_none(tmp_path):

@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
@@ -41,24 +39,18 @@ class TubeBounds:
         Parameters
         ----------
         path : path-like
-            Parquet file over ``t`` (s) with ``chi_err_low``, ``chi_err_high`` and those of gamma
-            (rad).
+            Parquet file that ``flighttune tube`` wrote.
 
         Raises
         ------
         InputError
-            If the file cannot be read or holds no such bounds.
+            If the file cannot be read, is not as it was written, or holds no such bounds.
         """
-        try:
-            table = pq.read_table(path)
-            low, high = (
-                np.column_stack([table[f"{name}_{end}"].to_numpy() for name in ERRORS])
-                for end in ("low", "high")
-            )
-            t = table["t"].to_numpy()
-        except (OSError, KeyError, pa.ArrowException) as error:
-            why = " ".join(str(error).split())
-            raise InputError(f"{path}: must hold the signals of a tube, got {why}.") from error
+        from flighttune.tube.sealed import AboutTube, read_sealed
+
+        names = [f"{name}_{end}" for end in ("low", "high") for name in ERRORS]
+        _, t, bounds = read_sealed(Path(path), AboutTube, names)
+        low, high = bounds[:, :2], bounds[:, 2:]
         if not (len(t) and (high >= low).all()):
             raise InputError(f"{path}: must hold lower bounds below upper ones, got others.")
         return cls(t=t, low=low, high=high)

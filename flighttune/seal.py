@@ -41,14 +41,14 @@ def seal(data: bytes) -> bytes:
     return before + MARK + _sha256(before, after) + after
 
 
-def sealed_bytes(path: Path, kind: str) -> bytes:
+def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
     """Bytes of a file, if they are those that `seal` returned.
 
     Parameters
     ----------
     path : Path
-    kind : str
-        What the file must be, for messages.
+    kind, remedy : str
+        What the file must be and what to do where it is not, for messages.
 
     Raises
     ------
@@ -68,12 +68,12 @@ def sealed_bytes(path: Path, kind: str) -> bytes:
     if not found:
         raise RecordingError(
             f"{path}: must be a {kind} with the SHA-256 that flighttune writes, got none: it is "
-            "cut off, of another program, or of flighttune 0.1.0; fly it again."
+            f"cut off, of another program, or of flighttune 0.1.0; {remedy}."
         )
     if rest[:DIGITS] != _sha256(before, rest[DIGITS:]):
         raise RecordingError(
             f"{path}: must be a {kind} as it was written, got another SHA-256: it is damaged, cut "
-            "off or edited; fly it again."
+            f"off or edited; {remedy}."
         )
     return data
 

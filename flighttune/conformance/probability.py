@@ -1,0 +1,26 @@
+"""What was counted for the tube of an aircraft, and whether it is said of flights."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from flighttune.present.numbers import number
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CountedProbability:
+    """The probability that a flight of the distribution counted leaves a tube, or its boxes."""
+
+    of: Literal["flight", "residual_rates"]  # that leaves the tube; those that leave their boxes
+    at_most: float
+    confidence: float
+
+    @property
+    def sentence(self) -> str:
+        """Who leaves what, and how probably."""
+        chance = f"probability at most {number(self.at_most)}, confidence {self.confidence:.10g}"
+        if self.of == "flight":
+            return f"a flight of the distribution counted leaves the tube with {chance}"
+        return (
+            "the residual rates of a flight of the distribution counted leave their boxes with "
+            f"{chance}"
+        )
