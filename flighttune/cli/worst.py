@@ -82,8 +82,8 @@ def worst(
     tube: Annotated[
         Path | None,
         Option(
-            help="Signals of a tube (Parquet): search for the flight nearest to leaving it, and "
-            "print how many times wider the tube is."
+            help="Signals of a tube (Parquet): search for the flight that comes closest to its "
+            "bounds, and print how many times wider the tube is."
         ),
     ] = None,
     out: Annotated[
@@ -92,7 +92,7 @@ def worst(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
 ) -> None:
-    """Search dispersions and disturbances for the flight nearest to missing a requirement.
+    """Search dispersions and disturbances for the flight with the smallest margin.
 
     Writes that flight as a scenario for `flighttune fly`.
     """
