@@ -117,6 +117,7 @@ def report(
                 questions_table(headline(found)),
                 tables.success_table(found, values["groups"]),
                 tables.reasons_table(values["groups"]),
+                tables.certified_table(values["groups"]),
                 tables.paired_table(found, values["paired"]),
             ],
             notes=notes(found),

@@ -292,9 +292,8 @@ def _certification(made: "Certification") -> dict[str, Any]:
 
 
 def _claim(claim: "Claim | None") -> dict[str, Any]:
-    values = pick(claim, "rate radius L_d") if claim else dict.fromkeys(("rate", "radius", "L_d"))
     return {
-        **values,
+        **{key: getattr(claim, key, None) for key in ("rate", "radius", "L_d")},
         "holds": claim.place if claim else None,
         "conditions": [
             {"V_a_mps": V_a, "gamma_rad": gamma}

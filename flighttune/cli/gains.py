@@ -111,11 +111,11 @@ def frontier(
     Sheet(charts=[chart], columns=1).save(svg)
     keys = ["name", "I_K", "R_K", "spectral_abscissa"]
     rows = found.loc[:, keys].to_dict(orient="records")
-    points = [row for row in rows if row["name"] == "frontier"]
+    curve = [row for row in rows if row["name"] == "frontier"]
     gain_sets = {row["name"]: row for row in rows if row["name"] != "frontier"}
     emit(
         Answer(
-            values={"points": points, "marked": gain_sets},
+            values={"points": curve, "marked": gain_sets},
             tables=[
                 Table(
                     title=loaded.title,

@@ -85,7 +85,11 @@ def _sections(found: Findings, values: dict[str, Any]) -> list[Section]:
             id="rates",
             title="How often",
             note="Of all flights of a group, with intervals in brackets.",
-            tables=_filled(tables.success_table(found, groups), tables.reasons_table(groups)),
+            tables=_filled(
+                tables.success_table(found, groups),
+                tables.reasons_table(groups),
+                tables.certified_table(groups),
+            ),
             legend=False,
         ),
         Section(

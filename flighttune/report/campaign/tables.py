@@ -31,6 +31,20 @@ REASON_COLUMNS = [
     Column("run", "first run"),
     *columns("ended reason"),
 ]
+CERTIFIED_COLUMNS = [
+    *columns("group"),
+    Column(
+        "certified.rate",
+        "entered and held",
+        "%",
+        percent,
+        ends=("certified.interval.0", "certified.interval.1"),
+    ),
+    Column("certified.from_s", "from", "s"),
+    Column("certified.tube_deg.0", "errors χ up to", "deg", figures),
+    Column("certified.tube_deg.1", "γ up to", "deg", figures),
+    Column("certified.says_nothing", "too loose to be useful"),
+]
 INFLUENCE_COLUMNS = [
     *columns("group parameter n"),
     # below 0 the parameter explains less than chance would
@@ -63,15 +77,13 @@ def success_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table
             shown.append(
                 Column(f"{key}.{percentile}", heading, label.unit, figures, label.factor, ends=ends)
             )
-    if any(group["certified"] for group in groups):
-        ends = ("certified.interval.0", "certified.interval.1")
-        shown += [
-            Column("certified.rate", "certified set held", "%", percent, ends=ends),
-            Column("certified.tube_deg.0", "its error χ", "deg", figures),
-            Column("certified.tube_deg.1", "and γ", "deg", figures),
-            Column("certified.says_nothing", "too loose to be useful"),
-        ]
     return _by_group("How often", shown, groups)
+
+
+def certified_table(groups: Sequence[Mapping[str, Any]]) -> Table:
+    """In how many flights the certified set was entered and held, and how large it is."""
+    records = [group for group in groups if group["certified"]]
+    return _by_group("The certified set", CERTIFIED_COLUMNS, records)
 
 
 def reasons_table(groups: Sequence[Mapping[str, Any]]) -> Table:
