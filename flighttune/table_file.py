@@ -61,6 +61,17 @@ def json_tables(path: Path) -> dict[str, Any]:
     return _tables(path, _json, "JSON")
 
 
+def json_object(text: str, place: str) -> dict[str, Any]:
+    """The object of a JSON text inside a file, read as strictly as `json_tables`.
+
+    Raises
+    ------
+    ScenarioError
+        As of `json_tables`; the message begins with `place`.
+    """
+    return _checked(text, place, _json, "JSON")
+
+
 def _toml(text: str) -> Any:
     if LONG_KEY.search(text):
         raise RecursionError
@@ -77,24 +88,27 @@ def _tables(path: Path, parse: Callable[[str], Any], language: str) -> dict[str,
             data = file.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
             raise ScenarioError(f"{path}: the file must have at most {MOST_BYTES} bytes, got more.")
-        tables = parse(data.decode("utf-8"))
+        return _checked(data.decode("utf-8"), f"{path}: the file", parse, language)
     except OSError as error:
         raise ScenarioError(f"{path}: the file must be readable: {error.strerror}.") from error
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{path}: the file must be UTF-8 text: {error}.") from error
-    except ScenarioError:  # is a ValueError too
-        raise
+
+
+def _checked(text: str, place: str, parse: Callable[[str], Any], language: str) -> dict[str, Any]:
+    try:
+        tables = parse(text)
     except ValueError as error:
         why = str(error).partition("; use sys")[0]  # Python's advice is for programmers
-        raise ScenarioError(f"{path}: the file must be valid {language}: {why}.") from error
+        raise ScenarioError(f"{place} must be valid {language}: {why}.") from error
     except RecursionError:
         raise ScenarioError(
-            f"{path}: the file must not have more than {DEEPEST} tables inside each other."
+            f"{place} must not have more than {DEEPEST} tables inside each other."
         ) from None
     if not isinstance(tables, dict):
-        raise ScenarioError(f"{path}: the file must hold one object, got {type(tables).__name__}.")
+        raise ScenarioError(f"{place} must hold one object, got {type(tables).__name__}.")
     for fault in _impossible(tables):
-        raise ScenarioError(f"{path}: {fault}.")
+        raise ScenarioError(f"{place.removesuffix(' the file')} {fault}.")
     return tables
 
 

@@ -18,6 +18,7 @@ from flighttune.cli.gain_sets import (
 )
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.show import NO, emit, fail, pick
+from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
@@ -198,6 +199,13 @@ def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "C
 
 def verify(
     certificate: Annotated[Path, Argument(metavar="FILE", help="Certificate, or proof of a tube.")],
+    conformance: Annotated[
+        Path | None,
+        Option(
+            help="File of `flighttune conform` from which the boxes in the tube of an aircraft are "
+            "rebuilt [default: they are believed, and the answer says so]."
+        ),
+    ] = None,
 ) -> None:
     """Check a certificate without any solver, or a tube without the search that found it.
 
@@ -206,8 +214,10 @@ def verify(
     from flighttune.tube.proof import is_tube_file
 
     if is_tube_file(certificate):
-        _verify_tube(certificate)
+        _verify_tube(certificate, conformance)
         return
+    if conformance is not None:
+        raise InputError("`--conformance` must be given for the tube of an aircraft only.")
     from flighttune.certificates import load_certificate
     from flighttune.certificates import verify as verify_certificate
 
@@ -238,32 +248,32 @@ def verify(
         fail(f"{certificate}: {found.reason}", NO)
 
 
-def _verify_tube(file: Path) -> None:
-    from flighttune.cli.tube import bounds_after, probability_notes, tube_values, widths_table
+def _verify_tube(file: Path, conformance: Path | None) -> None:
+    from flighttune.cli.tube import NOT_CHECKED, bounds_after, problem_tables, tube_values
+    from flighttune.conformance import load_conformance
     from flighttune.tube.proof import load_tube, verify_tube
 
-    loaded = load_tube(file)
-    found = verify_tube(loaded)
+    loaded = load_tube(file, None if conformance is None else load_conformance(conformance))
+    found, checked = verify_tube(loaded), loaded.problem.aircraft_checked
     verdict = "valid: every inclusion is proven" if found.valid else "not valid"
     basis = "proven" if loaded.lost is None else "proven, within the errors that were counted"
-    problem, values = loaded.problem, tube_values(loaded)
-    claim = {
-        **values,
-        "gains": problem.gains.as_lists(),
-        "start_rad": problem.start,
-        "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
-        "scenario": problem.scenario.as_dict(),
-    }
+    if checked is False:
+        basis = f"proven {NOT_CHECKED}"
+    values = tube_values(loaded)
     checks = [asdict(check) for check in found.checks]
     title = f"{file}: {verdict}"
     emit(
         Answer(
-            values={**pick(found, "valid reason"), "claim": claim},
+            values={
+                **pick(found, "valid reason"),
+                "aircraft_checked": checked,
+                "claim": {**values, "scenario": loaded.problem.scenario.as_dict()},
+            },
             tables=[
                 Table(title=title, name="checks", columns=CHECK_COLUMNS[:2], records=checks),
-                widths_table(f"tube of {problem.scenario.title}", values),
+                *problem_tables(loaded, values, "of the file"),
             ],
-            notes=[bounds_after(loaded), *probability_notes(loaded)],
+            notes=bounds_after(loaded),
             verdict=basis if found.valid else "claimed, not proven",
         )
     )

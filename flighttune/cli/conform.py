@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flighttune.conformance import Conformance
 
 RATE_COLUMNS = columns(
-    "rate low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_error_low_deg last_error_high_deg"
+    "channel low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_error_low_deg last_error_high_deg"
 )
 COUNT_COLUMNS = columns("learned counted widened flights outside")
 
@@ -157,7 +157,7 @@ def _answer(found: "Conformance", out: Path) -> Answer:
     low, high = found.boxes.low, found.boxes.high
     rates = [
         {
-            "rate": name,
+            "channel": name,
             "low_rad_s": float(low[:, i].min()),
             "high_rad_s": float(high[:, i].max()),
             "widest_rad_s": float((high - low)[:, i].max()),

@@ -17,7 +17,7 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import progress_bar, raise_on_interrupt
 from flighttune.cli.show import NO, emit, fail, pick, say, tell
-from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_values
+from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
@@ -80,6 +80,7 @@ def fly(
         emit(_flown(flown, claim, files, tubes, scenario))
     if view:
         _open(files.recording)
+    fail_if_outside(tubes)
     if claim.missed:
         more = f" ({len(claim.missed) - 1} more)" if claim.missed[1:] else ""
         fail(f"{claim.missed[0]}{more}", NO)

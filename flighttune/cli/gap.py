@@ -17,7 +17,7 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, tell
-from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_values
+from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.present.answer import Answer
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def gap(
             files={"recording": files.recording, "figure": figure, "page": page},
         )
     )
+    fail_if_outside(tubes)
     if found.status != "explained":
         fail(f"{scenario}: {found.reason}", NO)
     if found.verdict is None or not found.verdict.held:

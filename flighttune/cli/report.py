@@ -10,7 +10,7 @@ from typer import Argument, Option
 from flighttune.cli.options import ConformanceOption, TubeOption, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import emit
-from flighttune.cli.tube import run_tubes, run_tubes_notes, run_tubes_values
+from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.present.answer import Answer
 from flighttune.present.tables import Column, Table
 
@@ -80,6 +80,7 @@ def report(
             files={"report": page.path},
         )
     )
+    fail_if_outside(tubes)
 
 
 def reproduce(

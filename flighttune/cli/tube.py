@@ -6,18 +6,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from flighttune.cli.gain_sets import chosen_gains
+from flighttune.cli.gain_sets import chosen_gains, gains_table
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, pick
+from flighttune.errors import InputError
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
+
+NOT_CHECKED = "for the boxes in the file; that an aircraft keeps them is not checked here"
+"""Said of the tube of an aircraft that was read without the conformance of its boxes."""
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flighttune.control.gains import PIGains
+    from flighttune.scenario.schema import Scenario
     from flighttune.simulate.run import Run
     from flighttune.tube.of_run import RunTubes
     from flighttune.tube.result import Tube
@@ -28,7 +34,21 @@ WIDTH_COLUMNS = [
     Column("end", "at the end", "deg"),
     Column("ever", "ever after", "deg"),
 ]
-LIMITED_COLUMNS = columns("command from_s to_s")
+TRIED_COLUMNS = [Column("disturbance", "disturbance", "rad/s", ".2g"), *columns("status reason")]
+FLIGHT_COLUMNS = [
+    *columns("plant duration_s V_a_mps rate_hz"),
+    Column("start.chi", "course at the start", "deg", factor=1.0 / DEG),
+    Column("start.gamma", "path angle at the start", "deg", factor=1.0 / DEG),
+    Column("within", "from within", "deg", factor=1.0 / DEG),
+    Column("end.chi", "course of the reference at the end", "deg", factor=1.0 / DEG),
+    Column("end.gamma", "path angle of the reference at the end", "deg", factor=1.0 / DEG),
+]
+DISTURBANCE_COLUMNS = [
+    *columns("channel"),
+    Column("low", "lowest", "rad/s"),
+    Column("high", "highest", "rad/s"),
+]
+LIMIT_COLUMNS = columns("command lower upper rate_lower rate_upper")
 
 
 def tube(
@@ -62,10 +82,17 @@ def tube(
     out: Annotated[
         Path | None, Option("--out", help="Proof file (.npz) to write; `verify` checks it.")
     ] = None,
+    largest_disturbance: Annotated[
+        bool,
+        Option(
+            "--largest-disturbance",
+            help="Search, to two digits, for the largest disturbance for which the set is bounded.",
+        ),
+    ] = False,
 ) -> None:
     """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
 
-    Exit status 1 if the set cannot be bounded for the whole time.
+    Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
     import time
 
@@ -83,6 +110,14 @@ def tube(
         fail(
             f"{scenario}: gains {name}: a tube must be of the paper's law, got one of your own.", NO
         )
+    law = name.rpartition(":")[0] or "exact"
+    if largest_disturbance:
+        if disturbance is not None or conformance is not None or out is not None:
+            raise InputError(
+                "`largest_disturbance` must stand without --disturbance, --conformance and --out."
+            )
+        _largest_disturbance(loaded, name, chosen, plant=plant, start=start_deg * DEG, law=law)
+        return
     began = time.perf_counter()
     with progress_bar() as progress:
         found = tube_of(
@@ -92,22 +127,27 @@ def tube(
             start=start_deg * DEG,
             disturbance=disturbance,
             conformance=None if conformance is None else load_conformance(conformance),
-            law=name.rpartition(":")[0] or "exact",
+            law=law,
             progress=progress and (lambda part: progress(f"tube {name}", part)),
         )
     inside = flights_inside(found)
-    signals = (out or Path("runs") / f"{Path(scenario).stem}-tube.npz").with_suffix(".parquet")
-    write_signals(found, signals)
-    if out is not None and found.status == "bounded":
+    # A tube that its own flight leaves is wrong: neither bounds nor a proof of them are written.
+    signals = proof = None
+    if inside:
+        signals = (out or Path("runs") / f"{Path(scenario).stem}-tube.npz").with_suffix(".parquet")
+        write_signals(found, signals)
+    if inside and found.status == "bounded" and out is not None:
         save_tube(found, out)
+        proof = out
     values = tube_values(found)
-    proof = out if found.status == "bounded" else None
-    title = f"{loaded.title}; gains {name}, {found.model}: {found.status}"
+    notes = bounds_after(found)
+    if proof is not None and found.problem.boxes is not None:
+        notes.append(f"Check the boxes too: flighttune verify {proof} --conformance FILE")
     emit(
         Answer(
             values={**values, "inside": inside, "seconds": time.perf_counter() - began},
-            tables=[widths_table(title, values), limited_table(values)],
-            notes=[bounds_after(found), *probability_notes(found)],
+            tables=problem_tables(found, values, name),
+            notes=notes,
             verdict="The flights flown with it are inside."
             if inside
             else "A flight flown with it leaves the tube.",
@@ -117,12 +157,45 @@ def tube(
     if found.status != "bounded":
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if not inside:
-        fail(f"{scenario}: gains {name}: a flight leaves the tube.", NO)
+        fail(f"{scenario}: gains {name}: a flight leaves the tube, so that no file is written.", NO)
+
+
+def _largest_disturbance(
+    scenario: "Scenario", name: str, gains: "PIGains", *, plant: str | None, start: float, law: str
+) -> None:
+    from flighttune.tube.tube import largest_disturbance
+
+    with progress_bar() as progress:
+        tried = largest_disturbance(
+            scenario,
+            gains,
+            plant=plant,
+            start=start,
+            law=law,
+            progress=progress and (lambda part: progress(f"tube {name}", part)),
+        )
+    records = [
+        {"disturbance": float(run.problem.d_high.max()), **pick(run, "status reason")}
+        for run in tried
+    ]
+    bounded = [record["disturbance"] for record in records if record["status"] == "bounded"]
+    largest = max(bounded, default=None)
+    emit(
+        Answer(
+            values={"largest_disturbance": largest},
+            tables=[Table(title="tried", name="tried", columns=TRIED_COLUMNS, records=records)],
+            verdict=""
+            if largest is None
+            else f"largest disturbance for which the set is bounded: {largest:.2g} rad/s",
+        )
+    )
+    if largest is None:
+        fail(f"{scenario.title}: gains {name}: for no disturbance tried the set is bounded.", NO)
 
 
 def tube_values(found: "Tube") -> dict[str, Any]:
     """A tube as ``--json`` has it."""
-    widths = found.half_widths[:, :2] / DEG
+    problem, widths = found.problem, found.half_widths[:, :2] / DEG
     ever = None
     if found.hand_over is not None:
         ever = 0.5 * (found.hand_over.bounds[:, 1] - found.hand_over.bounds[:, 0]) / DEG
@@ -143,42 +216,90 @@ def tube_values(found: "Tube") -> dict[str, Any]:
         },
         "handed_over_s": found.handed_over,
         "counted_from_s": found.counted_from,
+        "gains": problem.gains.as_lists(),
+        "start_rad": problem.start,
+        "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
+        "counted": problem.conformance.sentence if problem.conformance else None,
     }
 
 
-def widths_table(title: str, values: Mapping[str, Any]) -> Table:
-    """The half-widths of a tube as `tube_values` has them."""
-    records = [{"error": channel, **own} for channel, own in values["half_width_deg"].items()]
-    return Table(title=title, columns=WIDTH_COLUMNS, records=records)
+def problem_tables(found: "Tube", values: Mapping[str, Any], gains: str) -> list[Table]:
+    """Which flights a tube encloses, and how widely; `gains` is what to call its gains."""
+    from flighttune.tube.problem import MODELS
 
-
-def limited_table(values: Mapping[str, Any]) -> Table:
-    """When a limit can hold a command, as `tube_values` has it."""
-    records = [
+    problem = found.problem
+    flight, limits = problem.scenario.flight, problem.limits
+    kind = MODELS[problem.table.kind]
+    title = f"{problem.scenario.title!r}; gains {gains}, {kind}: {found.status}"
+    widths = [{"error": channel, **own} for channel, own in values["half_width_deg"].items()]
+    about = {
+        "plant": problem.plant,
+        "duration_s": flight.duration_s,
+        "V_a_mps": flight.V_a_mps,
+        "rate_hz": problem.scenario.controller.rate_hz,
+        "start": dict(zip(CHANNEL_SYMBOLS, problem.path_at_start, strict=True)),
+        "within": problem.start,
+        "end": dict(zip(CHANNEL_SYMBOLS, problem.reference[-1, :2].tolist(), strict=True)),
+    }
+    low, high = problem.d_low.min(axis=0), problem.d_high.max(axis=0)
+    disturbance = [
+        {"channel": name, "low": float(low[i]), "high": float(high[i])}
+        for i, name in enumerate(CHANNEL_SYMBOLS)
+    ]
+    commands = [
+        {
+            "command": name,
+            **{
+                key: float(values[i]) * unit
+                for key, values in (
+                    ("lower", limits.lower),
+                    ("upper", limits.upper),
+                    ("rate_lower", limits.rate_lower),
+                    ("rate_upper", limits.rate_upper),
+                )
+            },
+        }
+        for i, (name, unit) in enumerate((("phi_cmd [deg]", 1.0 / DEG), ("n_z_cmd", 1.0)))
+    ]
+    held = [
         {"command": name, "from_s": begin, "to_s": end}
         for name, intervals in values["limits_can_hold"].items()
         for begin, end in intervals or [("never", None)]
     ]
-    return Table(title="a limit can hold", columns=LIMITED_COLUMNS, records=records)
+    return [
+        Table(title=title, columns=WIDTH_COLUMNS, records=widths),
+        Table(title="flights", columns=FLIGHT_COLUMNS, records=[about]),
+        Table(
+            title="any disturbance of the rates", columns=DISTURBANCE_COLUMNS, records=disturbance
+        ),
+        Table(title="limits, rates per second", columns=LIMIT_COLUMNS, records=commands),
+        Table(title="a limit can hold", columns=columns("command from_s to_s"), records=held),
+        gains_table("gains", problem.gains),
+    ]
 
 
-def bounds_after(found: "Tube") -> str:
-    """What holds after the time that is enclosed, in a sentence."""
+def bounds_after(found: "Tube") -> list[str]:
+    """What holds after the time that is enclosed, and what was counted, in sentences."""
+    problem = found.problem
     if found.lost is not None:
-        return (
-            f"{found.reason}: the bounds on the errors are those that flights were counted against."
+        boxes = (
+            "in the file"
+            if problem.aircraft_checked is False
+            else "that flights were counted against"
         )
-    if found.hand_over is None:
-        return "There is no claim beyond the end of the scenario: no invariant set was found."
-    return (
-        f"From {found.handed_over:.2f} s on no limit ever holds a command, under disturbances "
-        "within those at the end."
-    )
-
-
-def probability_notes(found: "Tube") -> list[str]:
-    """With which probability a flight leaves, where flights were counted."""
-    return [] if found.probability is None else [found.probability.sentence]
+        notes = [f"{found.reason}: the bounds on the errors are those {boxes}."]
+    elif found.hand_over is None:
+        notes = ["There is no claim beyond the end of the scenario: no invariant set was found."]
+    else:
+        notes = [
+            f"From {found.handed_over:.2f} s on no limit ever holds a command, under disturbances "
+            "within those at the end."
+        ]
+    if problem.conformance is not None:
+        notes.append(f"counted: {problem.conformance.sentence}")
+    if found.probability is not None:
+        notes.append(found.probability.sentence)
+    return notes
 
 
 def run_tubes(
@@ -217,3 +338,9 @@ def run_tubes_notes(found: "RunTubes", how: str) -> list[str]:
     notes = [found.sentence(label) for label in found.found]
     notes += [f"{label}: no tube: {why}" for label, why in found.why_not.items()]
     return notes or [f"No tube around the errors yet: {how} makes it."]
+
+
+def fail_if_outside(found: "RunTubes") -> None:
+    """End the command with status 1 if a flight leaves its tube."""
+    if found.outside:
+        fail(f"{', '.join(found.outside)}: the flight leaves its tube.", NO)

@@ -86,6 +86,7 @@ UNIT_OF_SUFFIX = {
     "_rad_s": "rad/s",
     "_per_s": "1/s",
     "_mps": "m/s",
+    "_hz": "Hz",
     "_deg": "deg",
     "_percent": "%",
     "_s": "s",

@@ -26,6 +26,7 @@ from flighttune.tube.sample import (
     CLIMB,
     COMPUTED,
     EXTRA_LIFT,
+    FRESH_SYMBOLS,
     GAMMA,
     PHI,
     PHI_INTEGRAL,
@@ -34,7 +35,6 @@ from flighttune.tube.sample import (
     Controlled,
     Cut,
     Enclosure,
-    Excess,
     Inversion,
     Plan,
     SampledLoop,
@@ -45,6 +45,10 @@ from flighttune.tube.sample import (
 OVERLAP = 1e-9
 """Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may be on the other
 side of a limit than the exact one."""
+
+LAST_SYMBOLS = 6
+"""Symbols that a sample adds after those of the roll command: two integrals, load factor, lift,
+course and path angle."""
 
 STEEPEST_ROLL = 14.0
 """Largest tangent of a roll command before limits: 86 deg."""
@@ -68,9 +72,14 @@ class ExactEnclosure(Enclosure):
         pieces, inversion = self.pieces, self.loop.inversion
         assert inversion is not None
         self._sides = np.full((len(pieces), 2, 2), OPEN)
-        used = pieces.used
+        last = pieces.used + FRESH_SYMBOLS - LAST_SYMBOLS
         while True:
-            pieces.used, self._known = used, []
+            # A pass that splits by the load factor leaves a constraint on the symbol of its roll
+            # command, and the next pass linearises roll anew. So that symbol is kept although no
+            # row of the state has it: used again, the constraint would speak of another error.
+            if pieces.used >= last:
+                raise Unbounded("pieces are split too often in one sample")
+            self._known = []
             state = pieces.forms()
             errors = self._errors(k, state)
             a, b = self._lifts(k, state, errors, inversion)
@@ -87,6 +96,7 @@ class ExactEnclosure(Enclosure):
             lifting = self._lifting(state, errors, phi, b)
             if not self._fewer_or_more([turning, lifting]):
                 break
+        self._note_limits(k, [turning, lifting])
         extra = self._vertical(lifting, phi, b)
         held = [self._held(i, channel) for i, channel in enumerate((turning, lifting))]
         integrals = self._kept(
@@ -152,7 +162,7 @@ class ExactEnclosure(Enclosure):
                 low, high = excess.values.low, excess.values.high
                 low = np.where(known == LIMITED, np.maximum(low, -OVERLAP), low)
                 high = np.where(known == FREE, np.minimum(high, OVERLAP), high)
-                sides[side] = Excess(excess.form, Interval(low, high))
+                sides[side] = excess._replace(values=Interval(low, high))
                 self._known.append((sides[side], i, side))
         return Channel(x, increment, at, *sides)
 
@@ -208,6 +218,9 @@ class ExactEnclosure(Enclosure):
     def _held_back(self, i: int, channel: Channel) -> Form | None:
         """By how much limits hold the command below, or above, what is wanted; None if never."""
         moves, doubt = [], np.zeros(len(self.pieces))
+        # Where the side of a limit is known, the values end at the limit, and max(Y, 0) is Y or 0.
+        # But a flight may be beyond by OVERLAP: there Y, or none of it, is taken for the other, and
+        # a line of slope s leaves the values by |s| or |1 - s| times that. A proof may hold any s.
         for side, excess in enumerate((channel.above, channel.below)):
             if excess is None or not (excess.values.high > 0.0).any():
                 continue
@@ -217,9 +230,10 @@ class ExactEnclosure(Enclosure):
                 np.where(known == FREE, np.minimum(excess.values.high, 0.0), excess.values.high),
             )
             values = ordered(values)
-            part = positive_part(excess.form, values, self.plan.slope(values))
+            slope = self.plan.slope(values)
+            part = positive_part(excess.form, values, slope)
             moves.append((1.0 if side == 0 else -1.0, part))
-            doubt += np.where(known == OPEN, 0.0, OVERLAP)
+            doubt += np.where(known == OPEN, 0.0, OVERLAP * (1.0 + np.abs(slope)) * UP)
         return combined(*moves).widened(doubt) if moves else None
 
     def _held(self, i: int, channel: Channel) -> tuple[Flags, Flags]:
@@ -252,6 +266,8 @@ class ExactEnclosure(Enclosure):
         count = len(self._sides)
         self._sides = np.concatenate([self._sides, self._sides[which]])
         for excess, i, side in self._known:
+            # Only a split at the limit itself says on which side of it a flight is. That is about
+            # the command of the flight, not about a symbol, so later passes may use it.
             if excess is cut.excess:
                 sure = which[cut.at[which] == 0.0]
                 self._sides[sure, i, side] = FREE

@@ -88,11 +88,14 @@ class RunTubes:
         By label of the run.
     why_not : mapping of str to str
         Why there is none, of runs for which one was to be made.
+    left : tuple of str
+        Labels of runs that leave the tube made for them, which is not kept.
     """
 
     runs: tuple[Run, ...]
     found: Mapping[str, RunTube]
     why_not: Mapping[str, str]
+    left: tuple[str, ...] = ()
 
     @property
     def at_a_glance(self) -> tuple[str, ...]:
@@ -139,7 +142,8 @@ class RunTubes:
     @property
     def outside(self) -> tuple[str, ...]:
         """Labels of runs that leave their tube."""
-        return tuple(run.label for run in self.runs if run.label in self.found and leaves_tube(run))
+        drawn = (run for run in self.runs if run.label in self.found)
+        return (*self.left, *(run.label for run in drawn if leaves_tube(run)))
 
 
 def _probability(about: AboutTube) -> str:
@@ -194,6 +198,7 @@ def tubes_of(
     """
     known, why_not = _known(folder / FOLDER)
     found: dict[str, RunTube] = {}
+    left: list[str] = []
     for run in runs:
         if len(run.signals) < 2:
             continue
@@ -203,6 +208,11 @@ def tubes_of(
                 made = _tube(run, conformance, progress)
             except FlightTuneError as error:
                 why_not[run.label] = str(error)
+                continue
+            if not made.contains(run.signals):
+                # A tube that its own flight leaves is wrong: nobody is to find it here later.
+                why_not[run.label] = "the flight leaves the tube made for it, which is not kept"
+                left.append(run.label)
                 continue
             from flighttune.tube.signals import write_signals
 
@@ -217,7 +227,7 @@ def tubes_of(
             except InputError as error:
                 why_not[run.label] = str(error)
     drawn = [found[run.label].around(run) if run.label in found else run for run in runs]
-    return RunTubes(runs=tuple(drawn), found=found, why_not=why_not)
+    return RunTubes(runs=tuple(drawn), found=found, why_not=why_not, left=tuple(left))
 
 
 def _tube(

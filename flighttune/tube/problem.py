@@ -1,7 +1,9 @@
 """The flights that a tube encloses: scenario, gains, starts and disturbances."""
 
+import hashlib
+import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +35,101 @@ MODELS = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class AircraftBoxes:
+    """What was counted of an aircraft's flights, at the k samples of one flight.
+
+    Attributes
+    ----------
+    conformance_sha256 : str
+        Hash of the conformance that the boxes come from.
+    d_low, d_high : ndarray, shape (k, 2), rad/s
+        Bounds on the residual rates of course and flight-path angle, of any shape, from each
+        sample to the next.
+    roll : ndarray, shape (k, 4), rad; or None
+        As of `SampledLoop`, where the feed-forward sees the roll of the aircraft.
+    counted : ndarray, shape (k, 4), rad
+        Lowest and highest error of course and of path angle.
+    lags : tuple of two InnerLag
+        Of roll and load factor, in the model whose rates were subtracted.
+    start_known : bool
+        Whether the path over ground begins where the scenario says.
+    conformance : Conformance or None
+        What they come from; None where they stand in the file of a tube and were not compared.
+    """
+
+    conformance_sha256: str
+    d_low: FloatArray
+    d_high: FloatArray
+    roll: FloatArray | None
+    counted: FloatArray
+    lags: tuple[InnerLag, ...]
+    start_known: bool
+    conformance: Conformance | None = None
+
+    @classmethod
+    def of(
+        cls,
+        conformance: Conformance,
+        scenario: Scenario,
+        plant: PlantTable,
+        gains: PIGains,
+        start: float,
+        reference: FloatArray,
+    ) -> "AircraftBoxes":
+        """The boxes of a conformance for one scenario.
+
+        Raises
+        ------
+        InputError
+            If the conformance does not cover these flights, or claims nothing.
+        """
+        conformance.check(scenario, plant, gains, start)
+        if not conformance.holds:
+            raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
+        boxes = conformance.boxes.over(sample_times(scenario), reference[:, 0], reference[:, 1])
+        # The boxes of the last sample are never used; the arrays are as long as the others.
+        low, high = (np.concatenate([ends, ends[-1:]]) for ends in boxes)
+        pairs = np.stack([low, high], axis=2)
+        return cls(
+            d_low=low[:, :2],
+            d_high=high[:, :2],
+            roll=pairs[:, 2:4].reshape(-1, 4) if sees_roll(scenario, reference) else None,
+            counted=pairs[:, 4:6].reshape(-1, 4),
+            lags=conformance.model.lags,
+            start_known=scenario.wind is not None or not conformance.distribution.windy,
+            conformance_sha256=conformance_sha256(conformance),
+            conformance=conformance,
+        )
+
+    def check(self, samples: int) -> None:
+        """Refuse boxes that are not of `samples` samples, or empty ones."""
+        shapes = {"d_low": 2, "d_high": 2, "counted": 4, "roll": 4}
+        for name, columns in shapes.items():
+            if getattr(self, name) is not None:
+                read_only_matrix(name, getattr(self, name), (samples, columns))
+        if not (self.d_low <= self.d_high).all():
+            raise InputError("`d_low` must not be above `d_high`.")
+        for name in ("counted", "roll"):
+            pairs = getattr(self, name)
+            if pairs is not None and not (pairs[:, ::2] <= pairs[:, 1::2]).all():
+                raise InputError(f"`{name}` must be lower and upper bounds, twice, at a sample.")
+
+    def difference(self, other: "AircraftBoxes") -> str | None:
+        """Name of the first attribute that differs, `conformance` aside; None if none does."""
+        for field in fields(self):
+            mine, theirs = getattr(self, field.name), getattr(other, field.name)
+            if field.name != "conformance" and not np.array_equal(mine, theirs):
+                return field.name
+        return None
+
+
+def conformance_sha256(conformance: Conformance) -> str:
+    """Hash of all values of a conformance, the same however its file is laid out."""
+    values = json.dumps(conformance.as_dict(), sort_keys=True)
+    return hashlib.sha256(values.encode()).hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TubeProblem:
     """All flights of one gain set on one plant of a scenario.
 
@@ -44,49 +141,28 @@ class TubeProblem:
         Label of the plant.
     start : float, rad
         Course and flight-path angle start within this of the scenario's.
-    d_low, d_high : ndarray, shape (k, 2), rad/s
-        Bounds on the disturbances of the course and the flight-path-angle rate, of any shape, from
-        each of the k samples to the next.
-    reference : ndarray, shape (k, 6), rad, rad, rad, 1, rad/s, rad/s
-        Course and flight-path angle to follow, the commands planned for them (zeros where none
-        are), and their rates.
-    limits : Limits
-        Of the commands.
-    lags : tuple of InnerLag, length 0 or 2
-        Of roll and load factor.
-    roll : ndarray, shape (k, 4), rad; or None
-        As of `SampledLoop`: for an aircraft whose feed-forward sees its roll.
-    counted : ndarray, shape (k, 4), rad; or None
-        Lowest and highest error of course and of path angle that was counted for flights of an
-        aircraft.
-    start_known : bool
-        Whether the path over ground begins where the scenario says.
-    basis : str
-        Where the disturbance bounds of an aircraft come from; empty for other plants.
+    disturbance : float or None, rad/s
+        As of `tube_problem`.
+    boxes : AircraftBoxes or None
+        Of an aircraft.
     law : str
         Name of the exact law in the scenario, if the gains belong to one.
-    conformance : Conformance or None
-        Where the boxes of an aircraft are from; None where that is not known, as of a proof file.
+    reference : ndarray, shape (k, 6), rad, rad, rad, 1, rad/s, rad/s
+        Course and flight-path angle to follow, the commands planned for them (zeros where none
+        are), and their rates, as `reference_of` makes them.
     """
 
     scenario: Scenario
     gains: PIGains
     plant: str
     start: float
-    d_low: FloatArray
-    d_high: FloatArray
+    disturbance: float | None
+    boxes: AircraftBoxes | None
+    law: str
     reference: FloatArray
-    limits: Limits
-    lags: tuple[InnerLag, ...] = ()
-    roll: FloatArray | None = None
-    counted: FloatArray | None = None
-    start_known: bool = True
-    basis: str = ""
-    law: str = "exact"
-    conformance: Conformance | None = None
 
     def __post_init__(self) -> None:
-        _check_known(self.scenario, self.plant)
+        _check_enclosed(self.scenario, self.table, self.gains, self.law)
         if not (math.isfinite(self.start) and 0.0 <= self.start < math.pi / 4):
             raise InputError(
                 f"`start` must lie in 0..45 deg, got {math.degrees(self.start):g} deg."
@@ -96,33 +172,30 @@ class TubeProblem:
                 f"`start` must be 0 in wind, got {math.degrees(self.start):g} deg: the path over "
                 "ground begins elsewhere than that through the air."
             )
-        k = len(self.t)
-        for name, columns in (("d_low", 2), ("d_high", 2), ("reference", 6)):
-            given = read_only_matrix(name, getattr(self, name))
-            if given.shape != (k, columns):
-                raise InputError(f"`{name}` must have shape {(k, columns)}, got {given.shape}.")
-            object.__setattr__(self, name, given)
-        if not (self.d_low <= self.d_high).all():
-            raise InputError("`d_low` must not be above `d_high`.")
-        seen = sees_roll_flown(self.scenario, self.plant, self.reference)
-        if (self.roll is not None) != seen:
-            raise InputError("`roll` must be given just where a feed-forward sees the roll flown.")
-        for name in ("roll", "counted"):
-            if (given := getattr(self, name)) is None:
-                continue
-            pairs = read_only_matrix(name, given)
-            if pairs.shape != (k, 4) or not (pairs[:, ::2] <= pairs[:, 1::2]).all():
+        if (self.boxes is None) != (self.table.aircraft is None):
+            raise InputError(
+                f"`conformance` must be given for the tube of an aircraft, got {self.plant} "
+                "without: `flighttune conform` makes one."
+                if self.boxes is None
+                else f"`boxes` must be of an aircraft, got {self.plant}."
+            )
+        if self.boxes is None:
+            _check_disturbance(self.scenario, self.disturbance)
+        else:
+            if self.disturbance is not None:
                 raise InputError(
-                    f"`{name}` must be lower and upper bounds, twice, at every sample."
+                    "`disturbance` must not be given with a conformance: its boxes are."
                 )
-            object.__setattr__(self, name, pairs)
-        condition = self.scenario.condition
+            self.boxes.check(len(self.t))
+            if (self.boxes.roll is not None) != sees_roll(self.scenario, self.reference):
+                raise InputError("`roll` must be given just where a feed-forward sees it.")
+        condition, limits = self.scenario.condition, self.limits
         ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
         for name, lower, upper, starts in zip(
             ("phi_deg", "n_z"),
-            self.limits.lower,
-            self.limits.upper,
-            ([condition.phi], [condition.n_z_start, *(one.n_z_start for one in ends)]),
+            limits.lower,
+            limits.upper,
+            ([condition.phi], [condition.n_z_start, *(end.n_z_start for end in ends)]),
             strict=True,
         ):
             if not lower <= min(starts) <= max(starts) <= upper:
@@ -132,10 +205,68 @@ class TubeProblem:
                 )
 
     @property
+    def table(self) -> PlantTable:
+        """The plant in the scenario."""
+        return self.scenario.plant_table(self.plant)
+
+    @property
     def model(self) -> str:
-        """The plant enclosed, in words."""
-        kind = MODELS[self.scenario.plant_table(self.plant).kind]
-        return f"{kind}; {self.basis}" if self.basis else kind
+        """The plant enclosed, in words, and what was counted for it."""
+        kind = MODELS[self.table.kind]
+        return kind if self.conformance is None else f"{kind}; {self.conformance.sentence}"
+
+    @property
+    def conformance(self) -> Conformance | None:
+        """What the boxes of an aircraft were rebuilt from."""
+        return self.boxes and self.boxes.conformance
+
+    @property
+    def aircraft_checked(self) -> bool | None:
+        """Whether the boxes were rebuilt from a conformance; None for a plant without boxes."""
+        return None if self.boxes is None else self.conformance is not None
+
+    @property
+    def d_low(self) -> FloatArray:
+        """Lower bounds on the disturbances of the two rates, shape (k, 2), rad/s."""
+        return -self.d_high if self.boxes is None else self.boxes.d_low
+
+    @property
+    def d_high(self) -> FloatArray:
+        """Upper bounds on the disturbances of the two rates, shape (k, 2), rad/s."""
+        if self.boxes is not None:
+            return self.boxes.d_high
+        swing = self.scenario.disturbance
+        flown = (0.0, 0.0) if swing is None else (swing.chi_amplitude, swing.gamma_amplitude)
+        within = np.abs(flown) if self.disturbance is None else np.full(2, self.disturbance)
+        return np.tile(within, (len(self.t), 1))
+
+    @property
+    def roll(self) -> FloatArray | None:
+        """As of `AircraftBoxes`."""
+        return self.boxes and self.boxes.roll
+
+    @property
+    def counted(self) -> FloatArray | None:
+        """As of `AircraftBoxes`."""
+        return self.boxes and self.boxes.counted
+
+    @property
+    def start_known(self) -> bool:
+        """As of `AircraftBoxes`."""
+        return self.boxes is None or self.boxes.start_known
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of the commands: of the scenario and, for an aircraft, of its folder."""
+        limits, aircraft = self.scenario.limits.limits(), self.table.aircraft
+        return (
+            limits if aircraft is None else limits.within(load_aircraft(aircraft).limits.limits())
+        )
+
+    @property
+    def lags(self) -> tuple[InnerLag, ...]:
+        """Lags of roll and load factor; empty where the plant has none."""
+        return self.boxes.lags if self.boxes else self.table.lags() or ()
 
     @property
     def t(self) -> FloatArray:
@@ -188,7 +319,7 @@ class TubeProblem:
             d_low=self.d_low,
             d_high=self.d_high,
             start=(chi, gamma, condition.phi, condition.n_z),
-            exact=self.scenario.plant_table(self.plant).kind != "kinematic",
+            exact=self.table.kind != "kinematic",
             lags=tuple(SampledLag.of(lag, controller.dt) for lag in self.lags),
             inversion=inversion,
             roll=self.roll,
@@ -231,73 +362,47 @@ def tube_problem(
     """
     kinds = ("jsbsim",) if conformance else tuple(kind for kind in MODELS if kind != "jsbsim")
     table = _chosen(scenario, plant, kinds)
-    _check_known(scenario, table.label)
-    t = sample_times(scenario)
-    reference = scenario.followed()
-    followed = np.zeros((len(t), 6))
-    followed[:, :2] = np.stack(reference.sampled(t), axis=1)
-    followed[:, 4:] = np.stack(reference.rates(t), axis=1)
-    if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
-        followed[:, 2:4] = reference.commands(t)
-    limits, lags, basis = scenario.limits.limits(), table.lags() or (), ""
-    roll, counted, start_known = None, None, True
-    if table.aircraft is None:
-        d_high = _within(scenario, disturbance, len(t))
-        d_low = -d_high
-    else:
-        if acts_on_rates(gains):
-            raise InputError(
-                "`gains` must be of the paper's law for the tube of an aircraft: the exact law "
-                "sees the airspeed, for which no box is known."
-            )
-        if conformance is None:
-            raise InputError(
-                f"`conformance` must be given for the tube of an aircraft, got {table.label} "
-                "without: `flighttune conform` makes one."
-            )
-        if disturbance is not None:
-            raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
-        conformance.check(scenario, table, gains, start)
-        if not conformance.holds:
-            raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
-        limits = limits.within(load_aircraft(table.aircraft).limits.limits())
-        lags, basis = conformance.model.lags, conformance.sentence
-        boxes = conformance.boxes.over(t, followed[:, 0], followed[:, 1])
-        low, high = (np.concatenate([one, one[-1:]]) for one in boxes)
-        d_low, d_high = low[:, :2], high[:, :2]
-        if sees_roll_flown(scenario, table.label, followed):
-            roll = np.stack([low[:, 2], high[:, 2], low[:, 3], high[:, 3]], axis=1)
-        counted = np.stack([low[:, 4], high[:, 4], low[:, 5], high[:, 5]], axis=1)
-        start_known = scenario.wind is not None or not conformance.distribution.windy
+    _check_enclosed(scenario, table, gains, law)
+    reference = reference_of(scenario)
+    boxes = conformance and AircraftBoxes.of(conformance, scenario, table, gains, start, reference)
     return TubeProblem(
         scenario=scenario,
         gains=gains,
         plant=table.label,
         start=start,
-        d_low=d_low,
-        d_high=d_high,
-        reference=followed,
-        limits=limits,
-        lags=lags,
-        roll=roll,
-        counted=counted,
-        start_known=start_known,
-        basis=basis,
+        disturbance=disturbance,
+        boxes=boxes,
         law=law,
-        conformance=None if table.aircraft is None else conformance,
+        reference=reference,
     )
 
 
-def sees_roll_flown(scenario: Scenario, plant: str, reference: FloatArray) -> bool:
-    """Whether a feed-forward sees the roll of an aircraft, which is not all that of its model."""
-    aircraft = scenario.plant_table(plant).aircraft is not None
-    return aircraft and scenario.controller.feed_forward and not reference[:, 2:4].any()
+def reference_of(scenario: Scenario) -> FloatArray:
+    """What a scenario asks for at its samples, as `TubeProblem.reference`."""
+    t, reference = sample_times(scenario), scenario.followed()
+    followed = np.zeros((len(t), 6))
+    followed[:, :2] = np.stack(reference.sampled(t), axis=1)
+    followed[:, 4:] = np.stack(reference.rates(t), axis=1)
+    if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
+        followed[:, 2:4] = reference.commands(t)
+    followed.flags.writeable = False
+    return followed
+
+
+def sees_roll(scenario: Scenario, reference: FloatArray) -> bool:
+    """Whether the feed-forward uses the roll that is flown, and no planned commands."""
+    return scenario.controller.feed_forward and not reference[:, 2:4].any()
 
 
 def sample_times(scenario: Scenario) -> FloatArray:
     """Times of the samples of the controller, s."""
     dt = 1.0 / scenario.controller.rate_hz
-    return np.arange(round(scenario.flight.duration_s / dt) + 1, dtype=np.float64) * dt
+    return np.arange(sample_count(scenario), dtype=np.float64) * dt
+
+
+def sample_count(scenario: Scenario) -> int:
+    """Number of the samples of the controller, the first and the last one included."""
+    return round(scenario.flight.duration_s / (1.0 / scenario.controller.rate_hz)) + 1
 
 
 def _chosen(scenario: Scenario, plant: str | None, kinds: tuple[str, ...]) -> PlantTable:
@@ -307,34 +412,48 @@ def _chosen(scenario: Scenario, plant: str | None, kinds: tuple[str, ...]) -> Pl
     for table in scenario.plant:
         if table.kind in kinds:
             return table
-    known = ", ".join(table.label for table in scenario.plant)
-    raise InputError(f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {known}.")
+    labels = ", ".join(table.label for table in scenario.plant)
+    raise InputError(f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}.")
 
 
-def _within(scenario: Scenario, disturbance: float | None, samples: int) -> FloatArray:
-    """Upper bounds of a disturbance that is within as much of zero, shape (samples, 2)."""
-    table = scenario.disturbance
-    flown = (0.0, 0.0) if table is None else (table.chi_amplitude, table.gamma_amplitude)
-    if disturbance is not None and not (math.isfinite(disturbance) and disturbance > 0.0):
+def _check_disturbance(scenario: Scenario, disturbance: float | None) -> None:
+    """Refuse a bound that is not positive, or that the scenario's own disturbance exceeds."""
+    if disturbance is None:
+        return
+    if not (math.isfinite(disturbance) and disturbance > 0.0):
         raise InputError(f"`disturbance` must be positive, got {disturbance:g} rad/s.")
-    if disturbance is not None and disturbance < max(map(abs, flown)):
+    table = scenario.disturbance
+    flown = 0.0 if table is None else max(abs(table.chi_amplitude), abs(table.gamma_amplitude))
+    if disturbance < flown:
         raise InputError(
-            f"`disturbance` must be at least that of the scenario's [disturbance], "
-            f"{max(map(abs, flown)):g} rad/s, got {disturbance:g} rad/s."
+            "`disturbance` must be at least that of the scenario's [disturbance], "
+            f"{flown:g} rad/s, got {disturbance:g} rad/s."
         )
-    return np.tile(np.abs(flown) if disturbance is None else np.full(2, disturbance), (samples, 1))
 
 
-def _check_known(scenario: Scenario, plant: str) -> None:
-    """Refuse what no set is known for."""
+def _check_enclosed(scenario: Scenario, table: PlantTable, gains: PIGains, law: str) -> None:
+    """Refuse what the sets do not follow."""
     # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted there.
-    moving = scenario.plant_table(plant).aircraft is None and scenario.windy
+    moving = table.aircraft is None and scenario.windy
     swings = scenario.disturbance is not None and scenario.disturbance.as_wind
-    for key, given in (("sensors", scenario.sensors), ("wind", moving or swings)):
-        if given:
+    for key, stated in (("sensors", scenario.sensors), ("wind", moving or swings)):
+        if stated:
             raise InputError(f"`{key}` must not be in the scenario of a tube: it is not enclosed.")
     if scenario.controller.anti_windup == "back_calculation":
         raise InputError(
             "`anti_windup` of [controller] must be conditional or none for a tube, got "
             "back_calculation."
+        )
+    if acts_on_rates(gains) and not scenario.law_of(f"{law}:")[0].acts_on_rates:
+        raise InputError(f"`law` must be an exact law of the scenario, got {law}.")
+    # Both follow the measured airspeed, which varies on an aircraft, and no box of it was counted.
+    if table.aircraft is not None and acts_on_rates(gains):
+        raise InputError(
+            "`gains` must be of the paper's law for the tube of an aircraft: the exact law "
+            "sees the airspeed, for which no box is known."
+        )
+    if table.aircraft is not None and scenario.controller.schedule:
+        raise InputError(
+            "`schedule` of [controller] must be false for the tube of an aircraft, got true: the "
+            "gains then follow the airspeed, for which no box is known."
         )

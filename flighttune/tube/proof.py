@@ -1,26 +1,41 @@
 """A tube as a file, and its check: every inclusion again, without the search that found it."""
 
 import json
+import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import numpy.typing as npt
+from pydantic import Field, ValidationError
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.conformance import Conformance
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
-from flighttune.control.limits import Limits
 from flighttune.errors import InputError
+from flighttune.mistakes import first_mistake, shown
+from flighttune.quantities import (
+    Bandwidth,
+    Damping,
+    Delay,
+    Finite,
+    GainMatrix,
+    TimeConstant,
+)
 from flighttune.scenario.load import scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import Table
+from flighttune.table_file import json_object
 from flighttune.theory.certificate import Check, Verification
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, settled_from, way_round
-from flighttune.tube.problem import TubeProblem
+from flighttune.tube.problem import AircraftBoxes, TubeProblem, reference_of, sample_count
 from flighttune.tube.replay import Replay
 from flighttune.tube.result import (
     QUANTITIES,
@@ -33,17 +48,90 @@ from flighttune.tube.result import (
 from flighttune.tube.sample import SampledLoop, Unbounded
 from flighttune.whole_file import whole_file
 
-FORMAT = "flighttune tube 3"
-"""Readers refuse what they do not know."""
-
-LIMITS = ("lower", "upper", "rate_lower", "rate_upper")
-
 LOOSER = 1e-9
 """By how much, rad and 1, the bounds in a file are wider than proven: another machine may add up
 in another order."""
 
+SAME_REFERENCE = 1e-6
+"""Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
+reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by up
+to 3e-9 where inputs change by 1e-15. It is 0.00006 deg; tubes are wider than 0.001 deg."""
+
+MOST_BYTES, MOST_COMPRESSED = 128_000_000, 32_000_000
+"""Sizes of all members and of a file above which it is not read: three and five times those of the
+largest tube known, of an aircraft in the paper's step."""
+
 MOST_PIECES, MOST_SYMBOLS, MOST_SAMPLES = 4096, 20000, 10000
-"""Sizes above these are no tube's, and would only take up memory."""
+"""Numbers in a file above which a proof would only take up time and memory."""
+
+FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
+ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
+REFERENCE = {"reference": FLOAT}
+BOXES = {"d_low": FLOAT, "d_high": FLOAT, "counted": FLOAT}
+ROLL = {"roll": FLOAT}
+EVER = {
+    **{f"ever_{name}": FLOAT for name in ("W", "centre", "size", "bounds")},
+    "ever_chosen": SINGLE,
+}
+MEMBERS = ALWAYS | REFERENCE | BOXES | ROLL | EVER
+"""Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed."""
+
+LIMITLESS = np.array([[-np.inf, np.inf]] * len(QUANTITIES))
+"""Bounds on what nothing is enclosed of."""
+
+DAMAGE = (
+    *(zipfile.BadZipFile, zlib.error, EOFError, tokenize.TokenError, SyntaxError),
+    *(ValueError, TypeError, MemoryError, OverflowError, RuntimeError),
+)
+"""What a damaged file makes NumPy and `zipfile` raise."""
+
+
+class _Gains(Table):
+    K_P: GainMatrix
+    K_I: GainMatrix
+    law: Literal["exact"] | None = None
+
+
+class _Settings(Table):
+    sides: Annotated[int, Field(ge=1, le=64)]
+    symbols: Annotated[int, Field(ge=1, le=MOST_SYMBOLS)]
+    tolerance: Finite
+    most: Annotated[int, Field(ge=1, le=MOST_PIECES)]
+
+
+class _HandOver(Table):
+    sample: int
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
+
+
+class _Lag(Table):
+    order: Literal[1, 2, 3]
+    natural_frequency: Bandwidth
+    damping: Damping
+    lag: TimeConstant
+    delay: Delay
+
+
+class _Aircraft(Table):
+    lags: Annotated[list[_Lag], Field(min_length=2, max_length=2)]
+    start_known: bool
+    conformance_sha256: str
+
+
+class _Claim(Table):
+    """What cannot be rebuilt from the scenario, besides the arrays."""
+
+    format: Literal["flighttune tube 4"]
+    scenario: dict[str, Any]
+    gains: _Gains
+    plant: str
+    start_rad: Finite
+    disturbance_rad_s: Finite | None
+    law: str
+    settings: _Settings
+    lost: int | None
+    hand_over: _HandOver | None
+    aircraft: _Aircraft | None
 
 
 def save_tube(tube: Tube, path: str | Path) -> None:
@@ -66,55 +154,43 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         raise InputError(
             f"`tube` must be bounded to be proven, got one that is not: {tube.reason}."
         )
-    problem = tube.problem
+    problem, ever, boxes = tube.problem, tube.hand_over, tube.problem.boxes
     claim = {
-        "format": FORMAT,
+        "format": "flighttune tube 4",
         "scenario": problem.scenario.as_dict(),
         "gains": problem.gains.as_lists(),
         "plant": problem.plant,
         "start_rad": problem.start,
-        "lags": [asdict(lag) for lag in problem.lags],
-        "start_known": problem.start_known,
-        "basis": problem.basis,
+        "disturbance_rad_s": problem.disturbance,
         "law": problem.law,
         "settings": tube.settings._asdict(),
-        "reason": tube.reason,
         "lost": tube.lost,
+        "hand_over": ever and {"sample": ever.sample, "samples": ever.samples},
+        "aircraft": boxes
+        and {
+            "lags": [asdict(lag) for lag in boxes.lags],
+            "start_known": boxes.start_known,
+            "conformance_sha256": boxes.conformance_sha256,
+        },
     }
-    ever = tube.hand_over
+    looser = np.array([-LOOSER, LOOSER])
+    arrays = {
+        "claim": np.array(json.dumps(claim)),
+        "bounds": tube.bounds + looser,
+        "held": tube.held,
+        "chosen": tube.chosen,
+    }
+    if problem.scenario.reference.shape == "feasible":
+        arrays["reference"] = problem.reference
+    if boxes is not None:
+        arrays |= {name: getattr(boxes, name) for name in BOXES}
+        if boxes.roll is not None:
+            arrays["roll"] = boxes.roll
     if ever is not None:
-        claim["hand_over"] = {"sample": ever.sample, "samples": ever.samples}
+        arrays |= {name: getattr(ever, name.removeprefix("ever_")) for name in EVER}
+        arrays["ever_bounds"] = ever.bounds + looser
     with whole_file(Path(path)) as part, part.open("wb") as file:
-        np.savez_compressed(
-            file,
-            claim=np.array(json.dumps(claim)),
-            d_low=problem.d_low,
-            d_high=problem.d_high,
-            reference=problem.reference,
-            limits=np.array([getattr(problem.limits, name) for name in LIMITS]),
-            bounds=tube.bounds + np.array([-LOOSER, LOOSER]),
-            held=tube.held,
-            chosen=tube.chosen,
-            **({} if problem.roll is None else {"roll": problem.roll}),
-            **({} if problem.counted is None else {"counted": problem.counted}),
-            **({} if ever is None else _arrays(ever)),
-        )
-
-
-def _arrays(ever: HandOver) -> dict[str, Any]:
-    loosened = ever.bounds + np.array([-LOOSER, LOOSER])
-    arrays = {name: getattr(ever, name) for name in ("W", "centre", "size", "chosen")}
-    return {f"ever_{name}": one for name, one in {**arrays, "bounds": loosened}.items()}
-
-
-LIMITLESS = np.array([[-np.inf, np.inf]] * len(QUANTITIES))
-"""Bounds on what nothing is enclosed of."""
-
-DAMAGE = (
-    *(zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError),
-    *(MemoryError, OverflowError, RecursionError),
-)
-"""What a file that is damaged makes NumPy, `zipfile` and `json` raise, besides a ValueError."""
+        np.savez_compressed(file, **arrays)
 
 
 def is_tube_file(path: str | Path) -> bool:
@@ -122,100 +198,207 @@ def is_tube_file(path: str | Path) -> bool:
     return zipfile.is_zipfile(path)
 
 
-def load_tube(path: str | Path) -> Tube:
-    """Read a tube; nothing in it is trusted before `verify_tube` has checked it.
+def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
+    """Read a tube and rebuild its problem from the scenario in the file.
+
+    Bounds and choices in it are not trusted before `verify_tube` has checked them. The boxes of an
+    aircraft are those of the file, unless there is a conformance to rebuild them from.
+
+    Parameters
+    ----------
+    path : path-like
+    conformance : Conformance, optional
+        The one that the boxes of an aircraft must come from.
 
     Raises
     ------
     InputError
-        If the file cannot be read or is no tube; the message names the file and what is wrong.
+        If the file cannot be read, is no tube, or has another reference or other boxes than those
+        rebuilt; the message names the file and what is wrong.
     """
     try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            return _tube_from({name: arrays[name] for name in arrays.files})
+        arrays = _members(Path(path))
+        claim = _Claim.model_validate(json_object(str(arrays["claim"]), "`claim`"))
+        return _tube_from(claim, arrays, conformance)
     except OSError as error:
         raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_mistake(error)}") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    except (*DAMAGE, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: the file must be a tube of flighttune: {error}.") from error
 
 
-def _tube_from(arrays: dict[str, Any]) -> Tube:
-    claim = json.loads(str(arrays["claim"]))
-    if claim["format"] != FORMAT:
-        raise InputError(f"`format` must be {FORMAT!r}, got {claim['format']!r}.")
-    settings = Settings(**claim["settings"])
-    if not (1 <= settings.sides**2 <= MOST_PIECES and 1 <= settings.symbols <= MOST_SYMBOLS):
-        raise InputError(
-            f"`settings` must have at most {MOST_PIECES} pieces and {MOST_SYMBOLS} symbols, got "
-            f"{settings.sides**2} and {settings.symbols}."
-        )
-    scenario = scenario_from(claim["scenario"])
-    problem = TubeProblem(
-        scenario=scenario,
-        gains=PIGains.from_lists(**claim["gains"]),
-        plant=scenario.plant_table(claim["plant"]).label,
-        start=float(claim["start_rad"]),
-        d_low=arrays["d_low"],
-        d_high=arrays["d_high"],
-        reference=arrays["reference"],
-        limits=Limits(**dict(zip(LIMITS, arrays["limits"], strict=True))),
-        lags=tuple(InnerLag(**lag) for lag in claim["lags"]),
-        roll=arrays.get("roll"),
-        counted=arrays.get("counted"),
-        start_known=claim["start_known"] is True,
-        basis=str(claim["basis"]),
-        law=str(claim["law"]),
-    )
-    bounds, held, chosen = (np.asarray(arrays[name]) for name in ("bounds", "held", "chosen"))
-    shapes = (len(problem.t), len(QUANTITIES), 2), (len(problem.t), 2)
-    if (bounds.shape, held.shape) != shapes or chosen.ndim != 1:
-        raise InputError(f"`bounds` and `held` must have shapes {shapes}.")
-    if held.dtype != bool or not (np.isfinite(bounds).all() and np.isfinite(chosen).all()):
-        raise InputError("`bounds` and `chosen` must be finite, and `held` must be true or false.")
-    lost = None if claim["lost"] is None else int(claim["lost"])
-    if lost is not None and not (problem.counted is not None and 0 <= lost < len(problem.t)):
+def _members(path: Path) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of a file; their sizes and names are checked before any of them is unpacked."""
+    if path.stat().st_size > MOST_COMPRESSED:
+        raise InputError(f"the file must have at most {MOST_COMPRESSED} bytes, got more.")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            for i, entry in enumerate(entries):
+                name = entry.filename
+                if name.removesuffix(".npy") not in MEMBERS or not name.endswith(".npy"):
+                    raise InputError(f"`{shown(name)}` must not be in the file of a tube.")
+                if any(name == other.filename for other in entries[:i]):
+                    raise InputError(f"`{name}` must be in the file once, got it twice.")
+                if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                    raise InputError(f"`{name}` must be stored or deflated.")
+                # No more than this is ever unpacked: `zipfile` reads up to the size stated.
+                if sum(earlier.file_size for earlier in entries[: i + 1]) > MOST_BYTES:
+                    raise InputError(
+                        f"`{name}` must fit into the {MOST_BYTES} bytes of a tube, got "
+                        f"{entry.file_size} bytes."
+                    )
+            arrays = {
+                entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in entries
+            }
+    except (InputError, OSError):
+        raise
+    except DAMAGE as error:
+        raise InputError(f"the file must be a tube of flighttune: {error}.") from error
+    for name in ALWAYS:
+        if name not in arrays:
+            raise InputError(f"`{name}.npy` must be in the file of a tube.")
+    return arrays
+
+
+def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> npt.NDArray[Any]:
+    """One array, of the type that its name asks for, with finite numbers."""
+    kind = MEMBERS[entry.filename.removesuffix(".npy")]
+    with archive.open(entry) as member:
+        array = np.lib.format.read_array(member, allow_pickle=False)
+    if array.dtype != kind and not (kind == TEXT and array.dtype.kind == "U" and array.ndim == 0):
+        raise InputError(f"`{entry.filename}` must be of type {kind.name}, got {array.dtype}.")
+    if kind in (FLOAT, SINGLE) and not np.isfinite(array).all():
+        raise InputError(f"`{entry.filename}` must be finite.")
+    return array
+
+
+def _tube_from(
+    claim: _Claim, arrays: Mapping[str, npt.NDArray[Any]], conformance: Conformance | None
+) -> Tube:
+    scenario = scenario_from(claim.scenario)
+    # Before anything as long as the scenario is made: a file may state a duration of years.
+    k = sample_count(scenario)
+    _check_shapes(arrays, {"bounds": (k, len(QUANTITIES), 2), "held": (k, 2)})
+    problem = _problem(claim, scenario, arrays, conformance)
+    needed = {
+        **ALWAYS,
+        **(REFERENCE if scenario.reference.shape == "feasible" else {}),
+        **(BOXES if problem.boxes else {}),
+        **(ROLL if problem.roll is not None else {}),
+        **(EVER if claim.hand_over else {}),
+    }
+    for name in arrays.keys() - needed.keys():
+        raise InputError(f"`{name}.npy` must not be in the file of this tube.")
+    if claim.lost is not None and not (problem.boxes and 0 <= claim.lost < k):
         raise InputError("`lost` must be a sample of a tube with errors that were counted.")
     return Tube(
         problem=problem,
         status="bounded",
-        reason=str(claim["reason"]),
+        reason=""
+        if claim.lost is None
+        else f"the flights of the model are not enclosed from t = {problem.t[claim.lost]:.2f} s on",
         t=problem.t,
-        bounds=bounds.astype(float),
-        held=held,
-        settings=settings,
-        chosen=chosen.astype(np.float32),
-        hand_over=_hand_over(claim.get("hand_over"), arrays, problem),
-        lost=lost,
+        bounds=arrays["bounds"],
+        held=arrays["held"],
+        settings=Settings(**claim.settings.model_dump()),
+        chosen=arrays["chosen"].ravel(),
+        hand_over=claim.hand_over and _hand_over(claim.hand_over, arrays, problem),
+        lost=claim.lost,
     )
 
 
-def _hand_over(
-    counts: dict[str, int] | None, arrays: dict[str, Any], problem: TubeProblem
-) -> HandOver | None:
-    if counts is None:
-        return None
-    n = problem.loop.rows
-    shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}
-    found = {name: np.asarray(arrays[f"ever_{name}"], dtype=float) for name in shapes}
-    chosen = np.asarray(arrays["ever_chosen"]).astype(np.float32)
-    if any(found[name].shape != shape for name, shape in shapes.items()) or chosen.ndim != 1:
-        raise InputError(f"the arrays of the hand-over must have shapes {shapes}.")
-    if not all(np.isfinite(one).all() for one in (*found.values(), chosen)):
-        raise InputError("the numbers of the hand-over must be finite.")
-    last = len(problem.t)
-    sample, samples = int(counts["sample"]), int(counts["samples"])
-    if not (settled_from(problem.loop) < sample <= last and 1 <= samples <= MOST_SAMPLES):
-        raise InputError(
-            f"the hand-over must be after the last change and by sample {last}, and take at most "
-            f"{MOST_SAMPLES} samples, got sample {sample} and {samples} samples."
+def _problem(
+    claim: _Claim,
+    scenario: Scenario,
+    arrays: Mapping[str, npt.NDArray[Any]],
+    conformance: Conformance | None,
+) -> TubeProblem:
+    """The problem of the scenario; only boxes may come from the file, and a feasible reference."""
+    gains, plant = PIGains.from_lists(**claim.gains.model_dump()), scenario.plant_table(claim.plant)
+    reference = reference_of(scenario)
+    if scenario.reference.shape == "feasible":
+        reference = _agreed(arrays, reference)
+    boxes = None
+    if claim.aircraft is not None:
+        boxes = AircraftBoxes(
+            d_low=_present(arrays, "d_low"),
+            d_high=_present(arrays, "d_high"),
+            counted=_present(arrays, "counted"),
+            roll=arrays.get("roll"),
+            lags=tuple(InnerLag(**lag.model_dump()) for lag in claim.aircraft.lags),
+            start_known=claim.aircraft.start_known,
+            conformance_sha256=claim.aircraft.conformance_sha256,
         )
-    return HandOver(sample=sample, samples=samples, chosen=chosen, **found)
+    if conformance is not None:
+        rebuilt = AircraftBoxes.of(conformance, scenario, plant, gains, claim.start_rad, reference)
+        differs = "aircraft" if boxes is None else rebuilt.difference(boxes)
+        if differs is not None:
+            raise InputError(f"`{differs}` must be that of the conformance, got another.")
+        boxes = rebuilt
+    return TubeProblem(
+        scenario=scenario,
+        gains=gains,
+        plant=plant.label,
+        start=claim.start_rad,
+        disturbance=claim.disturbance_rad_s,
+        boxes=boxes,
+        law=claim.law,
+        reference=reference,
+    )
+
+
+def _agreed(arrays: Mapping[str, npt.NDArray[Any]], rebuilt: FloatArray) -> FloatArray:
+    """The reference of the file, which must be the one rebuilt but for its last digits."""
+    stored = read_only_matrix("reference", _present(arrays, "reference"), rebuilt.shape)
+    off = float(np.abs(stored - rebuilt).max())
+    if off > SAME_REFERENCE:
+        raise InputError(
+            f"`reference` must be that of the scenario to {SAME_REFERENCE:g} (rad, 1, rad/s), got "
+            f"one that is off by {off:.3g}."
+        )
+    return stored
+
+
+def _present(arrays: Mapping[str, npt.NDArray[Any]], name: str) -> npt.NDArray[Any]:
+    if name not in arrays:
+        raise InputError(f"`{name}.npy` must be in the file of this tube.")
+    return arrays[name]
+
+
+def _check_shapes(
+    arrays: Mapping[str, npt.NDArray[Any]], shapes: Mapping[str, tuple[int, ...]]
+) -> None:
+    for name, shape in shapes.items():
+        if _present(arrays, name).shape != shape:
+            raise InputError(f"`{name}` must have shape {shape}, got {arrays[name].shape}.")
+
+
+def _hand_over(
+    stated: _HandOver, arrays: Mapping[str, npt.NDArray[Any]], problem: TubeProblem
+) -> HandOver:
+    n, last = problem.loop.rows, len(problem.t)
+    shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}
+    _check_shapes(arrays, {f"ever_{name}": shape for name, shape in shapes.items()})
+    if not settled_from(problem.loop) < stated.sample <= last:
+        raise InputError(
+            f"`hand_over` must be after the last change and by sample {last}, got sample "
+            f"{stated.sample}."
+        )
+    return HandOver(
+        sample=stated.sample,
+        samples=stated.samples,
+        chosen=_present(arrays, "ever_chosen").ravel(),
+        **{name: arrays[f"ever_{name}"] for name in shapes},
+    )
 
 
 def verify_tube(
-    tube: Tube | str | Path, *, progress: Callable[[float], None] | None = None
+    tube: Tube | str | Path,
+    *,
+    conformance: Conformance | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Verification:
     """Prove every sample of a tube again from the choices in it.
 
@@ -223,6 +406,8 @@ def verify_tube(
     ----------
     tube : Tube or path-like
         The value, or the file it was written to.
+    conformance : Conformance, optional
+        As of `load_tube`, for a file.
     progress : callable, optional
         Called with the part that is checked, 0 to 1.
 
@@ -235,10 +420,10 @@ def verify_tube(
     Raises
     ------
     InputError
-        If a file cannot be read or is no tube.
+        As of `load_tube`.
     """
     if not isinstance(tube, Tube):
-        tube = load_tube(tube)
+        tube = load_tube(tube, conformance)
     problem = tube.problem
     enclosure = enclosure_of(problem.loop, first_set(problem, tube.settings), Replay(tube.chosen))
     margins, ever = np.full(len(QUANTITIES), np.inf), tube.hand_over

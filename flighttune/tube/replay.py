@@ -10,6 +10,9 @@ from flighttune.tube.forms import Form, Indices, Pieces
 from flighttune.tube.interval import Interval
 from flighttune.tube.sample import Channel, Cut
 
+MOST_NUMBERS = 2**23
+"""In the arrays of a set: four times as many as a search comes to. A split at most doubles them."""
+
 
 class Replay:
     """A `Plan` that reads what a search chose.
@@ -33,6 +36,8 @@ class Replay:
 
     def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
         """As chosen."""
+        if pieces.values.size > MOST_NUMBERS:
+            raise IndexError("the choices make the set too large")
         split, i, side = self._next(3)
         if split == 0.0:
             return None

@@ -66,7 +66,9 @@ NARROWEST = 1e-9
 """Half width of a range, rad and 1, below which it is not remembered: it would say nothing."""
 
 FRESH_SYMBOLS = 20
-"""Most symbols that a sample adds."""
+"""Most symbols that a sample adds: of the paper's law 12 for the kinks of four limits, 2 commands,
+2 integrals, course, path angle, and behind lags a load factor and a roll seen. The exact law adds
+7, and one more for every time that pieces are split after its roll command."""
 
 TAKE_UP = 25
 """Samples after which errors without a symbol get one: until then they only add up, and what the
@@ -76,6 +78,13 @@ COMPUTED = 1e-11
 """More than a sample of a computed flight differs from the exact one, rad and 1: the classical
 Runge-Kutta rule over 0.02 s and some rounding."""
 
+
+RATE, RANGE = "rate limit", "range"
+
+COMMANDS = ("roll", "the load factor")
+
+SIDES = (("to the right", "to the left"), ("upwards", "downwards"))
+"""Of the limits above and below the two commands."""
 
 CLIMB = "the flight-path angle"
 
@@ -178,10 +187,14 @@ class Inversion(NamedTuple):
 
 
 class Excess(NamedTuple):
-    """How far a command would be beyond one of its limits: the form Y and its values."""
+    """How far a command would be beyond one of its limits: the form Y and its values.
+
+    `limit` says which limits these can be, in words.
+    """
 
     form: Form
     values: Interval
+    limit: str
 
 
 class Channel(NamedTuple):
@@ -233,8 +246,8 @@ class Bounds(NamedTuple):
     ----------
     ranges : ndarray, shape (4, 2)
         Lower and upper bound of course error, flight-path-angle error, roll and load-factor
-        command; the errors hold up to the next sample with the margin added, against the straight
-        line between the samples' bounds.
+        command. The errors have a margin, with which they also hold between the samples: on the
+        straight line from the bounds of one to those of the next.
     held : ndarray of bool, shape (2,)
         Whether a limit can hold the command.
     """
@@ -306,12 +319,17 @@ class Enclosure:
     ----------
     overlap : float
         By how much the halves of a piece overlap.
+    limits : dict of str to (str, int)
+        By command and side, which of its limits could act in the last sample, and the sample since
+        which some did without a break.
     """
 
     overlap = 0.0
 
     def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan) -> None:
         self.loop, self.pieces, self.plan = loop, pieces, plan
+        self.limits: dict[str, tuple[str, int]] = {}
+        self._margin = np.zeros(2)
 
     def sample(self, k: int) -> Bounds:
         """Take the set through sample k and on to the next; return what is proven of it.
@@ -334,8 +352,10 @@ class Enclosure:
         ranges = [*map(ordered, (*error_ranges, *flown.commands))]
         bounds = np.array([(one.low.min(), one.high.max()) for one in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
-        # times how far apart its rate can be.
-        margin = 0.25 * loop.dt * flown.spread * UP
+        # times how far apart its rate can be. The line between the bounds needs that at both of its
+        # ends, so a sample takes the larger margin of the interval before it and of the one after.
+        after = 0.25 * loop.dt * flown.spread * UP
+        margin, self._margin = np.maximum(self._margin, after), after
         bounds[:2, 0] -= margin
         bounds[:2, 1] += margin
         return Bounds(bounds, np.array(held))
@@ -343,6 +363,8 @@ class Enclosure:
     def _controlled(self, k: int) -> "Controlled":
         """The commands of sample k, in as many pieces as that takes."""
         pieces = self.pieces
+        # A split changes the pieces and their constraints, so every form is made anew after it. No
+        # symbol is added before the last pass: constraints may only speak of symbols that stay.
         while True:
             state = pieces.forms()
             errors = self._errors(k, state)
@@ -355,10 +377,24 @@ class Enclosure:
             *(self._limited(i, c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
             strict=True,
         )
+        self._note_limits(k, channels)
         phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
         phi = pieces.fresh(phi, PHI)
         extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
         return Controlled(state, errors, roll, phi, extra, self._kept(integrals), held)
+
+    def _note_limits(self, k: int, channels: Sequence[Channel]) -> None:
+        """Write down which limits can act, so that a set that is lost has a cause."""
+        sides = {
+            f"{command} {side}": excess
+            for command, sides, channel in zip(COMMANDS, SIDES, channels, strict=True)
+            for side, excess in zip(sides, (channel.above, channel.below), strict=True)
+        }
+        self.limits = {
+            side: (excess.limit, self.limits[side][1] if side in self.limits else k)
+            for side, excess in sides.items()
+            if excess is not None and (excess.values.high > 0.0).any()
+        }
 
     def _kept(self, integrals: Sequence[Form]) -> list[Form]:
         """Integrals with a symbol each for their errors."""
@@ -463,18 +499,19 @@ class Enclosure:
             return None
         if math.isinf(step):
             form = combined((side, x), (side, command), shift=-limit)
-            return Excess(form, self._range(form))
-        terms = [(side, x)]
+            return Excess(form, self._range(form), RANGE)
+        terms, name = [(side, x)], RATE
         if not math.isinf(limit):
             # What the range leaves of the step: all of it, unless the command is near its end.
             near = values * side + (step - limit)
             if (near.high > 0.0).any():
+                name = RANGE if (near.low >= 0.0).all() else f"{RATE} or the {RANGE}"
                 close = combined((side, command), shift=step - limit)
                 # A command is never beyond its range.
                 near = ordered(Interval(near.low, np.minimum(near.high, step)))
                 terms.append((1.0, positive_part(close, near, self.plan.slope(near))))
         form = combined(*terms, shift=-step)
-        return Excess(form, self._range(form))
+        return Excess(form, self._range(form), name)
 
     def _empty(self, channels: Sequence[Channel]) -> Flags:
         empty = np.zeros(len(self.pieces), dtype=bool)
@@ -492,7 +529,7 @@ class Enclosure:
     def _split(self, cut: Cut) -> None:
         """Below and above `cut.at`: a flight is in one of the two."""
         which, pieces = np.flatnonzero(cut.which), self.pieces
-        form, values = cut.excess
+        form, values, _ = cut.excess
         count = len(pieces)
         pieces.split(which)
         both = [

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from flighttune.arrays import FloatArray
 from flighttune.conformance import Conformance
 from flighttune.control.gains import PIGains
 from flighttune.scenario.schema import Scenario
@@ -11,9 +12,15 @@ from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
 from flighttune.tube.problem import TubeProblem, tube_problem
 from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set, within_counted
-from flighttune.tube.sample import Unbounded
+from flighttune.tube.sample import Bounds, Unbounded
 from flighttune.tube.search import Search
 from flighttune.tube.settling import coordinates, hand_over
+
+DOUBLING = 0.2
+"""Time, s, within which the width of a set that is about to be lost doubles."""
+
+LEAST_DISTURBANCE, MOST_DISTURBANCE = 1e-5, 10.0
+"""Between which the largest disturbance is looked for, rad/s."""
 
 UNKNOWN_START = "in wind the path over ground begins elsewhere, and the scenario states no wind"
 
@@ -74,6 +81,63 @@ def tube(
     return within_counted(found) if lost else found
 
 
+def largest_disturbance(
+    scenario: Scenario,
+    gains: PIGains,
+    *,
+    plant: str | None = None,
+    start: float = 0.0,
+    law: str = "exact",
+    progress: Callable[[float], None] | None = None,
+) -> list[Tube]:
+    """Look for the largest disturbance, to two digits, for which the set is bounded.
+
+    Parameters
+    ----------
+    scenario, gains, plant, start, law, progress
+        As of `tube`.
+
+    Returns
+    -------
+    list of Tube
+        All that were tried, by disturbance. The largest bounded one is known to two digits if one
+        that is larger follows it; the list ends with a bounded one at `MOST_DISTURBANCE`, and has
+        none at all if none down to `LEAST_DISTURBANCE`, or to the scenario's own, is bounded.
+    """
+    tried: dict[float, Tube] = {}
+    least = max(np.abs(tube_problem(scenario, gains, plant=plant, law=law).d_high).max(), 0.0)
+
+    def bounded(size: float) -> bool:
+        problem = tube_problem(scenario, gains, plant=plant, start=start, disturbance=size, law=law)
+        tried[size] = enclosed(problem, for_ever=False, progress=progress)
+        return tried[size].status == "bounded"
+
+    low, high = _bracket(bounded, max(0.01, float(least)), max(LEAST_DISTURBANCE, float(least)))
+    while low and high:
+        middle = float(f"{np.sqrt(low * high):.2g}")
+        if not low < middle < high:
+            break
+        low, high = (middle, high) if bounded(middle) else (low, middle)
+    return [tried[size] for size in sorted(tried)]
+
+
+def _bracket(
+    bounded: Callable[[float], bool], size: float, least: float
+) -> tuple[float | None, float | None]:
+    """A disturbance that is bounded and twice as much, or less, that is not; None without one."""
+    if bounded(size):
+        while size < MOST_DISTURBANCE:
+            size, low = 2.0 * size, size
+            if not bounded(size):
+                return low, size
+        return size, None
+    while size > least:
+        size, high = max(0.5 * size, least), size
+        if bounded(size):
+            return size, high
+    return None, size
+
+
 def enclosed(
     problem: TubeProblem,
     *,
@@ -104,6 +168,26 @@ def enclosed(
     return best
 
 
+def _why_lost(
+    stop: str, t: FloatArray, found: Sequence[Bounds], limits: dict[str, tuple[str, int]]
+) -> str:
+    """Where the set is lost, which limits could act before, and since when its width doubles."""
+    lost = len(found)
+    reason = f"{stop} from t = {t[lost]:.2f} s on"
+    acting = [f"the {limit} of {side} from {t[k]:.2f} s on" for side, (limit, k) in limits.items()]
+    if acting:
+        reason += f"; commands can be held by {', '.join(acting)}"
+    span = round(DOUBLING / (t[1] - t[0]))
+    if lost <= span:
+        return reason
+    widths = np.ptp([one.ranges[:2] for one in found], axis=2)
+    steady = (widths[span:] < 2.0 * widths[:-span]).all(axis=1)
+    first = int(np.flatnonzero(steady)[-1]) + 1 if steady.any() else 0
+    if first < len(steady):
+        reason += f"; from {t[first]:.2f} s on the width doubles within {DOUBLING} s"
+    return reason
+
+
 def _attempts(problem: TubeProblem) -> list[Settings]:
     disturbed = bool((problem.d_low < problem.d_high).any())
     sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
@@ -131,7 +215,7 @@ def _attempt(
         try:
             found.append(enclosure.sample(k))
         except Unbounded as stop:
-            reason = f"{stop} from t = {t[k]:.2f} s on"
+            reason = _why_lost(str(stop), t, found, enclosure.limits)
             break
         if rows is not None and k >= still:
             hulls[k + 1] = hull(enclosure.pieces, rows[0])

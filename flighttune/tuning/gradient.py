@@ -1,4 +1,4 @@
-"""Tuning by exact gradients from several starts at once."""
+"""Tuning by SLSQP on exact gradients from several starts."""
 
 import time
 
@@ -20,6 +20,10 @@ from flighttune.tuning.result import (
 from flighttune.tuning.starts import stabilising_starts
 
 STARTS = 4
+
+PROBES = 2
+"""Starts that must all miss feasibility before the smallest I_K is looked for."""
+
 AGREEMENT = 1e-4
 RATE_GIVEN_UP = 1e-4
 """Share of R_K given up for a smaller trace of Q where I_K does not bind."""
@@ -29,7 +33,7 @@ METHOD = "gradient"
 def tune_by_gradient(
     problem: TuningProblem, *, starts: int = STARTS, first: FloatArray | None = None
 ) -> TuningResult:
-    """Gains of the largest R_K, by exact gradients and curvatures from several starts.
+    """Gains of the largest R_K, by SLSQP on exact gradients from several starts.
 
     Parameters
     ----------
@@ -65,14 +69,17 @@ def tune_by_gradient(
             method=METHOD,
             wall_s=time.perf_counter() - began,
         )
-    found = searches(problem, k, "R_K")
-    smallest = None
-    if not any(is_feasible(problem, one) for one in found):
+    ends = searches(problem, k[:PROBES], "R_K")
+    smallest, warm = None, k[:0]
+    if not any(is_feasible(problem, end) for end in ends):
         smallest = smallest_radius(problem, k)
-    if smallest is not None and smallest.I_K <= problem.I_star:
-        found = [smallest, *searches(problem, smallest.K[space.free][None], "R_K")]
-    feasible = [one for one in found if is_feasible(problem, one)]
-    best = max(feasible, key=lambda one: one.R_K, default=smallest)
+    if smallest is not None:
+        warm = smallest.K[space.free][None]
+        ends.append(smallest)
+    if smallest is None or smallest.I_K <= problem.I_star:
+        ends += searches(problem, np.vstack([warm, k[PROBES:]]), "R_K")
+    feasible = [end for end in ends if is_feasible(problem, end)]
+    best = max(feasible, key=lambda end: end.R_K, default=smallest)
     value = best.R_K if best else 0.0
     if feasible and best is not None and "I_K" not in best.active:
         best = _calmest_at_rate(problem, best)
@@ -83,17 +90,27 @@ def tune_by_gradient(
         reason="" if feasible else why_infeasible(problem, best),
         method=METHOD,
         starts=len(k),
-        agreeing=sum(one.R_K >= (1.0 - AGREEMENT) * value for one in feasible),
+        agreeing=sum(end.R_K >= (1.0 - AGREEMENT) * value for end in feasible),
         wall_s=time.perf_counter() - began,
         smallest_I_K=best.I_K if best and not feasible else None,
     )
 
 
 def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
-    """The smallest I_K found within limits and bounds from free gains k, shape (starts, f)."""
-    found = searches(problem, k, "I_K")
-    kept = [one for one in found if one.within_limits and one.R_K > 0.0]
-    return min(kept, key=lambda one: one.I_K, default=None)
+    """The smallest I_K within limits and bounds from free gains k, shape (starts, f).
+
+    The search ends when two starts agree.
+    """
+    best = None
+    for start in k:
+        (end,) = searches(problem, start[None], "I_K")
+        if not (end.within_limits and end.R_K > 0.0):
+            continue
+        if best is not None and abs(end.I_K - best.I_K) <= AGREEMENT * best.I_K:
+            return min(best, end, key=lambda gains: gains.I_K)
+        if best is None or end.I_K < best.I_K:
+            best = end
+    return best
 
 
 def _calmest_at_rate(problem: TuningProblem, best: Assessment) -> Assessment:

@@ -179,20 +179,17 @@ def channels(problem: TuningProblem) -> tuple[Channel, ...]:
     R_K of the whole loop is the smallest of the channels', so that the whole problem leaves the
     better channels undetermined. Each channel's own problem does not.
     """
+    from scipy.sparse.csgraph import connected_components
+
     model = problem.model
     n, m, p = model.shape
     acts = np.zeros((n + m + p, n + m + p))
     acts[:n, :n], acts[:n, n : n + m], acts[n + m :, :n] = model.A, model.B, model.C
-    linked = (acts != 0.0) | (acts.T != 0.0) | np.eye(len(acts), dtype=bool)
-    for _ in range(len(acts).bit_length()):
-        linked = linked @ linked
-    part = linked.argmax(axis=1)  # a group goes by its first member
+    count, part = connected_components(acts != 0.0, directed=False)
     groups = [part[:n], part[n : n + m], part[n + m :]]
     driven = list(dict.fromkeys(groups[1].tolist()))
     places = [[np.flatnonzero(group == k) for group in groups] for k in driven]
-    if set(part.tolist()) > set(driven) or not all(
-        len(states) and len(errors) for states, _, errors in places
-    ):
+    if count > len(driven) or not all(len(states) and len(errors) for states, _, errors in places):
         return (Channel(inputs=np.arange(m), errors=np.arange(p), problem=problem),)
     return tuple(
         Channel(inputs=inputs, errors=errors, problem=_part(problem, states, inputs, errors))

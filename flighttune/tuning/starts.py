@@ -8,7 +8,6 @@ from flighttune.theory.indicators import indicators_batch
 from flighttune.tuning.problem import SearchSpace, TuningProblem
 
 REGULATORS = 16
-SIGN_STEPS = 20
 VARIANTS = 16
 """Candidates: this many regulators with random weights, each changed at random this often."""
 
@@ -56,35 +55,22 @@ def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) 
 
 def _regulators(model: LinearModel, rng: np.random.Generator) -> FloatArray:
     """Stacked gains of linear-quadratic regulators, shape (`REGULATORS`, m, 2 p)."""
+    from scipy.linalg import solve_continuous_are
+
     n, m, p = model.shape
     A = np.zeros((n + p, n + p))
     A[:n, :n], A[n:, :n] = model.A, model.C
     B = np.vstack([model.B, np.zeros((p, m))])
     Q, R = (10.0 ** rng.uniform(-1.5, 1.5, (REGULATORS, size)) for size in (n + p, m))
-    entry = B / R[:, None, :]
-    K = -entry.mT @ _riccati_solutions(A, entry @ B.T, Q[..., None] * np.eye(n + p))
-    return np.concatenate([K[..., :n] @ np.linalg.pinv(model.C), K[..., n:]], axis=-1)
-
-
-def _riccati_solutions(A: FloatArray, G: FloatArray, Q: FloatArray) -> FloatArray:
-    """X of ``A'X + XA - XGX + Q = 0`` by the sign of the Hamiltonian; zero where it fails.
-
-    Roberts, *Linear model reduction and solution of the algebraic Riccati equation by use of the
-    sign function*, Int. J. Control 32(4), 1980. A stack at a time, and good enough for starts.
-    """
-    size = len(A)
-    A = np.broadcast_to(A, Q.shape)
-    sign = np.block([[A, -G], [-Q, -A.mT]])
-    with np.errstate(all="ignore"):
+    gains = []
+    for q, r in zip(Q, R, strict=True):
         try:
-            for _ in range(SIGN_STEPS):
-                scale = np.abs(np.linalg.det(sign))[:, None, None] ** (-0.5 / size)
-                sign = (scale * sign + np.linalg.inv(sign) / scale) / 2.0
+            X = solve_continuous_are(A, B, np.diag(q), np.diag(r))
         except np.linalg.LinAlgError:  # a mode on the axis that no input reaches
-            return np.zeros(Q.shape)
-        sign = np.where(np.isfinite(sign).all(axis=(1, 2), keepdims=True), sign, 0.0)
-    kept = sign + np.eye(2 * size)
-    return -np.linalg.pinv(kept[:, :, size:]) @ kept[:, :, :size]
+            X = np.zeros(A.shape)
+        gains.append(-(B / r).T @ X)
+    K = np.array(gains)
+    return np.concatenate([K[..., :n] @ np.linalg.pinv(model.C), K[..., n:]], axis=-1)
 
 
 def _shrink(k: FloatArray, space: SearchSpace) -> FloatArray:

@@ -1,5 +1,6 @@
 """An aircraft's tube: its conformant model under every disturbance in the boxes."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -7,15 +8,25 @@ import numpy as np
 import pytest
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.conformance import Conformance, ConformantModel, RateBoxes, Windows
+from flighttune.conformance import (
+    Conformance,
+    ConformantModel,
+    RateBoxes,
+    Windows,
+    load_conformance,
+    save_conformance,
+)
 from flighttune.conformance.file import Attempt, Distribution, flown_values
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
+from flighttune.report.toml_text import toml_text
 from flighttune.scenario import scenario_from
 from flighttune.tube.flights import flights_inside
 from flighttune.tube.proof import load_tube, save_tube, verify_tube
 from flighttune.tube.tube import tube
+from tests.commands import flighttune
+from tests.tube.test_proof import arrays_of, claim_of, rewritten
 from tests.tube.test_soundness import made_up
 
 WIDE = 0.05
@@ -106,10 +117,11 @@ def test_the_feed_forward_sees_the_roll_flown():
 
     assert wide.half_widths[-1, 3] > 1.2 * narrow.half_widths[-1, 3]
     assert without.problem.roll is None
+    boxes = wide.problem.boxes
     with pytest.raises(InputError, match="`roll` must be given just where a feed-forward sees"):
-        replace(wide.problem, roll=None)
+        replace(wide.problem, boxes=replace(boxes, roll=None))
     with pytest.raises(InputError, match="`roll` must be lower and upper bounds"):
-        replace(wide.problem, roll=-wide.problem.roll)
+        replace(wide.problem, boxes=replace(boxes, roll=-boxes.roll))
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +147,8 @@ def test_where_the_set_is_lost_errors_are_within_those_counted(lost, tmp_path):
     assert flights_inside(lost)
     save_tube(lost, tmp_path / "tube.npz")
     again = load_tube(tmp_path / "tube.npz")
-    assert (again.lost, again.reason) == (lost.lost, lost.reason)
+    assert again.lost == lost.lost
+    assert f"from t = {lost.counted_from:.2f} s on" in again.reason
     assert verify_tube(again).valid
 
 
@@ -216,5 +229,126 @@ def test_what_the_boxes_say_nothing_about_is_refused():
         tube(scenario, PAPER_GAINS, conformance=known, disturbance=0.1)
     with pytest.raises(InputError, match="`conformance` must be given"):
         tube(scenario, PAPER_GAINS, plant="jsbsim:aerosonde")
+    scheduled = scenario.as_dict()
+    scheduled["controller"]["schedule"] = True
+    with pytest.raises(InputError, match=r"`schedule` of \[controller\] must be false"):
+        tube(scenario_from(scheduled), PAPER_GAINS, conformance=known)
     with pytest.raises(InputError, match="of kind jsbsim"):
         tube(made_up(), PAPER_GAINS, conformance=known)
+
+
+@pytest.fixture(scope="module")
+def proof(tmp_path_factory):
+    """The file of a tube, and that of the conformance its boxes come from."""
+    scenario = flight(duration_s=0.3, feed_forward=True)
+    folder = tmp_path_factory.mktemp("proof")
+    boxes = conformance(scenario)
+    save_conformance(boxes, folder / "boxes.json")
+    save_tube(tube(scenario, PAPER_GAINS, conformance=boxes), folder / "tube.npz")
+    return folder / "tube.npz", folder / "boxes.json"
+
+
+UNCHECKED = "for the boxes in the file; that an aircraft keeps them is not checked here"
+
+
+@pytest.mark.slow
+def test_without_its_conformance_a_tube_is_proven_for_the_boxes_in_the_file_alone(proof):
+    stdout, _ = flighttune("verify", proof[0])
+    found, _ = flighttune("verify", proof[0], "--json")
+
+    assert UNCHECKED in stdout
+    assert not re.search("probability|confidence|797|made up.*drawn", stdout)
+    found = json.loads(found)
+    assert (found["valid"], found["aircraft_checked"]) == (True, False)
+    assert found["claim"]["counted"] is None
+    assert "probability" not in found["claim"]["model"]
+
+
+@pytest.mark.slow
+def test_with_its_conformance_boxes_are_rebuilt_and_what_was_counted_is_said(proof):
+    stdout, _ = flighttune("verify", proof[0], "--conformance", proof[1])
+    found, _ = flighttune("verify", proof[0], "--conformance", proof[1], "--json")
+
+    assert UNCHECKED not in stdout
+    assert "of 797 flights not used, none left the boxes" in stdout
+    found = json.loads(found)
+    assert (found["valid"], found["aircraft_checked"]) == (True, True)
+    assert "at most 0.01, confidence 0.999" in found["claim"]["counted"]
+    assert found["claim"]["disturbance_rad_s"] == [2 * [-WIDE], 2 * [WIDE]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arrays", "aircraft", "name"),
+    [
+        ({"d_high": 0.1}, {}, "d_high"),
+        ({"counted": 1e-6}, {}, "counted"),
+        ({"roll": 0.5}, {}, "roll"),
+        ({}, {"start_known": False}, "start_known"),
+        ({}, {"conformance_sha256": "0" * 64}, "conformance_sha256"),
+    ],
+)
+def test_boxes_other_than_those_counted_are_refused(proof, tmp_path, arrays, aircraft, name):
+    factors, stored = arrays, arrays_of(proof[0])
+    claim = {**claim_of(proof[0])["aircraft"], **aircraft}
+    narrower = {name: factor * stored[name] for name, factor in factors.items()}
+    path = rewritten(proof[0], narrower, tmp_path / "forged.npz", aircraft=claim)
+
+    assert load_tube(path).problem.aircraft_checked is False
+    with pytest.raises(InputError, match=rf"forged\.npz: `{name}` must be that of the conformance"):
+        load_tube(path, load_conformance(proof[1]))
+
+
+@pytest.mark.slow
+def test_another_conformance_than_that_of_the_tube_is_refused(proof):
+    counted = load_conformance(proof[1])
+    luckier = replace(counted, epsilon=1e-9)
+    doubled = PIGains(K_P=2.0 * PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
+
+    with pytest.raises(InputError, match="`conformance_sha256` must be that of the conformance"):
+        load_tube(proof[0], luckier)
+    with pytest.raises(InputError, match="`K_P` must be that of paper"):
+        load_tube(proof[0], replace(counted, gains=doubled))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", ["counted", "basis", "lost", "epsilon"])
+def test_an_aircraft_out_of_thin_air_is_refused(proof, tmp_path, key):
+    claim = {**claim_of(proof[0])["aircraft"], key: 10**9}
+    path = rewritten(proof[0], {}, tmp_path / "forged.npz", aircraft=claim)
+
+    with pytest.raises(InputError, match=rf"`aircraft\.{key}`"):
+        load_tube(path)
+
+
+@pytest.mark.slow
+def test_boxes_and_an_aircraft_go_together(proof, tmp_path):
+    path = rewritten(proof[0], {}, tmp_path / "forged.npz", aircraft=None)
+    with pytest.raises(InputError, match="`conformance` must be given"):
+        load_tube(path)
+
+    scenario = {**claim_of(proof[0])["scenario"], "plant": [{"kind": "kinematic"}]}
+    rewritten(proof[0], {}, path, scenario=scenario, plant="kinematic")
+    with pytest.raises(InputError, match="`boxes` must be of an aircraft, got kinematic"):
+        load_tube(path)
+
+
+@pytest.mark.slow
+def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
+    scenario = flight(duration_s=0.6)
+    path = tmp_path / "flight.toml"
+    path.write_text(toml_text(scenario.as_dict()))
+    # The aircraft leaves boxes that are this narrow, and so does its flight their tube.
+    save_conformance(conformance(scenario, half_width=1e-7), tmp_path / "boxes.json")
+    options = "--gains", "paper", "--conformance", tmp_path / "boxes.json"
+
+    stdout, stderr = flighttune(
+        "tube", path, *options, "--out", tmp_path / "tube.npz", "--json", status=1
+    )
+    _, said = flighttune("fly", path, "--tube", *options[2:], "--out", tmp_path / "runs", status=1)
+
+    assert json.loads(stdout)["inside"] is False
+    assert "a flight leaves the tube" in stderr
+    assert not list(tmp_path.glob("tube.*"))
+    assert "jsbsim:aerosonde / paper: the flight leaves its tube" in said
+    assert not list((tmp_path / "runs").glob("tubes/*"))

@@ -1,11 +1,15 @@
 """`flighttune tube` and `verify` of its file, as a user meets them."""
 
 import json
+import math
+import re
 
 import pandas as pd
 import pytest
 
+from flighttune.control.gains import PAPER_GAINS
 from tests.commands import flighttune
+from tests.tube.test_proof import claim_of, rewritten
 
 SHORT = """
 title = "a short turn"
@@ -62,14 +66,51 @@ def test_a_tube_is_found_written_and_verified(scenario, tmp_path):
     assert {"t", "chi_err_low", "gamma_err_high", "phi_cmd_low", "n_z_cmd_high"} <= set(signals)
     assert (signals["chi_err_low"] < signals["chi_err_high"]).all()
     valid, _ = flighttune("verify", proof, "--json")
-    assert json.loads(valid)["valid"] is True
+    valid = json.loads(valid)
+    assert (valid["valid"], valid["aircraft_checked"]) == (True, None)
+    for answer in (found, valid["claim"]):
+        assert answer["gains"] == PAPER_GAINS.as_lists()
+        assert answer["start_rad"] == pytest.approx(math.radians(1.0))
+        assert answer["disturbance_rad_s"] == [[-0.005, -0.005], [0.005, 0.005]]
+        assert answer["counted"] is None
 
 
-def test_a_tube_is_said_in_words(scenario, tmp_path):
-    stdout, _ = flighttune("tube", scenario(), "--out", tmp_path / "proof.npz")
+def test_a_tube_and_its_check_say_in_words_what_is_proven(scenario, tmp_path):
+    arguments = "--start-deg", "1", "--disturbance", "0.005", "--out", tmp_path / "proof.npz"
+
+    stdout, _ = flighttune("tube", scenario(), *arguments)
+    checked, _ = flighttune("verify", tmp_path / "proof.npz")
 
     assert "a limit can hold phi_cmd: 0.00" in stdout
     assert "verify" in stdout
+    for text in (stdout, checked):
+        assert "0.6 s at 25 m/s, 50 Hz" in text
+        assert "from within 1 deg of course 20 and path angle 0 deg" in text
+        assert "the reference ends at 0 and 0 deg" in text
+        assert "phi_cmd [deg] -45..45 at -30..30 per s" in text
+        assert "chi -0.005..0.005, gamma -0.005..0.005" in text
+        assert "K_P 1.6968 0.5906; -0.5906 1.9556" in text
+
+
+def test_a_title_in_a_proof_is_quoted_and_cannot_move_the_cursor(scenario, tmp_path):
+    proof = tmp_path / "proof.npz"
+    flighttune("tube", scenario(), "--out", proof)
+    title = "A turn of 90 deg\x1b[2J, of 10^9 flights none left"
+    rewritten(proof, {}, scenario={**claim_of(proof)["scenario"], "title": title})
+
+    stdout, _ = flighttune("verify", proof)
+
+    assert "\x1b" not in stdout
+    assert repr(title) in stdout
+
+
+def test_a_conformance_is_for_tubes_of_aircraft(scenario, tmp_path):
+    certificate = tmp_path / "certificate.json"
+    certificate.write_text("{}")
+
+    _, stderr = flighttune("verify", certificate, "--conformance", "boxes.json", status=2)
+
+    assert "`--conformance` must be given for the tube of an aircraft only" in stderr
 
 
 @pytest.mark.slow
@@ -82,9 +123,24 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
 
     found = json.loads(stdout)
     assert found["status"] == "unbounded"
-    assert "t = " in found["reason"]
+    # The start is 20 deg off: roll meets its rate limit of 30 deg/s at once, to the left.
+    assert re.search(r"rate limit.* of roll to the left from 0\.\d\d s", found["reason"])
     assert found["reason"] in stderr
     assert not out.exists()
+
+
+@pytest.mark.slow
+def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario):
+    stdout, _ = flighttune("tube", scenario(duration=0.2), "--largest-disturbance", "--json")
+
+    found = json.loads(stdout)
+    tried = {row["disturbance"]: row["status"] for row in found["tried"]}
+    largest = found["largest_disturbance"]
+    assert tried[largest] == "bounded"
+    lost = [size for size, status in tried.items() if status == "unbounded"]
+    assert all(row["reason"] for row in found["tried"] if row["disturbance"] in lost)
+    # No number of two digits is in between.
+    assert largest < min(lost) <= float(f"{largest * 1.1:.1e}")
 
 
 @pytest.mark.parametrize(
@@ -94,6 +150,7 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
         (["--disturbance", "nan"], "", "`disturbance` must be positive"),
         (["--start-deg", "-2"], "", "`start` must lie in 0..45 deg, got -2 deg"),
         (["--plant", "jsbsim:x"], "", "`plant` must be one of kinematic"),
+        (["--largest-disturbance", "--disturbance", "1"], "", "`largest_disturbance` must stand"),
         (["--out", "proof.json"], "", "--out must end in .npz"),
         ([], "[wind]\nspeed_mps = 3.0\nfrom_deg = 0.0", "`wind` must not"),
         ([], "[sensors]\nchi_bias_deg = 1.0", "`sensors` must not"),

@@ -2,14 +2,18 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
+import tracemalloc
+import zipfile
 
 import numpy as np
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
+from flighttune.scenario import scenario_from
 from flighttune.tube.proof import is_tube_file, load_tube, save_tube, verify_tube
 from flighttune.tube.tube import tube
 from tests.tube.test_soundness import made_up
@@ -25,22 +29,33 @@ def proven(tmp_path_factory):
     return found, path
 
 
+def arrays_of(path):
+    with np.load(path) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def claim_of(path):
+    return json.loads(str(arrays_of(path)["claim"]))
+
+
+def rewritten(path, arrays, to=None, **claim):
+    """The file with other arrays (None for no array) and other entries of the claim."""
+    content = arrays_of(path)
+    content["claim"] = np.array(json.dumps({**claim_of(path), **claim}))
+    content = {name: array for name, array in (content | arrays).items() if array is not None}
+    np.savez_compressed(to or path, **content)
+    return to or path
+
+
 @pytest.fixture
 def changed(proven, tmp_path):
     """A copy of the file with one array, or one entry of the claim, changed."""
 
     def change(name, function):
-        with np.load(proven[1]) as arrays:
-            content = {key: arrays[key] for key in arrays.files}
-        if name in content:
-            content[name] = function(content[name].copy())
-        else:
-            claim = json.loads(str(content["claim"]))
-            claim[name] = function(claim[name])
-            content["claim"] = np.array(json.dumps(claim))
-        path = tmp_path / "changed.npz"
-        np.savez_compressed(path, **content)
-        return path
+        arrays, claim = arrays_of(proven[1]), claim_of(proven[1])
+        in_claim = {name: function(claim[name])} if name in claim else {}
+        other = {name: function(arrays[name].copy())} if name in arrays else {}
+        return rewritten(proven[1], other, tmp_path / "changed.npz", **in_claim)
 
     return change
 
@@ -95,36 +110,199 @@ def test_what_is_wrong_in_the_choices_makes_the_set_wider_and_is_refused(changed
     assert "early" in verify_tube(changed("chosen", lambda chosen: chosen[:-40])).reason
 
 
+def in_table(*path, value):
+    """A change of one value deep in the claim."""
+
+    def change(table):
+        inner = table
+        for key in path[:-1]:
+            inner = inner[key]
+        inner[path[-1]] = value
+        return table
+
+    return change
+
+
 @pytest.mark.parametrize(
     ("key", "change"),
     [
         ("gains", lambda gains: {**gains, "K_I": [[3.6, 0.1784], [-0.1784, 3.4869]]}),
         ("start_rad", lambda _: 0.01),
+        ("disturbance_rad_s", lambda _: 0.02002),
+        ("scenario", in_table("reference", "chi_deg", value=-90.0)),
+        ("scenario", in_table("reference", "gamma_deg", value=14.0)),
+        ("scenario", in_table("limits", "phi_deg", value=[-5.0, 5.0])),
+        ("scenario", in_table("limits", "phi_rate_dps", value=1.0)),
+        ("scenario", in_table("flight", "chi_deg", value=16.0)),
+        ("scenario", in_table("flight", "V_a_mps", value=24.0)),
+        ("scenario", in_table("controller", "feed_forward", value=False)),
+        ("scenario", in_table("plant", 0, "kind", value="point_mass")),
     ],
 )
 def test_another_loop_than_the_one_enclosed_is_refused(changed, key, change):
-    assert "is not proven" in verify_tube(changed(key, change)).reason
+    path = changed(key, change)
+    if key == "scenario":
+        label = scenario_from(claim_of(path)["scenario"]).plant[0].label
+        path = rewritten(path, {}, plant=label)
+
+    assert "is not proven" in verify_tube(path).reason
 
 
-def test_a_wider_disturbance_is_refused(changed):
-    assert "is not proven" in verify_tube(changed("d_high", lambda d: d * 1.001)).reason
+def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path):
+    swing = {"chi_amplitude": 0.5, "chi_omega_rad_s": 1.0}
+    scenario = {**claim_of(proven[1])["scenario"], "disturbance": swing}
+    path = tmp_path / "changed.npz"
+
+    rewritten(proven[1], {}, path, scenario=scenario, disturbance_rad_s=None)
+    assert "is not proven" in verify_tube(path).reason
+    rewritten(proven[1], {}, path, scenario=scenario)
+    with pytest.raises(InputError, match=r"changed\.npz: `disturbance` must be at least .* 0.5 "):
+        load_tube(path)
+
+
+@pytest.mark.slow
+def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path):
+    tables = made_up(chi_err_deg=4.0, gamma_deg=0.0, gamma_ref_deg=0.0).as_dict()
+    tables["reference"]["shape"] = "feasible"
+    tables["flight"]["duration_s"] = 2.0
+    path = tmp_path / "tube.npz"
+    save_tube(tube(scenario_from(tables), PAPER_GAINS), path)
+    reference = load_tube(path).problem.reference
+
+    rewritten(path, {"reference": reference + 1e-9}, tmp_path / "near.npz")
+    rewritten(path, {"reference": reference + 1e-5}, tmp_path / "far.npz")
+
+    assert verify_tube(path).valid
+    assert (load_tube(tmp_path / "near.npz").problem.reference == reference + 1e-9).all()
+    with pytest.raises(InputError, match=r"far\.npz: `reference` .* off by 1e-05"):
+        load_tube(tmp_path / "far.npz")
 
 
 @pytest.mark.parametrize(
     ("name", "change", "what"),
     [
-        ("format", lambda _: "flighttune tube 9", "format"),
+        ("format", lambda _: "flighttune tube 3", "format"),
         ("bounds", lambda bounds: bounds[:-1], "bounds"),
-        ("chosen", lambda chosen: chosen * np.nan, "finite"),
-        ("d_low", lambda d: d + 1.0, "d_low"),
-        ("settings", lambda s: {**s, "sides": 10**6}, "settings"),
+        ("bounds", lambda bounds: bounds.astype(complex), r"`bounds\.npy` .* got complex128"),
+        ("bounds", lambda bounds: bounds.astype(str), r"`bounds\.npy` .* got <U"),
+        ("held", lambda held: held.astype(float), r"`held\.npy` must be of type bool"),
+        ("chosen", lambda chosen: chosen.astype(float), r"`chosen\.npy` .* float32, got float64"),
+        ("chosen", lambda chosen: chosen * np.nan, r"`chosen\.npy` must be finite"),
+        ("settings", lambda s: {**s, "sides": 10**6}, r"`settings\.sides`"),
+        ("settings", lambda s: {**s, "sides": 1.5}, r"`settings\.sides` .* got 1\.5"),
+        ("settings", lambda s: {**s, "symbols": 660.5}, r"`settings\.symbols` .* got 660\.5"),
+        ("start_rad", lambda _: "0.1", "`start_rad`"),
+        ("start_rad", lambda _: float("nan"), "`start_rad`"),
+        ("disturbance_rad_s", lambda _: [0.02], "`disturbance_rad_s`"),
+        ("law", lambda _: 5, "`law`"),
+        ("lost", lambda _: 3, "`lost`"),
+        ("hand_over", lambda _: {"sample": "40", "samples": 5}, r"`hand_over\.sample`"),
+        ("hand_over", lambda _: {"sample": 40.7, "samples": 5}, r"`hand_over\.sample`"),
         ("scenario", lambda s: {**s, "colour": "red"}, "colour"),
+        ("scenario", in_table("flight", "duration_s", value=2e4), "`bounds` must have shape"),
         ("plant", lambda _: "glider", r"changed\.npz: `plant` must be one of .* got glider"),
     ],
 )
 def test_what_is_no_tube_is_refused_in_one_line(changed, name, change, what):
-    with pytest.raises(InputError, match=what):
+    with pytest.raises(InputError, match=what) as refused:
         verify_tube(changed(name, change))
+
+    assert "changed.npz: " in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("basis", "counted on 10^9 flights"),
+        ("reason", "severe turbulence"),
+        ("counted", 10**9),
+    ],
+)
+def test_words_and_counts_that_nobody_can_check_are_refused(proven, tmp_path, key, value):
+    path = rewritten(proven[1], {}, tmp_path / "changed.npz", **{key: value})
+
+    with pytest.raises(InputError, match=rf"changed\.npz: `{key}`"):
+        load_tube(path)
+
+
+@pytest.mark.parametrize("name", ["reference", "limits", "d_low", "counted", "ever_W", "colour"])
+def test_an_array_that_the_scenario_does_not_call_for_is_refused(proven, tmp_path, name):
+    path = rewritten(proven[1], {name: np.zeros((51, 2))}, tmp_path / "changed.npz")
+
+    with pytest.raises(InputError, match=rf"changed\.npz: `{name}\.npy` must not be in the file"):
+        load_tube(path)
+
+
+@pytest.mark.parametrize("name", ["claim", "bounds", "held", "chosen"])
+def test_an_array_that_is_missing_is_named(proven, tmp_path, name):
+    path = rewritten(proven[1], {name: None}, tmp_path / "changed.npz")
+
+    with pytest.raises(InputError, match=rf"`{name}\.npy` must be in the file"):
+        load_tube(path)
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_an_array_that_is_there_twice_is_refused(proven, tmp_path):
+    path = tmp_path / "changed.npz"
+    shutil.copy(proven[1], path)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("bounds.npy", archive.read("bounds.npy"))
+
+    with pytest.raises(InputError, match=r"`bounds\.npy` must be in the file once"):
+        load_tube(path)
+
+
+def test_a_key_of_the_claim_that_is_there_twice_is_refused(proven, tmp_path):
+    text = json.dumps(claim_of(proven[1])).replace('"law":', '"start_rad": 0.0, "law":')
+    path = rewritten(proven[1], {"claim": np.array(text)}, tmp_path / "changed.npz")
+
+    with pytest.raises(InputError, match="`claim` must be valid JSON: `start_rad` is given twice"):
+        load_tube(path)
+
+
+LEAST_BOMB = 200_000_000
+"""Bytes of a member of zeros: more than a tube may have, and 0.2 MB in the file."""
+
+LITTLE = 20_000_000
+"""Bytes that reading may take to refuse a file: that of `proven` has a thousandth of it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "stated"), [("chosen.npy", LEAST_BOMB), ("chosen.npy", 1000), ("colour.npy", 1000)]
+)
+def test_a_member_that_is_too_large_is_refused_before_it_is_unpacked(
+    proven, tmp_path, name, stated
+):
+    path = tmp_path / "bomb.npz"
+    with zipfile.ZipFile(proven[1]) as whole, zipfile.ZipFile(path, "w") as archive:
+        for entry in whole.infolist():
+            if entry.filename != name:
+                archive.writestr(entry, whole.read(entry))
+        zeros = bytes(LEAST_BOMB)
+        archive.writestr(name, zeros, compress_type=zipfile.ZIP_DEFLATED)
+        del zeros
+    # The directory of the file may say that the member is small.
+    lie = path.read_bytes().replace(LEAST_BOMB.to_bytes(4, "little"), stated.to_bytes(4, "little"))
+    path.write_bytes(lie)
+
+    tracemalloc.start()
+    with pytest.raises(InputError, match=r"bomb\.npz: "):
+        load_tube(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+
+    assert most < LITTLE
+
+
+@pytest.mark.slow
+def test_choices_that_split_the_set_without_end_are_refused(proven, tmp_path):
+    # Each split names all pieces and doubles them.
+    endless = np.ones(6_000_000, dtype=np.float32)
+    path = rewritten(proven[1], {"chosen": endless}, tmp_path / "changed.npz")
+
+    assert "the choices make the set too large" in verify_tube(path).reason
 
 
 def test_a_damaged_file_is_refused(proven, tmp_path):

@@ -1,11 +1,13 @@
 """No flight leaves a tube: gains, limits, references and rates as hypothesis finds them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.plants.base import FlightCondition
 from flighttune.scenario import scenario_from
 from flighttune.simulate.batch import Flights, fly_sampled
@@ -152,3 +154,21 @@ def test_no_flight_leaves_the_tube(case, seed):
 @given(case=problems(), seed=st.integers(0, 2**32 - 1))
 def test_no_flight_leaves_the_tube_in_many_cases(case, seed):
     check(case, seed)
+
+
+def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
+    D, h, k = 0.02, 0.02, 5
+    level = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
+    problem = tube_problem(level, PAPER_GAINS, disturbance=D)
+    only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis]
+    problem = replace(problem, d_low=problem.d_low * only_k, d_high=problem.d_high * only_k)
+
+    found = enclosed(problem, for_ever=False)
+
+    # The rate is anywhere within +-D from sample k on and zero after k + 1: course is off by D h at
+    # k + 1. The margin of the interval is a quarter of h times 2 D. Margins of a flight that is not
+    # disturbed are a thousandth of that.
+    half_widths = found.half_widths[k - 1 : k + 3, 0]
+    assert half_widths[0] < 0.01 * D * h
+    assert half_widths[1:3] == pytest.approx([0.5 * D * h, 1.5 * D * h], rel=0.01)
+    assert half_widths[3] < 1.1 * D * h
