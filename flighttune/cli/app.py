@@ -4,7 +4,7 @@ import gc
 import io
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -112,12 +112,7 @@ def _options(
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
     gc.set_threshold(COLLECT_AFTER)
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if stream is None:  # closed by whoever started the command
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
-        elif isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
+    sys.stdout, sys.stderr = map(_writable, ("stdout", "stderr"))
     try:
         _run()
     finally:
@@ -125,8 +120,36 @@ def main() -> None:
         _flush()
 
 
+class _Descriptor(io.FileIO):
+    """A descriptor for which it is no failure that nobody reads it any more."""
+
+    def write(self, data: Any, /) -> int | None:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            return len(data)
+
+
+def _writable(name: str) -> Any:
+    """A standard stream that takes all characters; one that is closed takes them to nowhere."""
+    stream = getattr(sys, name)
+    if stream is None:
+        return open(os.devnull, "w")
+    if not isinstance(stream, io.TextIOWrapper):
+        return stream  # of a test or a notebook
+    stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
+    if stream is not getattr(sys, f"__{name}__"):
+        return stream
+    return io.TextIOWrapper(
+        io.BufferedWriter(_Descriptor(stream.fileno(), "wb", closefd=False)),
+        encoding=stream.encoding,
+        errors="replace",
+        line_buffering=stream.line_buffering or name == "stderr",
+    )
+
+
 def _flush() -> None:
-    """Write what is left of standard output; it is no failure that nobody reads it."""
+    """Write what is left of standard output."""
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -134,8 +157,7 @@ def _flush() -> None:
 
         # what is left cannot be written: Python would complain about it once more
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):
-            fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
+        fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
 
 
 def _run() -> None:

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from flighttune.conformance import Conformance
 
 RATE_COLUMNS = columns(
-    "channel low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_error_low_deg last_error_high_deg"
+    "channel low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_error_low_deg "
+    "last_error_high_deg"
 )
 COUNT_COLUMNS = columns("learned counted widened flights outside")
 

@@ -28,7 +28,7 @@ class Column:
     key: str  # dots lead into a value: "metrics.chi.ITAE"
     name: str = ""
     unit: str = ""
-    digits: str | Callable[[float], str] = ".4g"  # how its numbers are written
+    digits: str | Callable[[float], str] = "z.4g"  # how its numbers are written
     factor: float = 1.0  # from the value to the unit shown
     best: Literal["", "low", "high"] = ""  # which number is bold on a terminal
     ends: tuple[str, str] | None = None  # keys of the interval around its numbers
