@@ -160,8 +160,9 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     D, h, k = 0.02, 0.02, 5
     level = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
     problem = tube_problem(level, PAPER_GAINS, disturbance=D)
-    only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis]
-    problem = replace(problem, d_low=problem.d_low * only_k, d_high=problem.d_high * only_k)
+    only_k = np.tile((np.arange(len(problem.t)) == k)[:, np.newaxis], 2)
+    disturbed = replace(problem.loop, d_low=-D * only_k, d_high=D * only_k)
+    vars(problem)["loop"] = disturbed  # a scenario's bounds on a disturbance do not change in time
 
     found = enclosed(problem, for_ever=False)
 
