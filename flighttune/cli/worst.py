@@ -14,11 +14,18 @@ from flighttune.cli.show import INTERRUPTED, emit, fail, pick
 from flighttune.present.numbers import number
 
 if TYPE_CHECKING:
+    from flighttune.arrays import FloatArray
     from flighttune.campaign.planning.tube_bounds import TubeBounds
     from flighttune.campaign.worst import RareMiss, WorstFlight
     from flighttune.simulate.run import Run
 
 GONE = "interrupted, nothing is written"
+
+FAMILIES = {
+    "bang_bang": "bang-bang: it switches where the sensitivity of an error changes its sign",
+    "square_wave": "a square wave in each channel",
+}
+"""Families of disturbances in words."""
 
 
 def worst(
@@ -54,7 +61,10 @@ def worst(
     ] = 0.0,
     disturbance: Annotated[
         float,
-        Option(help="Largest square-wave disturbance of a scenario's two rates, rad/s."),
+        Option(
+            help="Largest disturbance of a scenario's two rates, rad/s: switched where the "
+            "sensitivity of an error changes its sign, or a square wave."
+        ),
     ] = 0.0,
     rare: Annotated[
         bool, Option("--rare", help="Estimate the probability of a miss by subset simulation.")
@@ -112,9 +122,10 @@ def worst(
     _write(found, written)
     ratios = None if bounds is None else _beside(tube, bounds, fly(found.scenario).runs[0])
     answer = {
-        **pick(found, "metric value first flights distance radius status missed drawn"),
+        **pick(found, "metric value first flights family distance radius status missed drawn"),
         **pick(found.group, "plant gains"),
         "ratio": ratios,
+        "ratio_of_search": None if found.reach is None else _ratios(found.reach),
         "scenario": written,
     }
     emit(answer, _text(found, written, ratios))
@@ -128,6 +139,11 @@ def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, fl
     if tube is not None:
         write_worst(tube, run, ratios)
     return ratios
+
+
+def _ratios(reach: "FloatArray") -> dict[str, float]:
+    """How many times wider a tube is than all flights of a search need, by channel."""
+    return dict(zip(("chi", "gamma"), (1.0 / reach).tolist(), strict=True))
 
 
 def _write(found: "WorstFlight", path: Path) -> None:
@@ -145,13 +161,20 @@ def _text(found: "WorstFlight", written: Path, ratios: dict[str, float] | None) 
     )
     for key, value in found.drawn.items():
         yield f"  {key} = {number(value, '.6g') if isinstance(value, float) else value}"
-    yield (
-        f"{number(found.distance)} standard deviations from the median, of the "
-        f"{number(found.radius)} that hold 99.9 % of the distribution"
-    )
+    if found.family:
+        yield f"the disturbance is {FAMILIES[found.family]}"
+    if found.distance is not None and found.radius is not None:
+        yield (
+            f"{number(found.distance)} standard deviations from the median, of the "
+            f"{number(found.radius)} that hold 99.9 % of the distribution"
+        )
     yield f"{found.status}; {found.missed or 'no requirement is missed'}"
+    searched = {} if found.reach is None else _ratios(found.reach)
     for name, ratio in (ratios or {}).items():
-        yield f"tube over flight, {name}: {number(ratio)}"
+        yield (
+            f"tube over flight, {name}: {number(ratio)}; over the widest of the search: "
+            f"{number(searched[name])}"
+        )
     yield f"scenario: {written}   (fly it with: flighttune fly {written})"
 
 

@@ -218,7 +218,7 @@ def tube_problem(
         Course and flight-path angle start within this of the scenario's.
     disturbance : float, rad/s, optional
         The disturbance of each rate is within this of zero, in any shape; by default within the
-        amplitudes of the scenario's sinusoid, or zero.
+        amplitudes of the scenario's [disturbance], or zero.
     conformance : Conformance, optional
         Of an aircraft: its model flies, under every disturbance in its boxes.
     law : str
@@ -313,7 +313,7 @@ def _chosen(scenario: Scenario, plant: str | None, kinds: tuple[str, ...]) -> Pl
 
 def _within(scenario: Scenario, disturbance: float | None, samples: int) -> FloatArray:
     """Upper bounds of a disturbance that is within as much of zero, shape (samples, 2)."""
-    table = scenario.disturbance
+    table = scenario.disturbance  # a sinusoid, its sign, or switched: never beyond its amplitude
     flown = (0.0, 0.0) if table is None else (table.chi_amplitude, table.gamma_amplitude)
     if disturbance is not None and not (math.isfinite(disturbance) and disturbance > 0.0):
         raise InputError(f"`disturbance` must be positive, got {disturbance:g} rad/s.")
