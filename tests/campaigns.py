@@ -272,7 +272,7 @@ def flown_here(module, planned, plan, rows=fly_runs):
                 keep(rows(plan, range(gap.first, gap.end)))
             return True
 
-        def fly_signals(self, plan, runs, keep, tally):
+        def fly_signals(self, plan, runs, keep, tally, doing):
             for run in runs:
                 keep(run, parquet_bytes(fly_run(plan, run)))
             return True

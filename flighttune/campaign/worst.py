@@ -577,7 +577,9 @@ class _Search:
             if len(table) == len(flights[run]):  # a sample more than there are intervals
                 found[run] = np.column_stack([column.to_numpy() for column in table.columns])
 
-        if not self._pool.fly_signals(plan, range(plan.runs), keep, tally=Tally()):
+        if not self._pool.fly_signals(
+            plan, range(plan.runs), keep, tally=Tally(), doing="searching"
+        ):
             return None
         self.flights += plan.runs
         return found

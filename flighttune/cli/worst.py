@@ -1,5 +1,6 @@
 """The command that searches for the worst flight of a stated set."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -143,7 +144,10 @@ def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, fl
 
 def _ratios(reach: "FloatArray") -> dict[str, float]:
     """How many times wider a tube is than all flights of a search need, by channel."""
-    return dict(zip(("chi", "gamma"), (1.0 / reach).tolist(), strict=True))
+    return {
+        channel: 1.0 / share if share else math.inf  # no flight came to its end
+        for channel, share in zip(("chi", "gamma"), reach.tolist(), strict=True)
+    }
 
 
 def _write(found: "WorstFlight", path: Path) -> None:

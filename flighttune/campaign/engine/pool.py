@@ -155,7 +155,13 @@ class WorkerPool:
         return not chunks.left or self._hand_out(next_task, done, doing, tally, runs)
 
     def fly_signals(
-        self, plan: Plan, runs: Sequence[int], keep: Callable[[int, bytes], None], *, tally: Tally
+        self,
+        plan: Plan,
+        runs: Sequence[int],
+        keep: Callable[[int, bytes], None],
+        *,
+        tally: Tally,
+        doing: str = "keeping signals",
     ) -> bool:
         """Fly runs of a plan once more for their signals; return whether all were.
 
@@ -167,6 +173,8 @@ class WorkerPool:
             Gets each run and the bytes of its recording.
         tally : Tally
             Of the rows that are there.
+        doing : str
+            Name of the activity, for the observer.
         """
         left = sorted(runs, reverse=True)
         text, limit = json.dumps(plan.as_dict()), plan.campaign.time_limit_s
@@ -183,7 +191,7 @@ class WorkerPool:
             else:
                 self._observer.hear(f"run {run}: did not end when it was flown for its signals.")
 
-        return not left or self._hand_out(next_task, done, "keeping signals", tally, tally.runs)
+        return not left or self._hand_out(next_task, done, doing, tally, tally.runs)
 
     def _hand_out(
         self,
