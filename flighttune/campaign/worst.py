@@ -1,26 +1,30 @@
 """The worst flight of a stated set, searched for, and the probability of a rare miss."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.parquet as pq
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray
+from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.flying.columns import TUBE_SHARE
+from flighttune.campaign.engine.progress import Tally
+from flighttune.campaign.flying.columns import TUBE_REACH, TUBE_SHARE
 from flighttune.campaign.flying.refly import scenario_of_run
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.campaign.planning.tube_bounds import TubeBounds
+from flighttune.campaign.planning.tube_bounds import ERRORS, TubeBounds
 from flighttune.campaign.stated_set import planned
 from flighttune.errors import InputError
+from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import in_rad
 from flighttune.units import DEG
@@ -29,7 +33,7 @@ MARGIN = "margin"
 """Metric: largest excess over a requirement relative to its bound; 0 just meets it."""
 
 TUBE = "tube"
-"""Metric: distance of the errors from the middle of a tube in half widths; 1 leaves it."""
+"""Metric: how near the errors come to leaving a tube; beyond 1 they leave it."""
 
 REGION = 0.999
 """Share of the stated distribution inside the region searched."""
@@ -90,8 +94,7 @@ class WorstSettings:
     completed : bool
         Consider only flights that reach their end time; else the others count as worse than all.
     start_deg, disturbance : float, deg and rad/s
-        Of a scenario: how far the start may be off, and the largest amplitude of square waves that
-        disturb the two rates.
+        Of a scenario: how far the start may be off, and the largest disturbance of the two rates.
     seed : int
         Of the search.
     """
@@ -135,12 +138,20 @@ class WorstFlight:
     flights : int
         How many were flown.
     group : Group
+    family : str or None
+        Of the disturbance: ``bang_bang`` (switched by the sensitivity of an error) or
+        ``square_wave``; None where none was searched.
     drawn : mapping of str to plain value
-        Dispersed keys and seed of the flight.
-    distance, radius : float, 1
-        Of the flight from the median in the standard normal space, and of the region searched.
+        Dispersed keys and seed of the flight; of a bang-bang disturbance its amplitudes and
+        switching times.
+    distance, radius : float or None, 1
+        Of the flight from the median in the standard normal space, and of the region searched;
+        None of a bang-bang disturbance, which is not drawn.
     status, missed : str
         How it ended, and the requirements it does not meet.
+    reach : ndarray, shape (2,), 1; or None
+        Largest distance of any flight of the search from the middle of the tube over the largest
+        half width, course and path angle; None without a tube.
     scenario : Scenario
         The flight alone; ``flighttune fly`` flies it.
     """
@@ -150,11 +161,13 @@ class WorstFlight:
     first: float
     flights: int
     group: Group
+    family: str | None
     drawn: Mapping[str, Any]
-    distance: float
-    radius: float
+    distance: float | None
+    radius: float | None
     status: str
     missed: str
+    reach: FloatArray | None
     scenario: Scenario
 
 
@@ -213,34 +226,39 @@ def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstF
     Evolution strategy with covariance matrix adaptation [1]_ on the normal scores of the dispersed
     keys, from their distribution itself. The region is the ball that holds `REGION` of them; a
     point outside is moved to its surface. Chance (turbulence, noise) is that of the worst flight so
-    far; every `SEEDS_EVERY` generations that flight is flown with other seeds.
+    far; every `SEEDS_EVERY` generations that flight is flown with other seeds. With a disturbance
+    up to half of the budget is first spent on bang-bang ones: `search_bang_bang`.
 
     References
     ----------
     .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
     """
     search = _Search(source, settings, pool)
-    found = search_worst(
-        search.values, search.dimension, budget=settings.budget, seed=settings.seed
-    )
+    if settings.disturbance and not search.fly_bang_bang():
+        return None
+    left = settings.budget - search.flights
+    found = search_worst(search.values, search.dimension, budget=left, seed=settings.seed)
     if found is None:
         return None
-    z, seed, first = found
-    plan = search.plan_of(Draws(z[None], np.array([seed])))
-    row = search.worst
+    z, _, first = found
+    plan, row = search.plan_of_worst, search.worst
     value = math.inf if row["value"] >= FAILED else row["value"]
+    switched = plan.keys != search.keys
+    waves = "square_wave" if settings.disturbance else None
     return WorstFlight(
         metric=search.metric,
         value=value,
         first=math.inf if first >= FAILED else first,
         flights=search.flights,
         group=plan.groups[0],
-        drawn=plan.values_of(0),
-        distance=float(np.linalg.norm(z)),
-        radius=region_radius(search.dimension),
+        family="bang_bang" if switched else waves,
+        drawn=plan.values_of(row["run"]),
+        distance=None if switched else float(np.linalg.norm(z)),
+        radius=None if switched else region_radius(search.dimension),
         status=row["status"],
         missed=row["missed"],
-        scenario=_named(scenario_of_run(plan, 0), plan.campaign.title),
+        reach=search.reach if settings.tube else None,
+        scenario=_named(scenario_of_run(plan, row["run"]), plan.campaign.title),
     )
 
 
@@ -472,8 +490,15 @@ class _Search:
         self._plan = replace(plan.of_group(group), runs=1, tube=settings.tube)
         self.metric = TUBE if settings.tube else settings.metric or _metric_of(plan, group)
         self._failed = -FAILED if settings.completed else FAILED
-        self._pool, self.flights = pool, 0
+        self._settings, self._pool, self.flights = settings, pool, 0
         self.worst: dict[str, Any] = {"value": -math.inf}
+        self.plan_of_worst = self._plan
+        self.reach = np.zeros(2)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The dispersed keys."""
+        return self._plan.keys
 
     @property
     def dimension(self) -> int:
@@ -497,17 +522,86 @@ class _Search:
 
     def values(self, draws: Draws) -> FloatArray | None:
         """Fly draws; None where the observer stopped it."""
-        found = np.full(len(draws.z), FAILED)
+        return self._fly(self.plan_of(draws))
+
+    def fly_bang_bang(self) -> bool:
+        """Fly bang-bang disturbances; return False where the observer stopped it."""
+        scenario = self._plan.scenario
+        samples = round(scenario.flight.duration_s * scenario.controller.rate_hz)
+        # One channel at a time in a tube: the nearer one would leave the other without a search.
+        searches = ((0,), (1,)) if self._plan.tube else ((0, 1),)
+        return all(
+            search_bang_bang(
+                lambda flights, of=pushed: self._fly(
+                    self._switched(flights), of[0] if self._plan.tube else None
+                ),
+                self._errors,
+                samples,
+                budget=self._settings.budget // (2 * len(searches)),
+                pushed=pushed,
+            )
+            for pushed in searches
+        )
+
+    def _switched(self, flights: Sequence[FloatArray]) -> Plan:
+        """The plan of flights by their signs, as `search_bang_bang` has them."""
+        campaign, rate = self._plan.campaign, self._plan.scenario.controller.rate_hz
+        starts = [table for table in campaign.disperse if table.key.startswith("flight.")]
+        tables = self._plan.scenario.as_dict()
+        tables.pop("disturbance")
+        nominal = scenario_from(tables)
+        given = []
+        for signs in flights:
+            drawn: dict[str, Any] = {
+                table.key: self._settings.start_deg * float(sign)
+                for table, sign in zip(starts, signs[0], strict=False)
+            }
+            for channel, held in zip(("chi", "gamma"), signs[1:].T, strict=True):
+                switches = (np.flatnonzero(np.diff(held)) + 1) / rate
+                drawn[f"disturbance.{channel}_amplitude"] = self._settings.disturbance * float(
+                    held[0]
+                )
+                drawn[f"disturbance.{channel}_switch_s"] = switches.tolist()
+            given.append({**drawn, SEED: nominal.seed})
+        changed = {"nominal": nominal, "central": nominal, "disperse": starts}
+        campaign = campaign.model_copy(update=changed)
+        return replace(self._plan, campaign=campaign, given=tuple(given), runs=len(given))
+
+    def _errors(self, flights: Sequence[FloatArray]) -> list[FloatArray | None] | None:
+        """Errors of flights, None of one that ends early; None where the observer stopped it."""
+        plan = self._switched(flights)
+        found: list[FloatArray | None] = [None] * plan.runs
+
+        def keep(run: int, recording: bytes) -> None:
+            table = pq.read_table(pa.BufferReader(recording), columns=list(ERRORS))
+            if len(table) == len(flights[run]):  # a sample more than there are intervals
+                found[run] = np.column_stack([column.to_numpy() for column in table.columns])
+
+        if not self._pool.fly_signals(
+            plan, range(plan.runs), keep, tally=Tally(), doing="searching"
+        ):
+            return None
+        self.flights += plan.runs
+        return found
+
+    def _fly(self, plan: Plan, channel: int | None = None) -> FloatArray | None:
+        """Fly a plan; None where the observer stopped it.
+
+        The values are those of the metric, or how far a `channel` reaches in the tube.
+        """
+        found = np.full(plan.runs, FAILED)
 
         def keep(rows: pa.Table) -> None:
             for row in rows.to_pylist():
                 value = value_of(row, self.metric, self._plan.scenario)
                 value = self._failed if value >= FAILED else value
-                found[row["run"]] = value
+                reach = row.get(TUBE_REACH)
+                found[row["run"]] = value if channel is None or not reach else reach[channel]
+                if reach:
+                    self.reach = np.maximum(self.reach, reach)
                 if value > self.worst["value"]:
-                    self.worst = {**row, "value": value}
+                    self.worst, self.plan_of_worst = {**row, "value": value}, plan
 
-        plan = self.plan_of(draws)
         if not self._pool.fly_rows(plan, [Span(0, plan.runs)], keep, doing="searching"):
             return None
         self.flights += plan.runs

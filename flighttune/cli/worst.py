@@ -1,5 +1,6 @@
 """The command that searches for the worst flight of a stated set."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ from flighttune.present.numbers import number
 from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
+    from flighttune.arrays import FloatArray
     from flighttune.campaign.planning.tube_bounds import TubeBounds
     from flighttune.campaign.worst import RareMiss, WorstFlight
     from flighttune.simulate.run import Run
@@ -30,6 +32,9 @@ WORST_COLUMNS = [
     *columns("status"),
     Column("ratio.chi", "tube over flight χ"),
     Column("ratio.gamma", "tube over flight γ"),
+    Column("ratio_of_search.chi", "over the widest flight of the search χ"),
+    Column("ratio_of_search.gamma", "over the widest flight of the search γ"),
+    Column("family", "disturbance"),
 ]
 RARE_COLUMNS = [
     Column("probability", "probability", ends=("low", "high")),
@@ -70,7 +75,10 @@ def worst(
     ] = 0.0,
     disturbance: Annotated[
         float,
-        Option(help="Largest square-wave disturbance of a scenario's two rates, rad/s."),
+        Option(
+            help="Largest disturbance of a scenario's two rates, rad/s: switched where the "
+            "sensitivity of an error changes its sign, or a square wave."
+        ),
     ] = 0.0,
     rare: Annotated[
         bool, Option("--rare", help="Estimate the probability of a miss by subset simulation.")
@@ -128,9 +136,10 @@ def worst(
     _write(found, written)
     ratios = None if bounds is None else _beside(tube, bounds, fly(found.scenario).runs[0])
     values = {
-        **pick(found, "metric value first flights distance radius status missed drawn"),
+        **pick(found, "metric value first flights family distance radius status missed drawn"),
         **pick(found.group, "plant gains"),
         "ratio": ratios,
+        "ratio_of_search": None if found.reach is None else _ratios(found.reach),
     }
     drawn = [{"key": key, "value": value} for key, value in found.drawn.items()]
     title = f"worst {found.metric} in {found.flights} flights"
@@ -155,6 +164,14 @@ def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, fl
     if tube is not None:
         write_worst(tube, run, ratios)
     return ratios
+
+
+def _ratios(reach: "FloatArray") -> dict[str, float]:
+    """How many times wider a tube is than all flights of a search need, by channel."""
+    return {
+        channel: 1.0 / share if share else math.inf  # no flight came to its end
+        for channel, share in zip(("chi", "gamma"), reach.tolist(), strict=True)
+    }
 
 
 def _write(found: "WorstFlight", path: Path) -> None:

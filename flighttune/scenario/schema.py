@@ -249,6 +249,12 @@ class Scenario(Table):
                     f"[{table}] `start_s` must lie before the end of the flight "
                     f"(`duration_s` of [flight], {duration:g} s), got {start_s:g} s"
                 )
+        for key, last in self.disturbance.last_switches() if self.disturbance else ():
+            if last >= duration:
+                raise ValueError(
+                    f"[disturbance] `{key}` must lie before the end of the flight "
+                    f"(`duration_s` of [flight], {duration:g} s), got {last:g} s"
+                )
         t, gamma_deg = self.reference.steepest(self.flight.gamma_deg, duration)
         if abs(gamma_deg) > STEEPEST_DEG + ROUNDING:
             raise ValueError(

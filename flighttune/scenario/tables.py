@@ -548,7 +548,8 @@ class TurbulenceTable(Table):
 class DisturbanceTable(Table):
     """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s.
 
-    A square wave switches between the amplitudes where the sinusoid changes its sign.
+    A square wave switches between the amplitudes where the sinusoid changes its sign; with a list
+    of times the amplitude is constant, and changes its sign at each of them.
     """
 
     chi_amplitude: OscillationRate = 0.0
@@ -560,6 +561,27 @@ class DisturbanceTable(Table):
     gamma_phase_deg: Angle | None = None
     as_wind: bool = False
     path: Literal["ground", "air"] = "ground"
+    chi_switch_s: list[Instant] | None = None
+    gamma_switch_s: list[Instant] | None = None
+
+    @model_validator(mode="after")
+    def _switches_alone(self) -> "DisturbanceTable":
+        for channel in ("chi", "gamma"):
+            name = f"{channel}_switch_s"
+            times = getattr(self, name)
+            if times is None:
+                continue
+            for key in ("wave", "as_wind", f"{channel}_omega_rad_s", f"{channel}_phase_deg"):
+                if getattr(self, key):
+                    raise ValueError(
+                        f"`{key}` must be absent with {name}: the amplitude is constant"
+                    )
+            for before, after in pairwise([0.0, *times]):
+                if not after > before:
+                    raise ValueError(
+                        f"`{name}` must be positive and rise, got {after:g} s after {before:g} s"
+                    )
+        return self
 
     @model_validator(mode="after")
     def _wind_swings(self) -> "DisturbanceTable":
@@ -587,7 +609,15 @@ class DisturbanceTable(Table):
             chi_phase=(self.chi_phase_deg or 0.0) * DEG,
             gamma_phase=(self.gamma_phase_deg or 0.0) * DEG,
             square=self.wave == "square",
+            chi_switches=None if self.chi_switch_s is None else tuple(self.chi_switch_s),
+            gamma_switches=None if self.gamma_switch_s is None else tuple(self.gamma_switch_s),
         )
+
+    def last_switches(self) -> Iterator[tuple[str, float]]:
+        """Key and last time (s) of each list of switching times."""
+        for key in ("chi_switch_s", "gamma_switch_s"):
+            if times := getattr(self, key):
+                yield key, times[-1]
 
 
 def check_air(

@@ -139,7 +139,13 @@ class Flights:
         ------
         ShapeError
             If the numbers of things differ, or gains are not of two commands and two errors.
+        InputError
+            If a disturbance has switching times.
         """
+        waves = _many(Sinusoid, Sinusoid() if disturbance is None else disturbance)
+        for name in ("chi_switches", "gamma_switches"):
+            if any(getattr(wave, name) is not None for wave in waves):
+                raise InputError(f"`{name}` must be None: a batch flies sinusoids only.")
         rows = {
             "K": [g.K for g in _many(PIGains, gains)],
             "start": [
@@ -151,8 +157,7 @@ class Flights:
                 for one in _many(Limits, Limits.none(2) if limits is None else limits)
             ],
             "waves": [
-                (d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega)
-                for d in _many(Sinusoid, Sinusoid() if disturbance is None else disturbance)
+                (d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in waves
             ],
         }
         followed = np.asarray(ref, dtype=float)

@@ -1,14 +1,20 @@
 """Disturbances of the course and flight-path-angle rates."""
 
 import math
+from bisect import bisect
 from dataclasses import dataclass
 
 from flighttune.plants.weather import OscillatingWind
+
+AHEAD = 1e-9
+"""Time (s) by which a switch is early: it belongs to a sample, whose time is a rounded sum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sinusoid:
     """``d_chi = a_chi sin(omega_chi t), d_gamma = a_gamma cos(omega_gamma t)``, or their signs.
+
+    A channel with switching times has its amplitude instead, of the other sign after each of them.
 
     Attributes
     ----------
@@ -21,6 +27,8 @@ class Sinusoid:
     square : bool
         Take the amplitude with the sign of the sinusoid: the worst disturbance of a size switches
         between its bounds.
+    chi_switches, gamma_switches : tuple of float, s; or None
+        Rising times at which a constant amplitude changes its sign; None for a sinusoid.
 
     Notes
     -----
@@ -35,6 +43,8 @@ class Sinusoid:
     chi_phase: float = 0.0
     gamma_phase: float = 0.0
     square: bool = False
+    chi_switches: tuple[float, ...] | None = None
+    gamma_switches: tuple[float, ...] | None = None
 
     def __call__(self, t: float) -> tuple[float, float]:
         """Return (d_chi, d_gamma) in rad/s at time `t` in s."""
@@ -42,6 +52,10 @@ class Sinusoid:
         gamma = math.cos(self.gamma_omega * t + self.gamma_phase)
         if self.square:
             chi, gamma = math.copysign(1.0, chi), math.copysign(1.0, gamma)
+        if self.chi_switches is not None:
+            chi = _sign_after(self.chi_switches, t)
+        if self.gamma_switches is not None:
+            gamma = _sign_after(self.gamma_switches, t)
         return self.chi_amplitude * chi, self.gamma_amplitude * gamma
 
     def as_wind(self, V_a: float, chi: float, gamma: float) -> OscillatingWind:
@@ -83,15 +97,23 @@ class Sinusoid:
         """L_d: bound of the norm of the derivative, rad/s^2.
 
         With one frequency and no phase it is the larger amplitude times the frequency (the
-        derivatives are a quarter period apart), else the norm of both products. A square wave has
-        none: it is infinite.
+        derivatives are a quarter period apart), else the norm of both products. A square wave, or
+        a disturbance that switches, has none: it is infinite.
         """
+        if (self.chi_amplitude and self.chi_switches) or (
+            self.gamma_amplitude and self.gamma_switches
+        ):
+            return math.inf
         products = self.chi_amplitude * self.chi_omega, self.gamma_amplitude * self.gamma_omega
         if self.square and any(products):
             return math.inf
         if abs(self.chi_omega) == abs(self.gamma_omega) and self.chi_phase == self.gamma_phase:
             return max(map(abs, products))
         return math.hypot(*products)
+
+
+def _sign_after(switches: tuple[float, ...], t: float) -> float:
+    return -1.0 if bisect(switches, t + AHEAD) % 2 else 1.0
 
 
 def _quotient(amplitude: float, omega: float) -> float:

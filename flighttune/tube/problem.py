@@ -335,7 +335,7 @@ def tube_problem(
         Course and flight-path angle start within this of the scenario's.
     disturbance : float, rad/s, optional
         The disturbance of each rate is within this of zero, in any shape; by default within the
-        amplitudes of the scenario's sinusoid, or zero.
+        amplitudes of the scenario's [disturbance], or zero.
     conformance : Conformance, optional
         Of an aircraft: its model flies, under every disturbance in its boxes.
     law : Law, optional

@@ -206,6 +206,8 @@ KEYS = {
     "disturbance.gamma_phase_deg": 40.0,
     "disturbance.as_wind": True,
     "disturbance.path": "air",
+    "disturbance.chi_switch_s[0]": 0.9,
+    "disturbance.gamma_switch_s[0]": 0.9,
     "wind.speed_mps": 9.0,
     "wind.from_deg": 30.0,
     "wind.down_mps": 1.0,
@@ -238,6 +240,9 @@ def base(key):
         tables["sensors"] = {"chi_noise_sd_deg": 1.0}
     if key == "disturbance.path":
         tables["disturbance"] = {**WAVE, "as_wind": True}
+    if key.endswith("_switch_s[0]"):
+        channel = key.split(".")[1].split("_")[0]
+        tables["disturbance"] = {f"{channel}_amplitude": 0.1, f"{channel}_switch_s": [0.5, 1.5]}
     if key.startswith("wind."):
         tables["wind"] = WIND
     return tables

@@ -223,6 +223,20 @@ def test_a_flight_beside_the_middle_of_a_tube(tmp_path):
     assert again.share(run) == tube.share(run)
 
 
+def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowest():
+    (run,) = fly(small_plan().scenario_of(2)).runs
+    t = run.signals.index.to_numpy()
+    middle = run.signals[["chi_err", "gamma_err"]].to_numpy()
+    width = np.where(t < 1.0, 0.01, 0.1)[:, None]
+
+    def tube(beside):
+        return TubeBounds(t=t, low=middle + beside - width, high=middle + beside + width)
+
+    assert tube(0.009).share(run) == pytest.approx(0.09)
+    assert tube(0.009).reach(run) == pytest.approx([0.09, 0.09])
+    assert tube(0.02).share(run) == pytest.approx(2.0)
+
+
 @pytest.mark.slow
 def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     """Starts are up to 40 deg apart and the tube is 20 deg wide either side of north."""
@@ -242,6 +256,8 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     assert said["metric"] == found.metric == "tube"
     # 20 deg of half width over the largest distance, the same number as the share's inverse
     assert min(said["ratio"].values()) == pytest.approx(1.0 / said["value"], rel=1e-6)
+    assert all(said["ratio_of_search"][name] <= said["ratio"][name] for name in ("chi", "gamma"))
+    assert said["family"] is None  # no disturbance was searched
     assert 1.7 < found.value <= 2.0 * (1.0 + SAME)  # the start itself, 40 of 20 deg
 
 

@@ -251,3 +251,13 @@ def test_gravity_and_speed_of_the_schedule_can_be_one_a_flight():
         alone = fly_sampled(one, dt=0.02, duration=4.0, g=g[i], schedule_speed=speed[i])
         assert alone.measures[0].tobytes() == together.measures[i].tobytes()
     assert len(np.unique(together.measures[:, 0, 0])) == 3
+
+
+def test_switching_times_are_not_for_a_batch():
+    with pytest.raises(InputError, match=r"`gamma_switches` must be None"):
+        Flights.of(
+            PAPER_GAINS,
+            condition=FlightCondition(V_a=25.0),
+            ref=(0.0, 0.0),
+            disturbance=Sinusoid(gamma_amplitude=0.1, gamma_switches=(1.0,)),
+        )

@@ -54,3 +54,14 @@ def test_a_square_wave_has_the_sign_of_the_sinusoid_and_its_amplitude():
         assert square(t)[1] == sine(t)[1] == -0.2  # a cosine that stands at 1
     assert square.rate_bound == math.inf
     assert Sinusoid(square=True).rate_bound == 0.0
+
+
+def test_a_disturbance_with_switching_times_is_constant_between_them():
+    switched = Sinusoid(chi_amplitude=0.1, chi_switches=(1.0, 3.0), gamma_amplitude=-0.2)
+
+    d = [switched(t) for t in (0.0, 0.99, 1.0, 2.99, 3.0, 9.0)]
+
+    assert [chi for chi, _ in d] == [0.1, 0.1, -0.1, -0.1, 0.1, 0.1]
+    assert {gamma for _, gamma in d} == {-0.2}
+    assert switched.rate_bound == math.inf
+    assert Sinusoid(chi_amplitude=0.1, chi_switches=()).rate_bound == 0.0

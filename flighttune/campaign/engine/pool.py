@@ -174,7 +174,13 @@ class WorkerPool:
             buffer.write()
 
     def fly_signals(
-        self, plan: Plan, runs: Sequence[int], keep: Callable[[int, bytes], None], *, tally: Tally
+        self,
+        plan: Plan,
+        runs: Sequence[int],
+        keep: Callable[[int, bytes], None],
+        *,
+        tally: Tally,
+        doing: str = "keeping signals",
     ) -> bool:
         """Fly runs of a plan once more for their signals; return whether all were.
 
@@ -192,7 +198,7 @@ class WorkerPool:
                 self._observer.hear(f"run {run}: did not end when it was flown for its signals.")
 
         tasks = ((fly_signals, (text, limit, _draw(plan, [run]))) for run in runs)
-        return self._hand_out(tasks, done, "keeping signals", tally, tally.runs)
+        return self._hand_out(tasks, done, doing, tally, tally.runs)
 
     def _tasks(
         self, plan: Plan, gaps: Sequence[Span], done: Callable[[Iterable[Row]], None]

@@ -52,7 +52,10 @@ RESIDUALS = ("residual_low", "residual_high")
 
 
 TUBE_SHARE = "tube_share"
-"""Column of a plan with a tube: distance from its middle in half widths, the largest."""
+"""Column of a plan with a tube: how near the flight comes to leaving it."""
+
+TUBE_REACH = "tube_reach"
+"""Column of a plan with a tube: largest distance over largest half width, chi and gamma."""
 
 
 def row_schema(plan: Plan) -> pa.Schema:
@@ -78,6 +81,7 @@ def row_schema(plan: Plan) -> pa.Schema:
             *(_field(name, kind, unit) for name, (kind, unit) in AFTER.items()),
             *(_field(name, pa.list_(pa.float64()), "rad/s") for name in residuals),
             *(_field(name, pa.float64(), "1") for name in (TUBE_SHARE,) if plan.tube),
+            *(_field(name, pa.list_(pa.float64()), "1") for name in (TUBE_REACH,) if plan.tube),
         ]
     )
 

@@ -16,7 +16,7 @@ import pyarrow as pa
 from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.claim import Claims, claims
-from flighttune.campaign.flying.columns import RESIDUALS, TUBE_SHARE, row_schema
+from flighttune.campaign.flying.columns import RESIDUALS, TUBE_REACH, TUBE_SHARE, row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
@@ -207,6 +207,7 @@ def _fly_alone(
         columns |= zip(RESIDUALS, (bound.ravel().tolist() for bound in extremes), strict=True)
     if run.status == "completed" and plan.tube is not None:
         columns[TUBE_SHARE] = plan.tube.share(run)
+        columns[TUBE_REACH] = plan.tube.reach(run)
     return columns
 
 

@@ -12,8 +12,13 @@ import numpy as np
 import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.campaign.planning.draws import SEED, cycle, drawn, factors
-from flighttune.campaign.planning.places import Place, dispersed_places, with_drawn
+from flighttune.campaign.planning.draws import cycle, drawn, factors
+from flighttune.campaign.planning.places import (
+    Place,
+    dispersed_places,
+    with_drawn,
+    with_values,
+)
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.campaign.planning.tube_bounds import TubeBounds
 from flighttune.conformance.boxes import ResidualSummary
@@ -82,7 +87,8 @@ class Plan:
         How rows summarise the residual rates of flights that are not flown in batches; by default
         they do not.
     given : tuple of mapping, or None
-        Draws in place of those of the design, each as `values_of` returns it.
+        Draws in place of those of the design, each as `values_of` returns it; they may set keys of
+        the scenario that are not dispersed.
     tube : TubeBounds or None
         Tube of which rows state how near a flight comes to leaving it; all flights are then flown
         one by one.
@@ -270,7 +276,9 @@ class Plan:
 
     def _tables_with(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
         tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
-        return {**tables, SEED: drawn[SEED]}
+        # the seed, and what draws that are given set besides the dispersed keys
+        others = [(key.split("."), drawn[key]) for key in drawn if key not in self.places]
+        return with_values(tables, [((*steps,), value) for steps, value in others])
 
     def scenario_of(self, draw: int) -> Scenario:
         """The scenario of a draw; ScenarioError as `dispersed`, InputError without such a draw."""

@@ -67,11 +67,21 @@ class TubeBounds:
         )
 
     def share(self, run: Run) -> float:
-        """Largest distance of a flight from the middle in half widths: it leaves the tube at 1."""
+        """How near a flight comes to leaving the tube, which it does beyond 1.
+
+        Of one that stays inside it is the largest distance from the middle over the largest half
+        width of its channel: at the start, where the tube is narrow, every flight is near.
+        """
         t = run.signals.index.to_numpy(dtype=float)
         half = 0.5 * (self.high - self.low)
         widths = np.column_stack([np.interp(t, self.t, column) for column in half.T])
-        return float(np.max(self.distances(run) / np.maximum(widths, NARROWEST)))
+        pointwise = float(np.max(self.distances(run) / np.maximum(widths, NARROWEST)))
+        return pointwise if pointwise > 1.0 else max(self.reach(run))
+
+    def reach(self, run: Run) -> list[float]:
+        """Largest distance of a flight from the middle over the largest half width, by channel."""
+        half = np.maximum(0.5 * (self.high - self.low).max(axis=0), NARROWEST)
+        return (self.distances(run).max(axis=0) / half).tolist()
 
     def ratios(self, run: Run) -> dict[str, float]:
         """Largest half width over the largest distance of a flight from the middle, by channel."""

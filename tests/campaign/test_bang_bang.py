@@ -1,0 +1,146 @@
+"""Bang-bang disturbances: against the worst there is for a linear loop."""
+
+import numpy as np
+import pytest
+from campaigns import flown_here
+from commands import answer
+from dispersed import KINEMATIC, tables_of
+from scipy.signal import dimpulse, dlti
+
+from flighttune.campaign import worst as worst_module
+from flighttune.campaign.stated_set import planned
+from flighttune.errors import ScenarioError
+from flighttune.flight.fly import fly
+from flighttune.flight.outer_loop import gain_set
+from flighttune.metrics import measures
+from flighttune.report.toml_text import toml_text
+from flighttune.scenario import load_scenario, scenario_from
+from flighttune.tube.problem import tube_problem
+from flighttune.units import DEG
+
+SMALL = 1e-4
+"""Disturbance (rad/s) under which the loop is linear to 1e-3: angles stay below 3e-4 rad."""
+
+LINEAR = 1e-3
+BY_INTERVALS = 0.01
+"""Part of the optimum lost, as sensitivities are means over intervals of two or three samples."""
+
+SAME = 1e-9
+COUPLED = {"name": "coupled", "K_P": [[1.5, 2.5], [-2.5, 0.5]], "K_I": [[10.0, 0.0], [0.0, 1.0]]}
+RATE, DURATION, V_A, G = 20.0, 6.0, 25.0, 9.81
+SAMPLES = round(RATE * DURATION)
+
+
+def level(**tables):
+    """Level flight under gains that couple two oscillations, without limits that could act."""
+    return tables_of(
+        (KINEMATIC,),
+        **{
+            "gains": [COUPLED],
+            "flight": {"V_a_mps": V_A, "duration_s": DURATION, "g_mps2": G},
+            "limits": {},
+            "controller": {"feed_forward": True, "rate_hz": RATE},
+            **tables,
+        },
+    )
+
+
+def to_the_course():
+    """What d_chi and d_gamma of the samples before the last do to its course error, (2, k).
+
+    The law adds `K_I dt / 2` times the last two errors to its integral; `z` has the part of the
+    sum that is older than the sample.
+    """
+    dt, g_over_v = 1.0 / RATE, G / V_A
+    K_P, half = np.array(COUPLED["K_P"]), 0.5 * np.array(COUPLED["K_I"]) / RATE
+    A = np.block([[np.eye(2) - dt * g_over_v * (K_P + half), dt * g_over_v * np.eye(2)],
+                  [-2.0 * half, np.eye(2)]])  # fmt: skip
+    B, C = np.vstack([dt * np.eye(2), np.zeros((2, 2))]), np.array([[-1.0, 0.0, 0.0, 0.0]])
+    _, found = dimpulse(dlti(A, B, C, np.zeros((1, 2)), dt=dt), n=SAMPLES + 1)
+    return np.stack([one[1:, 0] for one in found])
+
+
+def largest_by_square_waves(h):
+    """By all square waves that `worst` searches, on a grid of 120 frequencies and 73 phases."""
+    t = np.arange(SAMPLES) / RATE
+    omega, phase = np.linspace(0.05, 6.0, 120), np.linspace(-np.pi, np.pi, 73)
+    waves = np.copysign(1.0, np.sin(omega[:, None, None] * t + phase[:, None]))
+    return sum(np.abs(waves @ one[::-1]).max() for one in h)
+
+
+def largest_by_random_telegraphs(h, flights=2000):
+    """By signs that change with a chance of their own at every sample."""
+    rng = np.random.default_rng(7)
+    chance = 10.0 ** rng.uniform(-2.0, -0.3, (flights, 2, 1))
+    signs = np.cumprod(np.where(rng.random((flights, 2, SAMPLES)) < chance, -1.0, 1.0), axis=2)
+    return np.abs(np.einsum("fck,ck->f", signs, h[:, ::-1])).max()
+
+
+@pytest.mark.slow
+def test_for_a_linear_loop_it_is_the_worst_there_is_and_flies_to_what_is_said(tmp_path):
+    path, out = tmp_path / "level.toml", tmp_path / "worst.toml"
+    path.write_text(toml_text(scenario_from(level()).as_dict()), encoding="utf-8")
+    with flown_here(worst_module, "planned", planned(str(path), disturbance=SMALL)):
+        said = answer(
+            "worst", path, "--disturbance", SMALL, "--metric", "chi.peak_rad", "--budget", 400,
+            "--out", out,
+        )  # fmt: skip
+
+    h = to_the_course()
+    optimum = SMALL * np.abs(h).sum()
+    assert said["family"] == "bang_bang"
+    assert said["flights"] <= 400
+    assert said["value"] == pytest.approx(optimum, rel=BY_INTERVALS)
+    assert said["value"] <= optimum * (1.0 + LINEAR)
+    assert said["value"] > SMALL * largest_by_square_waves(h)
+    assert said["value"] > SMALL * largest_by_random_telegraphs(h)
+    (run,) = fly(load_scenario(out)).runs
+    assert measures(run)["chi"]["peak_rad"] == pytest.approx(said["value"], rel=SAME)
+    assert {*run.signals["d_chi"].abs()} == {SMALL}
+
+
+@pytest.mark.slow
+def test_the_start_is_part_of_it(tmp_path):
+    path = tmp_path / "level.toml"
+    path.write_text(toml_text(scenario_from(level()).as_dict()), encoding="utf-8")
+    plan = planned(str(path), start_deg=1.0, disturbance=SMALL)
+    with flown_here(worst_module, "planned", plan):
+        said = answer(
+            "worst", path, "--disturbance", SMALL, "--start-deg", 1.0, "--metric", "chi.peak_rad",
+            "--budget", 400, "--out", tmp_path / "worst.toml",
+        )  # fmt: skip
+
+    # The gains couple the channels, so that the path angle makes the course overshoot its start.
+    assert said["family"] == "bang_bang"
+    assert {abs(said["drawn"][f"flight.{name}_deg"]) for name in ("chi", "gamma")} == {1.0}
+    assert said["value"] > 1.0 * DEG
+
+
+def test_a_tube_encloses_every_switching_time():
+    switched = {"chi_amplitude": -0.01, "chi_switch_s": [1.0], "gamma_amplitude": 0.02}
+    scenario = scenario_from(level(disturbance=switched))
+
+    problem = tube_problem(scenario, gain_set(scenario, "coupled"))
+
+    assert (problem.d_high == [0.01, 0.02]).all()
+    assert (problem.d_low == [-0.01, -0.02]).all()
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"chi_switch_s": [2.0, 1.0]}, r"`chi_switch_s` must .*rise, got 1 s after 2 s"),
+        ({"chi_switch_s": [1.0, 1.0]}, r"`chi_switch_s` must .*rise, got 1 s after 1 s"),
+        ({"gamma_switch_s": [0.0]}, r"`gamma_switch_s` must be positive.* got 0 s"),
+        ({"gamma_switch_s": [1.0, 6.0]}, r"`gamma_switch_s` must lie before the end.* got 6 s"),
+        ({"chi_switch_s": [1.0], "wave": "square"}, "`wave` must be absent with chi_switch_s"),
+        ({"chi_switch_s": [1.0], "as_wind": True}, "`as_wind` must be absent with chi_switch_s"),
+        ({"chi_switch_s": [1.0], "chi_omega_rad_s": 1.0}, "`chi_omega_rad_s` must be absent"),
+        ({"chi_switch_s": [], "chi_phase_deg": 1.0}, "`chi_phase_deg` must be absent"),
+    ],
+)
+def test_switching_times_that_cannot_be_flown_are_refused_in_one_line(table, message):
+    with pytest.raises(ScenarioError, match=message) as refused:
+        scenario_from(level(disturbance={"chi_amplitude": 0.1, **table}))
+
+    assert "\n" not in str(refused.value)
