@@ -1,4 +1,4 @@
-"""Pydantic's problems with a file as one line that names keys and says what must be."""
+"""Validation errors of pydantic as one line that names key, requirement and value."""
 
 import difflib
 import re
@@ -11,18 +11,18 @@ from pydantic_core import ErrorDetails
 MAX_LISTED = 5
 """Mistakes listed in one line; the rest is counted."""
 
-LONGEST_KEY = 80
-"""Characters of a key or a name that are repeated in a message."""
+MAX_CHARACTERS = 80
+"""Characters of a key or a value that a message repeats."""
 
 _ABRIDGED = Repr()
-_ABRIDGED.maxstring = _ABRIDGED.maxother = LONGEST_KEY
+_ABRIDGED.maxstring = _ABRIDGED.maxother = MAX_CHARACTERS
 
 
 def shown(key: str) -> str:
     """A key as a message repeats it: the middle of a long one is left out."""
-    if len(key) <= LONGEST_KEY:
+    if len(key) <= MAX_CHARACTERS:
         return key
-    half = LONGEST_KEY // 2
+    half = MAX_CHARACTERS // 2
     return f"{key[:half]}...{key[-half:]}"
 
 
@@ -115,7 +115,7 @@ def _sentence(problem: ErrorDetails, keys: list[str], model: type[BaseModel]) ->
 
 
 def _requirement(problem: ErrorDetails) -> str:
-    """What a value must be, and what it is."""
+    """The requirement that a value misses, and the value."""
     plain = {
         "missing": "must be given",
         "extra_forbidden": "must not be there: the key is unknown",

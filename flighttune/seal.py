@@ -1,4 +1,4 @@
-"""The SHA-256 that a file carries over all its other bytes: what was changed is not read.
+"""The SHA-256 that a file carries over all its other bytes: a changed file is refused.
 
 It is found by searching the bytes, before any library decodes them: one flipped bit can make
 Rerun's decoder abort the process.
@@ -19,10 +19,10 @@ RECORDING_FILE = "recording (.rrd)"
 # bytes in common with what comes before: letters that occur in no name, and not hexadecimal digits,
 # of which the ids of Rerun are made.
 BLANK = MARK.decode() + "".join(map(chr, range(0x100, 0x100 + DIGITS // 2)))
-"""What to write into a file where `seal` shall put the SHA-256, after all other text."""
+"""Placeholder that a file must contain, after all other text, where `seal` puts the SHA-256."""
 
 GUARD = "".join(map(chr, range(0x180, 0x184)))
-"""What to write after `BLANK` in a recording, where zeros follow a text. LZ4 may store them as a
+"""Text that follows `BLANK` in a recording, where zeros follow a text. LZ4 may store them as a
 copy of earlier zeros, and with them the bytes before as far as these are equal too: an id may end
 in the same byte. It then takes of these eight, and leaves `BLANK` as it is."""
 
@@ -30,13 +30,10 @@ in the same byte. It then takes of these eight, and leaves `BLANK` as it is."""
 def seal(data: bytes) -> bytes:
     """Replace `BLANK` in the bytes of a file by the SHA-256 of the rest.
 
-    Raises
-    ------
-    RecordingError
-        If the file does not hold `BLANK` as plain bytes.
+    Raises RecordingError if the file does not hold `BLANK` as plain bytes.
     """
-    before, found, after = data.rpartition(BLANK.encode())
-    if not found:
+    before, blank, after = data.rpartition(BLANK.encode())
+    if not blank:
         raise RecordingError("the file must have room for its SHA-256, got none.")
     return before + MARK + _sha256(before, after) + after
 
@@ -44,16 +41,9 @@ def seal(data: bytes) -> bytes:
 def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
     """Bytes of a file, if they are those that `seal` returned.
 
-    Parameters
-    ----------
-    path : Path
-    kind, remedy : str
-        What the file must be and what to do where it is not, for messages.
-
-    Raises
-    ------
-    RecordingError
-        If there is no such file, it cannot be read, is empty, has no SHA-256 or another one.
+    `kind`, `remedy`: what the file must be and what to do where it is not, for messages. Raises
+    RecordingError if there is no such file, it cannot be read, is empty, has no SHA-256 or another
+    one.
     """
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
@@ -64,8 +54,8 @@ def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
         raise RecordingError(f"{path}: must be readable, got {reason_of(error)}.") from error
     if not data:
         raise RecordingError(f"{path}: must be a {kind}, got an empty file.")
-    before, found, rest = data.rpartition(MARK)
-    if not found:
+    before, mark, rest = data.rpartition(MARK)
+    if not mark:
         raise RecordingError(
             f"{path}: must be a {kind} with the SHA-256 that flighttune writes, got none: it is "
             f"cut off, of another program, or of flighttune 0.1.0; {remedy}."

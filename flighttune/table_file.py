@@ -21,10 +21,7 @@ DEEP_KEY = re.compile(r"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){32}")
 def stamp(file: Path) -> tuple[int, ...]:
     """When a file was last written to, which one it is, and its size.
 
-    Raises
-    ------
-    OSError
-        If there is none.
+    Raises OSError if there is none.
     """
     status = file.stat()
     return status.st_mtime_ns, status.st_ctime_ns, status.st_ino, status.st_size
@@ -33,10 +30,7 @@ def stamp(file: Path) -> tuple[int, ...]:
 def toml_tables(path: Path) -> dict[str, Any]:
     """The tables of a TOML file.
 
-    Raises
-    ------
-    ScenarioError
-        If the file cannot be read, is not TOML, or is nested too deeply.
+    Raises ScenarioError if the file cannot be read, is not TOML, or is nested too deeply.
     """
     return _tables(path, _toml, "TOML")
 
@@ -44,10 +38,8 @@ def toml_tables(path: Path) -> dict[str, Any]:
 def json_tables(path: Path) -> dict[str, Any]:
     """The object of a JSON file; ``NaN`` and ``Infinity`` are read as floats.
 
-    Raises
-    ------
-    ScenarioError
-        If the file cannot be read, is not JSON, gives a key twice, or is nested too deeply.
+    Raises ScenarioError if the file cannot be read, is not JSON, gives a key twice, or is nested
+    too deeply.
     """
     return _tables(path, _json, "JSON")
 
@@ -55,10 +47,7 @@ def json_tables(path: Path) -> dict[str, Any]:
 def json_object(text: str, place: str) -> dict[str, Any]:
     """The object of a JSON text inside a file, read as strictly as `json_tables`.
 
-    Raises
-    ------
-    ScenarioError
-        As of `json_tables`; the message begins with `place`.
+    Raises ScenarioError as `json_tables` does; the message begins with `place`.
     """
     return _parsed(text, place, _json, "JSON")
 

@@ -26,7 +26,7 @@ from flighttune.simulate.run import Run
 SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
 """Metrics shown in a notebook; `Comparison.metrics` has them all."""
 
-MOST_PAIRS = 3
+MAX_PAIRS = 3
 """Pairs shown in a notebook."""
 
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
@@ -34,35 +34,21 @@ COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
-    """Two runs of one manoeuvre, compared.
+    """Two runs of one manoeuvre, compared."""
 
-    Attributes
-    ----------
-    a, b : Run
-        Cut to the time both flew.
-    source_a, source_b : str
-        Where they come from.
-    durations : tuple of float, s
-        Time that each of the two flew; `a` and `b` have no more than the shorter.
-    max_distance : float, m
-        Largest distance of the two at the same time after the start.
-    t_max_distance : float, s
-        When that was.
-    differs : mapping of str to (value, value)
-        Settings of the two scenarios that are not the same, by dotted key.
-    status : tuple of str
-        How each of the two ended.
-    """
-
+    # `a` and `b`: cut to the time both flew
     a: Run
     b: Run
+    # `source_a` and `source_b`: where they come from
     source_a: str
     source_b: str
+    # s: time that each of the two flew; `a` and `b` have no more than the shorter
     durations: tuple[float, float]
-    max_distance: float
-    t_max_distance: float
+    max_distance: float  # m: largest distance of the two at the same time after the start
+    t_max_distance: float  # s: when that was
+    # Settings of the two scenarios that are not the same, by dotted key
     differs: dict[str, tuple[Any, Any]]
-    status: tuple[str, str]
+    status: tuple[str, str]  # how each of the two ended
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,23 +91,19 @@ class Comparison:
         if not self.comparable:
             rows = [("reason", self.reason)]
             return Table(title="Comparison: not comparable", head=(), rows=rows).html()
-        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MOST_PAIRS)
+        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
         title = f"Comparison: paths at most {number(self.max_distance)} m apart"
-        found = comparison_table(title, self.metrics.loc[shown])
-        if len(self.pairs) <= MOST_PAIRS:
-            return found.html()
-        more = f"{len(self.pairs) - MOST_PAIRS} more pairs in `metrics`"
-        return replace(found, rows=[*found.rows, (more, *[""] * 5)]).html()
+        table = comparison_table(title, self.metrics.loc[shown])
+        if len(self.pairs) <= MAX_PAIRS:
+            return table.html()
+        more = f"{len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
+        return replace(table, rows=[*table.rows, (more, *[""] * 5)]).html()
 
 
 def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
     """Metrics of pairs side by side.
 
-    Parameters
-    ----------
-    title : str
-    metrics : DataFrame
-        Rows of `Comparison.metrics`.
+    `metrics`: rows of `Comparison.metrics`.
     """
     rows = [
         (
@@ -163,16 +145,16 @@ def compare(
     """
     if not others:
         raise InputError("`others` must hold at least one more source, got none.")
-    first, *rest = (_source(one, place) for place, one in enumerate((a, *others)))
+    first, *rest = (_source(runs_of, place) for place, runs_of in enumerate((a, *others)))
     pairs: list[Pair] = []
     unpaired: list[str] = []
     for other in rest:
-        found = paired(first.runs, other.runs)
-        reason = why_not(first, other, found)
+        matched = paired(first.runs, other.runs)
+        reason = why_not(first, other, matched)
         if reason:
             return Comparison(reason=reason)
-        pairs += [_pair(first, other, *two) for two in found]
-        unpaired += _left_over(first, other, found)
+        pairs += [_pair(first, other, *two) for two in matched]
+        unpaired += _left_over(first, other, matched)
     rows: list[Row] = []
     for place, pair in enumerate(pairs):
         names: Row = {"pair": place, "run_a": pair.a.label, "run_b": pair.b.label}
@@ -185,14 +167,14 @@ def compare(
     )
 
 
-def _source(given: str | Path | Run | FlownScenario | Source, place: int) -> Source:
-    if isinstance(given, Source):
-        return given
-    if isinstance(given, Run):
-        return Source(name=f"{chr(ord('A') + place)}: {given.label}", runs=(given,))
-    if isinstance(given, FlownScenario):
-        return Source(name=f"{chr(ord('A') + place)}: {given.scenario.title}", runs=given.runs)
-    return load_source(given)
+def _source(runs_of: str | Path | Run | FlownScenario | Source, place: int) -> Source:
+    if isinstance(runs_of, Source):
+        return runs_of
+    if isinstance(runs_of, Run):
+        return Source(name=f"{chr(ord('A') + place)}: {runs_of.label}", runs=(runs_of,))
+    if isinstance(runs_of, FlownScenario):
+        return Source(name=f"{chr(ord('A') + place)}: {runs_of.scenario.title}", runs=runs_of.runs)
+    return load_source(runs_of)
 
 
 def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
@@ -211,8 +193,8 @@ def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
     )
 
 
-def _left_over(first: Source, second: Source, found: Sequence[tuple[Run, Run]]) -> list[str]:
-    used = {id(run) for pair in found for run in pair}
+def _left_over(first: Source, second: Source, pairs: Sequence[tuple[Run, Run]]) -> list[str]:
+    used = {id(run) for pair in pairs for run in pair}
     return [
         f"{source.name}: {run.label}"
         for source in (first, second)

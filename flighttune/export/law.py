@@ -14,27 +14,17 @@ def exported_law(
 ) -> MimoPI | ExactLaw:
     """The controller of a scenario, if it can be exported.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    name : str
-        Of the gain set, with its law.
-    gains : PIGains
-    limits : Limits
-        Of the commands.
-
-    Raises
-    ------
-    InputError
-        If `name` belongs to a law in Python; the message names it.
+    `name`: of the gain set, with its law. Raises InputError if `name` belongs to a law in Python;
+    the message names it.
     """
     if scenario.is_own_law(name):
         raise refusal(name, scenario.law_of(name)[0].name, "paper or exact")
     return controller_of(scenario, name, gains, limits)
 
 
-def refusal(name: str, law: str, known: str) -> InputError:
+def refusal(name: str, law: str, allowed: str) -> InputError:
     """Why the gains of a law cannot be exported."""
     return InputError(
-        f"`gains` must be flown by the law {known} to be exported, got {name!r} of the law {law!r}."
+        f"`gains` must be flown by the law {allowed} to be exported, "
+        f"got {name!r} of the law {law!r}."
     )

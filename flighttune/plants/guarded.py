@@ -8,19 +8,13 @@ from flighttune.errors import FlightTuneError, InputError, TrimError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 
 FAILURES = (Exception, SystemExit)
-"""What ends a flight and nothing else: code of a user's must not end the program either."""
+"""Exceptions that end the flight only: code of a user must not end the program."""
 
 
 def failure(name: str, error: BaseException, t: float | None) -> str:
-    """What raised, when and why, in one line.
+    """One line that says what raised, when and why.
 
-    Parameters
-    ----------
-    name : str
-        Of the law or plant.
-    error : Exception
-    t : float or None, s
-        Time of the flight, if one had begun.
+    `name`: law or plant. `t` (s): time of the flight, if one had begun.
     """
     frames = traceback.extract_tb(error.__traceback__)
     line = f" (line {frames[-1].lineno} of {frames[-1].name})" if len(frames) > 1 else ""
@@ -29,23 +23,9 @@ def failure(name: str, error: BaseException, t: float | None) -> str:
 
 
 class GuardedPlant:
-    """A plant that ends the flight, in one line, where it raises or shows what is no signal.
+    """A plant that ends the flight where it raises or shows a value that is not finite.
 
-    Parameters
-    ----------
-    plant : Plant
-    name : str
-        In messages.
-
-    Attributes
-    ----------
-    kind, signals, limits
-        Those of the plant.
-
-    Raises
-    ------
-    InputError
-        If the signals do not begin with `COMMON_SIGNALS`.
+    Raises InputError if the signals do not begin with `COMMON_SIGNALS`.
     """
 
     def __init__(self, plant: Plant, name: str) -> None:
@@ -58,10 +38,7 @@ class GuardedPlant:
     def start(self, condition: FlightCondition) -> None:
         """Start the plant.
 
-        Raises
-        ------
-        TrimError
-            If it cannot, for whatever reason.
+        Raises TrimError if it cannot, for whatever reason.
         """
         self._t, self._stop, self._last = 0.0, None, ()
         try:
@@ -74,10 +51,7 @@ class GuardedPlant:
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals`; the last ones where there are none, and end the flight.
 
-        Raises
-        ------
-        TrimError
-            If there are none at the start.
+        Raises TrimError if there are none at the start.
         """
         try:
             seen = tuple(map(float, self._plant.observe()))

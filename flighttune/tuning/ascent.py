@@ -24,32 +24,23 @@ FIRST_STEP, SMALLEST_STEP = 0.3, 1e-4
 """Trust region on each gain, relative to it (to one for small ones)."""
 
 ITERATIONS = 60
-ENOUGH = 1e-5
-"""A relative gain of rate below this, twice in a row, ends the ascent."""
+MIN_GAIN = 1e-5
+"""Two steps in a row with a smaller relative gain of rate end the ascent."""
 
-BOUNDS = 3
+SPECTRAL_BOUNDS = 3
 """Unknowns: relative changes of lambda_max(Q0), lambda_min(Q0) and sigma_min(A_K)^2."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Point:
-    """Free gains that meet every constraint, with their rates.
+    """Free gains that meet every constraint, with their rates."""
 
-    Attributes
-    ----------
-    k : ndarray, shape (f,)
-    Q : ndarray, shape (n, n), s
-        Common to the vertices.
-    R, R_bound : float, 1/s
-        Rate of Q, and a bound on the rate of any other.
-    R_K, I_K : float, 1/s and s^2
-        At the trim.
-    """
-
-    k: FloatArray
-    Q: FloatArray
+    k: FloatArray  # shape (f,)
+    Q: FloatArray  # shape (n, n), s: common to the vertices
+    # `R` and `R_bound` (1/s): rate of Q, and a bound on the rate of any other
     R: float
     R_bound: float
+    # `R_K` and `I_K` (1/s and s^2): at the trim
     R_K: float
     I_K: float
 
@@ -80,17 +71,7 @@ def point(problem: TuningProblem, models: Sequence[LinearModel], k: FloatArray) 
 def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) -> Point:
     """A local optimum of the common rate, from a point that meets the constraints.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-    models : sequence of LinearModel
-        The vertices.
-    start : Point
-
-    Returns
-    -------
-    Point
-        Never worse than `start`.
+    The result is never worse than `start`.
     """
     step, excess, idle = FIRST_STEP, 0.0, 0
     best = start
@@ -99,9 +80,10 @@ def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) 
         k = program.step(best, step, excess)
         better = None if k is None else point(problem, models, k)
         if better is not None and better.R > best.R:
-            idle = idle + 1 if better.R < (1.0 + ENOUGH) * best.R else 0
+            idle = idle + 1 if better.R < (1.0 + MIN_GAIN) * best.R else 0
             best, step, excess = better, min(2.0 * step, 1.0), excess / 2.0
         else:
+            # Linearised, the bound on I_K may be missed: it is tightened by the excess seen.
             broken = 0.0 if k is None or better is not None else program.excess(k)
             step, excess = step / 2.0, max(excess, broken) if broken > 0.0 else excess / 2.0
         if idle == 2 or step < SMALLEST_STEP:
@@ -130,7 +112,7 @@ class _Linearised:
     def step(self, at: Point, size: float, excess: float) -> FloatArray | None:
         """New free gains, or None where the solver has none."""
         f, d = len(at.k), len(self._basis)
-        objective = np.zeros(f + d + 1 + BOUNDS)
+        objective = np.zeros(f + d + 1 + SPECTRAL_BOUNDS)
         objective[f + d] = -1.0
         rows = self._trust(at, size)
         cones = self._decay(at)
@@ -148,7 +130,7 @@ class _Linearised:
         return np.clip(at.k + solution.x[:f], space.k_min, space.k_max)
 
     def excess(self, k: FloatArray) -> float:
-        """How far log I_K is above its limit at free gains k; 0 if it is not."""
+        """Excess of log I_K over its limit at free gains k; 0 without any."""
         if not self._limited:
             return 0.0
         I_K = indicators(closed_loops(self._problem.model, self._space.K(k))).I_K
@@ -157,7 +139,7 @@ class _Linearised:
     def _decay(self, at: Point) -> list[Cone]:
         """``A_v' Q + Q A_v + R I <= 0`` at every vertex, linearised, and ``Q <= I``."""
         Q0 = at.Q * at.R
-        n, extra = len(Q0), np.zeros((BOUNDS, *Q0.shape))
+        n, extra = len(Q0), np.zeros((SPECTRAL_BOUNDS, *Q0.shape))
         zero, eye = np.zeros((n, n)), np.eye(n)
         cones = []
         for model, slopes in zip(self._models, self._slopes, strict=True):
@@ -166,6 +148,7 @@ class _Linearised:
             in_Q = A.T @ self._basis + self._basis @ A
             parts = [-in_k, -in_Q, -eye[None], extra]
             cones.append(Cone(constant=zero, coefficients=np.concatenate(parts)))
+        # Q <= I fixes the scale: the rate is then R itself.
         parts = [np.zeros((len(at.k), n, n)), -self._basis, zero[None], extra]
         return [*cones, Cone(constant=eye, coefficients=np.concatenate(parts))]
 
@@ -179,7 +162,7 @@ class _Linearised:
             space.slack(at.k),
         ]
         in_k = np.vstack([-eye, eye, -space.G])
-        rest = np.zeros((len(in_k), len(self._basis) + 1 + BOUNDS))
+        rest = np.zeros((len(in_k), len(self._basis) + 1 + SPECTRAL_BOUNDS))
         return Rows(constant=np.concatenate(constant), coefficients=np.hstack([in_k, rest]))
 
     def _radius(self, at: Point, excess: float) -> tuple[list[Cone], Rows]:
@@ -203,11 +186,13 @@ class _Linearised:
                 (1.0, smallest, gram, gram_slopes),
             )
         ):
-            coefficients = np.zeros((f + d + 1 + BOUNDS, *A.shape))
+            coefficients = np.zeros((f + d + 1 + SPECTRAL_BOUNDS, *A.shape))
             coefficients[:f] = sign * slopes / value
             coefficients[f + d + 1 + number] = -sign * eye
             cones.append(Cone(constant=sign * (constant / value - eye), coefficients=coefficients))
-        row = np.zeros((1, f + d + 1 + BOUNDS))
-        row[0, -BOUNDS:] = -2.0, 1.0, 0.5
+        row = np.zeros((1, f + d + 1 + SPECTRAL_BOUNDS))
+        # log I_K = 2 log lambda_max - log lambda_min - log sigma_min, and sigma_min is the root of
+        # the smallest eigenvalue of A'A: hence one half.
+        row[0, -SPECTRAL_BOUNDS:] = -2.0, 1.0, 0.5
         slack = math.log(self._problem.I_star / at.I_K) - excess
         return cones, Rows(constant=np.array([slack]), coefficients=row)

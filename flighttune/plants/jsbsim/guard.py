@@ -14,15 +14,8 @@ from flighttune.units import DEG, FT, G_0
 class Guard:
     """Checks a flight while it runs, and says why when a check fails.
 
-    Parameters
-    ----------
-    fdm : Fdm
-        The aircraft; its configuration holds the envelope. The ground lies at JSBSim's sea level.
-
-    Attributes
-    ----------
-    inside : callable returning bool
-        Whether the flight may go on; False for anything that is not a number.
+    `fdm`: the aircraft; its configuration holds the envelope. The ground lies at JSBSim's sea
+    level. `inside`: whether the flight may go on; False for anything that is not a number.
     """
 
     def __init__(self, fdm: Fdm) -> None:
@@ -84,10 +77,7 @@ class Guard:
     def diagnosis(self) -> Stop:
         """Return why the flight may not go on.
 
-        Raises
-        ------
-        PlantError
-            If nothing is wrong with the state: JSBSim ended the run by itself.
+        Raises PlantError if nothing is wrong with the state: JSBSim ended the run by itself.
         """
         at = f"t = {self._time():.3f} s"
         alpha, h = self._alpha(), self._h_ft() * FT
