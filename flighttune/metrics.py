@@ -135,7 +135,7 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
 
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
-    """Those signals of `names` that a run has, as contiguous arrays.
+    """The signals among `names` that a run has, as contiguous arrays.
 
     `names`: any of `SIGNAL_UNITS`.
     """

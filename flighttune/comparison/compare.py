@@ -68,7 +68,7 @@ class Comparison:
     unpaired : tuple of str
         Runs without a partner, as ``source: label``.
     missing : tuple of str
-        What the sources recorded and cannot give.
+        Runs that the sources recorded and cannot give.
     """
 
     reason: str = ""

@@ -1,4 +1,4 @@
-"""What was counted for the tube of an aircraft, and whether it is said of flights."""
+"""Probability counted for the tube of an aircraft, of flights or of their residual rates."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,7 +16,7 @@ class CountedProbability:
 
     @property
     def sentence(self) -> str:
-        """Who leaves what, and how probably."""
+        """The probability in words."""
         chance = f"probability at most {number(self.at_most)}, confidence {self.confidence:.10g}"
         if self.of == "flight":
             return f"a flight of the distribution counted leaves the tube with {chance}"

@@ -148,6 +148,6 @@ def _clipped(point: FloatArray, low: float, high: float) -> Interval:
 
 def _hull(intervals: list[Interval]) -> Interval:
     return Interval(
-        np.minimum.reduce([one.low for one in intervals]),
-        np.maximum.reduce([one.high for one in intervals]),
+        np.minimum.reduce([interval.low for interval in intervals]),
+        np.maximum.reduce([interval.high for interval in intervals]),
     )
