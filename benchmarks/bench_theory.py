@@ -2,7 +2,7 @@
 
 Times are processor times of one thread, so that other load on the machine counts little.
 Run it with ``python benchmarks/bench_theory.py``; ``--json`` prints one object, ``--figure FILE``
-draws the cost against the number of states.
+draws the cost as SVG against the number of states.
 """
 
 import argparse
@@ -22,6 +22,8 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loops, kinematic_model
+from flighttune.present.chart import Chart, Sheet
+from flighttune.present.palette import HUES
 from flighttune.theory.indicators import indicators_batch
 
 MILLION = 1_000_000
@@ -131,18 +133,18 @@ def a_million() -> float:
 
 def draw(table: dict[int, dict[str, float]], path: Path) -> None:
     """Draw the cost against the number of states."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
-    for name in ("SciPy loop", "batch"):
-        axes.semilogy(list(table), [row[name] for row in table.values()], "o-", label=name)
-    axes.set(xlabel="states of the closed loop", ylabel="time a loop, µs", title="R_K and I_K")
-    axes.grid(alpha=0.3)
-    axes.legend(loc="lower right", frameon=False)
-    figure.savefig(path, dpi=150)
+    chart = Chart(
+        title="R_K and I_K on one core",
+        x="states of the closed loop",
+        y="time a loop [µs]",
+        log="y",
+        x_room=0.05,
+    )
+    for name, ((colour, _), _) in zip(("SciPy loop", "batch"), HUES, strict=False):
+        times = [row[name] for row in table.values()]
+        chart.line(list(table), times, colour, name=name)
+        chart.points(list(table), times, colour)
+    Sheet(charts=[chart], columns=1).save(path)
 
 
 def main() -> None:

@@ -71,15 +71,6 @@ def square_matrices(name: str, value: npt.ArrayLike) -> FloatArray:
     return matrices
 
 
-def block_diagonal(*blocks: FloatArray) -> FloatArray:
-    """Matrices along the diagonal, zeros elsewhere."""
-    rows, columns = np.cumsum([(0, 0), *(block.shape for block in blocks)], axis=0).T
-    whole = np.zeros((rows[-1], columns[-1]))
-    for block, i, j in zip(blocks, rows, columns, strict=False):
-        whole[i : i + block.shape[0], j : j + block.shape[1]] = block
-    return whole
-
-
 def _read_only(
     name: str, value: npt.ArrayLike, shape: tuple[int, ...] | None, *, axes: int
 ) -> FloatArray:

@@ -7,7 +7,6 @@ from flighttune.errors import InputError
 EXTRAS = {
     "dask": "cluster",
     "distributed": "cluster",
-    "matplotlib": "figures",
     "numba": "fast",
     "rerun_notebook": "notebook",
 }

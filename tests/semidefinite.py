@@ -4,10 +4,20 @@ R_K and I_K come from a Lyapunov equation in the package; here they come from se
 as arXiv 2411.13140, section 4.3, poses them.
 """
 
+import warnings
+
+import cvxpy as cp
 import numpy as np
 
-from flighttune.theory.lmi import Cone, minimise, symmetric_basis
 from flighttune.theory.lyapunov import lyapunov_solution
+
+OPTIONS = {
+    "solver": "CLARABEL",
+    "tol_gap_abs": 1e-9,
+    "tol_gap_rel": 1e-9,
+    "tol_feas": 1e-9,
+    "equilibrate_enable": False,
+}
 
 
 def rate(Q):
@@ -23,18 +33,16 @@ def radius(A, Q):
 
 def largest_rate(A):
     """The Q with the smallest lambda_max under ``A' Q + Q A + I <= 0``."""
-    L, top, basis, flow = _scaled(A)
-    eye, size = np.eye(len(A)), len(basis)
+    L, top = _scaled(A)
+    eye = np.eye(len(A))
     answers = []
     mixed = np.linalg.cholesky(L @ L.T / top + 1e-3 * eye)
     for T in (eye, np.linalg.inv(mixed).T, np.linalg.inv(L).T):  # congruences: the same problem
-        cones = [
-            Cone(constant=-T.T @ T, coefficients=_padded(-T.T @ flow @ T, 1)),
-            Cone(constant=0.0 * eye, coefficients=_padded(-basis / top, 1, {0: eye})),
-        ]
-        found = minimise(np.eye(size + 1)[size], cones).x
-        if found is not None:
-            answers.append(_feasible(A, np.tensordot(found[:size], basis, 1)))
+        S, highest = cp.Variable(A.shape, symmetric=True), cp.Variable()
+        F, M = L.T @ A @ T, L.T @ T  # of T' (A' Q + Q A + I) T with Q = L S L'
+        decay = F.T @ S @ M + M.T @ S @ F + T.T @ T
+        ceiling = L @ S @ L.T / top << highest * eye
+        answers.append(_solved(highest, [decay << 0, ceiling], A, L, S))
     return max((Q for Q in answers if Q is not None), key=rate)
 
 
@@ -42,45 +50,39 @@ def smallest_radius(A, *, rate_loss=None):
     """The Q with the smallest I_K: at any rate, or at the largest less a fraction.
 
     ``lambda_max^2 / lambda_min`` is convex: minimise t under ``m I <= Q <= l I`` and
-    ``[[t, l], [l, m]] >= 0``.
+    ``l^2 / m <= t``.
     """
-    _, top, basis, flow = _scaled(A)
-    eye, size = np.eye(len(A)), len(basis)
-    corners = [np.diag([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([0.0, 1.0])]
-    cones = [
-        Cone(constant=-eye, coefficients=_padded(-flow, 3)),
-        Cone(constant=0.0 * eye, coefficients=_padded(-basis / top, 3, {1: eye})),
-        Cone(constant=0.0 * eye, coefficients=_padded(basis / top, 3, {2: -eye})),
-        Cone(
-            constant=np.zeros((2, 2)),
-            coefficients=_padded(np.zeros((size, 2, 2)), 3, dict(enumerate(corners))),
-        ),
+    L, top = _scaled(A)
+    eye = np.eye(len(A))
+    S, highest, lowest = cp.Variable(A.shape, symmetric=True), cp.Variable(), cp.Variable()
+    Q = L @ S @ L.T
+    constraints = [
+        A.T @ Q + Q @ A + eye << 0,
+        Q / top << highest * eye,
+        Q / top >> lowest * eye,
     ]
     if rate_loss is not None:
-        cap = {1: -np.ones((1, 1))}
-        constant = np.array([[1.0 / (1.0 - rate_loss)]])
-        cones.append(Cone(constant=constant, coefficients=_padded(np.zeros((size, 1, 1)), 3, cap)))
-    found = minimise(np.eye(size + 3)[size], cones)
-    return _feasible(A, np.tensordot(found.x[:size], basis, 1))
+        constraints.append(highest <= 1.0 / (1.0 - rate_loss))
+    return _solved(cp.quad_over_lin(highest, lowest), constraints, A, L, S)
 
 
 def _scaled(A):
-    """Cholesky factor L of the Lyapunov equation's Q, its top, a basis L S L' and its flow."""
+    """Cholesky factor L of the Lyapunov equation's Q, and its largest eigenvalue."""
     Q = lyapunov_solution(A)
-    L = np.linalg.cholesky(Q)
-    basis = L @ symmetric_basis(len(A)) @ L.T
-    return L, np.linalg.eigvalsh(Q)[-1], basis, A.T @ basis + basis @ A
+    return np.linalg.cholesky(Q), np.linalg.eigvalsh(Q)[-1]
 
 
-def _padded(coefficients, extra, given=()):
-    """Coefficients with those of `extra` further unknowns behind."""
-    rest = np.zeros((extra, *coefficients.shape[1:]))
-    for i, matrix in dict(given).items():
-        rest[i] = matrix
-    return np.concatenate([coefficients, rest])
-
-
-def _feasible(A, Q):
+def _solved(objective, constraints, A, L, S):
     """The multiple of Q that just satisfies the inequality; None where there is none."""
+    with warnings.catch_warnings():
+        # The multiple that is returned is feasible however far the solver came.
+        warnings.filterwarnings("ignore", message="Solution may be inaccurate")
+        try:
+            cp.Problem(cp.Minimize(objective), constraints).solve(**OPTIONS)
+        except cp.SolverError:
+            return None
+    if S.value is None:
+        return None
+    Q = L @ S.value @ L.T
     slack = -np.linalg.eigvalsh(A.T @ Q + Q @ A)[-1]
     return Q / slack if slack > 0.0 and np.linalg.eigvalsh(Q)[0] > 0.0 else None

@@ -11,12 +11,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flighttune"
 ONLY_IN = {
-    "clarabel": "theory/lmi.py",
-    "cvxpy": "tuning/convex.py",
+    "cvxpy": "theory/lmi.py",
     "dask": "campaign/engine/cluster",
     "distributed": "campaign/engine/cluster",
     "jsbsim": "plants/jsbsim",
-    "matplotlib": "paper",
     "numba": "simulate/kernel.py",
     "rerun": "recording",
 }  # a file, or the folder it may be used in

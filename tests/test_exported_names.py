@@ -44,7 +44,6 @@ def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
         "clarabel",
         "cvxpy",
         "rerun",
-        "matplotlib",
         "pydantic",
     ]
     code = f"import sys, flighttune.cli; print([m for m in {heavy} if m in sys.modules])"

@@ -26,33 +26,24 @@ def test_each_module_comes_with_the_extra_of_its_message(module, extra):
 
 
 def test_only_what_is_missing_is_named(monkeypatch):
-    need("this", "matplotlib", "dask")
+    need("this", "numba", "dask")
     monkeypatch.setitem(sys.modules, "dask", None)
 
     with pytest.raises(InputError, match=r"^this needs dask; .*'flighttune\[cluster\]'$"):
-        need("this", "matplotlib", "dask")
-
-
-def test_the_paper_again_without_matplotlib_is_one_line(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-
-    printed, said = flighttune("reproduce", "gains", status=2, cwd=tmp_path)
-
-    install = "install it with: pip install 'flighttune[figures]'"
-    assert (printed, said) == ("", f"flighttune: `reproduce` needs matplotlib; {install}\n")
-    assert not list(tmp_path.iterdir())
+        need("this", "numba", "dask")
 
 
 def test_an_import_that_fails_inside_a_command_names_the_extra_too(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.setattr("flighttune.paper.reproduce.need", lambda *_: None)
+    monkeypatch.setitem(sys.modules, "dask", None)
+    monkeypatch.setattr("flighttune.campaign.engine.cluster.need", lambda *_: None)
 
-    _, said = flighttune("reproduce", "gains", status=2, cwd=tmp_path)
+    nobody = ("--scheduler", "tcp://127.0.0.1:1")
+    _, said = flighttune("campaign", "run", "first_campaign", *nobody, status=2, cwd=tmp_path)
 
-    assert said.startswith("flighttune: this command needs matplotlib; ")
-    assert "'flighttune[figures]'" in said
+    assert said.startswith("flighttune: this command needs dask; ")
+    assert "'flighttune[cluster]'" in said
 
 
-@pytest.mark.parametrize("module", ["made_up", "numpy", "matplotlib.made_up"])
+@pytest.mark.parametrize("module", ["made_up", "numpy", "dask.made_up"])
 def test_an_import_that_no_extra_cures_stays_a_fault(module):
     assert missing_extra(ModuleNotFoundError(name=module), "this") is None

@@ -22,6 +22,7 @@ gap paper
 report runs/paper --out report.html
 compare runs/paper/kinematic-paper.parquet runs/paper/kinematic-tuned.parquet
 refly runs/paper/paper.rrd
+reproduce gains
 frontier paper --points 3
 trim aerosonde
 adopt 737 --out mine
@@ -30,7 +31,6 @@ campaign run first_campaign
 campaign report runs/first_campaign
 """
 NEED_AN_EXTRA = {
-    "reproduce gains": "figures",
     "campaign run first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster",
 }
 

@@ -15,7 +15,6 @@ from jupyter_client.manager import start_new_kernel
 from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
-from flighttune.seal import seal
 
 SMALL = 8_000
 """Characters of what a value shows of itself."""
@@ -170,7 +169,7 @@ def test_the_widget_of_a_kernel_gets_a_recording_that_the_viewer_draws(kernel, t
         sent = max([sent, *map(bytes, message["buffers"])], key=len)
 
     path = tmp_path / "shown.rrd"
-    path.write_bytes(seal(sent))
+    path.write_bytes(sent)
     with opened_recording(path) as viewer:
         viewer.show("Overview", at=4.0)
         for name, part in viewer.views("Overview").items():

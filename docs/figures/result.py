@@ -1,4 +1,4 @@
-"""Draw docs/result.png, what came out in two panels: python docs/figures/result.py.
+"""Draw docs/result.svg, what came out in two panels: python docs/figures/result.py.
 
 It flies a campaign of 4000 flights, about a minute.
 """
@@ -7,9 +7,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
@@ -17,20 +14,20 @@ from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.flight.fly import fly
-from flighttune.paper.style import RC
+from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, INK, NEUTRAL
 from flighttune.scenario import load_scenario
 from flighttune.shipped import campaign_files
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
 
-FILE = Path(__file__).parents[1] / "result.png"
+FILE = Path(__file__).parents[1] / "result.svg"
 BLUE, RUST, GREEN = (strong[0] for strong, _ in HUES[:3])
 CAMPAIGN = "aerosonde_dispersed"
 GAINS = {
-    "paper": ("the paper's gains K*", BLUE),
-    "tuned_identified": ("tuned on the identified aircraft", GREEN),
-    "exact:tuned_identified": ("the same, with the exact law", RUST),
+    "paper": ("the paper's\ngains K*", BLUE),
+    "tuned_identified": ("tuned on the\nidentified aircraft", GREEN),
+    "exact:tuned_identified": ("the same, with\nthe exact law", RUST),
 }
 """Gain sets of the right panel."""
 
@@ -63,59 +60,44 @@ def shares(folder: Path) -> dict[str, tuple[float, float, float]]:
     return found
 
 
-def _errors(axes: Axes, runs: dict[str, Run]) -> None:
+def errors(runs: dict[str, Run]) -> Chart:
+    """Course error over time of the paper's gains and of tuned ones."""
     lines = (
         ("kinematic / paper", "the paper's gains K* on the kinematic law", NEUTRAL),
         ("jsbsim:aerosonde / paper", "K* on the aircraft", BLUE),
         ("jsbsim:aerosonde / tuned_identified", "tuned here, on the aircraft", GREEN),
     )
+    chart = Chart(
+        title="A turn by 60° while the climb flattens by 30°",
+        y="course error [deg]",
+        x_range=(0.0, 20.0),
+    )
     for label, words, colour in lines:
         run = runs[label]
         error = run.signals["chi_err"].to_numpy() * DEG_PER_RAD
-        style = "--" if colour == NEUTRAL else "-"
-        axes.plot(run.t, error, color=colour, lw=2.0, ls=style, label=words)
-    axes.legend(loc="lower right")
-    axes.set_title("A turn by 60° while the climb flattens by 30°")
-    axes.set_xlabel("t [s]")
-    axes.set_ylabel("course error [deg]")
-    axes.set_xlim(0.0, 20.0)
+        dash = DASHED if colour == NEUTRAL else ""
+        chart.line(run.t, error, colour, dash=dash, width=2.0, name=words)
+    return chart
 
 
-def _shares(axes: Axes, found: dict[str, tuple[float, float, float]]) -> None:
-    for place, (name, (words, colour)) in enumerate(reversed(GAINS.items())):
-        share, low, high = (100.0 * value for value in found[name])
-        axes.barh(place, share, 0.5, color=colour)
-        axes.errorbar(share, place, xerr=[[share - low], [high - share]], color=INK, capsize=3)
-        inside = share > 50.0
-        axes.text(
-            share - 2.0 if inside else high + 2.0,
-            place,
-            f"{share:.1f} %",
-            color="white" if inside else INK,
-            ha="right" if inside else "left",
-            va="center",
-            weight="bold",
-        )
-        axes.text(0.0, place + 0.32, words, color=INK)
-    axes.set_title("Share of 1000 dispersed flights that hold")
-    axes.set_xlabel("flights that meet the requirements [%], with 95 % interval")
-    axes.set_xlim(0.0, 100.0)
-    axes.set_ylim(-0.4, 2.7)
-    axes.set_yticks([])
-    axes.spines["left"].set_visible(False)
-    axes.grid(False)
-
-
-def figure(runs: dict[str, Run], found: dict[str, tuple[float, float, float]]) -> Figure:
-    """The two panels."""
-    with rc_context(RC):
-        drawn = Figure(figsize=(9.4, 3.1), layout="constrained")
-        left, right = drawn.subplots(1, 2)
-        _errors(left, runs)
-        _shares(right, found)
-    return drawn
+def share_bars(measured: dict[str, tuple[float, float, float]]) -> Chart:
+    """Shares of `shares` as bars with their intervals."""
+    chart = Chart(
+        title="Share of 1000 dispersed flights that meet the requirements",
+        x="",
+        y="flights [%], with 95 % interval",
+        y_range=(0.0, 108.0),
+        x_ticks=[(place, words) for place, (words, _) in enumerate(GAINS.values())],
+    )
+    percent = [[100.0 * value for value in measured[name]] for name in GAINS]
+    colours = [colour for _, colour in GAINS.values()]
+    chart.bars([0.0] * len(percent), [share for share, _, _ in percent], colours)
+    for place, (share, low, high) in enumerate(percent):
+        chart.line([place, place], [low, high], INK, width=2.0)
+        chart.text(place, high, f"{share:.1f} %", anchor="middle", shift=(0.0, -5.0))
+    return chart
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
-        figure(flown(), shares(Path(scratch))).savefig(FILE, dpi=110)
+        Sheet(charts=[errors(flown()), share_bars(shares(Path(scratch)))]).save(FILE)

@@ -1,4 +1,4 @@
-"""Draw docs/sampling.png, what the controller's rate does: python docs/figures/sampling.py."""
+"""Draw docs/sampling.svg, what the controller's rate does: python docs/figures/sampling.py."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from scipy.linalg import expm
 
 from flighttune.aircraft.aircraft import load_aircraft
@@ -22,6 +20,7 @@ from flighttune.identify.file import load_identified
 from flighttune.identify.model import design_model
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
+from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.scenario import load_scenario
 from flighttune.simulate.loop import simulate
@@ -177,7 +176,7 @@ def _smallest_damping(eigenvalues: np.ndarray) -> float:
 CHANNELS = "course", "flight-path angle"
 
 
-def sampling_figure(steps: Mapping[str, Sequence[SampledStep]], *, shown_s: float = 6.0) -> Figure:
+def sampling_figure(steps: Mapping[str, Sequence[SampledStep]], *, shown_s: float = 6.0) -> Sheet:
     """Overshoot over the rate, and the steps at the slowest and the fastest rate.
 
     Parameters
@@ -189,68 +188,51 @@ def sampling_figure(steps: Mapping[str, Sequence[SampledStep]], *, shown_s: floa
 
     Returns
     -------
-    Figure
+    Sheet
         One column a channel; not saved.
     """
-    figure = Figure(figsize=(10.0, 10.0), layout="constrained")
-    rows = figure.subplots(1 + len(steps), 2, squeeze=False)
-    for channel in range(2):
-        _over_rate(rows[0][channel], steps, channel)
-        for row, (name, found) in enumerate(steps.items(), start=1):
-            _in_time(rows[row][channel], name, (found[0], found[-1]), channel, shown_s)
-    return figure
+    charts = [_over_rate(steps, channel) for channel in range(2)]
+    for name, flown in steps.items():
+        ends = flown[0], flown[-1]
+        charts += [_in_time(name, ends, channel, shown_s) for channel in range(2)]
+    return Sheet(charts=charts)
 
 
-def _over_rate(axes: Axes, steps: Mapping[str, Sequence[SampledStep]], channel: int) -> None:
-    for (name, found), ((colour, _), _) in zip(steps.items(), HUES, strict=False):
-        rates = [step.rate for step in found]
-        exact, delayed, flown = (
-            [100.0 * overshoot(getattr(step, kind))[channel] for step in found]
-            for kind in ("exact", "delayed", "flown")
-        )
-        axes.plot(rates, exact, color=colour, lw=1.6, label=f"{name}: sampled loop")
-        axes.plot(rates, delayed, color=colour, lw=1.2, ls="--", label="half a sample late")
-        axes.plot(rates, flown, "o", color=colour, ms=5, label="flown")
-    axes.set_xscale("log")
-    ticks = [10, 20, 50, 100]
-    axes.set_xticks(ticks, [str(tick) for tick in ticks])
-    axes.minorticks_off()
-    axes.set_xlabel("rate of the controller in Hz")
-    axes.set_ylabel("overshoot in % of the step")
-    axes.set_ylim(bottom=0.0)
-    _dress(axes, f"Step of {CHANNELS[channel]}", columns=len(steps), rows=3)
+def _over_rate(steps: Mapping[str, Sequence[SampledStep]], channel: int) -> Chart:
+    chart = Chart(
+        title=f"Step of {CHANNELS[channel]}",
+        x="rate of the controller [Hz]",
+        y="overshoot [% of the step]",
+        log="x",
+        x_room=0.05,
+        x_ticks=[(rate, f"{rate}") for rate in (10, 20, 50, 100)],
+    )
+    for (name, flown), ((colour, _), _) in zip(steps.items(), HUES, strict=False):
+        rates = [step.rate for step in flown]
+        looks = {"exact": (f"{name}: sampled loop", ""), "delayed": ("half a sample late", DASHED)}
+        for kind, (words, dash) in looks.items():
+            chart.line(rates, _overshoots(flown, kind, channel), colour, dash=dash, name=words)
+        chart.points(rates, _overshoots(flown, "flown", channel), colour, name="flown")
+    chart.y_range = 0.0, chart.y_ends()[1]
+    return chart
 
 
-def _in_time(
-    axes: Axes, name: str, found: Sequence[SampledStep], channel: int, shown_s: float
-) -> None:
-    for step, ((colour, _), _) in zip(found, (HUES[1], HUES[2]), strict=True):
+def _overshoots(steps: Sequence[SampledStep], kind: str, channel: int) -> list[float]:
+    return [100.0 * overshoot(getattr(step, kind))[channel] for step in steps]
+
+
+def _in_time(name: str, steps: Sequence[SampledStep], channel: int, shown_s: float) -> Chart:
+    chart = Chart(
+        title=f"{name}: {CHANNELS[channel]}", y="response over the step [1]", x_range=(0.0, shown_s)
+    )
+    for step, ((colour, _), _) in zip(steps, (HUES[1], HUES[2]), strict=True):
         kept = step.t <= shown_s
         every = max(1, round(step.rate / 10.0))
-        response = 1.0 - step.flown[kept, channel]
-        axes.plot(
-            step.t[kept], 1.0 - step.exact[kept, channel], color=colour, lw=1.4,
-            label=f"{step.rate:g} Hz: sampled loop",
-        )  # fmt: skip
-        axes.plot(
-            step.t[kept][::every], response[::every], "o", ms=3.5, color=colour, label="flown"
-        )
-    axes.axhline(1.0, color=NEUTRAL, lw=0.8, ls="--")
-    axes.set_xlabel("t in s")
-    axes.set_ylabel("response over the step")
-    axes.set_yticks(np.arange(0.0, 2.1, 0.5))
-    _dress(axes, f"{name}: {CHANNELS[channel]}", columns=2, rows=2)
-
-
-def _dress(axes: Axes, title: str, *, columns: int, rows: int) -> None:
-    """Title, and the legend between it and the axes, where no curve can run."""
-    axes.grid(alpha=0.3)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(title, loc="left", fontsize=10, pad=14 + 13 * rows)
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, fontsize=8, frameon=False,
-        borderaxespad=0.2,
-    )  # fmt: skip
+        predicted, response = (1.0 - errors[kept, channel] for errors in (step.exact, step.flown))
+        chart.line(step.t[kept], predicted, colour, name=f"{step.rate:g} Hz: sampled loop")
+        chart.points(step.t[kept][::every], response[::every], colour, size=2.5, name="flown")
+    chart.level(1.0, NEUTRAL, dash=DASHED)
+    return chart
 
 
 def gain_sets() -> dict[str, PIGains]:
@@ -366,4 +348,4 @@ def sampled_response(
 
 if __name__ == "__main__":
     steps = sampled_steps(AIRCRAFT, gain_sets(), V_a=V_A)
-    sampling_figure(steps).savefig(Path(__file__).parents[1] / "sampling.png", dpi=110)
+    sampling_figure(steps).save(Path(__file__).parents[1] / "sampling.svg")

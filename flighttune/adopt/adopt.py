@@ -39,82 +39,67 @@ from flighttune.whole_file import made_folder, write_text
 
 Status: TypeAlias = Literal["adopted", "flies", "refused"]
 
+# Share of the variance, in percent, that the lags must explain in both channels.
 GOOD_FIT = 90.0
-"""Share of the variance, in percent, that the lags must explain in both channels."""
 
+# Largest standard deviation of the course error over the last quarter of the turn.
 CALM = 0.5 * DEG
-"""Largest standard deviation of the course error over the last quarter of the turn."""
 
 RECORD = "adoption.json"
+
+# Every try writes these files.
 WRITTEN = ("aircraft.toml", GAINS_FILE, FILE_NAME, TURN)
-"""Files of every try."""
 
+# Shares of the bandwidths that are tried in turn, until a flight meets the criteria.
 SLOWER = (1.0, 0.7, 0.5)
-"""Shares of the bandwidths that are tried in turn, until a flight meets the criteria."""
 
+# Airspeed over the one chosen that is tried after them.
 FASTER = 1.25
-"""Airspeed over the one chosen that is tried after them."""
 
+# No further try begins after this time, s.
 TIME_LEFT = 40.0
-"""No further try begins after this time, s."""
 
+# Bandwidths of roll and load factor, rad/s.
 FASTEST_ROLL, FASTEST_LOAD = 4.0, 8.0
 SLOWEST_ROLL, SLOWEST_LOAD = 0.5, 0.8
-"""Bandwidths of roll and load factor, rad/s."""
 
 LARGEST_ROLL_RATE = 30.0 * DEG
+
+# Share of the roll rate at full aileron that commands use.
 ROLL_RATE_USED = 0.4
-"""Share of the roll rate at full aileron that commands use."""
+
+# Share of full aileron that the start of a roll takes.
 AILERON_USED = 0.8
-"""Share of full aileron that the start of a roll takes."""
+
+# Share of the lift that the commands use.
 LIFT_USED = 0.85
-"""Share of the lift that the commands use."""
+
 LARGEST_LOAD_FACTOR, SMALLEST_LOAD_FACTOR = 3.0, -1.0
+
+# Load factor that a turn takes at least.
 LEAST_LOAD_FACTOR = 1.5
-"""Load factor that a turn takes at least."""
+
+# Largest bandwidth of load factor over the zero of the elevator in the right half plane.
 NON_MINIMUM_PHASE = 0.6
-"""Largest bandwidth of load factor over the zero of the elevator in the right half plane."""
 LARGEST_BANK = 45.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Adoption:
-    """What became of a model.
-
-    Attributes
-    ----------
-    name : str
-        Of the aircraft.
-    status : "adopted", "flies" or "refused"
-    reason : str
-        Why it is not adopted; empty where it is.
-    folder : Path or None
-        Of the aircraft; None where nothing was written.
-    V_a : float, m/s
-        Airspeed; NaN if none was chosen.
-    engines : int
-    fit_percent : mapping of str to float
-        Of ``phi`` and ``n_z``.
-    flown : mapping of str to mapping
-        ``tuned`` and ``paper``: per channel ``ITAE`` (rad s^2), ``ST`` (rad), and ``status``.
-    notes : tuple of str
-        What was done to the model.
-    seconds : float
-        Time it took.
-    designed, identified, turn, trims
-        Results of the stages, for the page; None where a stage was not reached.
-    """
+    """What became of a model."""
 
     name: str
     status: Status
-    reason: str = ""
-    folder: Path | None = None
-    V_a: float = math.nan
+    reason: str = ""  # why it is not adopted; empty where it is
+    folder: Path | None = None  # of the aircraft; None where nothing was written
+    V_a: float = math.nan  # m/s: airspeed; NaN if none was chosen
     engines: int = 0
-    fit_percent: Mapping[str, float] = field(default_factory=dict)
+    fit_percent: Mapping[str, float] = field(default_factory=dict)  # of ``phi`` and ``n_z``
+    # ``tuned`` and ``paper``: per channel ``ITAE`` (rad s^2), ``ST`` (rad), and ``status``
     flown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    seconds: float = 0.0
+    notes: tuple[str, ...] = ()  # what was done to the model, a sentence each
+    seconds: float = 0.0  # wall time of the adoption
+    # Results of the stages, for the page; None where a stage was not reached
     designed: DesignedAircraft | None = None
     identified: AircraftIdentification | None = None
     turn: FlownScenario | None = None
@@ -131,29 +116,11 @@ def adopt(
 ) -> Adoption:
     """Make an aircraft from a JSBSim model, and fly it.
 
-    Parameters
-    ----------
-    model : str
-        Name of a model that comes with JSBSim, or the path of a main file, which ends in ``.xml``.
-    folder : path
-        Folder of the aircraft: ``aircraft.toml``, gains, identified model, the turn as a scenario
-        and the record are written to it.
-    V_a : float, m/s, optional
-        Airspeed; chosen by default.
-    h : float, m
-        Height above sea level.
-    say : callable
-        Called with the name of each stage.
-
-    Returns
-    -------
-    Adoption
-        Refused where the model is no aeroplane that can be adopted.
-
-    Raises
-    ------
-    InputError
-        If there is no such model, or a file cannot be written.
+    `model` is the name of one that comes with JSBSim, or the path of a main file, which ends in
+    ``.xml``. ``aircraft.toml``, gains, identified model, the turn as a scenario and the record are
+    written to `folder`. Without an airspeed (m/s) one is chosen; `say` is called with the name of
+    each stage. A model that is no aeroplane is refused in the answer; an InputError says that there
+    is no such model, or that a file cannot be written.
     """
     began = time.monotonic()
     _check_there(model)
@@ -161,24 +128,22 @@ def adopt(
         model = os.path.relpath(Path(model).resolve(), folder.resolve())
     made_folder(folder)
     _check_own(folder / "aircraft.toml")
-    found = None
+    surveyed = None
     try:
-        found = survey(model, folder, h=h, V_a=V_a, say=say)
-        best = _best(found, folder, h, say, began)
+        surveyed = survey(model, folder, h=h, V_a=V_a, say=say)
+        best = _best(surveyed, folder, h, say, began)
     except PlantError as error:
         best = Adoption(
             name=folder.name,
             status="refused",
             reason=_sentence(error),
-            V_a=found.V_a if found else math.nan,
-            engines=found.tables["engines"]["count"] if found else 0,
+            V_a=surveyed.V_a if surveyed else math.nan,
+            engines=surveyed.tables["engines"]["count"] if surveyed else 0,
         )
     if best.folder is None:
         with suppress(OSError):  # what is not ours in it stays
             folder.rmdir()
-    return replace(
-        best, notes=tuple(found.notes) if found else (), seconds=time.monotonic() - began
-    )
+    return replace(best, notes=surveyed.notes if surveyed else (), seconds=time.monotonic() - began)
 
 
 def _check_there(model: str) -> None:
@@ -186,11 +151,11 @@ def _check_there(model: str) -> None:
         if not Path(model).is_file():
             raise InputError(f"{model}: must be the main file of a model, got no file.")
         return
-    known = models_of_jsbsim()
-    if model not in known:
+    models = models_of_jsbsim()
+    if model not in models:
         raise InputError(
             f"{model}: must be a model of JSBSim's set, or the path of a main file (.xml)"
-            f"{nearest_name(model, known)}"
+            f"{nearest_name(model, models)}"
         )
 
 
@@ -207,16 +172,16 @@ def _sentence(error: PlantError) -> str:
 
 
 def _best(
-    found: Survey, folder: Path, h: float, say: Callable[[str], object], began: float
+    surveyed: Survey, folder: Path, h: float, say: Callable[[str], object], began: float
 ) -> Adoption:
     """The best of the tries, whose files are those in the folder."""
     best, files, refused = None, {}, None
-    for share, V_a in [(share, found.V_a) for share in SLOWER] + [(1.0, FASTER * found.V_a)]:
+    for share, V_a in [(share, surveyed.V_a) for share in SLOWER] + [(1.0, FASTER * surveyed.V_a)]:
         if best is not None and time.monotonic() - began > TIME_LEFT:
             break
         say(f"trimming at {V_a:.0f} m/s" + (f", bandwidths times {share:g}" if best else ""))
         try:
-            tried = _tried(replace(found, V_a=V_a), folder, h, share, say)
+            tried = _tried(replace(surveyed, V_a=V_a), folder, h, share, say)
         except PlantError as error:
             refused = refused or error
             continue
@@ -234,8 +199,8 @@ def _best(
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
     config = load_aircraft(folder)
     trims = trim_table(config, V_a=speeds.tolist(), gamma=(-3.0 * DEG, 0.0, 3.0 * DEG), h=h)
-    best = replace(best, trims=trims, notes=tuple(found.notes))
-    write_text(folder / RECORD, json.dumps(_record(best, found, config), indent=2) + "\n")
+    best = replace(best, trims=trims, notes=surveyed.notes)
+    write_text(folder / RECORD, json.dumps(_record(best, surveyed, config), indent=2) + "\n")
     return best
 
 
@@ -246,16 +211,16 @@ def _merit(tried: Adoption) -> tuple[int, float]:
 
 
 def _tried(
-    found: Survey, folder: Path, h: float, share: float, say: Callable[[str], object]
+    surveyed: Survey, folder: Path, h: float, share: float, say: Callable[[str], object]
 ) -> Adoption:
     """One try: a folder with an aircraft, and how it flies."""
-    condition = FlightCondition(V_a=found.V_a, h=h)
-    wide = aircraft_from(found.tables, folder)
+    condition = FlightCondition(V_a=surveyed.V_a, h=h)
+    wide = aircraft_from(surveyed.tables, folder)
     at = airframe(Fdm(wide), condition)
-    tables = final_tables(found, at, h, share)
+    tables = final_tables(surveyed, at, h, share)
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
         (folder / stale).unlink(missing_ok=True)
-    write_text(folder / "aircraft.toml", aircraft_text(tables, found.notes))
+    write_text(folder / "aircraft.toml", aircraft_text(tables, surveyed.notes))
     say("designing the inner loop")
     designed = design_aircraft(load_aircraft(folder))
     gains = designed.config.gains
@@ -264,7 +229,7 @@ def _tried(
     say("identifying roll and load factor")
     identified = identify_aircraft(folder, h=h)
     save_identified(identified.identified, folder / FILE_NAME)
-    write_text(folder / TURN, turn_text(folder.name, found.V_a, h, tables["limits"]))
+    write_text(folder / TURN, turn_text(folder.name, surveyed.V_a, h, tables["limits"]))
     say("flying the turn")
     flown = fly(load_scenario(folder / TURN))
     nominal = identified.identified.conditions[0]
@@ -279,8 +244,8 @@ def _tried(
         status="flies" if missed else "adopted",
         reason=missed,
         folder=folder,
-        V_a=found.V_a,
-        engines=found.tables["engines"]["count"],
+        V_a=surveyed.V_a,
+        engines=surveyed.tables["engines"]["count"],
         fit_percent=fits,
         flown=flights,
         designed=designed,
@@ -321,44 +286,35 @@ def _missed(fits: Mapping[str, float], flights: Mapping[str, Mapping[str, Any]])
                 yield f"ITAE of {channel} is {ours:.3g}, with the paper's scaled gains {theirs:.3g}"
 
 
-def final_tables(found: Survey, at: Airframe, h: float, share: float) -> dict[str, Any]:
-    """Tables of the ``aircraft.toml``: envelope and limits of the model, bandwidths asked for.
-
-    Parameters
-    ----------
-    found : Survey
-    at : Airframe
-        Its derivatives in level flight.
-    h : float, m
-    share : float
-        Of the bandwidths.
+def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict[str, Any]:
+    """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`.
 
     Raises
     ------
     Refusal
         If the lift leaves no room for a turn.
     """
-    lift = found.lift
-    ratio = (found.V_a / lift.V_s) ** 2
+    lift = surveyed.lift
+    ratio = (surveyed.V_a / lift.V_s) ** 2
     n_z_max = min(LIFT_USED * ratio, LARGEST_LOAD_FACTOR)
     if n_z_max < LEAST_LOAD_FACTOR:
         raise Refusal(
-            f"at {found.V_a:.0f} m/s it lifts {ratio:.2f} times its weight, a turn needs "
+            f"at {surveyed.V_a:.0f} m/s it lifts {ratio:.2f} times its weight, a turn needs "
             f"{LEAST_LOAD_FACTOR / LIFT_USED:.2f}"
         )
     lowest = float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
     n_z_min = max(min(LIFT_USED * ratio * lowest, 0.4), SMALLEST_LOAD_FACTOR)
-    travel = found.tables["surfaces"]["aileron"]["travel_deg"]
+    travel = surveyed.tables["surfaces"]["aileron"]["travel_deg"]
     power = abs(at.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
     damping = max(-at.of("p_dot", "p"), 0.1)
     rate = min(LARGEST_ROLL_RATE, ROLL_RATE_USED * power / damping)
     roll = share * float(np.clip(AILERON_USED * power / rate - damping, SLOWEST_ROLL, FASTEST_ROLL))
     load = share * float(np.clip(NON_MINIMUM_PHASE * elevator_zero(at), SLOWEST_LOAD, FASTEST_LOAD))
     load_rate = float(np.clip(0.12 * load, 0.3, 1.0))
-    return found.tables | {
+    return surveyed.tables | {
         "envelope": {
             "alpha_deg": [lift.negative_stall / DEG - 1.0, lift.stall / DEG],
-            "V_a_mps": [1.05 * lift.V_s, 1.8 * found.V_a],
+            "V_a_mps": [1.05 * lift.V_s, 1.8 * surveyed.V_a],
             "n_z": [n_z_min - 1.0, n_z_max + 1.0],
             "theta_deg": [-60.0, 60.0],
         },
@@ -369,12 +325,12 @@ def final_tables(found: Survey, at: Airframe, h: float, share: float) -> dict[st
             "n_z_rate_per_s": load_rate,
         },
         "design": {
-            "V_a_mps": found.V_a,
+            "V_a_mps": surveyed.V_a,
             "h_m": h,
-            "V_a_shown_mps": [found.V_a],
+            "V_a_shown_mps": [surveyed.V_a],
             "roll_rad_s": roll,
             "n_z_rad_s": load,
-            "speed_rad_s": float(np.clip(15.0 / found.V_a, 0.1, 0.5)),
+            "speed_rad_s": float(np.clip(15.0 / surveyed.V_a, 0.1, 0.5)),
             "roll_t90_s": 30.0 * DEG / rate + 3.0 / roll,
             "roll_overshoot": 0.1,
             "n_z_t90_s": 0.5 / load_rate + 5.0 / load,
@@ -398,7 +354,7 @@ def elevator_zero(at: Airframe) -> float:
     return 0.5 * damping + math.sqrt(root) if root > 0.0 and stiffness > 0.0 else math.inf
 
 
-def _record(best: Adoption, found: Survey, config: AircraftConfig) -> dict[str, Any]:
+def _record(best: Adoption, surveyed: Survey, config: AircraftConfig) -> dict[str, Any]:
     """What the adoption goes by, with the versions and the hash of the model it was made with."""
     return {
         "format": "flighttune adoption 1",
@@ -407,11 +363,11 @@ def _record(best: Adoption, found: Survey, config: AircraftConfig) -> dict[str, 
         "model": model_hash(config),
         "versions": {name: version(name) for name in ("flighttune", "jsbsim")},
         "V_a_mps": best.V_a,
-        "stall_mps": found.lift.V_s,
-        "spare_thrust": found.spare_thrust,
+        "stall_mps": surveyed.lift.V_s,
+        "spare_thrust": surveyed.spare_thrust,
         "fit_percent": dict(best.fit_percent),
         "flown": {name: dict(flight) for name, flight in best.flown.items()},
-        "notes": found.notes,
+        "notes": surveyed.notes,
         "trims": [
             {
                 "V_a_mps": row.condition.V_a,

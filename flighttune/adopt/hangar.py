@@ -1,121 +1,97 @@
 """All models that come with JSBSim: each adopted in a process of its own, and one table."""
 
-import json
+import math
+import multiprocessing
 import os
-import subprocess
-import sys
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, field
 from importlib.metadata import version
-from pathlib import Path
+from multiprocessing.connection import Connection
 from typing import Any
 
-from flighttune.processes import OWN_GROUP
+from flighttune.present.numbers import number
 
-LONGEST_S = 300.0
-"""Time that one model may take."""
+LONGEST_S = 300.0  # time that one model may take
 
 TABLE = "hangar.md"
 
 STATUSES = ("adopted", "flies", "refused")
 
+# A forked process would share JSBSim and the threads of the libraries with this one.
+SPAWN = multiprocessing.get_context("spawn")
 
-@dataclass(slots=True)
-class Hangar:
-    """The processes that adopt models; `close` ends them.
 
-    Attributes
-    ----------
-    out : path
-        Folder of the aircraft.
-    h : float, m
+def adopt_all(
+    models: Sequence[str],
+    adopt: Callable[[str], dict[str, Any]],
+    seen: Callable[[dict[str, Any]], object],
+) -> list[dict[str, Any]]:
+    """Answers of `adopt` in the order of the models, as many at once as there are processors.
+
+    `adopt` is a function of a module, which each process imports; `seen` is called with each
+    answer as it comes.
     """
-
-    out: Path
-    h: float
-    _running: list[subprocess.Popen[str]] = field(default_factory=list)
-    _closed: bool = False
-
-    def adopt_all(
-        self, models: Sequence[str], seen: Callable[[dict[str, Any]], object]
-    ) -> list[dict[str, Any]]:
-        """Adopt every model, as many at once as there are processors.
-
-        Parameters
-        ----------
-        models : sequence of str
-        seen : callable
-            Called with each answer as it comes.
-
-        Returns
-        -------
-        list of dict
-            Answers of ``flighttune adopt --json``, in the order of the models.
-        """
-        answers = {}
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            pending = {pool.submit(self._adopt, model): model for model in models}
-            try:
-                for done in as_completed(pending):
-                    answers[pending[done]] = done.result()
-                    seen(done.result())
-            except BaseException:
-                self.close()
-                pool.shutdown(cancel_futures=True)
-                raise
-        return [answers[model] for model in models]
-
-    def close(self) -> None:
-        """End the processes that still run."""
-        self._closed = True
-        for process in list(self._running):
-            process.kill()
-
-    def _adopt(self, model: str) -> dict[str, Any]:
-        if self._closed:
-            return {"model": model, "status": "refused", "reason": "the command was ended"}
-        command = [sys.executable, "-P", "-m", "flighttune", "adopt", model, "--json"]
-        process = subprocess.Popen(
-            [*command, "--h", repr(self.h), "--out", str(self.out / model)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,  # Ctrl-C is for the command that started it
-            creationflags=OWN_GROUP,
-        )
-        self._running.append(process)
+    answers = {}
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        pending = {pool.submit(_adopt_alone, adopt, model): model for model in models}
         try:
-            stdout, stderr = process.communicate(timeout=LONGEST_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
-            return {"model": model, "status": "refused", "reason": f"it took over {LONGEST_S:g} s"}
-        finally:
-            self._running.remove(process)
-        try:
-            return {"model": model, **json.loads(stdout)}
-        except ValueError:
-            line = (stderr.strip().splitlines() or [f"status {process.returncode}"])[-1]
-            return {"model": model, "status": "refused", "reason": line}
+            for done in as_completed(pending):
+                answers[pending[done]] = done.result()
+                seen(done.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in SPAWN.active_children():
+                process.kill()  # its thread then sees the end of the pipe
+            raise
+    return [answers[model] for model in models]
+
+
+def _adopt_alone(adopt: Callable[[str], dict[str, Any]], model: str) -> dict[str, Any]:
+    """Adopt a model in a process of its own: a crash of JSBSim costs this model alone."""
+    receiver, sender = SPAWN.Pipe(duplex=False)
+    process = SPAWN.Process(target=_answer, args=(adopt, model, sender), daemon=True)
+    process.start()
+    sender.close()  # else the pipe would stay open here when the process ends
+    try:
+        if not receiver.poll(LONGEST_S):
+            return _refused(model, f"it took over {LONGEST_S:g} s")
+        return receiver.recv()
+    except EOFError:
+        process.join()
+        return _refused(model, f"its process ended with status {process.exitcode}")
+    finally:
+        process.kill()
+        process.join()
+
+
+def _answer(adopt: Callable[[str], dict[str, Any]], model: str, sender: Connection) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command that started it
+    try:
+        sender.send({"model": model, **adopt(model)})
+    except Exception as error:
+        sender.send(_refused(model, str(error)))
+
+
+def _refused(model: str, reason: str) -> dict[str, Any]:
+    return {"model": model, "status": "refused", "reason": reason}
 
 
 def counts(answers: Sequence[dict[str, Any]]) -> str:
     """How many were adopted, fly, and were refused."""
-    of = [one["status"] for one in answers]
-    return ", ".join(f"{of.count(status)} {status}" for status in STATUSES)
+    statuses = [answer["status"] for answer in answers]
+    return ", ".join(f"{statuses.count(status)} {status}" for status in STATUSES)
 
 
 def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     """The table as Markdown."""
-    ordered = sorted(answers, key=lambda one: STATUSES.index(one["status"]))
+    ordered = sorted(answers, key=lambda answer: STATUSES.index(answer["status"]))
     rows = [
         "| model | status | engines | V_a m/s | fit φ / n_z % | ITAE χ / γ, tuned "
         "| ITAE χ / γ, K* scaled | s | why not adopted, or what was done to the model |",
         "|---|---|--:|--:|--:|--:|--:|--:|---|",
     ]
-    rows += [f"| {' | '.join(_cells(one))} |" for one in ordered]
+    rows += [f"| {' | '.join(_cells(answer))} |" for answer in ordered]
     return f"""# The hangar: every model of JSBSim's own set
 
 Made by `flighttune adopt --all` with flighttune {version("flighttune")} and JSBSim
@@ -128,18 +104,18 @@ What the statuses mean, and how to bring a model of your own: [aircraft.md](airc
 """
 
 
-def _cells(one: dict[str, Any]) -> list[str]:
-    fits = one.get("fit_percent") or {}
-    flown = one.get("flown") or {}
-    said = [text for text in (one.get("reason"), *(one.get("notes") or ())) if text]
+def _cells(answer: dict[str, Any]) -> list[str]:
+    fits = answer.get("fit_percent") or {}
+    flown = answer.get("flown") or {}
+    said = [text for text in (answer.get("reason"), *(answer.get("notes") or ())) if text]
     return [
-        one["model"],
-        one["status"],
-        str(one.get("engines") or ""),
-        f"{one['V_a_mps']:.0f}" if one.get("V_a_mps") else "",
+        answer["model"],
+        answer["status"],
+        str(answer.get("engines") or ""),
+        number(answer.get("V_a_mps") or math.nan, ".0f", missing=""),
         " / ".join(f"{fit:.1f}" for fit in fits.values()),
         *(_itae(flown.get(name)) for name in ("tuned", "paper")),
-        f"{one['seconds']:.0f}" if one.get("seconds") else "",
+        f"{answer['seconds']:.0f}" if answer.get("seconds") else "",
         "; ".join(said).replace("|", "/"),
     ]
 

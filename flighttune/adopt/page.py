@@ -25,7 +25,7 @@ from flighttune.units import DEG
 PAGE = "adoption.html"
 
 
-def write_adoption(found: Adoption) -> Path:
+def write_adoption(adoption: Adoption) -> Path:
     """Write the page of an aircraft into its folder, and return it.
 
     Parameters
@@ -38,61 +38,61 @@ def write_adoption(found: Adoption) -> Path:
     OutputError
         If it cannot be written.
     """
-    assert found.folder is not None
-    assert found.turn is not None
-    config = load_aircraft(found.folder)
+    assert adoption.folder is not None
+    assert adoption.turn is not None
+    config = load_aircraft(adoption.folder)
     names = (
         "tuned on the identified aircraft",
         "the paper's, scaled with airspeed",
     )
-    runs: dict[str, Run] = dict(zip(names, found.turn.runs, strict=True))
+    runs: dict[str, Run] = dict(zip(names, adoption.turn.runs, strict=True))
     # in the colours of these gains elsewhere, where those tuned on the law are the second of three
     pairs = [("", one) for one in ("paper", TUNED, TUNED_IDENTIFIED)]
     paper, _, identified = line_styles(pairs).values()
     styles: dict[str, LineStyle] = dict(zip(names, (identified, paper), strict=True))
     page = write_page(
-        found.folder / PAGE,
+        adoption.folder / PAGE,
         page_template("flighttune.adopt", "page.html.jinja"),
         summary=(
-            f"{found.status.capitalize()}{found.reason and ': ' + found.reason}.",
-            f"ITAE of the turn in rad s²: {', '.join(_itae(found))}.",
+            f"{adoption.status.capitalize()}{adoption.reason and ': ' + adoption.reason}.",
+            f"ITAE of the turn in rad s²: {', '.join(_itae(adoption))}.",
         ),
-        answers=tuple(_answers(found)),
-        sections=[_turn(runs, styles), _inner_loop(found), _trims(found)],
-        title=f"{config.title} at {found.V_a:.0f} m/s",
+        answers=tuple(_answers(adoption)),
+        sections=[_turn(runs, styles), _inner_loop(adoption), _trims(adoption)],
+        title=f"{config.title} at {adoption.V_a:.0f} m/s",
         legend=list(styles.items()),
         styles=styles,
-        notes=found.notes,
-        provenance=Table(title="", head=(), rows=_provenance(found)),
-        name=found.name,
+        notes=adoption.notes,
+        provenance=Table(title="", head=(), rows=_provenance(adoption)),
+        name=adoption.name,
         model=config.model,
-        V_a=f"{found.V_a:.4g}",
+        V_a=f"{adoption.V_a:.4g}",
         version=version("flighttune"),
         aircraft_text=config.file.read_text(encoding="utf-8"),
-        turn_text=(found.folder / TURN).read_text(encoding="utf-8"),
+        turn_text=(adoption.folder / TURN).read_text(encoding="utf-8"),
     )
     return page.path
 
 
-def _answers(found: Adoption) -> Iterator[Answer]:
-    adopted = found.status == "adopted"
+def _answers(adoption: Adoption) -> Iterator[Answer]:
+    adopted = adoption.status == "adopted"
     yield Answer(
         question="Is it adopted?",
         verdict="yes" if adopted else "partly",
-        short=found.status,
-        sentences=(found.reason or "All criteria are met.",),
+        short=adoption.status,
+        sentences=(adoption.reason or "All criteria are met.",),
         criterion=f"Fits of at least {GOOD_FIT:g} %, the turn completed, the course error within "
         f"{CALM / DEG:g} deg (standard deviation of the last quarter), less ITAE than the paper's "
         "gains in both channels.",
     )
-    fits = found.fit_percent
+    fits = adoption.fit_percent
     yield Answer(
         question="Does a lag describe its inner loop?",
         verdict="yes" if min(fits.values()) >= GOOD_FIT else "no",
         short=" and ".join(f"{fit:.1f} %" for fit in fits.values()),
         sentences=("Of roll and of load factor, on a manoeuvre not used for the fit.",),
     )
-    tuned, paper = found.flown["tuned"], found.flown["paper"]
+    tuned, paper = adoption.flown["tuned"], adoption.flown["paper"]
     sentences = [
         f"{word}: {flight['status'].replace('_', ' ')}, "
         + ", ".join(
@@ -102,7 +102,7 @@ def _answers(found: Adoption) -> Iterator[Answer]:
         )
         for word, flight in (("tuned", tuned), ("the paper's, scaled with airspeed", paper))
     ]
-    better = tuned["status"] == "completed" and "ITAE" not in found.reason
+    better = tuned["status"] == "completed" and "ITAE" not in adoption.reason
     yield Answer(
         question="Are its gains better than the paper's?",
         verdict="yes" if better else "no",
@@ -111,8 +111,8 @@ def _answers(found: Adoption) -> Iterator[Answer]:
     )
 
 
-def _itae(found: Adoption) -> Iterator[str]:
-    tuned, paper = found.flown["tuned"], found.flown["paper"]
+def _itae(adoption: Adoption) -> Iterator[str]:
+    tuned, paper = adoption.flown["tuned"], adoption.flown["paper"]
     for channel, symbol in CHANNEL_SYMBOLS.items():
         ours, theirs = (one[channel]["ITAE"] if channel in one else None for one in (tuned, paper))
         shown = (MISSING if one is None else f"{one:.3g}" for one in (ours, theirs))
@@ -146,22 +146,22 @@ def _turn(runs: dict[str, Run], styles: dict[str, LineStyle]) -> Section:
     )
 
 
-def _inner_loop(found: Adoption) -> Section:
-    assert found.designed is not None
-    assert found.identified is not None
+def _inner_loop(adoption: Adoption) -> Section:
+    assert adoption.designed is not None
+    assert adoption.identified is not None
     return Section(
         id="inner_loop",
         title="The inner loop",
         note="Steps flown against what was asked for, and the manoeuvre that checks the fit.",
-        charts=list(_check_charts(found)),
-        tables=(steps_table(found.designed.checks), lags_table(found.identified.identified)),
+        charts=list(_check_charts(adoption)),
+        tables=(steps_table(adoption.designed.checks), lags_table(adoption.identified.identified)),
         legend=False,
     )
 
 
-def _check_charts(found: Adoption) -> Iterator[Chart]:
-    assert found.identified is not None
-    one = found.identified.conditions[0]
+def _check_charts(adoption: Adoption) -> Iterator[Chart]:
+    assert adoption.identified is not None
+    one = adoption.identified.conditions[0]
     t = np.arange(len(one.check.measured)) * DT
     for i, (title, y, unit) in enumerate((("Roll", "φ [deg]", DEG), ("Load factor", "n_z", 1.0))):
         chart = Chart(title=title, y=y)
@@ -172,7 +172,7 @@ def _check_charts(found: Adoption) -> Iterator[Chart]:
         yield chart
 
 
-def _trims(found: Adoption) -> Section:
+def _trims(adoption: Adoption) -> Section:
     rows = [
         (
             f"{row.condition.V_a:.1f}",
@@ -184,7 +184,7 @@ def _trims(found: Adoption) -> Section:
             ),
             row.reason,
         )
-        for row in found.trims
+        for row in adoption.trims
     ]
     return Section(
         id="trims",
@@ -202,11 +202,11 @@ def _trims(found: Adoption) -> Section:
     )
 
 
-def _provenance(found: Adoption) -> list[tuple[str, str]]:
+def _provenance(adoption: Adoption) -> list[tuple[str, str]]:
     return [
-        ("aircraft", found.name),
-        ("airspeed", f"{found.V_a:.4g} m/s"),
-        ("engines", str(found.engines)),
+        ("aircraft", adoption.name),
+        ("airspeed", f"{adoption.V_a:.4g} m/s"),
+        ("engines", str(adoption.engines)),
         ("flighttune", version("flighttune")),
         ("JSBSim", version("jsbsim")),
     ]

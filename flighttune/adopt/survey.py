@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -21,51 +21,53 @@ from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS
 from flighttune.plants.jsbsim.model_files import main_root, model_files, source_folders
 from flighttune.units import DEG, FT, G_0, LBF
 
+# Most properties of another simulator that are declared for a model.
 MOST_DECLARED = 60
-"""Most properties of another simulator that are declared for a model."""
 
 MISSING = re.compile(
     r"(?:property|node)[^\w/]*([\w/.-]+(?:\[\d+\])?[\w/.-]*)\W+(?:does not|is not)", re.I
 )
 
+# The wing stalls where the slope of lift falls below this share of its usual value.
 STALL_SHARE = 1.0 / 3.0
-"""The wing stalls where the slope of lift falls below this share of its usual value."""
 
 ALPHAS = np.arange(-14.0, 30.5, 1.0) * DEG
 STALL_AT_MOST, NEGATIVE_STALL_AT_MOST = 18.0 * DEG, -12.0 * DEG
 
+# What counts as an aeroplane: its lift coefficient at the stall, and its airspeeds there, m/s.
 LEAST_LIFT = 0.1
 SLOWEST_STALL, FASTEST_STALL = 3.0, 300.0
-"""Largest lift coefficient and airspeed of the stall (m/s) of what counts as an aeroplane."""
 
+# Airspeeds over that of the stall, in the order in which they are preferred.
 SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4, 1.3)
-"""Airspeeds over that of the stall, in the order in which they are preferred."""
 
+# Thrust beyond drag over weight that a climb of 3 deg and a turn take.
 SPARE_THRUST = 0.08
-"""Thrust beyond drag over weight that a climb of 3 deg and a turn take."""
 
+# Departure from the final thrust, as a share of it, below which a thrust has settled.
 SETTLED = 1e-3
-"""Departure from the final thrust, as a share of it, below which a thrust has settled."""
 
 PROPELLER_SETTLES = 15.0
 LONGEST_SETTLING = 40.0
 
 COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+
+# A command is clipped where more of it adds less than this share of the first effect.
 CLIPPED = 0.2
-"""A command is clipped where more of it adds less than this share of the first effect."""
 
+# Smallest effect of full travel, rad/s^2.
 LEAST_EFFECT = 1e-6
-"""Smallest effect of full travel, rad/s^2."""
 
+# Travel, rad, where no position of the model shows it.
 USUAL_TRAVEL = 0.35
-"""rad, where no position of the model shows the travel."""
 
 LARGEST_TRAVEL = 60.0 * DEG
 
+# Times (s) a command is held for: between them a flight control must not drift.
 HELD = 3.0, 4.0
-"""Times (s) a command is held for: between them a flight control must not drift."""
+
+# Share of the effect that may drift, or differ from an evaluation of the state.
 DRIFT = 0.05
-"""Share of the effect that may drift, or differ from an evaluation of the state."""
 
 ONE_RADIAN = math.degrees(1.0)
 
@@ -76,25 +78,17 @@ class Refusal(PlantError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lift:
-    """Lift and drag of the airframe, surfaces neutral.
+    """Lift and drag of the airframe, surfaces neutral."""
 
-    Attributes
-    ----------
-    alpha : ndarray, shape (n,), rad
-    lift, drag : ndarray, shape (n,), 1
-        Over dynamic pressure and weight times the pressure at the stall: 1 at the largest lift.
-    stall, negative_stall : float, rad
-        Angles of attack up to which lift grows.
-    V_s : float, m/s
-        Airspeed at which the largest lift is the weight.
-    """
-
-    alpha: FloatArray
+    alpha: FloatArray  # (n,), rad
+    # (n,), 1: over dynamic pressure and weight times the pressure at the stall: 1 at the largest
+    # lift
     lift: FloatArray
     drag: FloatArray
+    # rad: angles of attack up to which lift grows
     stall: float
     negative_stall: float
-    V_s: float
+    V_s: float  # m/s: airspeed at which the largest lift is the weight
 
     def at(self, V_a: float) -> tuple[float, float, float]:
         """Angle of attack (rad) of level flight, its drag over weight, lift at the stall."""
@@ -104,29 +98,17 @@ class Lift:
         return alpha, q * float(np.interp(alpha, self.alpha, self.drag)), q
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Survey:
-    """What was found out about a model.
+    """What was found out about a model."""
 
-    Attributes
-    ----------
-    tables : dict
-        Of an ``aircraft.toml`` that commands the model: ``model``, ``surfaces``, ``engines``,
-        ``settings``, ``declared``, and wide ranges elsewhere.
-    lift : Lift
-    V_a : float, m/s
-        Airspeed chosen.
-    spare_thrust : float, 1
-        Thrust beyond drag over weight there, at full throttle.
-    notes : list of str
-        Changes made to the model, one sentence each.
-    """
-
+    # tables of an ``aircraft.toml`` that commands the model: ``model``, ``surfaces``, ``engines``,
+    # ``settings``, ``declared``, and wide ranges elsewhere
     tables: dict[str, Any]
     lift: Lift
-    V_a: float
-    spare_thrust: float
-    notes: list[str] = field(default_factory=list)
+    V_a: float  # m/s: airspeed chosen
+    spare_thrust: float  # 1: thrust beyond drag over weight there, at full throttle
+    notes: tuple[str, ...]  # changes made to the model, a sentence each
 
 
 def survey(
@@ -137,19 +119,7 @@ def survey(
     V_a: float | None = None,
     say: Callable[[str], object] = lambda _: None,
 ) -> Survey:
-    """Find out what a model can do.
-
-    Parameters
-    ----------
-    model : str
-        As in an ``aircraft.toml`` in `folder`.
-    folder : path
-    h : float, m
-        Height of the flights.
-    V_a : float, m/s, optional
-        Airspeed; chosen by default.
-    say : callable
-        Called with the name of each stage.
+    """Find out what a model, named as in an ``aircraft.toml`` in `folder`, can do at height h (m).
 
     Raises
     ------
@@ -166,13 +136,18 @@ def survey(
     lift = _lift(_loaded(tables, folder), h)
     say("starting the engines")
     speed, spare = _engines(tables, folder, lift, h, V_a)
-    found = Survey(tables=tables, lift=lift, V_a=speed, spare_thrust=spare)
     say("moving the surfaces")
-    _surfaces(found, folder, h)
-    if found.tables["declared"]:
-        names = ", ".join(found.tables["declared"])
-        found.notes.append(f"properties of another simulator are 0: {names}")
-    return found
+    surfaces, notes = _surfaces(tables, folder, _level(speed, lift.at(speed)[0], 0.5), h)
+    if tables["declared"]:
+        names = ", ".join(tables["declared"])
+        notes.append(f"properties of another simulator are 0: {names}")
+    return Survey(
+        tables=tables | {"surfaces": surfaces},
+        lift=lift,
+        V_a=speed,
+        spare_thrust=spare,
+        notes=tuple(notes),
+    )
 
 
 def wide_tables(model: str) -> dict[str, Any]:
@@ -260,10 +235,10 @@ def _level(V_a: float, alpha: float, throttle: float = 0.0) -> AirframeState:
 
 def _lift(fdm: Fdm, h: float) -> Lift:
     bench = Bench(fdm, h)
-    found = _swept(fdm, bench, 60.0)
+    lift = _swept(fdm, bench, 60.0)
     for _ in range(2):  # the airspeed of the sweep follows what it finds
-        found = _swept(fdm, bench, SPEEDS[0] * found.V_s)
-    return found
+        lift = _swept(fdm, bench, SPEEDS[0] * lift.V_s)
+    return lift
 
 
 def _swept(fdm: Fdm, bench: Bench, V_a: float) -> Lift:
@@ -388,45 +363,46 @@ class _Moved:
     usable: tuple[float, float]
 
 
-def _surfaces(found: Survey, folder: Path, h: float) -> None:
-    """Fill in the surfaces: through the model's flight control, or past it."""
-    tables = found.tables
+def _surfaces(
+    tables: dict[str, Any], folder: Path, level: AirframeState, h: float
+) -> tuple[dict[str, Any], list[str]]:
+    """The table of the surfaces, through the model's flight control or past it, and notes."""
+    surfaces, notes = tables["surfaces"], []
     try:
-        moved, drift = _answers(found, folder, h)
+        moved, drift = _answers(tables, folder, level, h)
     except Refusal as error:
         moved, drift = {}, str(error)
     past = _past_flight_control(tables, folder) if drift else {}
     if past:
-        kept = tables["surfaces"]
-        tables["surfaces"] = past
         try:
-            moved_past, drift_past = _answers(found, folder, h)
+            moved_past, drift_past = _answers(tables | {"surfaces": past}, folder, level, h)
         except Refusal as error:
             moved_past, drift_past = {}, str(error)
-        if drift_past and moved:
-            tables["surfaces"] = kept
-        elif not drift_past:
-            found.notes.append(f"its flight control is passed by: {drift}")
+        if not drift_past:
+            notes.append(f"its flight control is passed by: {drift}")
             moved, drift = moved_past, ""
+            surfaces = past
     if not moved:
         raise Refusal(drift)
     if drift:
-        found.notes.append(drift)
-    for name, one in moved.items():
-        low, high = one.position
-        stops = sorted((one.usable[0] * low, one.usable[1] * high))
-        tables["surfaces"][name] |= {
+        notes.append(drift)
+    table = {}
+    for name, surface in moved.items():
+        low, high = surface.position
+        stops = sorted((surface.usable[0] * low, surface.usable[1] * high))
+        table[name] = surfaces[name] | {
             "travel_deg": [round(math.degrees(stop), 2) for stop in stops],
             "full_rad": [round(low, 5), round(high, 5)],
         }
+    return table, notes
 
 
-def _answers(found: Survey, folder: Path, h: float) -> tuple[dict[str, _Moved], str]:
+def _answers(
+    tables: dict[str, Any], folder: Path, level: AirframeState, h: float
+) -> tuple[dict[str, _Moved], str]:
     """How each surface answers its command; what is wrong with the flight control, if anything."""
-    fdm = _loaded(found.tables, folder)
+    fdm = _loaded(tables, folder)
     bench = Bench(fdm, h)
-    alpha = found.lift.at(found.V_a)[0]
-    level = _level(found.V_a, alpha, 0.5)
     moved = {name: _moved(fdm, bench, level, name) for name in SURFACES}
     return moved, _drift(fdm, bench, level, moved)
 

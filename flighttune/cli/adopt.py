@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,22 +71,30 @@ def _adopt_one(model: str, V_a: float | None, h: float, out: Path | None) -> Non
 
 
 def _adopt_all(out: Path, h: float) -> None:
-    from flighttune.adopt.hangar import TABLE, Hangar, counts, hangar_text
+    from flighttune.adopt.hangar import TABLE, adopt_all, counts, hangar_text
     from flighttune.plants.jsbsim.model_files import models_of_jsbsim
     from flighttune.whole_file import made_folder, write_text
-
-    hangar = Hangar(made_folder(out), h)
 
     def seen(one: dict[str, Any]) -> None:
         reason = f": {one['reason']}" if one["reason"] else ""
         _progress(f"{one['model']}: {one['status']}{reason}")
 
-    answers = hangar.adopt_all(models_of_jsbsim(), seen)
+    answers = adopt_all(models_of_jsbsim(), partial(_adopted, made_folder(out), h), seen)
     write_text(out / TABLE, hangar_text(answers))
     emit(
         {"models": answers, "table": out / TABLE},
         [counts(answers), f"table: {out / TABLE}"],
     )
+
+
+def _adopted(out: Path, h: float, model: str) -> dict[str, Any]:
+    """The answer of one model of all, in its own process."""
+    from flighttune.adopt.adopt import adopt as adopted
+    from flighttune.adopt.page import write_adoption
+
+    adoption = adopted(model, out / model, h=h)
+    page = write_adoption(adoption) if adoption.folder else None
+    return answer_of(adoption) | {"page": page}
 
 
 def _progress(line: str) -> None:

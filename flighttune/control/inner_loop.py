@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, block_diagonal, check_at_least, read_only_vector
+from flighttune.arrays import FloatArray, check_at_least, read_only_vector
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
 
@@ -226,13 +226,15 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
     ShapeError
         If there is not one lag an input.
     """
+    from scipy.linalg import block_diag
+
     n, m, p = model.shape
     if len(lags) != m:
         raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
     parts = [lag.state_space for lag in lags]
     sizes = [len(A) for A, _ in parts]
-    inside = block_diagonal(*(A for A, _ in parts))
-    commands = block_diagonal(*(B[:, None] for _, B in parts))
+    inside = block_diag(*(A for A, _ in parts))
+    commands = block_diag(*(B[:, None] for _, B in parts))
     from_lags = np.zeros((n, sum(sizes)))
     from_lags[:, np.cumsum([0, *sizes[:-1]])] = model.B
     names = [

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, block_diagonal
+from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop
@@ -27,12 +27,6 @@ BESIDE = 1e-12
 ON_AXIS = 1e-5
 """Relative distance from the imaginary axis within which a zero is taken to lie on it. Rounding
 moves a double zero by 1e-8; a zero let in by mistake is sorted out by the frequency response."""
-
-POINT = 0.7548776662466927
-"""About which a pencil is inverted: no round number, so that no zero lies there."""
-
-NEXT_TO = 1e-4
-"""Relative distance of the point next to a zero at which the pencil is inverted again."""
 
 BAND = 1e6
 """Crossings are looked for within this factor of the closed loop's slowest and fastest eigenvalues:
@@ -286,11 +280,13 @@ def _cut_at(i: int, A: FloatArray, B: FloatArray, C: FloatArray) -> Loop:
 
 
 def _channel_margins(loop: Loop, i: int, name: str) -> ChannelMargins:
+    from scipy.linalg import block_diag
+
     A, B, C = _cut_at(i, *loop)
 
     # phase crossovers are among the zeros of L(s) - L(-s), where L is real
-    doubled = block_diagonal(A, -A), np.vstack([B, B]), np.hstack([C, C])
-    crossover = _zeros_on_axis(*doubled, np.zeros((1, 1)), again=True)
+    doubled = block_diag(A, -A), np.vstack([B, B]), np.hstack([C, C])
+    crossover = _zeros_on_axis(*doubled, np.zeros((1, 1)))
     values = _response((A, B, C), crossover)[:, 0, 0]
     real = np.abs(values.imag) < ON_AXIS * np.abs(values)
     gain = 1.0 / np.abs(values[real & (values.real < 0.0)])
@@ -369,41 +365,27 @@ def _level_crossings(level: float, loop: Loop, direct: float) -> FloatArray:
     There ``[[level I, G(s)], [G(-s)', level I]]`` is singular. Unlike the Hamiltonian matrix its
     pencil needs no inverse of ``level^2 - direct^2``, which vanishes where the peak is at infinity.
     """
+    from scipy.linalg import block_diag
+
     A, B, C = loop
     none = np.zeros_like(B)
     return _zeros_on_axis(
-        block_diagonal(A, -A.T),
+        block_diag(A, -A.T),
         np.block([[none, B], [C.T, none]]),
-        block_diagonal(C, -B.T),
+        block_diag(C, -B.T),
         np.asarray(np.kron([[level, direct], [direct, level]], np.eye(B.shape[1])), dtype=float),
     )
 
 
-def _zeros_on_axis(
-    A: Any, B: FloatArray, C: Any, D: FloatArray, *, again: bool = False
-) -> FloatArray:
-    """Positive frequencies of the zeros of ``D + C (s - A)^-1 B`` on the imaginary axis, rising.
+def _zeros_on_axis(A: Any, B: FloatArray, C: Any, D: FloatArray) -> FloatArray:
+    """Positive frequencies of the zeros of ``D + C (s - A)^-1 B`` on the imaginary axis, rising."""
+    from scipy.linalg import eigvals
 
-    With `again` single zeros come out to rounding; two next to each other would become one.
-    """
     unit = float(np.linalg.norm(A, 2))  # of time: the pencil is then of order one
     pencil = np.block([[A / unit, B], [C / unit, D]])
     order = np.diag(np.repeat([1.0, 0.0], [len(A), len(D)]))
-    # By inversion about a point off the axis: SciPy's pencils take longer to import than to solve.
-    zeros = _near(POINT, pencil, order)
+    zeros = eigvals(pencil, order)
+    zeros = zeros[np.isfinite(zeros)]  # a pencil that is singular everywhere has NaN: no crossing
     real, imag, size = np.real(zeros), np.imag(zeros), np.abs(zeros)
-    on_axis = zeros[(size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)]
-    if again:  # what inversion about one point loses of a small zero
-        on_axis = np.array([_near(zero * (1.0 + NEXT_TO), pencil, order)[0] for zero in on_axis])
-    return np.sort(unit * np.imag(on_axis))
-
-
-def _near(point: complex, pencil: FloatArray, order: FloatArray) -> npt.NDArray[np.complex128]:
-    """The zeros of a pencil by inversion about a point, the nearest first."""
-    try:
-        inverse = np.linalg.solve(pencil - point * order, order)
-    except np.linalg.LinAlgError:  # a zero everywhere: the loop is cut
-        return np.empty(0, dtype=complex)
-    values = np.asarray(np.linalg.eigvals(inverse), dtype=complex)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(point + 1.0 / values[np.argsort(-np.abs(values))], dtype=complex)
+    on_axis = (size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)
+    return np.sort(unit * imag[on_axis])

@@ -36,7 +36,6 @@ from flighttune.guarantee.ultimate_set import (
     outcomes,
 )
 from flighttune.simulate.run import Run
-from flighttune.theory.exponential import exponential
 from flighttune.units import DEG
 
 NEEDED = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
@@ -351,7 +350,9 @@ def _responses(
     A_K: FloatArray, E: FloatArray, start: FloatArray, count: int, dt: float
 ) -> tuple[FloatArray, FloatArray]:
     """Errors from `start` alone, and the most a unit of strength in one interval adds to them."""
-    step, half = exponential(A_K * dt), exponential(A_K * 0.5 * dt)
+    from scipy.linalg import expm
+
+    step, half = expm(A_K * dt), expm(A_K * 0.5 * dt)
     to_errors = np.eye(len(A_K))[2:]
     centre, pushes = np.empty((count, 2)), np.empty((count, 2))
     for k in range(count):

@@ -17,62 +17,59 @@ from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.units import G_0
 
+# A gain up to this size is the rounding of a difference and written as 0.
 NO_GAIN = 1e-9
-"""A gain up to this size is the rounding of a difference and written as 0."""
 
+# Significant digits of the gains in the file; these are the ones flown.
 DIGITS = 4
-"""Significant digits of the gains in the file; these are the ones flown."""
 
 _MEASURED = ("p_dot", "q_dot", "r_dot", "u_dot", "n_z", "n_y")
+
+# Half-widths of the central differences: rad/s, rad and 1.
 _HALF_WIDTHS = dict.fromkeys(
     ("p", "q", "r", "alpha", "beta", "aileron", "elevator", "rudder"), 1e-3
 ) | {"throttle": 0.05}
-"""Of the differences: rad/s, rad and 1."""
 
+# Bandwidth of the surface actuators, rad/s.
 ACTUATOR = 25.0
-"""Bandwidth of the surface actuators, rad/s."""
 
+# Natural frequency of the roll error over the bandwidth of the roll model, where not given.
 ROLL_STIFFNESS = 2.3
-"""Natural frequency of the roll error over the bandwidth of the roll model, where not given."""
 
 WELL_DAMPED = 0.9
 DUTCH_ROLL_DAMPING = 0.7
-SIDE_FORCE = 1.0
-"""Bandwidth at which the rudder takes the lateral load factor to zero, rad/s."""
 
+# Bandwidth at which the rudder takes the lateral load factor to zero, rad/s.
+SIDE_FORCE = 1.0
+
+# Yaw acceleration by sideslip that the rudder makes up for, 1/s^2.
 LEAST_WEATHERCOCK = 0.5
-"""Yaw acceleration by sideslip that the rudder makes up for, 1/s^2."""
+
+# Delay of the lateral load factor, s: two samples and half a hold.
 ACCELEROMETER = 0.015
-"""Delay of the lateral load factor, s: two samples and half a hold."""
-YAW_MARGIN = 1.3
-"""Factor on the gains at which the yaw loop is still stable."""
+
+YAW_MARGIN = 1.3  # factor on the gains at which the yaw loop is still stable
 LEAST_YAW_SHARE = 0.02
 
+# Largest gain from pitch rate to pitch acceleration over the bandwidth of the actuator.
 LARGEST_DAMPER = 0.6
-"""Largest gain from pitch rate to pitch acceleration over the bandwidth of the actuator."""
 
+# Bandwidth of the load-factor model over that of the response asked for, at most 20 rad/s.
 MODEL_LEAD = 2.0
-"""Bandwidth of the load-factor model over that of the response asked for, at most 20 rad/s."""
 
 _SPAN, _STEP = 2.0, 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Airframe:
-    """Derivatives of accelerations and load factors about wings-level flight, SI and rad.
+    """Derivatives of accelerations and load factors about wings-level flight, SI and rad."""
 
-    Attributes
-    ----------
-    V_a, alpha : float, m/s and rad
-        Airspeed and angle of attack.
-    slopes : mapping of str to mapping of str to float
-        ``slopes[what][by]``: of ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2), ``u_dot`` (m/s^2),
-        ``n_z``, ``n_y`` (1), by ``p``, ``q``, ``r`` (rad/s), ``alpha``, ``beta``, ``aileron``,
-        ``elevator``, ``rudder`` (rad) and ``throttle`` (1).
-    """
-
+    # m/s and rad: airspeed and angle of attack
     V_a: float
     alpha: float
+    # ``slopes[what][by]``: of ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2), ``u_dot`` (m/s^2),
+    # ``n_z``, ``n_y`` (1), by ``p``, ``q``, ``r`` (rad/s), ``alpha``, ``beta``, ``aileron``,
+    # ``elevator``, ``rudder`` (rad) and ``throttle`` (1)
     slopes: dict[str, dict[str, float]]
 
     def of(self, what: str, by: str) -> float:
@@ -110,21 +107,11 @@ def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignedAircraft:
-    """Result of a design.
+    """Result of a design."""
 
-    Attributes
-    ----------
-    config : AircraftConfig
-        The aircraft with its new gains.
-    previous : mapping of str to float
-        Gains it had before; empty if none.
-    checks : tuple of StepCheck
-        Its step responses against the goals.
-    """
-
-    config: AircraftConfig
-    previous: dict[str, float]
-    checks: tuple[StepCheck, ...]
+    config: AircraftConfig  # the aircraft with its new gains
+    previous: dict[str, float]  # gains it had before; empty if none
+    checks: tuple[StepCheck, ...]  # its step responses against the goals
 
     @property
     def missed(self) -> tuple[StepCheck, ...]:

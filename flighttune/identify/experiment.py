@@ -12,47 +12,42 @@ from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import FlightCondition, Plant
 
+# Sample time of the commands, s.
 DT = 0.01
-"""Sample time of the commands, s."""
 
+# Of the multisines, s: their frequencies are multiples of 2 pi / PERIOD.
 PERIOD = 20.0
-"""Of the multisines, s: their frequencies are multiples of 2 pi / PERIOD."""
 
+# Frequencies excited, rad/s.
 BAND = 0.3, 20.0
-"""Frequencies excited, rad/s."""
 
+# Frequencies aimed at, shared by the two channels in turn.
 LINES = 30
-"""Frequencies aimed at, shared by the two channels in turn."""
 
+# Largest command as a share of what the magnitude limits leave.
 PEAK_SHARE = 0.4
-"""Largest command as a share of what the magnitude limits leave."""
-RATE_SHARE = 0.8
-"""Largest rate of the command as a share of its limit."""
 
+# Largest rate of the command as a share of its limit.
+RATE_SHARE = 0.8
+
+# Random phases drawn, of which those that allow the largest amplitude are taken.
 PHASE_DRAWS = 100
-"""Random phases drawn, of which those that allow the largest amplitude are taken."""
+
+# Unit of the 3-2-1-1 steps in roll and load factor, their start, and the duration: s.
 CHECK_UNIT = 0.9, 0.8
 CHECK_START = 1.0, 2.3
 CHECK_DURATION = 12.0
-"""Unit of the 3-2-1-1 steps in roll and load factor, their start, and the duration: s."""
 
+# Attempts, each with half the amplitude of the one before.
 ATTEMPTS = 4
-"""Attempts, each with half the amplitude of the one before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Excitation:
-    """Commands that add to steady flight.
+    """Commands that add to steady flight."""
 
-    Attributes
-    ----------
-    commands : ndarray, shape (samples, 2), rad and 1
-        Roll and load factor, every `DT` seconds.
-    lines : tuple of two ndarrays of int
-        Harmonics of `PERIOD` in roll and in load factor; empty where the command is not periodic.
-    """
-
-    commands: FloatArray
+    commands: FloatArray  # (samples, 2), rad and 1: roll and load factor, every `DT` seconds
+    # Harmonics of `PERIOD` in roll and in load factor; empty where the command is not periodic
     lines: tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]
 
     def __post_init__(self) -> None:
@@ -192,19 +187,12 @@ def _ramped(wanted: FloatArray, rate: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Response:
-    """Commands and measured response, every `DT` seconds.
+    """Commands and measured response, every `DT` seconds."""
 
-    Attributes
-    ----------
-    commanded, measured : ndarray, shape (samples, 2), rad and 1
-        Roll and load factor; `measured` is read when the command is given.
-    excitation : Excitation
-        As applied, after any shrinking.
-    """
-
+    # (samples, 2), rad and 1: roll and load factor; `measured` is read when the command is given
     commanded: FloatArray
     measured: FloatArray
-    excitation: Excitation
+    excitation: Excitation  # as applied, after any shrinking
 
 
 def respond(

@@ -34,16 +34,16 @@ from flighttune.table_file import json_tables, stamp
 from flighttune.units import DEG, G_0
 from flighttune.whole_file import write_text
 
+# Readers refuse what they do not know.
 FORMAT = "flighttune identified aircraft 1"
-"""Readers refuse what they do not know."""
 
 FILE_NAME = "identified.json"
 
+# Significant digits written: more than a flight gives, fewer than two machines differ in.
 DIGITS = 6
-"""Significant digits written: more than a flight gives, fewer than two machines differ in."""
 
+# Share by which a number may differ from the one that the rounded lags give.
 ROUNDING = 1e-4
-"""Share by which a number may differ from the one that the rounded lags give."""
 
 UNITS = {
     "cross": "largest answer of the other channel to this command: 1/rad (phi), rad (n_z)",

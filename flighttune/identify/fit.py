@@ -21,29 +21,28 @@ from flighttune.plants.lagged_channel import rest, transition
 
 SAMPLES = round(PERIOD / DT)
 
+# Starts of the fit in frequency: delays in s; frequency over the corner, damping, lag times it.
 START_DELAYS = 0.0, 0.1
 START_SHAPES = (1.0, 0.7, 0.3), (2.0, 0.5, 1.0)
-"""Starts of the fit in frequency: delays in s; frequency over the corner, damping, lag times it."""
 
+# Distance between responses below which an order does not earn a further parameter.
 FINEST = 1e-3
-"""Distance between responses below which an order does not earn a further parameter."""
 
+# Starts of the fit in time, rad/s.
 START_FREQUENCIES = 4.0, 12.0
-"""Starts of the fit in time, rad/s."""
 
+# In time, the second order is taken where it leaves less than this share of the first's error.
 SECOND_ORDER_GAIN = 0.95
-"""In time, the second order is taken where it leaves less than this share of the first's error."""
 
+# Range of a command, rad or 1, up to which the channel counts as not commanded.
 SILENT = 1e-6
-"""Range of a command, rad or 1, up to which the channel counts as not commanded."""
 
+# Lag of a channel that was not commanded: no data show it, and nothing depends on it.
 UNEXCITED = InnerLag(order=1, natural_frequency=10.0)
-"""Lag of a channel that was not commanded: no data show it, and nothing depends on it."""
 
+# Relative step, gain and gradient that end the search: the default of 1e-8 leaves a lag whose fifth
+# digit depends on rounding.
 _CONVERGED = 1e-12
-"""Relative step, gain and gradient that end the search: the default of 1e-8 leaves a lag whose
-fifth digit depends on rounding.
-"""
 
 Parameters: TypeAlias = tuple[float, float, float, float]
 
@@ -59,39 +58,22 @@ _TIME_BOUNDS: tuple[Parameters, Parameters] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrequencyResponse:
-    """Measured frequency response at the lines of one channel.
+    """Measured frequency response at the lines of one channel."""
 
-    Attributes
-    ----------
-    omega : ndarray, shape (lines,), rad/s
-    own : ndarray of complex, shape (lines,), 1
-        From the command of the channel to its response.
-    other : ndarray of complex, shape (lines,), unit of the other channel over that of this one
-        From the command of the channel to the response of the other one, beyond the response of the
-        other one to its own command.
-    """
-
-    omega: FloatArray
-    own: npt.NDArray[np.complex128]
+    omega: FloatArray  # (lines,), rad/s
+    own: npt.NDArray[np.complex128]  # (lines,), 1: from the command of the channel to its response
+    # (lines,), unit of the other channel over that of this one: from the command of the channel to
+    # the response of the other one, beyond the response of the other one to its own command
     other: npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LagCandidate:
-    """A lag fitted at one order.
-
-    Attributes
-    ----------
-    lag : InnerLag
-    residual : float, 1
-        Root mean square distance from the measured response over the lines.
-    bic : float, 1
-        Bayesian information criterion; the lowest wins.
-    """
+    """A lag fitted at one order."""
 
     lag: InnerLag
-    residual: float
-    bic: float
+    residual: float  # 1: root mean square distance from the measured response over the lines
+    bic: float  # 1: Bayesian information criterion; the lowest wins
 
 
 def frequency_responses(response: Response) -> tuple[FrequencyResponse, FrequencyResponse]:
@@ -155,17 +137,11 @@ def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedLag:
-    """A lag and how much of a flight it explains.
-
-    Attributes
-    ----------
-    lag : InnerLag
-    fit_percent : float
-        Share of the variance of the response that the lag explains, in percent; NaN where the
-        channel was not commanded.
-    """
+    """A lag and how much of a flight it explains."""
 
     lag: InnerLag
+    # Share of the variance of the response that the lag explains, in percent; NaN where the channel
+    # was not commanded
     fit_percent: float
 
 

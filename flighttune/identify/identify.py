@@ -33,36 +33,23 @@ from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.linearize import RigidBodyModel, linearize
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 
+# Gain of the inner loop that holds the airspeed it was designed for.
 DESIGN_SPEED = "V_a-design-mps"
-"""Gain of the inner loop that holds the airspeed it was designed for."""
 
+# Periods flown: in the first the transient of the start decays.
 PERIODS = 2
-"""Periods flown: in the first the transient of the start decays."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
-    """Result of the identification at one condition, with its data.
-
-    Attributes
-    ----------
-    condition : IdentifiedCondition
-        The result.
-    candidates : tuple of two tuples of LagCandidate
-        Fits of every order, of roll and load factor, the chosen one first.
-    frequency : tuple of two FrequencyResponse
-        Measured, of roll and load factor.
-    check : Response
-        The validation manoeuvre, not used for the fit.
-    check_model : ndarray, shape (samples, 2)
-        Response of the chosen lags to its commands.
-    """
+    """Result of the identification at one condition, with its data."""
 
     condition: IdentifiedCondition
+    # Fits of every order, of roll and load factor, the chosen one first
     candidates: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]]
-    frequency: tuple[FrequencyResponse, FrequencyResponse]
-    check: Response
-    check_model: FloatArray
+    frequency: tuple[FrequencyResponse, FrequencyResponse]  # measured, of roll and load factor
+    check: Response  # the validation manoeuvre, not used for the fit
+    check_model: FloatArray  # (samples, 2): response of the chosen lags to its commands
 
 
 def identify(
@@ -108,24 +95,12 @@ def identify(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AircraftIdentification:
-    """Identification of an aircraft, and of its airframe without the inner loop.
+    """Identification of an aircraft, and of its airframe without the inner loop."""
 
-    Attributes
-    ----------
-    identified : IdentifiedAircraft
-        What the file holds.
-    conditions : tuple of Identification
-        In the same order, with the flights.
-    skipped : tuple of str
-        Why a requested condition is missing: one sentence each.
-    rigid_body : RigidBodyModel
-        About the first condition.
-    """
-
-    identified: IdentifiedAircraft
-    conditions: tuple[Identification, ...]
-    skipped: tuple[str, ...]
-    rigid_body: RigidBodyModel
+    identified: IdentifiedAircraft  # what the file holds
+    conditions: tuple[Identification, ...]  # in the same order, with the flights
+    skipped: tuple[str, ...]  # why a requested condition is missing: one sentence each
+    rigid_body: RigidBodyModel  # about the first condition
 
 
 def design_speed(config: AircraftConfig) -> float:

@@ -11,53 +11,31 @@ from flighttune.errors import InputError
 from flighttune.present.tables import Table
 from flighttune.units import DEG
 
+# Difference of climb that counts like a doubling of airspeed in `nearest`.
 ANGLE_PER_SPEED = math.radians(60.0)
-"""Difference of climb that counts like a doubling of airspeed in `nearest`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifiedChannel:
-    """One channel: the identified lag, and how well it fits.
-
-    Attributes
-    ----------
-    lag : InnerLag
-    fit_percent : float, %
-        Share of the variance explained on a manoeuvre that was not used for the fit.
-    residual : float, 1
-        Root mean square distance between fitted and measured frequency response.
-    cross : float, unit of the other channel over that of this one
-        Largest response of the other channel to this one's command over the band.
-    simpler : InnerLag
-        The best lag of at most second order; `lag` itself where that is one.
-    """
+    """One channel: the identified lag, and how well it fits."""
 
     lag: InnerLag
+    # %: share of the variance explained on a manoeuvre that was not used for the fit
     fit_percent: float
-    residual: float
+    residual: float  # 1: root mean square distance between fitted and measured frequency response
+    # unit of the other channel over that of this one: largest response of the other channel to this
+    # one's command over the band
     cross: float
-    simpler: InnerLag
+    simpler: InnerLag  # the best lag of at most second order; `lag` itself where that is one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifiedCondition:
-    """The inner loop at one flight condition.
+    """The inner loop at one flight condition."""
 
-    Attributes
-    ----------
-    V_a : float, m/s
-        Airspeed.
-    gamma : float, rad
-        Flight-path angle, climb positive.
-    h : float, m
-        Height above sea level.
-    phi, n_z : IdentifiedChannel
-        Roll and load factor.
-    """
-
-    V_a: float
-    gamma: float
-    h: float
+    V_a: float  # m/s: airspeed
+    gamma: float  # rad: flight-path angle, climb positive
+    h: float  # m: height above sea level
     phi: IdentifiedChannel
     n_z: IdentifiedChannel
 
@@ -69,24 +47,12 @@ class IdentifiedCondition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifiedAircraft:
-    """An aircraft's inner loop at every condition identified.
-
-    Attributes
-    ----------
-    aircraft : str
-        Its name.
-    conditions : tuple of IdentifiedCondition
-        At least one; the first is the nominal one.
-    seed : int
-        Of the excitation.
-    gains : str
-        Hash of the inner loop's gains; empty where it is not known.
-    """
+    """An aircraft's inner loop at every condition identified."""
 
     aircraft: str
-    conditions: tuple[IdentifiedCondition, ...]
-    seed: int = 0
-    gains: str = ""
+    conditions: tuple[IdentifiedCondition, ...]  # at least one; the first is the nominal one
+    seed: int = 0  # of the excitation
+    gains: str = ""  # Hash of the inner loop's gains; empty where it is not known
 
     def __post_init__(self) -> None:
         if not self.conditions:
@@ -129,32 +95,21 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
     )
 
 
+# Lags of its channel over which an error of the exact law counts as much as its rate, 1/s:
+# design/exact_gains.md.
 LAGS_PER_ERROR = 3.0
-"""Lags of its channel over which an error of the exact law counts as much as its rate, 1/s:
-design/exact_gains.md."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignModel:
-    """The chi/gamma law behind an identified inner loop: what gains are designed on.
+    """The chi/gamma law behind an identified inner loop: what gains are designed on."""
 
-    Attributes
-    ----------
-    model : LinearModel
-        States (chi, gamma, lags), inputs (phi, n_z) commands, errors (chi, gamma).
-    scaling : ndarray, shape (n + 2,)
-        As `flighttune.control.inner_loop.inner_loop_scaling`.
-    V_a, gamma : float, m/s and rad
-        Airspeed and flight-path angle of the law.
-    roll_lag : float, s
-        Whole lag and delay of roll.
-    """
-
-    model: LinearModel
-    scaling: FloatArray
+    model: LinearModel  # states (chi, gamma, lags), inputs (phi, n_z) commands, errors (chi, gamma)
+    scaling: FloatArray  # (n + 2,): as `flighttune.control.inner_loop.inner_loop_scaling`
+    # m/s and rad: airspeed and flight-path angle of the law
     V_a: float
     gamma: float
-    roll_lag: float
+    roll_lag: float  # s: whole lag and delay of roll
 
 
 def design_model(

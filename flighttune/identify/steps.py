@@ -18,36 +18,23 @@ Channel: TypeAlias = Literal["phi", "n_z"]
 
 ROLL_STEP = 30.0 * DEG
 LOAD_STEP = 0.5
+
+# A step lasts this long, s, or this many times the longest time to 90 %, whichever is longer.
 ROLL_TIME, LOAD_TIME = 4.0, 1.6
 OVER_T90 = 1.4
-"""Duration of the steps, s, and over the longest time to 90 %, whichever is longer."""
 
 DT = 0.005
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StepResponse:
-    """Response to one step of a command from steady level flight.
+    """Response to one step of a command from steady level flight."""
 
-    Attributes
-    ----------
-    channel : {"phi", "n_z"}
-        The commanded channel.
-    V_a : float, m/s
-        Airspeed at the start.
-    size : float, rad or 1
-        Step of the command.
-    signals : mapping of str to ndarray
-        Signals of the plant over time, and ``t`` (s).
-    ended : str
-        Why the flight ended early; empty if it did not.
-    """
-
-    channel: Channel
-    V_a: float
-    size: float
-    signals: Mapping[str, FloatArray]
-    ended: str
+    channel: Channel  # the commanded channel
+    V_a: float  # m/s: airspeed at the start
+    size: float  # rad or 1: step of the command
+    signals: Mapping[str, FloatArray]  # signals of the plant over time, and ``t`` (s)
+    ended: str  # why the flight ended early; empty if it did not
 
     @property
     def progress(self) -> FloatArray:
@@ -117,15 +104,10 @@ def fly_step(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepCheck:
-    """A step response against what the aircraft's ``[design]`` asks for.
-
-    Attributes
-    ----------
-    step : StepResponse
-    t90_allowed, overshoot_allowed : float, s and 1
-    """
+    """A step response against what the aircraft's ``[design]`` asks for."""
 
     step: StepResponse
+    # s and 1
     t90_allowed: float
     overshoot_allowed: float
 

@@ -14,31 +14,21 @@ from flighttune.paper import parameters as printed
 from flighttune.plants.point_mass import LOST
 from flighttune.simulate.disturbance import Sinusoid
 
+# Relative and absolute tolerance of an integration step; how far past a switch it is detected.
 TOLERANCE = 1e-12
-"""Relative and absolute tolerance of an integration step; how far past a switch it is detected."""
 
+# Longest step where a switch could be missed, s: events are looked for at the ends of steps.
 LOOK_EVERY = 0.01
-"""Longest step where a switch could be missed, s: events are looked for at the ends of steps."""
 
 REFERENCE = np.array([printed.CHI_C, printed.GAMMA_C])
 
 
 class Moving(NamedTuple):
-    """A command that does not follow the controller.
+    """A command that does not follow the controller."""
 
-    Attributes
-    ----------
-    speed : float
-        Its rate: a rate limit, or 0 at the end of its range.
-    side : int
-        Sign of unlimited command minus command; 0 where anti-windup keeps the two together.
-    bound : float
-        End of the range that it meets next.
-    """
-
-    speed: float
-    side: int
-    bound: float
+    speed: float  # its rate: a rate limit, or 0 at the end of its range
+    side: int  # sign of unlimited command minus command; 0 where anti-windup keeps the two together
+    bound: float  # end of the range that it meets next
 
 
 class Signals(NamedTuple):
@@ -186,21 +176,11 @@ class ContinuousLoop:
 
 
 def integrate(loop: ContinuousLoop, times: FloatArray) -> tuple[FloatArray, str]:
-    """Fly the loop from its start.
+    """Fly a loop that was not flown before, and report at `times`, which rise from 0.
 
-    Parameters
-    ----------
-    loop : ContinuousLoop
-        One that was not flown before.
-    times : ndarray, shape (k,), s
-        Rising, from 0: where to report.
-
-    Returns
-    -------
-    rows : ndarray, shape (k or fewer, 6, 2)
-        State (chi, gamma), error, its rate, command after the limits, before them, integral part.
-    reason : str
-        Why the flight ended before its time; empty where it did not.
+    The rows, shape (k or fewer, 6, 2), hold state (chi, gamma), error, its rate, command after the
+    limits, before them, and integral part. The reason says why the flight ended before its time; it
+    is empty where it did not.
     """
 
     def lost(_: float, y: FloatArray) -> float:

@@ -16,23 +16,19 @@ from flighttune.arrays import FloatArray, check_not_negative, check_positive
 from flighttune.paper import parameters as printed
 from flighttune.theory.lyapunov import lyapunov_solution
 
+# Intervals in which the disturbance is constant.
 INTERVALS = round(printed.DURATION / printed.DUFFING_HOLD)
-"""Intervals in which the disturbance is constant."""
 
+# Steps of integration in each interval of the disturbance.
 STEPS = 10
-"""Steps of integration in each interval of the disturbance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Duffing:
-    """A Duffing oscillator with a stable origin.
+    """A Duffing oscillator with a stable origin."""
 
-    Attributes
-    ----------
-    alpha, beta, delta : float, 1/s^2, 1/s^2 per square of x1, 1/s
-        Linear and cubic stiffness (beta not negative) and damping; alpha and delta positive.
-    """
-
+    # 1/s^2, 1/s^2 per square of x1, 1/s: linear and cubic stiffness (beta not negative) and
+    # damping; alpha and delta positive
     alpha: float
     beta: float
     delta: float
@@ -85,20 +81,12 @@ class Duffing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bound:
-    """What Theorem 1 says with the Jacobian taken over a strip ``|x1| <= c``.
+    """What Theorem 1 says with the Jacobian taken over a strip ``|x1| <= c``."""
 
-    Attributes
-    ----------
-    rate : float, 1/s
-        ``R(f) = epsilon / lambda_max(P)``; the norm of f decays at half of it.
-    radius : float
-        ``I(f) = 2 L_d L_f lambda_max(P)^2 / (epsilon lambda_min(P))``: ultimate bound on |f|.
-    P_max, P_min : float, s
-        Extreme eigenvalues of P.
-    """
-
-    rate: float
+    rate: float  # 1/s: ``R(f) = epsilon / lambda_max(P)``; the norm of f decays at half of it
+    # ``I(f) = 2 L_d L_f lambda_max(P)^2 / (epsilon lambda_min(P))``: ultimate bound on |f|
     radius: float
+    # s: extreme eigenvalues of P
     P_max: float
     P_min: float
 
@@ -113,21 +101,11 @@ class Bound:
 
 
 def bound(model: Duffing, L_d: float, *, half_width: float = 0.0) -> Bound:
-    """Theorem 1 for disturbances up to `L_d`.
+    """Theorem 1 for disturbances up to `L_d` in the strip ``|x1| <= half_width``.
 
-    Parameters
-    ----------
-    model : Duffing
-    L_d : float
-        Largest magnitude of the disturbance.
-    half_width : float
-        c of the strip ``|x1| <= c`` in which it is to hold. Zero is the paper's choice, the
-        Jacobian at the origin, and says nothing about any other point.
-
-    Returns
-    -------
-    Bound
-        With rate 0 and radius inf where the condition does not hold in the strip.
+    A strip of no width is the paper's choice, the Jacobian at the origin, and says nothing about
+    any other point. Where the condition does not hold in the strip, the rate is 0 and the radius
+    inf.
     """
     edges = np.array([0.0, half_width])
     epsilon = float(np.min(model.margin(edges)))
@@ -141,21 +119,10 @@ def bound(model: Duffing, L_d: float, *, half_width: float = 0.0) -> Bound:
 
 
 def paths(model: Duffing, x_0: npt.ArrayLike, d: npt.ArrayLike, *, hold: float) -> FloatArray:
-    """States over time under disturbances that are held for `hold` seconds at a time.
+    """States over time under disturbances d, shape (k, runs), held for `hold` seconds each.
 
-    Parameters
-    ----------
-    model : Duffing
-    x_0 : array_like, shape (2,)
-        Start of every path.
-    d : array_like, shape (k, runs)
-        Disturbance of each run in each interval.
-    hold : float, s
-
-    Returns
-    -------
-    ndarray, shape (k * `STEPS` + 1, runs, 2)
-        At equal steps of ``hold / STEPS``, by the classical Runge-Kutta rule.
+    Every path starts at `x_0`. The result, shape (k * `STEPS` + 1, runs, 2), stands at equal steps
+    of ``hold / STEPS``, by the classical Runge-Kutta rule.
     """
     d = np.asarray(d, dtype=float)
     x = np.broadcast_to(np.asarray(x_0, dtype=float), (d.shape[1], 2)).copy()
@@ -176,24 +143,13 @@ def paths(model: Duffing, x_0: npt.ArrayLike, d: npt.ArrayLike, *, hold: float) 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DuffingCase:
-    """One oscillator under the noise of all runs.
-
-    Attributes
-    ----------
-    model : Duffing
-    theorem : Bound
-        Theorem 1 with the Jacobian at the origin, as the paper takes it.
-    t : ndarray, shape (k,), s
-    x : ndarray, shape (k, runs, 2)
-    norm_f : ndarray, shape (k, runs)
-        |f(x)| over time.
-    """
+    """One oscillator under the noise of all runs."""
 
     model: Duffing
-    theorem: Bound
-    t: FloatArray
-    x: FloatArray
-    norm_f: FloatArray
+    theorem: Bound  # Theorem 1 with the Jacobian at the origin, as the paper takes it
+    t: FloatArray  # (k,), s
+    x: FloatArray  # (k, runs, 2)
+    norm_f: FloatArray  # (k, runs): |f(x)| over time
 
     @property
     def bound_over_time(self) -> FloatArray:

@@ -28,31 +28,21 @@ printed parameters.
 
 @dataclass(frozen=True, slots=True)
 class Erratum:
-    """One disagreement or slip.
+    """One disagreement or slip."""
 
-    Attributes
-    ----------
-    where : str
-        Its place in the paper.
-    printed : str
-        What the paper prints.
-    holds : str
-        What holds instead, with the numbers.
-    """
-
-    where: str
-    printed: str
-    holds: str
+    where: str  # its place in the paper
+    printed: str  # what the paper prints
+    holds: str  # what holds instead, with the numbers
 
 
 def errata(study: Study) -> dict[str, tuple[Erratum, ...]]:
     """All errata by part, in the order of ``errata.toml``."""
-    found = numbers(study)
+    named = numbers(study)
     return {
         part: tuple(
-            Erratum(*(entry[key].format(**found) for key in ("where", "printed", "holds")))
+            Erratum(*(entry[key].format(**named) for key in ("where", "printed", "holds")))
             for entry in entries
-            if found.get(entry.get("only_if"), True)
+            if named.get(entry.get("only_if"), True)
         )
         for part, entries in tomllib.loads(TEXT.read_text(encoding="utf-8")).items()
     }
@@ -67,7 +57,7 @@ def numbers(study: Study) -> dict[str, Any]:
     rate_bound = printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound
     n_z_trim = math.cos(printed.GAMMA_C)
     A_K = closed_loop(study.model, study.star)
-    found = {
+    named = {
         "printed": printed,
         "star": star,
         "optimum": study.optimum,
@@ -89,12 +79,12 @@ def numbers(study: Study) -> dict[str, Any]:
         "rate_bound": rate_bound,
         "stable": star.status == "stable",
     }
-    if found["stable"]:  # an unstable loop has neither a ball nor an ellipsoid
-        found["balls"] = paper_balls(A_K, study.model.A, I_K=star.I_K, L_d=rate_bound)
-        found["ellipsoid"] = invariant_ellipsoid(
+    if named["stable"]:  # an unstable loop has neither a ball nor an ellipsoid
+        named["balls"] = paper_balls(A_K, study.model.A, I_K=star.I_K, L_d=rate_bound)
+        named["ellipsoid"] = invariant_ellipsoid(
             A_K, disturbance_entry(study.model), L_d=rate_bound
         )
-    return found
+    return named
 
 
 def errata_text(parts: dict[str, tuple[Erratum, ...]]) -> str:

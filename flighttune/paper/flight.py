@@ -16,37 +16,29 @@ from flighttune.paper.continuous import ContinuousLoop, integrate
 from flighttune.paper.measures import measures
 from flighttune.simulate.disturbance import Sinusoid
 
+# Time between the samples of a flight, s.
 SAMPLE = 0.01
-"""Time between the samples of a flight, s."""
 
+# Errors below this are called near the origin, rad.
 NEAR = 0.05
-"""Errors below this are called near the origin, rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class PaperFlight:
-    """One flight of the paper's loop, sampled every `SAMPLE` seconds.
+    """One flight of the paper's loop, sampled every `SAMPLE` seconds."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (k,), s
-    x, error, error_rate : ndarray, shape (k, 2), rad, rad, rad/s
-        Course and flight-path angle; errors (reference minus actual); their rates by the law.
-    u, unlimited, integral : ndarray, shape (k, 2), rad and 1
-        Commands of roll and load factor after the limits, before them, and their integral part.
-    reason : str
-        Why the flight diverged, in a sentence; empty if it did not.
-    disturbance : Sinusoid or None
-    """
-
-    t: FloatArray
+    t: FloatArray  # (k,), s
+    # (k, 2), rad, rad, rad/s: course and flight-path angle; errors (reference minus actual); their
+    # rates by the law
     x: FloatArray
     error: FloatArray
     error_rate: FloatArray
+    # (k, 2), rad and 1: commands of roll and load factor after the limits, before them, and their
+    # integral part
     u: FloatArray
     unlimited: FloatArray
     integral: FloatArray
-    reason: str
+    reason: str  # why the flight diverged, in a sentence; empty if it did not
     disturbance: Sinusoid | None
 
     @property
@@ -90,8 +82,8 @@ class PaperFlight:
     @property
     def released(self) -> float:
         """Last time at which a command was limited, s; 0 if none ever was."""
-        held = self.t[np.any(self.u != self.unlimited, axis=1)]
-        return float(held[-1]) if len(held) else 0.0
+        limited = self.t[np.any(self.u != self.unlimited, axis=1)]
+        return float(limited[-1]) if len(limited) else 0.0
 
     @property
     def converged(self) -> bool:
@@ -110,24 +102,10 @@ def fly(
     conditional: bool = False,
     duration: float = printed.DURATION,
 ) -> PaperFlight:
-    """Fly the paper's manoeuvre.
+    """Fly the paper's manoeuvre for `duration` seconds.
 
-    Parameters
-    ----------
-    gains : PIGains
-        From (chi, gamma) to (phi, n_z).
-    disturbance : Sinusoid or None
-        Of the two rates.
-    limits : Limits, optional
-        By default the printed ranges without rate limits, as the paper must have flown.
-    conditional : bool
-        With conditional anti-windup; the paper has none.
-    duration : float, s
-        Time to fly.
-
-    Returns
-    -------
-    PaperFlight
+    By default under the printed ranges without rate limits, as the paper must have flown, and
+    without the conditional anti-windup that it does not have.
     """
     loop = ContinuousLoop(
         gains,

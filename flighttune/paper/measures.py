@@ -7,6 +7,7 @@ import pandas as pd
 
 from flighttune.arrays import FloatArray
 
+# Columns of `measures`; the unit is rad for errors and rad/s for their rates.
 MEASURES = {
     "ITAE": "unit s^2",
     "MO_rad": "unit",
@@ -17,25 +18,15 @@ MEASURES = {
     "std": "unit",
     "energy": "unit^2 s",
 }
-"""Columns of `measures`; the unit is rad for errors and rad/s for their rates."""
 
+# Errors, their rates, and `s = sqrt(e^2 + e_dot^2)`.
 CHANNELS = ("chi", "gamma", "chi_dot", "gamma_dot", "s_chi", "s_gamma")
-"""Errors, their rates, and ``s = sqrt(e^2 + e_dot^2)``."""
 
 
 def measures(t: FloatArray, signals: Mapping[str, FloatArray]) -> pd.DataFrame:
-    """The paper's measures of each signal; every signal should go to zero.
+    """The paper's measures of each signal: a row per signal, columns `MEASURES`.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,), s
-        Equally spaced, from zero.
-    signals : mapping of str to ndarray of shape (n,)
-
-    Returns
-    -------
-    DataFrame
-        One row per signal, columns `MEASURES`.
+    Every signal should go to zero; `t` is equally spaced, from zero.
 
     Notes
     -----

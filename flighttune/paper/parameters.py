@@ -14,27 +14,28 @@ import numpy as np
 from flighttune.control.limits import Limits
 from flighttune.simulate.disturbance import Sinusoid
 
+# Table 1: airspeed in m/s and acceleration of gravity in m/s^2.
 V_A, G = 25.0, 9.81
-"""Table 1: airspeed in m/s and acceleration of gravity in m/s^2."""
 
+# Table 1: start. The printed roll lies outside the printed range of roll.
 CHI_0, GAMMA_0, PHI_0, N_Z_0 = math.pi / 3, math.pi / 4, math.pi / 3, 1.0
-"""Table 1: start. The printed roll lies outside the printed range of roll."""
 
+# Table 1: references, rad.
 CHI_C, GAMMA_C = 0.0, math.pi / 12
-"""Table 1: references, rad."""
 
+# Table 1: time simulated, s.
 DURATION = 20.0
-"""Table 1: time simulated, s."""
 
+# Section 4.4: time over which the first error is integrated for the input constraints, s.
 OPTIMISATION_DT = 0.1
-"""Section 4.4: time over which the first error is integrated for the input constraints, s."""
 
+# Error at the start, rad.
 E_0 = np.array([CHI_C - CHI_0, GAMMA_C - GAMMA_0])
-"""Error at the start, rad."""
 
+# Section 5.2: indicators printed below K*.
 R_K_PRINTED, I_K_PRINTED = 0.4427, 4.9244
-"""Section 5.2: indicators printed below K*."""
 
+# Table 2: R_K and I_K as printed.
 TABLE_2: dict[str, tuple[float, float]] = {
     "K1": (0.7742, 7.873),
     "K2": (0.6754, 6.057),
@@ -43,34 +44,33 @@ TABLE_2: dict[str, tuple[float, float]] = {
     "K5": (0.2849, 6.161),
     "K6": (0.2192, 8.258),
 }
-"""Table 2: R_K and I_K as printed."""
 
+# One unit of the last digit of R_K and of I_K in Table 2.
 LAST_DIGITS = 1e-4, 1e-3
-"""One unit of the last digit of R_K and of I_K in Table 2."""
 
+# One unit of the last digit of both indicators printed below K*.
 STAR_LAST_DIGIT = 1e-4
-"""One unit of the last digit of both indicators printed below K*."""
 
+# Section 5.2.1: what the overshoots in rad and their times in s are said not to exceed.
 LARGEST_OVERSHOOT = {"chi": 0.8, "gamma": 0.4}
 LARGEST_PEAK_TIME = 4.0
-"""Section 5.2.1: what the overshoots in rad and their times in s are said not to exceed."""
 
+# Name of the printed optimum among the families.
 STAR = "K*"
-"""Name of the printed optimum among the families."""
 
+# Table 3: amplitude L_d in rad/s and angular frequency omega_d in rad/s of both channels.
 TABLE_3: dict[str, tuple[float, float]] = {
     f"d{k}": pair for k, pair in enumerate(product((0.1, 0.2, 0.3), (0.1, 0.15, 0.2)), start=1)
 }
-"""Table 3: amplitude L_d in rad/s and angular frequency omega_d in rad/s of both channels."""
 
+# The disturbance of Table 1 is this one of Table 3.
 PRINTED_DISTURBANCE = "d2"
-"""The disturbance of Table 1 is this one of Table 3."""
 
+# Assumed: the d family is flown to here, s, because the text speaks of the time after 20 s.
 AFTERWARDS = 40.0
-"""Assumed: the d family is flown to here, s, because the text speaks of the time after 20 s."""
 
+# Assumed: bound on I_K of the optimisation model; the printed optimum must satisfy it.
 I_STAR = I_K_PRINTED
-"""Assumed: bound on I_K of the optimisation model; the printed optimum must satisfy it."""
 
 
 def printed_limits() -> Limits:
@@ -97,17 +97,17 @@ def disturbance(name: str) -> Sinusoid:
     )
 
 
+# Figure 3 (a): the oscillator.
 DUFFING_A = {"alpha": 0.5, "beta": 0.25, "delta": 1.5}
-"""Figure 3 (a): the oscillator."""
 
+# Figure 3 (a): bound on the disturbance.
 DUFFING_L_D = 2.5
-"""Figure 3 (a): bound on the disturbance."""
 
+# Assumed start of the oscillator.
 DUFFING_X_0 = (1.5, 0.0)
-"""Assumed start of the oscillator."""
 
+# Assumed set of figure 3 (b) to (d); beta is alpha / 2 as in (a), delta that of (a).
 DUFFING_ALPHAS = (0.2, 0.35, 0.5, 0.75, 1.0, 1.5)
-"""Assumed set of figure 3 (b) to (d); beta is alpha / 2 as in (a), delta that of (a)."""
 
+# Assumed noise: held for this many s, this many runs, from this seed.
 DUFFING_HOLD, DUFFING_RUNS, DUFFING_SEED = 0.1, 40, 2411
-"""Assumed noise: held for this many s, this many runs, from this seed."""

@@ -16,13 +16,13 @@ from flighttune.paper.study import Study
 from flighttune.simulate.run import Provenance, Run
 from flighttune.units import DEG
 
+# Name of the recording's file, without `.rrd`.
 NAME = "families"
-"""Name of the recording's file, without ``.rrd``."""
 
 TITLE = "The families of the paper"
 
+# One sample in so many is recorded: 50 a second are more than a screen shows.
 EVERY = 2
-"""One sample in so many is recorded: 50 a second are more than a screen shows."""
 
 MAGNITUDE_LIMITED = 1.0
 
@@ -48,7 +48,7 @@ def write_families(study: Study, folder: Path) -> Path:
     page = scenario_page(
         runs,
         scenario=_scenario(),
-        indicators={name: (found.R_K, found.I_K) for name, found in study.indicators.items()},
+        indicators={name: (row.R_K, row.I_K) for name, row in study.indicators.items()},
         metrics=metric_tables(runs)[0],
     )
     path = folder / f"{NAME}.rrd"

@@ -1,13 +1,10 @@
 """The paper reproduced in a folder: figures, tables, texts, page, errata and recording."""
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flighttune.extras import need
-from flighttune.paper import style
 from flighttune.paper.claims import CLAIMS
 from flighttune.paper.claims.base import VERDICTS, Finding, text_of
 from flighttune.paper.errata import Erratum, errata, errata_text
@@ -22,66 +19,46 @@ TITLE = (
     "Robust Convergency Indicator using MIMO-PI Controller in the presence of disturbances, "
     "computed again"
 )
-PIXELS_PER_INCH = 108.0
-"""Size of the figures on the page."""
 
+# Items with which the families are recorded.
 RECORDED = {"fig8", "fig11"}
-"""Items with which the families are recorded."""
 
+# Verdicts in the order in which the page lists its claims.
 READ_FIRST = ("not reproduced", "partly", "reproduced", "not checkable")
-"""Verdicts in the order in which the page lists its claims."""
 
+# Called with what is being made and the part of it that is done, 0 to 1.
 Progress = Callable[[str, float], None]
-"""Called with what is being made and the part of it that is done, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MadeItem:
-    """An item in the folder.
-
-    Attributes
-    ----------
-    item : Item
-    made : Made
-    files : tuple of Path
-        Figures, tables and text.
-    """
+    """An item in the folder."""
 
     item: Item
     made: Made
-    files: tuple[Path, ...]
+    files: tuple[Path, ...]  # figures, tables and text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reproduction:
-    """What `reproduce` made.
-
-    Attributes
-    ----------
-    items : tuple of MadeItem
-    findings : tuple of Finding
-        Every claim with its verdict.
-    page, errata : Path
-    recording : Path or None
-        None where no family was among the items.
-    """
+    """What `reproduce` made."""
 
     items: tuple[MadeItem, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # every claim with its verdict
     page: Path
     errata: Path
-    recording: Path | None
+    recording: Path | None  # none where no family was among the items
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, as ``--json`` prints them."""
         return {
             "items": [
                 {
-                    "name": one.item.name,
-                    "files": [str(path) for path in one.files],
-                    "values": dict(one.made.values),
+                    "name": made.item.name,
+                    "files": [str(path) for path in made.files],
+                    "values": dict(made.made.values),
                 }
-                for one in self.items
+                for made in self.items
             ],
             "claims": [
                 {
@@ -107,32 +84,8 @@ def reproduce(
     study: Study | None = None,
     progress: Progress | None = None,
 ) -> Reproduction:
-    """Make items of the paper, and judge every claim.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Items; all of them by default.
-    out : path-like
-        Folder for the files; made if it is not there.
-    study : Study, optional
-        By default the paper's gains.
-    progress : callable, optional
-        Told what is being made.
-
-    Returns
-    -------
-    Reproduction
-
-    Raises
-    ------
-    InputError
-        If there is no item of a name, or the extra ``figures`` is not installed.
-    RecordingError
-        If a file cannot be written.
-    """
+    """Make items of the paper, all by default, and judge every claim."""
     items = chosen(names)
-    need("`reproduce`", "matplotlib")
     study, folder = Study() if study is None else study, Path(out)
     tell = progress if progress is not None else _silent
     made = tuple(_made(item, study, folder, k / len(items), tell) for k, item in enumerate(items))
@@ -148,7 +101,7 @@ def reproduce(
         recording = write_families(study, folder)
         tell("recording", 1.0)
     parts = errata(study)
-    page = _page(made, findings, parts, folder)
+    page = _page(made, findings, parts)
     return Reproduction(
         items=made,
         findings=tuple(findings),
@@ -162,34 +115,26 @@ def _page(
     items: Sequence[MadeItem],
     findings: Sequence[Finding],
     parts: Mapping[str, Sequence[Erratum]],
-    folder: Path,
 ) -> str:
-    """The page with everything, as HTML that needs no other file; its figures are in `folder`."""
-
-    def uri(name: str) -> str:
-        svg = (folder / f"{name}.svg").read_bytes()
-        return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
-
+    """The page with everything, as HTML that needs no other file."""
     return page_text(
         page_template("flighttune.paper", "page.html.jinja"),
         title=TITLE,
         items=items,
-        findings=sorted(findings, key=lambda one: READ_FIRST.index(one.verdict)),
+        findings=sorted(findings, key=lambda finding: READ_FIRST.index(finding.verdict)),
         verdicts=VERDICTS,
         errata=parts,
         text=text_of,
-        uri=uri,
-        pixels_per_inch=PIXELS_PER_INCH,
     )
 
 
 def _made(item: Item, study: Study, folder: Path, part: float, tell: Progress) -> MadeItem:
-    import matplotlib as mpl
-
     tell("items", part)
-    with mpl.rc_context(style.RC):
-        made = item.make(study)
-        files = style.save(made.figures, folder)
+    made = item.make(study)
+    files = []
+    for name, figure in made.figures.items():
+        files.append(folder / f"{name}.svg")
+        figure.save(files[-1])
     for name, table in made.tables.items():
         text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
         files.append(write_text(folder / f"{name}.csv", text))

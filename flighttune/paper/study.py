@@ -17,21 +17,15 @@ from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
 from flighttune.tuning.tune import tune
 
+# The gain sets in the order of the paper's epsilon.
 ORDER = ("K1", "K2", "K3", printed.STAR, "K4", "K5", "K6")
-"""The gain sets in the order of the paper's epsilon."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """The paper's experiments with one set of gains in the place of K*.
+    """The paper's experiments with one set of gains in the place of K*."""
 
-    Attributes
-    ----------
-    star : PIGains
-        The gains judged, by default the printed K*.
-    """
-
-    star: PIGains = PAPER_GAINS
+    star: PIGains = PAPER_GAINS  # the gains judged, by default the printed K*
 
     @cached_property
     def model(self) -> LinearModel:
@@ -124,10 +118,10 @@ class Study:
 
     def of_disturbances(self, channel: str, measure: str) -> pd.DataFrame:
         """One measure of one channel: index L_d, columns omega_d."""
-        found = {
+        values = {
             name: flight.measures.loc[channel, measure] for name, flight in self.disturbed.items()
         }
-        return self.over_disturbances(pd.Series(found))
+        return self.over_disturbances(pd.Series(values))
 
     def over_disturbances(self, values: pd.Series) -> pd.DataFrame:
         """Values by name of the disturbance as a table: index L_d, columns omega_d."""
@@ -142,7 +136,7 @@ class Study:
     def indicator(self, name: str) -> pd.Series:
         """R_K, I_K or spectral_abscissa of each gain set."""
         return pd.Series(
-            {gains: float(getattr(found, name)) for gains, found in self.indicators.items()}
+            {gains: float(getattr(row, name)) for gains, row in self.indicators.items()}
         )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
-from flighttune.theory.exponential import exponential
 
 RESOLUTION = 12
 """Decimals of a second to which the transitions of a channel are distinguished."""
@@ -36,7 +35,9 @@ def _transition(lag: InnerLag, t: float) -> FloatArray:
     if lag.order == 1:
         return np.array([[math.exp(-w * t)]])
     if lag.order == 3:
-        return exponential(lag.undelayed[0] * t)
+        from scipy.linalg import expm
+
+        return np.asarray(expm(lag.undelayed[0] * t))
     decay = lag.damping * w
     squared = w * w - decay * decay
     if squared < 0.0:

@@ -4,6 +4,7 @@ Colours are CSS variables of `style`, so that one chart serves a light, a dark a
 """
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -22,21 +23,31 @@ from flighttune.whole_file import write_text
 Range: TypeAlias = tuple[float, float]
 Ticks: TypeAlias = Sequence[tuple[float, str]]
 
+# Size of a chart in pixels; a page scales it to its column.
 WIDTH, HEIGHT = 460.0, 236.0
-"""Of a chart in pixels; a page scales it to its column."""
 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 10.0, 8.0, 36.0
 HEAD_AND_FOOT = TOP + BOTTOM
-ROOM = 0.05
-"""Part of the height of an axis left free above and below what is drawn."""
 
+# Part of the height of an axis left free above and below what is drawn.
+ROOM = 0.05
+
+# Pixels between two labels of the x and of the y axis, roughly.
 GAPS = 64.0, 42.0
-"""Pixels between two labels of the x and of the y axis, roughly."""
 
 DASHED, DOTTED, LONG = "5 3", "1.5 2.5", "9 4"
 
 
 Shape: TypeAlias = Literal["dot", "cross", "plus"]
+
+# Name, colour, and dashes of a line, or `band` or a `Shape`.
+LegendEntry: TypeAlias = tuple[str, str, str]
+
+# A letter with a letter or digit as its index, such as `n_z`; `tuned_identified` is none.
+SYMBOL = re.compile(r"\b([^\W\d_])_(\w)\b")
+
+# What follows a lowered index in SVG stays down unless something lifts it: an empty space does.
+SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tspan>'
 
 
 @cache
@@ -64,6 +75,8 @@ class Chart:
         Ends of the axes; by default around all that is drawn.
     x_ticks, y_ticks : sequence of (float, str), optional
         Labels of an axis and where they stand.
+    x_room : float
+        Part of the width left free at both ends, so that a point there is whole.
     linked : bool
         Whether the cursor of a page is at the same x in this chart and the other linked ones.
     equal : bool
@@ -81,11 +94,12 @@ class Chart:
     y_range: Range | None = None
     x_ticks: Ticks | None = None
     y_ticks: Ticks | None = None
+    x_room: float = 0.0
     linked: bool = False
     equal: bool = False
     downwards: bool = False
-    legend: list[tuple[str, str, str]] = field(default_factory=list)
-    """Name, colour and dashes of what is named in the chart alone."""
+    legend: list[LegendEntry] = field(default_factory=list)
+    """What is named in the chart alone."""
     _marks: list["_Mark"] = field(default_factory=list)
     _seen: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 
@@ -180,16 +194,24 @@ class Chart:
         if name:
             self.legend.append((name, colour, "band"))
 
-    def level(self, value: float, colour: str = LIMIT, *, dash: str = LONG, run: str = "") -> None:
+    def level(
+        self, value: float, colour: str = LIMIT, *, dash: str = LONG, run: str = "", name: str = ""
+    ) -> None:
         """Draw a horizontal line across the chart that the y axis makes room for."""
         self._seen.append((np.array([np.nan]), np.array([value])))
         attributes = _stroke(colour, 1.2, dash) + _owner(run)
         self._marks.append(lambda a: f'<path d="M0,{a.sy(value):.1f}H{a.width:.1f}"{attributes}/>')
+        if name:
+            self.legend.append((name, colour, dash))
 
-    def upright(self, value: float, colour: str = NEUTRAL, *, dash: str = "") -> None:
+    def upright(
+        self, value: float, colour: str = NEUTRAL, *, dash: str = "", name: str = ""
+    ) -> None:
         """Draw a vertical line across the chart."""
         attributes = _stroke(colour, 1.2, dash)
         self._marks.append(lambda a: f'<path d="M{a.sx(value):.1f},0V{a.height:.1f}"{attributes}/>')
+        if name:
+            self.legend.append((name, colour, dash))
 
     def points(
         self,
@@ -242,16 +264,23 @@ class Chart:
 
         self._marks.append(drawn)
         if name:
-            self.legend.append((name, colour, "dot"))
+            self.legend.append((name, colour, shape))
 
-    def bars(self, low: npt.ArrayLike, high: npt.ArrayLike, colours: Sequence[str]) -> None:
-        """Draw upright bars at 0, 1, 2, ..., each from `low` to `high` in its own colour."""
+    def bars(
+        self,
+        low: npt.ArrayLike,
+        high: npt.ArrayLike,
+        colours: Sequence[str],
+        *,
+        at: npt.ArrayLike | None = None,
+    ) -> None:
+        """Draw upright bars at 0, 1, 2, ... or `at`, from `low` to `high`, each in its colour."""
         lows, highs = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-        at = np.arange(len(lows), dtype=float)
-        self._seen += [(at - 0.5, lows), (at + 0.5, highs)]
+        places = np.asarray(np.arange(len(lows)) if at is None else at, dtype=float)
+        self._seen += [(places - 0.5, lows), (places + 0.5, highs)]
 
         def drawn(a: "_Axes") -> str:
-            sides = a.sx(np.array([at - 0.32, at + 0.32])).T.tolist()
+            sides = a.sx(np.array([places - 0.32, places + 0.32])).T.tolist()
             ends = a.sy(np.sort([lows, highs], axis=0)[::-1]).T.tolist()
             return "".join(
                 f'<rect x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0:.1f}" height="{y1 - y0:.1f}" '
@@ -290,7 +319,7 @@ class Chart:
             at = f'x="{a.sx(x) + shift[0]:.1f}" y="{a.sy(y) + shift[1]:.1f}"'
             return (
                 f'<text class="named" {at} text-anchor="{anchor}"{_owner(run)}>'
-                f"{escape(text)}</text>"
+                f"{marked_up(text)}</text>"
             )
 
         self._marks.append(drawn)
@@ -298,7 +327,7 @@ class Chart:
     def name_row(self, y: float, name: str) -> None:
         """Write the name of a row at the left edge, at a height of the y axis."""
         self._marks.append(
-            lambda a: f'<text class="named" x="2" y="{a.sy(y):.1f}">{escape(name)}</text>'
+            lambda a: f'<text class="named" x="2" y="{a.sy(y):.1f}">{marked_up(name)}</text>'
         )
 
     def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
@@ -332,7 +361,7 @@ class Chart:
                     )
                 parts.append(
                     f'<text class="named" x="{box[0]:.1f}" y="{box[1] + 10.0:.1f}">'
-                    f"{escape(name)}</text>"
+                    f"{marked_up(name)}</text>"
                 )
             return "".join(parts)
 
@@ -371,22 +400,22 @@ class Chart:
             up = float(a.sy(value))
             lines.append(f"M0,{up:.1f}H{a.width:.1f}")
             at = f'x="{LEFT - 6:g}" y="{TOP + up + 4.0:.1f}"'
-            labels.append(f'<text {at} text-anchor="end">{escape(label)}</text>')
+            labels.append(f'<text {at} text-anchor="end">{marked_up(label)}</text>')
         for value, label in x_ticks:
             across = float(a.sx(value))
             lines.append(f"M{across:.1f},0V{a.height:.1f}")
             for row, part in enumerate(label.split("\n")):
                 at = f'x="{LEFT + across:.1f}" y="{TOP + a.height + 15.0 + 12.0 * row:.1f}"'
-                labels.append(f'<text {at} text-anchor="middle">{escape(part)}</text>')
+                labels.append(f'<text {at} text-anchor="middle">{marked_up(part)}</text>')
         middle = TOP + a.height / 2.0
         if self.y:
             labels.append(
-                f'<text transform="translate(10 {middle:.1f}) rotate(-90)" '
-                f'text-anchor="middle">{escape(self.y)}</text>'
+                f'<text transform="translate(12 {middle:.1f}) rotate(-90)" '
+                f'text-anchor="middle">{marked_up(self.y)}</text>'
             )
         labels.append(
             f'<text x="{LEFT + a.width / 2.0:.1f}" y="{self.height - 4.0:.1f}" '
-            f'text-anchor="middle">{escape(self.x)}</text>'
+            f'text-anchor="middle">{marked_up(self.x)}</text>'
         )
         size = f'x="{LEFT:g}" y="{TOP:g}" width="{a.width:g}" height="{a.height:g}"'
         marks = "".join(mark(a) for mark in self._marks)
@@ -398,7 +427,7 @@ class Chart:
 
     def _axes(self) -> "_Axes":
         width, height = WIDTH - LEFT - RIGHT, self.height - TOP - BOTTOM
-        x = self.x_range or _ends([one for one, _ in self._seen], 0.0, "x" in self.log)
+        x = self.x_range or _ends([one for one, _ in self._seen], self.x_room, "x" in self.log)
         y = self.y_range or _ends([one for _, one in self._seen], ROOM, "y" in self.log)
         if self.equal:
             scale = max((x[1] - x[0]) / width, (y[1] - y[0]) / height)
@@ -423,11 +452,14 @@ class Sheet:
     columns : int
     title : str
         Above all.
+    legend : sequence of (str, str, str)
+        What has the same look in several charts, named once above all of them.
     """
 
     charts: Sequence[Chart]
     columns: int = 2
     title: str = ""
+    legend: Sequence[LegendEntry] = ()
 
     def save(self, path: str | Path) -> None:
         """Write an SVG file, under a temporary name until it is whole.
@@ -441,7 +473,11 @@ class Sheet:
 
     def svg(self) -> str:
         """The picture as an SVG file that needs no other."""
+        width = self.columns * WIDTH
         parts, top = [], 26.0 if self.title else 0.0
+        if self.legend:
+            parts.append(_legend(self.legend, width, top + 12.0))
+            top += LEGEND_ROW * len(_legend_rows(self.legend, width)) + 10.0
         for i in range(0, len(self.charts), self.columns):
             row = self.charts[i : i + self.columns]
             above = max(_head_height(one) for one in row)
@@ -451,8 +487,7 @@ class Sheet:
                 at = f'x="{left:g}" y="{top + above:.1f}" width="{WIDTH:g}" height="{one.height:g}"'
                 parts.append(one.svg().replace("<svg ", f"<svg {at} ", 1))
             top += above + max(one.height for one in row) + 8.0
-        width = self.columns * WIDTH
-        title = f'<text class="title" x="8" y="17">{escape(self.title)}</text>'
+        title = f'<text class="title" x="8" y="17">{marked_up(self.title)}</text>'
         # its colours are its own: a notebook puts it into a page with other ones
         own = style().replace(":root", "svg.sheet")
         return (
@@ -637,8 +672,8 @@ def dashes(style: LineStyle) -> str:
     return DASHED if style.dashed else ""
 
 
+# Width of a letter in pixels, roughly.
 LETTER = 6.7
-"""Width of a letter in pixels, roughly."""
 
 
 Box: TypeAlias = tuple[float, float, float, float]
@@ -653,13 +688,25 @@ def _free(box: Box, taken: Sequence[Box], a: _Axes) -> bool:
     )
 
 
-def _legend_rows(chart: Chart) -> list[list[tuple[str, str, str]]]:
-    """The names of a chart in rows that fit its width."""
-    rows: list[list[tuple[str, str, str]]] = []
-    used = WIDTH
-    for one in chart.legend:
-        needed = 34.0 + LETTER * len(one[0])
-        if used + needed > WIDTH - 8.0:
+def marked_up(text: str, index: str = SVG_INDEX) -> str:
+    """`text` for markup, each `SYMBOL` in it with its index lowered."""
+    return SYMBOL.sub(lambda symbol: symbol[1] + index.format(symbol[2]), escape(text))
+
+
+# Height of a row of names, pixels.
+LEGEND_ROW = 15.0
+
+# Pixels before a name in a legend, and in all that it takes besides its letters.
+SIGN, NEXT_SIGN = 28.0, 42.0
+
+
+def _legend_rows(legend: Sequence[LegendEntry], width: float) -> list[list[LegendEntry]]:
+    """The names in rows that fit a width."""
+    rows: list[list[LegendEntry]] = []
+    used = width
+    for one in legend:
+        needed = NEXT_SIGN + LETTER * len(one[0])
+        if used + needed > width - 8.0:
             rows.append([])
             used = 8.0
         rows[-1].append(one)
@@ -667,26 +714,33 @@ def _legend_rows(chart: Chart) -> list[list[tuple[str, str, str]]]:
     return rows
 
 
-def _head_height(chart: Chart) -> float:
-    return 18.0 + 15.0 * len(_legend_rows(chart))
-
-
-def _head(chart: Chart) -> str:
-    parts = [f'<text class="title" x="8" y="13">{escape(chart.title)}</text>']
-    for place, row in enumerate(_legend_rows(chart)):
-        left, up = 8.0, 24.0 + 15.0 * place
+def _legend(legend: Sequence[LegendEntry], width: float, top: float) -> str:
+    parts = []
+    for place, row in enumerate(_legend_rows(legend, width)):
+        left, up = 8.0, top + LEGEND_ROW * place
         for name, colour, dash in row:
             parts.append(f'<g transform="translate({left:.1f} {up:.1f})">{key(colour, dash)}</g>')
-            parts.append(f'<text x="{left + 28.0:.1f}" y="{up + 4.0:.1f}">{escape(name)}</text>')
-            left += 34.0 + LETTER * len(name)
+            parts.append(f'<text x="{left + SIGN:.1f}" y="{up + 4.0:.1f}">{marked_up(name)}</text>')
+            left += NEXT_SIGN + LETTER * len(name)
     return "".join(parts)
 
 
+def _head_height(chart: Chart) -> float:
+    return 18.0 + LEGEND_ROW * len(_legend_rows(chart.legend, WIDTH))
+
+
+def _head(chart: Chart) -> str:
+    title = f'<text class="title" x="8" y="13">{marked_up(chart.title)}</text>'
+    return title + _legend(chart.legend, WIDTH, 24.0)
+
+
 def key(colour: str, dash: str = "", width: float = 2.0) -> str:
-    """The sign of a line, a band or a dot in a legend, 24 pixels wide about its left middle."""
+    """The sign of a line, a band or a point in a legend, 24 pixels wide about its left middle."""
     if dash == "band":
         fill = f'fill="{css_colour(colour)}" fill-opacity="0.3"'
         return f'<rect x="0" y="-5" width="24" height="10" {fill}/>'
     if dash == "dot":
         return f'<circle cx="12" cy="0" r="4" fill="{css_colour(colour)}"/>'
+    if dash in ("cross", "plus"):
+        return f'<path d="{_cross(12.0, 0.0, 4.0, dash)}"{_stroke(colour, width)}/>'
     return f'<path d="M0,0H24"{_stroke(colour, width, dash)}/>'

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from flighttune.present.chart import Chart, dashes, key, style
+from flighttune.present.chart import Chart, dashes, key, marked_up, style
 from flighttune.present.tables import Table
 from flighttune.whole_file import write_text
 
@@ -191,5 +191,6 @@ def page_template(package: str, name: str) -> "Template":
         undefined=StrictUndefined,
     )
     environment.filters["key"] = lambda style: Markup(key(style.colour, dashes(style), style.width))
+    environment.filters["words"] = lambda text: Markup(marked_up(text, "<sub>{}</sub>"))
     environment.filters["sign"] = lambda colour, dash: Markup(key(colour, dash))
     return environment.get_template(name)

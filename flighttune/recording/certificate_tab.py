@@ -7,7 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flighttune.arrays import FloatArray
-from flighttune.guarantee.flight_check import FlightCheck
+from flighttune.guarantee.flight_check import FlightCheck, flight_check
 from flighttune.present.thinning import peaks
 from flighttune.recording.entities import (
     GUARANTEE,
@@ -17,27 +17,25 @@ from flighttune.recording.entities import (
     plain_name,
 )
 from flighttune.recording.views import time_view
+from flighttune.simulate.run import Run
 
 TAB = "Certificate"
-SMALLEST = 1e-6
-"""Sizes below are drawn as this: rounding."""
+SMALLEST = 1e-6  # smaller sizes are drawn as this: they are rounding
+DECADES = 4.5  # most shown at first: a run that stands on its reference goes down for ever
+FAINT = 130  # opacity of bounds, of 255
+ROOM = 0.04  # of the range, above and below it
 
-DECADES = 4.5
-"""Most that are shown at first; a run that stands on its reference goes down for ever."""
 
-FAINT = 130
-ROOM = 0.04
+def claim_of(run: Run) -> FlightCheck | None:
+    """The guarantee of the linear loop, held against a flight of a plant that flies the law.
+
+    On an aircraft that bound is wider than anything it could fly: there the tube says more.
+    """
+    return flight_check(run) if run.provenance.aircraft is None else None
 
 
 def log_certificates(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
-    """Log ``log10 ||s||`` of each run with its bound.
-
-    Parameters
-    ----------
-    stream : RecordingStream
-    drawn : sequence of DrawnRun
-        Those without a claim are left out.
-    """
+    """Log ``log10 ||s||`` of each run that has a claim, with its bound."""
     folders = _folders(drawn)
     for folder in folders.values():
         log_time_axis(stream, folder, drawn)
@@ -49,7 +47,8 @@ def log_certificates(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> N
 
 def _folders(drawn: Sequence[DrawnRun]) -> dict[str, str]:
     """Where the lines of each gain set are."""
-    names = dict.fromkeys(drawn_run.run.provenance.gains_name for drawn_run in drawn)
+    claimed = [drawn_run.run for drawn_run in drawn if drawn_run.claim is not None]
+    names = dict.fromkeys(run.provenance.gains_name for run in claimed)
     return {name: f"{GUARANTEE}/{k:02d}_{plain_name(name)}" for k, name in enumerate(names)}
 
 
@@ -83,17 +82,16 @@ def _logarithms(claim: FlightCheck) -> FloatArray:
 
 def certificate_tab(drawn: Sequence[DrawnRun]) -> list[rrb.TimeSeriesView]:
     """A view for each gain set: all plants that flew it, over one range of decades."""
-    claims = {one.claim: one.run.provenance.gains_name for one in drawn if one.claim is not None}
+    claims = [drawn_run.claim for drawn_run in drawn if drawn_run.claim is not None]
     lines = np.concatenate([_logarithms(claim).ravel() for claim in claims])
     high = float(np.nanmax(lines))
     low = max(float(np.nanmin(lines)), high - DECADES)
     room = ROOM * max(high - low, 1.0)
-    folders = _folders(drawn)
     return [
         time_view(
-            folders[name],
+            folder,
             f"{name}: log10 |s|, guarantee thin, ultimate bound wide",
             (low - room, high + room),
         )
-        for name in dict.fromkeys(claims.values())
+        for name, folder in _folders(drawn).items()
     ]

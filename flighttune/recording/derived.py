@@ -14,8 +14,8 @@ from flighttune.simulate.run import Run
 if TYPE_CHECKING:
     from flighttune.recording.entities import DrawnRun
 
+# Components of the mismatch, in the order of the ladder: actual lift, inner-loop lag, remainder.
 PARTS = ("lift", "lag", "rest")
-"""What the law leaves out, in the order of the ladder: the lift there is, the lag, the rest."""
 
 UNITS = {
     **{f"{part}_{channel}": "rad/s" for part in PARTS for channel in CHANNELS},
@@ -33,36 +33,37 @@ def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
     first plant.
     """
     before: dict[str, list[Run]] = {}
-    found = []
+    extended = []
     for drawn_run in drawn:
         run = drawn_run.run
         lower = before.setdefault(run.provenance.gains_name, [])
         columns = {**_over_ground(run), **_parts(run), **_compared(run, lower)}
         lower.append(run)
         shown = replace(run, signals=run.signals.assign(**columns)) if columns else run
-        found.append(replace(drawn_run, run=shown))
-    return found
+        extended.append(replace(drawn_run, run=shown))
+    return extended
 
 
 def _over_ground(run: Run) -> dict[str, FloatArray]:
     """Height and speed over ground of a plant that gives neither, from its path."""
-    signals, found = run.signals, {}
+    signals, derived = run.signals, {}
     flight = run.provenance.scenario.get("flight") or {}
     if "h" not in signals and "h_m" in flight:
-        found["h"] = float(flight["h_m"]) - signals["down"].to_numpy()
+        derived["h"] = float(flight["h_m"]) - signals["down"].to_numpy()
     if "V_g" not in signals and len(signals) > 1:
         from flighttune.recording.geometry import positions
 
         level = positions(signals)[:, :2]
-        found["V_g"] = np.linalg.norm(np.gradient(level, run.t, axis=0), axis=1)
-    return found
+        derived["V_g"] = np.linalg.norm(np.gradient(level, run.t, axis=0), axis=1)
+    return derived
 
 
 def _parts(run: Run) -> dict[str, FloatArray]:
     """Rates that each part of an aircraft adds to those of the law under the same commands.
 
-    Of the exact point mass under the commands minus the law's; of the point mass under roll and
-    load factor as flown minus under the commands; of the flight minus the latter.
+    Lift: rates of the exact point mass minus those of the law, both under the commands. Lag: rates
+    of the point mass under roll and load factor as flown minus those under the commands. Rest:
+    rates of the flight minus the former.
     """
     law, signals = law_of(run), run.signals
     if run.provenance.aircraft is None or law is None or not set(FLOWN) <= set(signals):
@@ -86,13 +87,13 @@ def _compared(run: Run, lower: Sequence[Run]) -> dict[str, FloatArray]:
         return {}
     from flighttune.recording.geometry import positions  # reports do without Rerun and its scene
 
-    found = {}
+    differences = {}
     for channel in CHANNELS:
         values = np.unwrap(run.signals[channel].to_numpy())
-        found[f"step_{channel}"] = values - _at(lower[-1], run.t, channel)
+        differences[f"step_{channel}"] = values - _at(lower[-1], run.t, channel)
     path = np.column_stack([_at(lower[0], run.t, name) for name in ("north", "east", "down")])
-    found["distance"] = np.linalg.norm(positions(run.signals) - path, axis=1)
-    return found
+    differences["distance"] = np.linalg.norm(positions(run.signals) - path, axis=1)
+    return differences
 
 
 def _at(run: Run, t: FloatArray, name: str) -> FloatArray:

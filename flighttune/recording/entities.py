@@ -17,51 +17,34 @@ if TYPE_CHECKING:
     from flighttune.guarantee.flight_check import FlightCheck
 
 APPLICATION = "flighttune"
-TIMELINE = "flight_time"
-"""Time since the start of the flight."""
+TIMELINE = "flight_time"  # since the start of the flight
 
 PAGE = "page"
 WORLD = "world"
 PATHS = f"{WORLD}/paths"
 TRAILS = f"{WORLD}/trails"
 SHADOWS = f"{WORLD}/shadows"
-AIRCRAFT = f"{WORLD}/aircraft"
-"""Folder of frames that move with each aircraft and turn with its course."""
-
-BODY = "body"
-"""Below such a frame: the aircraft with its attitude."""
+AIRCRAFT = f"{WORLD}/aircraft"  # frames that move with each aircraft and turn with its course
+BODY = "body"  # below such a frame: the aircraft with its attitude
 
 GROUND = f"{WORLD}/ground"
 PLOTS = "plots"
+
+# Lines that belong to no run, measured signals and bounds. The viewer draws in the order of names:
+# with the underscore these are below the lines of the runs.
 REFERENCE = "_reference"
 LIMITS = "_limits"
 MEASURED = "_measured"
 BOUNDS = "_bounds"
 AXIS = "_axis"
-"""Lines that belong to no run, measured signals and bounds. The viewer draws in the order of names:
-with the underscore these are below the lines of the runs."""
-
-RECORD = "runs_flown"
-"""The runs themselves, for reading back."""
-
-SEAL = "seal"
-"""The SHA-256 of the file."""
 
 EVENTS = "events"
-NOW = "now"
-"""The readout of the present instant."""
-
+NOW = "now"  # the readout of the present instant
 READING = "how_to_read"
 
-PLANE = "plane"
-"""The complex plane."""
-
 GUARANTEE = f"{PLOTS}/guarantee"
-ABSCISSA = f"{PLOTS}/abscissa"
-DAMPING = f"{PLOTS}/damping"
 
-END = 1.1
-"""Where time axes end, over the longest flight: the last label has room."""
+END = 1.1  # where time axes end, over the longest flight: the last label has room
 
 
 def application(title: str) -> str:
@@ -107,27 +90,13 @@ def on_screen(width: float) -> Any:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnRun:
-    """One run as a recording draws it.
+    """One run as a recording draws it."""
 
-    Attributes
-    ----------
-    run : Run
-        A run with at least two samples.
-    key : str
-        Its name in the tree of the recording, unique.
-    style : LineStyle
-        How it is drawn.
-    number : int
-        Its place among the runs drawn, from 1 on.
-    claim : FlightCheck or None
-        What is guaranteed of it, held against its flight.
-    """
-
-    run: Run
-    key: str
+    run: Run  # with at least two samples
+    key: str  # its name in the tree of the recording, unique
     style: LineStyle
-    number: int
-    claim: "FlightCheck | None" = None
+    number: int  # its place among the runs drawn, from 1 on
+    claim: "FlightCheck | None" = None  # its guarantee, held against its flight
 
 
 def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:

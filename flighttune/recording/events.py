@@ -17,45 +17,35 @@ from flighttune.simulate.run import Run
 
 COMMANDS = {"phi": "roll", "n_z": "load-factor"}
 ANGLES = {"chi": "course", "gamma": "path angle"}
+
+# Text is made lighter, for the dark ground of the viewer, down to this contrast on a light one.
 WHITE, ON_WHITE = (255, 255, 255), 2.6
-"""Text is made lighter, for the dark ground of the viewer, down to this contrast on a light one."""
 
-MOST_HOLDS = 20
-"""Times at which a command is listed as held by its limit; after them only their number."""
+MOST_HOLDS = 20  # a command held by its limit more often is listed with the number only
+WIND_CHANGE = 0.5  # m/s; a change of the wind since the start beyond this is a gust
 
-WIND_CHANGE = 0.5
-"""Change (m/s) of the wind from that of the start beyond which it is a gust."""
-
+# Signals that the settling time is computed from.
 MEASURED = (
     *("chi_err", "gamma_err", "gamma_ref"),
     *("phi_cmd", "n_z_cmd", "phi_limited", "n_z_limited"),
 )
-"""Signals that the settling time is computed from."""
 
+# Log level of each sort of event: the viewer has no other classes.
 SORTS = {"end": "ERROR", "claim": "WARN", "limit": "WARN", "wind": "INFO", "track": "INFO"}
-"""Log level of each sort of event: the viewer has no other classes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something at a time of a run.
+    """An event at a time of a run."""
 
-    Attributes
-    ----------
-    t : float, s
-    sort : str
-        Key of `SORTS`.
-    text : str
-    """
-
-    t: float
-    sort: str
+    t: float  # s
+    sort: str  # key of `SORTS`
     text: str
 
 
 def events(run: Run, claim: FlightCheck | None = None) -> list[Event]:
     """All events of a run with at least two samples, in order of time."""
-    found = [
+    listed = [
         *_reference(run),
         *_held(run),
         *_gust(run),
@@ -63,8 +53,8 @@ def events(run: Run, claim: FlightCheck | None = None) -> list[Event]:
         *_claims(claim),
     ]
     if run.status != "completed":
-        found.append(Event(run.duration, "end", run.outcome))
-    return sorted(found, key=lambda event: event.t)
+        listed.append(Event(run.duration, "end", run.outcome))
+    return sorted(listed, key=lambda event: event.t)
 
 
 def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
@@ -72,7 +62,11 @@ def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 
     A change of the wind that several runs meet is listed once, with the first of them.
     """
-    lines = [(event, one) for one in drawn for event in events(one.run, one.claim)]
+    lines = [
+        (event, drawn_run)
+        for drawn_run in drawn
+        for event in events(drawn_run.run, drawn_run.claim)
+    ]
     lines.sort(key=lambda line: line[0].t)
     # All runs of a scenario meet the same wind: the first run of each such event stands for them.
     first = dict(reversed(lines))
@@ -90,10 +84,10 @@ def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 
 def _readable(colour: tuple[int, int, int]) -> tuple[int, ...]:
     """The colour, as light as small text on a dark ground wants it and a light one allows."""
-    found, lighter = colour, colour
+    readable, lighter = colour, colour
     while contrast(lighter, WHITE) > ON_WHITE:
-        found, lighter = lighter, _lighter(lighter)
-    return found
+        readable, lighter = lighter, _lighter(lighter)
+    return readable
 
 
 def _lighter(colour: tuple[int, int, int]) -> tuple[int, int, int]:

@@ -1,49 +1,32 @@
 """Positions, attitudes, sizes and cameras of the 3D scene, in local NED and m."""
 
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.util import find_spec
-from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
-from flighttune.errors import InputError
+from flighttune.errors import FlightTuneError
+from flighttune.plants.jsbsim.model_files import wing_span
 from flighttune.recording.entities import DrawnRun
-from flighttune.shipped import aircraft_folder
 from flighttune.simulate.run import Run
-from flighttune.units import FT
 
-MODEL_SPAN = 2.9
-"""Wing span of the aircraft in ``aircraft.glb``, m."""
+MODEL_SPAN = 2.9  # m, of the aircraft in ``aircraft.glb``
 
-METRES = {"M": 1.0, "FT": FT}
+FIELD_OF_VIEW = math.radians(52.0)  # vertical, that the flight should fill; the viewer's is 55 deg
+ASPECT = 1.25  # width over height of the view, or less
+VIEWED_FROM = math.radians(-120.0)  # azimuth of the camera, clockwise from the direction of flight
+ELEVATION = math.radians(22.0)  # of the camera
 
-FIELD_OF_VIEW = math.radians(52.0)
-"""Vertical field of view that the flight should fill; the viewer's own is 55 deg."""
-
-ASPECT = 1.25
-"""Width over height of the view, or less."""
-
-VIEWED_FROM = math.radians(-120.0)
-ELEVATION = math.radians(22.0)
-"""Azimuth (clockwise from the direction of flight) and elevation of the camera."""
-
-SHARE_OF_FLIGHT = 1.0 / 10.0
-"""Width of a drawn aircraft as a fraction of the size of the flight."""
-
+SHARE_OF_FLIGHT = 1.0 / 10.0  # width of a drawn aircraft over the size of the flight
 ROUND = (1.0, 2.0, 5.0)
 FINELY_ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-AXES = 2.0
-"""Length of the arrows that name the axes, in spacings of the grid."""
-
-GROUND_LINES = 12
-"""Approximate number of lines along the longer side of the ground grid."""
+AXES = 2.0  # length of the arrows that name the axes, in spacings of the grid
+GROUND_LINES = 12  # approximate number along the longer side of the ground grid
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,22 +56,10 @@ def headings(signals: pd.DataFrame) -> FloatArray:
 
 
 def attitudes(signals: pd.DataFrame) -> FloatArray:
-    """Rotation from body axes to the axes of `headings`.
+    """Rotation from body axes to the axes of `headings`, shape (n, 4): x, y, z, w.
 
-    Parameters
-    ----------
-    signals : DataFrame
-        Signals of a run. A plant without pitch and heading is drawn along its path.
-
-    Returns
-    -------
-    ndarray, shape (n, 4), 1
-        Unit quaternions x, y, z, w.
-
-    Notes
-    -----
-    B. L. Stevens, F. L. Lewis and E. N. Johnson, *Aircraft Control and Simulation*, Wiley,
-    Eq. (1.8-18): the Euler angles in the order yaw, pitch, roll.
+    A plant without pitch and heading is drawn along its path. Stevens, Lewis and Johnson, *Aircraft
+    Control and Simulation*, Eq. (1.8-18): the Euler angles in the order yaw, pitch, roll.
     """
     pitch = signals["theta" if "theta" in signals else "gamma"]
     crab = signals["psi"] - signals["chi"] if "psi" in signals else 0.0 * pitch
@@ -105,10 +76,9 @@ def attitudes(signals: pd.DataFrame) -> FloatArray:
 
 
 def span_of(run: Run) -> float:
-    """Wing span of the run's aircraft, m.
+    """Wing span of the run's aircraft, m; `MODEL_SPAN` if there is none.
 
-    A plant without an aircraft is drawn as the first aircraft of its scenario. Without one, or
-    without a span in its file, the span is `MODEL_SPAN`.
+    A plant without an aircraft is drawn as the first aircraft of its scenario.
     """
     tables = run.provenance.scenario.get("plant") or []
     names = [run.provenance.aircraft, *(table.get("aircraft") for table in tables)]
@@ -118,24 +88,9 @@ def span_of(run: Run) -> float:
 @cache
 def _span(aircraft: str) -> float:
     try:
-        folder = Path(aircraft)
-        folder = folder if folder.name != aircraft else aircraft_folder(aircraft)
-        model = tomllib.loads((folder / "aircraft.toml").read_text(encoding="utf-8"))["model"]
-        # The file may be in JSBSim's own set; it is found without loading JSBSim.
-        installed = find_spec("jsbsim")
-        places = [
-            Path(place) for place in (installed and installed.submodule_search_locations) or ()
-        ]
-        for file in (
-            folder / model,
-            *(p / "aircraft" / model / f"{model}.xml" for p in places),
-        ):
-            found = ElementTree.parse(file).find("metrics/wingspan") if file.is_file() else None
-            if found is not None and found.text:
-                return float(found.text) * METRES[found.get("unit", "FT")]
-    except (InputError, OSError, ValueError, KeyError, ElementTree.ParseError):
-        pass
-    return MODEL_SPAN
+        return wing_span(load_aircraft(aircraft)) or MODEL_SPAN
+    except FlightTuneError:  # the aircraft of an old recording may be gone
+        return MODEL_SPAN
 
 
 def widest(drawn: Sequence[DrawnRun]) -> float:
@@ -160,31 +115,16 @@ def all_to_see(drawn: Sequence[DrawnRun]) -> FloatArray:
 def enlargement(points: FloatArray, span: float) -> float:
     """Factor by which aircraft are drawn larger than they are: a round number, at least 1.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3), m
-        All positions.
-    span : float, m
-        Of the widest aircraft.
+    `points` are all positions, and `span` is that of the widest aircraft, m.
     """
     factor = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
     return max(1.0, _round_below(factor, FINELY_ROUND))
 
 
 def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
-    """Lines of a level grid half a spacing below the flight, as wide as it.
+    """Lines of a level grid half a spacing below the flight and as wide as it, and their spacing.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3), m
-        All positions.
-
-    Returns
-    -------
-    lines : list of ndarray, shape (2, 3), m
-        Ends of each line.
-    spacing : float, m
-        Distance of neighbours: 1, 2 or 5 times a power of ten.
+    Each line is its two ends, shape (2, 3), m; the spacing is 1, 2 or 5 times a power of ten.
     """
     longest = float(np.ptp(points[:, :2], axis=0).max())
     spacing = _round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
@@ -212,43 +152,29 @@ def _round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
 def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     """Camera that sees the whole flight from its left, a little from behind and above.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3), m
-        All positions to see.
-    margin : float, m
-        Space to leave around them: half the width of an aircraft as drawn.
+    The picture holds `points`, shape (n, 3), m, and `margin` (m) around them: half the width of an
+    aircraft as drawn.
     """
-    along = math.atan2(*np.ptp(points[:, :2], axis=0)[::-1] * _signs(points))
-    azimuth = along + VIEWED_FROM
-    back = np.array(
-        [
-            math.cos(azimuth) * math.cos(ELEVATION),
-            math.sin(azimuth) * math.cos(ELEVATION),
-            -math.sin(ELEVATION),
-        ]
-    )
+    low, high = points.min(axis=0), points.max(axis=0)
+    # The direction of flight is that diagonal of the box around it which it takes.
+    moved = (low + high) / 2.0 - points[0]
+    north, east = (high - low)[:2] * np.where(moved[:2] < 0.0, -1.0, 1.0)
+    azimuth = math.atan2(east, north) + VIEWED_FROM
+    level = math.cos(ELEVATION)
+    back = np.array([level * math.cos(azimuth), level * math.sin(azimuth), -math.sin(ELEVATION)])
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     up = np.cross(right, back)
-    target = points.mean(axis=0)
     slope = math.tan(FIELD_OF_VIEW / 2.0)
-    distance = 0.0
-    # The middle of the picture depends on the perspective, and so on the distance: a few steps.
-    for _ in range(4):
-        depth = distance - (points - target) @ back if distance else np.ones(len(points))
-        seen = np.column_stack([(points - target) @ right, (points - target) @ up]) / depth[:, None]
-        centre = (seen.min(axis=0) + seen.max(axis=0)) / 2.0 * (distance or 1.0)
-        target = target + centre[0] * right + centre[1] * up
-        around = points - target
-        aside = np.maximum(np.abs(around @ right) / ASPECT, np.abs(around @ up)) + margin
-        distance = float(np.max(around @ back + aside / slope))
-    return Eye(tuple(target + distance * back), tuple(target))
-
-
-def _signs(points: FloatArray) -> FloatArray:
-    """Signs, 1 or -1, of the overall displacement east and north."""
-    moved = points[:, :2].mean(axis=0) - points[0, :2]
-    return np.where(moved[::-1] < 0.0, -1.0, 1.0)
+    # The planes at the edges of the picture through the outermost points: those at the right and at
+    # the left meet above the line on which the camera must be, those at the top and bottom too.
+    depth, seen = points @ back, points @ np.column_stack([right, up])
+    slopes = slope * np.array([ASPECT, 1.0])
+    ends = np.max(seen + depth[:, None] * slopes, axis=0) + margin
+    starts = np.min(seen - depth[:, None] * slopes, axis=0) - margin
+    aside = (ends + starts) / 2.0
+    distance = float(np.max((ends - starts) / 2.0 / slopes))
+    axis = aside @ np.array([right, up])
+    return Eye(tuple(axis + distance * back), tuple(axis + depth.mean() * back))
 
 
 def chase_eye(width: float) -> Eye:

@@ -24,11 +24,8 @@ from flighttune.recording.scene import aircraft_model, log_ground
 from flighttune.recording.views import layout, scene_view, time_view
 from flighttune.scenario.schema import Scenario
 
-SESSION = "session_time"
-"""Time flown since the first run began: the runs one after another."""
-
-LIVE = f"{entities.AIRCRAFT}/live"
-"""Frame of the aircraft that flies now."""
+SESSION = "session_time"  # flown since the first run began: the runs one after another
+LIVE = f"{entities.AIRCRAFT}/live"  # frame of the aircraft that flies now
 
 LIVE_PLOTS = (
     Plot("chi", "Course chi, reference grey"),
@@ -38,21 +35,12 @@ LIVE_PLOTS = (
     Plot("V_a", "Airspeed V_a"),
 )
 
-SENT_EVERY = 0.1
-"""Seconds between two deliveries to the viewer; of flight where it is flown as fast as it goes."""
-
-PATH_EVERY = 0.5
-"""Seconds of flight between two drawings of the path so far."""
-
+SENT_EVERY = 0.1  # s between two deliveries to the viewer; of flight if flown as fast as possible
+PATH_EVERY = 0.5  # s of flight between two drawings of the path so far
 PATH_POINTS = 600
-BETWEEN_RUNS = 1.0
-"""Seconds on the session's timeline between two runs."""
-
-DRAWN_SPAN = 12.0
-"""Width of the aircraft as drawn, m."""
-
-GRID_SECONDS = 4.0
-"""Distance of two lines of the ground, in seconds of flight."""
+BETWEEN_RUNS = 1.0  # s on the session's timeline
+DRAWN_SPAN = 12.0  # m, width of the aircraft as drawn
+GRID_SECONDS = 4.0  # s of flight between two lines of the ground
 
 GRID_LINES = 21
 
@@ -60,33 +48,15 @@ GRID_LINES = 21
 class LiveSession:
     """A stream to a viewer; the `Observer` that `flighttune.flight.fly.fly` takes.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        What is going to be flown.
-    url : str
-        Where the viewer listens: ``rerun+http://127.0.0.1:PORT/proxy``.
-    pace : float or None
-        Seconds of flight a second; None for as fast as it goes.
-
-    Attributes
-    ----------
-    spacing : float, m
-        Of the lines on the ground.
-    start_of_run : float, s
-        Where the present run begins on the session's timeline.
-
-    Raises
-    ------
-    InputError
-        If `pace` is not positive.
+    `url` is where the viewer listens, ``rerun+http://127.0.0.1:PORT/proxy``, and `pace` the seconds
+    of flight per second, None for as fast as possible.
     """
 
     def __init__(self, scenario: Scenario, url: str, *, pace: float | None = 1.0) -> None:
         if pace is not None and not pace > 0.0:
             raise InputError(f"`pace` must be positive, got {pace}.")
         self.scenario, self.pace = scenario, pace
-        self.start_of_run = 0.0
+        self.start_of_run = 0.0  # s, on the session's timeline
         self._stop = threading.Event()
         pairs = [(plant.label, name) for plant in scenario.plant for name in scenario.gain_names]
         styles = line_styles(pairs)
@@ -98,6 +68,7 @@ class LiveSession:
         self.stream = rr.RecordingStream(application(scenario.title), recording_id=uuid.uuid4())
         self.stream.connect_grpc(url, default_blueprint=live_blueprint())
         self.stream.send_recording_name(f"{scenario.title}, live")
+        # m, between the lines on the ground
         self.spacing = GRID_SECONDS * scenario.flight.V_a_mps
         half = np.full(2, (GRID_LINES - 1) * self.spacing / 2.0)
         log_ground(self.stream, grid_lines(-half, half, self.spacing, self.spacing / 2.0))
@@ -146,19 +117,7 @@ class LiveSession:
 
 
 class LivePlant(WrappedPlant):
-    """A plant that sends its signals to a viewer, and otherwise flies as the plant in it.
-
-    Parameters
-    ----------
-    plant : Plant
-        A plant that has not flown yet.
-    key : str
-        Name of the run in the tree of the recording.
-    style : LineStyle
-        Of the run.
-    session : LiveSession
-        Where the signals go.
-    """
+    """A plant that sends its signals to a session, and otherwise flies as the plant in it."""
 
     def __init__(self, plant: Plant, key: str, style: LineStyle, session: LiveSession) -> None:
         super().__init__(plant, ())

@@ -39,8 +39,8 @@ def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
     InputError
         If no run has flown.
     """
-    one = isinstance(flown, Run)
-    runs = (flown,) if one else flown.runs if isinstance(flown, FlownScenario) else tuple(flown)
+    runs = flown.runs if isinstance(flown, FlownScenario) else flown
+    runs = (runs,) if isinstance(runs, Run) else tuple(runs)
     drawn = runs_to_draw(runs)
     if not drawn:
         raise InputError("`flown` must have a run that flew, got none.")

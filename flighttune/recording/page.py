@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flighttune.guarantee.flight_check import flight_check
 from flighttune.present.names import METRIC_LABELS, SYMBOLS
 from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import Table
 from flighttune.recording import geometry
+from flighttune.recording.certificate_tab import claim_of
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import SEEN_AS
 from flighttune.recording.scene import WIND_TIMES, metres_per_mps
@@ -19,8 +19,7 @@ from flighttune.simulate.run import TUBE_SIGNALS, Run, run_styles
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
-NOT_SHOWN = "ITAE_mean"
-"""The one metric that follows from another one on the page: ITAE over the time flown."""
+NOT_SHOWN = "ITAE_mean"  # it follows from ITAE, which is on the page, and the time flown
 
 CERTIFICATE_NOTE = (
     "s is the error and its rate (rad and rad/s), from the signals: exact increments over each "
@@ -40,25 +39,11 @@ def scenario_page(
     metrics: pd.DataFrame | None = None,
     flight: pd.DataFrame | None = None,
 ) -> str:
-    """The page of text in a recording.
+    """The page of text in a recording, as Markdown.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        All runs of the scenario, also those that never flew.
-    scenario : mapping
-        The scenario as written in TOML.
-    indicators : mapping of str to (float, float) or None, optional
-        R_K and I_K by name of the gain set; None where the loop is not stable.
-    metrics : DataFrame, optional
-        Index (run label, channel), columns as `flighttune.metrics.METRICS`; angles in rad.
-    flight : DataFrame, optional
-        Index run label, one column a measure of the whole aircraft, SI and rad.
-
-    Returns
-    -------
-    str
-        Markdown.
+    `indicators` are R_K and I_K by name of the gain set, None where the loop is not stable.
+    `metrics` has the index (run label, channel) and the columns of `flighttune.metrics.METRICS`;
+    `flight` has the run labels as index, and a column for each measure of the whole aircraft.
     """
     parts = [f"# {scenario.get('title', 'Flight')}", *_about(scenario)]
     parts += ["## Runs", _runs(runs), "## Gains", _gains(runs, indicators or {})]
@@ -114,7 +99,7 @@ def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
 def _certificates(runs: Sequence[Run]) -> list[str]:
     rows = []
     for run in runs:
-        check = flight_check(run)
+        check = claim_of(run)
         if check is None:
             continue
         ultimate_set = [MISSING] * 3
@@ -205,10 +190,10 @@ def _reading(runs: Sequence[Run]) -> list[str]:
         length = metres_per_mps(drawn[0], factor * geometry.span_of(drawn[0].run))
         notes.append(
             f"The arrow of an aircraft is its velocity over ground ({length:.3g} m per m/s), the "
-            f"grey one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip is the "
-            "certified set: while the tip is inside, the errors of course and path angle are as "
-            "guaranteed. There is none while nothing is claimed, or no "
-            "less than 45 deg. The thick piece of the path of an aircraft is the "
-            "last eighth of the flight."
+            f"grey one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip of the "
+            "arrow of a law is the certified set: while the tip is inside, the errors of course "
+            "and path angle are as guaranteed. There is no ring while nothing below 45 deg is "
+            "claimed. The thick piece of the path of an aircraft is the last eighth of the "
+            "flight."
         )
     return notes

@@ -4,7 +4,6 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,30 +19,11 @@ from flighttune.whole_file import whole_file
 
 PARQUET_FILE = "Parquet file"
 
-DESCRIPTION, RUN_SHA256, PLACE, SEAL = (
-    b"flighttune.run",
-    b"flighttune.run.sha256",
-    b"flighttune.recording",
-    b"flighttune.file",
-)
-"""Keys in the metadata of the schema, in the order of the file."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """The recording that a Parquet file was written with, and the run of it that it holds.
-
-    Attributes
-    ----------
-    sha256 : str
-        What `seal_of` says of the recording.
-    run, runs : int
-        Number of the run, from 0, and of all runs in the recording.
-    """
-
-    sha256: str
-    run: int
-    runs: int
+# Keys in the metadata of the schema, in the order of the file: the seal must be the last one.
+DESCRIPTION = b"flighttune.run"
+RUN_SHA256 = b"flighttune.run.sha256"
+FLIGHT = b"flighttune.flight"  # JSON: the SHA-256 of all runs flown with this one, in order
+SEAL = b"flighttune.file"
 
 
 def signal_files(runs: Sequence[Run], folder: Path) -> list[Path]:
@@ -56,19 +36,7 @@ def signal_files(runs: Sequence[Run], folder: Path) -> list[Path]:
 def write_run(run: Run, path: str | Path) -> None:
     """Write `run` to one Parquet file: signals as float64 columns, the rest as JSON in the schema.
 
-    Parameters
-    ----------
-    run : Run
-        A flight; its signals may be empty.
-    path : str or Path
-        File to write or replace; parent folders are made.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    RecordingError
-        If the scenario holds what JSON cannot.
+    The signals may be empty. An existing file is replaced, and parent folders are made.
     """
     path = Path(path)
     with naming(path):
@@ -77,15 +45,13 @@ def write_run(run: Run, path: str | Path) -> None:
         part.write_bytes(data)
 
 
-def parquet_bytes(run: Run, place: Place | None = None) -> bytes:
-    """The file that `write_run` writes, next to a recording with its `place` there.
+def parquet_bytes(run: Run) -> bytes:
+    """The file that `write_run` writes."""
+    return record_bytes(RunRecord.of(run))
 
-    Raises
-    ------
-    RecordingError
-        If the scenario holds what JSON cannot.
-    """
-    record = RunRecord.of(run)
+
+def record_bytes(record: RunRecord, flight: Sequence[str] = ()) -> bytes:
+    """The Parquet file of a record; `flight` has the SHA-256 of all runs that belong together."""
     schema = pa.schema(
         [
             pa.field(name, pa.float64(), metadata={"unit": unit} if unit else None)
@@ -94,7 +60,7 @@ def parquet_bytes(run: Run, place: Place | None = None) -> bytes:
         metadata={
             DESCRIPTION: record.description,
             RUN_SHA256: record.sha256,
-            **({PLACE: json.dumps(asdict(place))} if place else {}),
+            FLIGHT: json.dumps(list(flight)),
             SEAL: BLANK,
         },
     )
@@ -112,54 +78,32 @@ def parquet_bytes(run: Run, place: Place | None = None) -> bytes:
 def read_run(path: str | Path) -> Run:
     """Return the run that `write_run` wrote to `path`, equal to the bit.
 
-    Parameters
-    ----------
-    path : str or Path
-        A Parquet file of one run.
-
-    Raises
-    ------
-    RecordingError
-        If there is no such file, it is not as flighttune wrote it (damaged, edited, of another
-        program or of flighttune 0.1.0), or it has a newer layout.
+    A RecordingError says in one line if there is no such file, it is not as flighttune wrote it
+    (damaged, edited, of another program or of flighttune 0.1.0), or it has a newer layout.
     """
     path = Path(path)
-    record = read_record(path)
-    with naming(path):
-        return record.run()
-
-
-def read_record(path: Path) -> RunRecord:
-    """The record in a Parquet file; see `read_run`."""
     data = sealed_bytes(path, PARQUET_FILE)
     with _arrow_errors(path):
         table = pq.ParquetFile(pa.BufferReader(data)).read()
         stated = table.schema.metadata
-        return RunRecord(
+        record = RunRecord(
             description=stated[DESCRIPTION].decode(),
             rows=np.column_stack([column.to_numpy() for column in table.columns]),
             sha256=stated[RUN_SHA256].decode(),
         )
+    with naming(path):
+        return record.run()
 
 
-def recorded_sha256(path: Path) -> str:
-    """The SHA-256 of the record in a Parquet file, without its signals; errors as `read_run`."""
-    metadata = _metadata(path)
-    with _arrow_errors(path):
-        return metadata[RUN_SHA256].decode()
+def recorded_flight(path: Path) -> tuple[str, tuple[str, ...]]:
+    """The SHA-256 of the run in a Parquet file, and those of all runs of its flight.
 
-
-def recorded_place(path: Path) -> Place | None:
-    """Where the run of a Parquet file is recorded too, if anywhere; errors as `read_run`."""
-    place = _metadata(path).get(PLACE)
-    with _arrow_errors(path):
-        return None if place is None else Place(**json.loads(place))
-
-
-def _metadata(path: Path) -> dict[bytes, bytes]:
+    The latter are empty if the file was written on its own. Errors are those of `read_run`.
+    """
     data = sealed_bytes(path, PARQUET_FILE)
     with _arrow_errors(path):
-        return pq.read_schema(pa.BufferReader(data)).metadata or {}
+        stated = pq.read_schema(pa.BufferReader(data)).metadata
+        return stated[RUN_SHA256].decode(), tuple(json.loads(stated.get(FLIGHT, b"[]")))
 
 
 @contextmanager

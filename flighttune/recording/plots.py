@@ -17,36 +17,16 @@ from flighttune.simulate.run import SIGNAL_UNITS, TUBE_SIGNALS, Run
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """One plot over time: the same signals of every run.
+    """One plot over time: the same signals of every run."""
 
-    Attributes
-    ----------
-    signal : str
-        Signal drawn strong, one line a run; gives the plot its unit and its folder.
-    title : str
-        What it is, in words.
-    thin : str or None
-        Second signal of each run, drawn thin in the same colour.
-    common : str or None
-        Signal that is the same for every run, drawn once in grey.
-    limit : str or None
-        Table key of the scenario's ``[limits]`` without unit, drawn as two lines.
-    band : (str, str) or None
-        Signals of a run that bound `signal`, drawn as two thin red lines.
-    measured : str or None
-        `signal` as measured by the sensors of a run, drawn faintly behind it in the same colour.
-    unit : str or None
-        Unit of a signal that `SIGNAL_UNITS` does not have; drawn without conversion.
-    """
-
-    signal: str
+    signal: str  # drawn strong, one line for each run; gives the plot its unit and its folder
     title: str
-    thin: str | None = None
-    common: str | None = None
-    limit: str | None = None
-    band: tuple[str, str] | None = None
-    measured: str | None = None
-    unit: str | None = None
+    thin: str | None = None  # second signal of each run, drawn thin in the same colour
+    common: str | None = None  # signal that is the same for every run, drawn once in grey
+    limit: str | None = None  # key of the scenario's [limits] without unit, drawn as two lines
+    band: tuple[str, str] | None = None  # signals that bound it, drawn as two thin red lines
+    measured: str | None = None  # what sensors gave, drawn faintly behind it in the same colour
+    unit: str | None = None  # of a signal that SIGNAL_UNITS does not have; not converted
 
     @property
     def heading(self) -> str:
@@ -61,39 +41,32 @@ class Plot:
         return (self.signal,) if self.thin is None else (self.signal, self.thin)
 
 
-CALM = "Weather"
-"""Tab that is left out in calm air."""
+CALM = "Weather"  # tab that is left out in calm air
+CALMEST = 1e-6  # wind (m/s) and disturbance (rad/s) below this are rounding
 
-CALMEST = 1e-6
-"""Wind (m/s) and disturbance (rad/s) below this are rounding."""
-
-ROOM = 0.05
-"""Part of the range by which an axis extends beyond it at each end."""
-
-LABEL = 22.0
-"""Distance of two labels, points: nearer ones fade before the next power of ten."""
-
-LONGEST = 2.2
-"""Length of an axis over the range drawn, beyond which it gets no second label."""
-
+ROOM = 0.05  # part of the range by which an axis extends beyond it at each end
+LABELS = 28.0  # an axis as high as a tab of a small window has room for so many
+LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second label
 SMALLEST_SPAN = 1e-6
 
 COMMANDS_TAB, LAW_TAB = "Commands and limits", "Controller"
+
+# Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
+# under the same commands, and the resulting differences of course, path angle and path.
 WHY_TAB = "Why"
-"""Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
-under the same commands, and the resulting differences of course, path angle and path."""
 
+# Certified bounds around the reference of a channel, where a run has them.
 BOUNDS = {name: (f"{name}_bound_low", f"{name}_bound_high") for name in ("chi", "gamma")}
-"""Certified bounds around the reference of a channel, where a run has one."""
 
+# Name of the measured value of a signal, in runs with sensors.
 SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
-"""Name of the measured value of a signal, in runs with sensors."""
 
+# On two tabs, and logged once.
 LOAD_FACTOR = Plot(
     "n_z", "Load factor n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z"
 )
-"""On two tabs, and logged once."""
 
+# Tabs of plots, in order. A plot is left out if no run has any of its signals.
 TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
         Plot("chi", "Course chi, reference grey", common="chi_ref", band=BOUNDS["chi"]),
@@ -109,10 +82,10 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("step_chi", "Course, less plant before"),
         Plot("step_gamma", "Path angle, less plant before"),
         Plot("distance", "Distance from the law"),
-        Plot("lift_chi", "Course: lift there is"),
+        Plot("lift_chi", "Course: actual lift"),
         Plot("lag_chi", "Course: inner loop"),
         Plot("rest_chi", "Course: rest"),
-        Plot("lift_gamma", "Path angle: lift there is"),
+        Plot("lift_gamma", "Path angle: actual lift"),
         Plot("lag_gamma", "Path angle: inner loop"),
         Plot("rest_gamma", "Path angle: rest"),
     ),
@@ -147,18 +120,14 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("d_gamma", "Disturbance of the path-angle rate"),
     ),
 }
-"""Tabs of plots, in order. A plot none of whose signals a run has is left out."""
 
 
 def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
-    """Return the plots of each tab that at least one run has a signal for.
+    """The plots of each tab that at least one run has a signal for.
 
-    What laws of the user's record stands beside the signals of the controller.
-
-    Wind and disturbance that are zero throughout are not shown. What sensors showed stands behind
-    the true signal where a run has sensors.
+    Signals of a user's own law stand beside those of the controller. Wind and disturbance that are
+    zero throughout are not shown. Measured values stand behind the true signal.
     """
-
     aircraft = any(run.provenance.aircraft for run in runs)
 
     def shows(tab: str, plot: Plot) -> bool:
@@ -189,14 +158,9 @@ def _with_measured(plot: Plot, runs: Sequence[Run]) -> Plot:
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
-    """Values of a signal as plots show them: degrees for angles, courses without jumps at +-180.
+    """Values of a signal in the unit shown: degrees for angles, courses without jumps at +-180.
 
-    What sensors showed of a course stays beside it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the unit of `shown_unit`.
+    A measured course stays beside the true one.
     """
     values = signals[name].to_numpy(dtype=float)
     # unwrap would spread the gaps of the bound over the rest: it follows its reference instead
@@ -214,22 +178,12 @@ def unit_of(name: str) -> str:
     return SIGNAL_UNITS.get(name) or UNITS.get(name, "")
 
 
-def value_range(plot: Plot, runs: Sequence[Run], *, height: float) -> tuple[float, float] | None:
+def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float, float] | None:
     """Range of the vertical axis: all that is drawn, and where it costs little, two labels.
 
-    The viewer labels multiples of a power of ten. Between -9 and 9 that is a lonely 0.
-
-    Parameters
-    ----------
-    plot : Plot
-    runs : sequence of Run
-    height : float, points
-        Of the axis.
-
-    Returns
-    -------
-    (float, float) or None
-        In the unit shown; None where nothing varies and the viewer finds a range better.
+    The range is in the unit shown, and None where nothing varies: there the viewer finds a better
+    one. `share` is the height of the plot over that of the tab. The viewer labels multiples of a
+    power of ten: between -9 and 9 that is a lonely 0.
     """
     having = [run for run in runs if plot.signal in run.signals]
     drawn = [*plot.signals, *filter(None, (plot.common, plot.measured)), *(plot.band or ())]
@@ -244,7 +198,7 @@ def value_range(plot: Plot, runs: Sequence[Run], *, height: float) -> tuple[floa
     low, high = (everything.min(), everything.max()) if len(everything) else (0.0, 0.0)
     if not high - low > SMALLEST_SPAN * max(1.0, abs(low), abs(high)):
         return None
-    lower, upper = _with_two_labels(float(low), float(high), most=height / LABEL)
+    lower, upper = _with_two_labels(float(low), float(high), most=LABELS * share - 2.0)
     if upper - lower <= LONGEST * (high - low):
         low, high = lower, upper
     room = ROOM * (high - low)
@@ -266,15 +220,7 @@ def _with_two_labels(low: float, high: float, *, most: float) -> tuple[float, fl
 
 
 def limits_of(scenario: Mapping[str, Any], name: str) -> tuple[float, float] | None:
-    """Return the lower and upper limit of a command as plots show them, where there are any.
-
-    Parameters
-    ----------
-    scenario : mapping
-        A scenario as written in TOML, with the table ``limits``.
-    name : str
-        ``phi`` or ``n_z``.
-    """
+    """Lower and upper limit of ``phi`` (deg) or ``n_z`` in a scenario as written in TOML."""
     table = scenario.get("limits") or {}
     bounds = table.get(f"{name}_deg", table.get(name))
     if bounds is None or len(bounds) != 2:

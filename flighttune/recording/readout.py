@@ -13,9 +13,9 @@ from flighttune.recording import geometry
 from flighttune.recording.entities import NOW, READING, DrawnRun, times
 from flighttune.recording.plots import displayed, unit_of
 
-INSTANTS = 120
-"""Times at which the numbers change."""
+INSTANTS = 120  # at which the numbers change
 
+# Heading and format of each signal.
 COLUMNS = {
     "V_a": ("V_a", ".1f"),
     "h": ("h", ".0f"),
@@ -24,7 +24,6 @@ COLUMNS = {
     "chi_err": ("e chi", "z.1f"),
     "gamma_err": ("e gamma", "z.1f"),
 }
-"""Heading and format of each signal."""
 
 
 def log_readout(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
@@ -37,8 +36,9 @@ def log_readout(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     rule = "|".join(["---", *["--:"] * len(COLUMNS)])
     lines = [[f"| t = {now:.1f} s | {headings} |\n|{rule}|" for now in t.tolist()]]
     cells = " | ".join(shown_unit(unit_of(name))[0] for name in COLUMNS)
-    plants, plant = list(dict.fromkeys(one.run.provenance.plant for one in drawn)), ""
-    for drawn_run in sorted(drawn, key=lambda one: plants.index(one.run.provenance.plant)):
+    plant_of = [drawn_run.run.provenance.plant for drawn_run in drawn]
+    plants, plant = list(dict.fromkeys(plant_of)), ""
+    for drawn_run in sorted(drawn, key=lambda line: plants.index(line.run.provenance.plant)):
         if drawn_run.run.provenance.plant != plant:
             plant = drawn_run.run.provenance.plant
             lines.append([f"| **{plant}** | {cells} |"] * len(t))
@@ -72,19 +72,21 @@ def _rows(drawn_run: DrawnRun, t: FloatArray) -> list[str]:
 
 def reading_line(drawn: Sequence[DrawnRun]) -> str:
     """What colours, lines, arrows and lanes mean, as Markdown."""
-    pairs = [(one.run.provenance.plant, one.run.provenance.gains_name) for one in drawn]
+    made_by = [drawn_run.run.provenance for drawn_run in drawn]
+    pairs = [(made.plant, made.gains_name) for made in made_by]
     same = len({gains for _, gains in pairs}) == 1
     parts = ["**Colour:** plant" if same else "**Colour:** run"]
     if hue_tells_gains(pairs) and not same:
         parts = ["**Hue:** gains"]
-    if any(one.run.provenance.aircraft is None for one in drawn):
+    if any(made.aircraft is None for made in made_by):
         parts.append("**dashed, outline:** a law")
+    if any(drawn_run.claim is not None for drawn_run in drawn):
+        parts.append("**ring:** certified directions")
     factor = geometry.drawn_width(drawn) / geometry.widest(drawn)
     spacing = geometry.ground_grid(geometry.all_positions(drawn))[1]
     parts += [
         f"**aircraft:** {factor:g} times their size",
         "**arrow:** velocity",
-        "**ring:** certified directions",
         f"**grid:** {spacing:g} m",
         "**dark lane:** a limit holds a command",
     ]

@@ -1,4 +1,4 @@
-"""Writing a flown scenario to a folder: one recording, and one Parquet file per run."""
+"""Writing a flown scenario to a folder: one Parquet file per run, and one recording of all."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -6,32 +6,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.flight.fly import FlownScenario
+from flighttune.recording.origin import origin_in
 from flighttune.recording.page import scenario_page
-from flighttune.recording.parquet import Place, parquet_bytes, signal_files
+from flighttune.recording.parquet import record_bytes, signal_files
 from flighttune.recording.rrd import recording_bytes
-from flighttune.recording.run_record import naming
-from flighttune.seal import seal_of
+from flighttune.recording.run_record import RunRecord, naming
 from flighttune.whole_file import whole_file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFiles:
-    """What was written.
+    """Where the files of a flight are."""
 
-    Attributes
-    ----------
-    recording : Path
-        The Rerun recording of all runs.
-    signals : mapping of str to Path
-        Parquet file of each run that flew, by run label.
-    """
-
-    recording: Path
-    signals: Mapping[str, Path]
+    recording: Path  # Rerun recording of all runs
+    signals: Mapping[str, Path]  # Parquet file of each run, by its label
 
 
 def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") -> RecordedFiles:
-    """Write a flown scenario to `folder`: ``NAME.rrd`` and ``PLANT-GAINS.parquet`` for each run.
+    """Write a flown scenario to `folder`: ``PLANT-GAINS.parquet`` for each run, and ``NAME.rrd``.
 
     Parameters
     ----------
@@ -56,21 +48,23 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     """
     folder = Path(folder)
     recording = folder / f"{name}.rrd"
-    having = [run for run in flown.runs if len(run.signals)]
-    signals = dict(zip((run.label for run in having), signal_files(having, folder), strict=True))
+    paths = signal_files(flown.runs, folder)
     with naming(recording):
-        data = recording_bytes(flown.runs, page=page_of(flown), title=flown.scenario.title)
-    # Nothing gets its name before all is written, and then the recording first: it is complete in
-    # itself, and tells Parquet files of an earlier flight from its own.
-    with ExitStack() as files, naming(recording):
-        for number, run in enumerate(flown.runs):
-            if run.label in signals:
-                place = Place(sha256=seal_of(data), run=number, runs=len(flown.runs))
-                part = files.enter_context(whole_file(signals[run.label]))
-                part.write_bytes(parquet_bytes(run, place))
-        part = files.enter_context(whole_file(recording))
-        part.write_bytes(data)
-    return RecordedFiles(recording=recording, signals=signals)
+        records = [RunRecord.of(run) for run in flown.runs]
+    flight = tuple(run_record.sha256 for run_record in records)
+    drawn = recording_bytes(
+        flown.runs,
+        page=page_of(flown),
+        title=flown.scenario.title,
+        origin=origin_in(folder, flight),
+    )
+    # Nothing gets its name before all is written; the last one entered is renamed first.
+    with ExitStack() as files:
+        for path, run_record in zip(paths, records, strict=True):
+            files.enter_context(whole_file(path)).write_bytes(record_bytes(run_record, flight))
+        files.enter_context(whole_file(recording)).write_bytes(drawn)
+    labels = (run.label for run in flown.runs)
+    return RecordedFiles(recording=recording, signals=dict(zip(labels, paths, strict=True)))
 
 
 def page_of(flown: FlownScenario) -> str:

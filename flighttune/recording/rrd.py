@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
+import rerun.blueprint as rrb
+import rerun_bindings
 from rerun.error_utils import strict_mode
 
-from flighttune.guarantee.flight_check import flight_check
 from flighttune.guarantee.mismatch import CHANNELS
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
-from flighttune.recording.certificate_tab import log_certificates
+from flighttune.recording.certificate_tab import claim_of, log_certificates
 from flighttune.recording.derived import with_derived
-from flighttune.recording.eigenvalue_tab import frozen_loop, log_eigenvalues
 from flighttune.recording.entities import (
     DrawnRun,
     application,
@@ -29,23 +29,16 @@ from flighttune.recording.entities import (
 )
 from flighttune.recording.events import log_events
 from flighttune.recording.lanes import log_lanes
+from flighttune.recording.origin import Origin, log_origin
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
 from flighttune.recording.readout import log_readout
-from flighttune.recording.run_columns import log_runs
-from flighttune.recording.run_record import naming
 from flighttune.recording.scene import log_scene
-from flighttune.seal import BLANK, GUARD, seal
 from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
 
-FAINT = 150
-"""Opacity of thin lines, of 255."""
-
-FAINTEST = 110
-"""Opacity of measured signals."""
-
-SHORTEST_BOUND = 1.5
-"""Time that a bound must last to be drawn, s: shreds of it say nothing."""
+FAINT = 150  # opacity of thin lines, of 255
+FAINTEST = 110  # opacity of measured signals
+SHORTEST_BOUND = 1.5  # s; a bound that lasts less is not drawn: shreds of it say nothing
 
 
 def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
@@ -53,49 +46,35 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
 
     Angles are shown in degrees. A signal that a run does not have is not drawn, and a run with
     fewer than two samples appears on the page only.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        Runs of one scenario, in its order; `flighttune.present.palette` gives up to eighteen their
-        colours.
-    path : str or Path
-        File to write or replace; parent folders are made.
-    page : str
-        Markdown of the text page, see `flighttune.recording.page.scenario_page`.
-    title : str
-        Name of the recording in the viewer.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    RecordingError
-        If a scenario holds what JSON cannot.
     """
-    path = Path(path)
-    with naming(path):
-        data = recording_bytes(runs, page=page, title=title)
-    with whole_file(path) as part:
+    data = recording_bytes(runs, page=page, title=title)
+    with whole_file(Path(path)) as part:
         part.write_bytes(data)
 
 
-def recording_bytes(runs: Sequence[Run], *, page: str, title: str) -> bytes:
-    """The file that `write_recording` writes.
+def recording_bytes(
+    runs: Sequence[Run], *, page: str, title: str, origin: Origin | None = None
+) -> bytes:
+    """The file that `write_recording` writes; `origin` says where the runs are recorded."""
+    try:
+        return _bytes(runs, page, title, origin)
+    finally:
+        # Rerun keeps every stream in a list, and with it two threads and what was logged: of the
+        # recording and of its blueprint. This is its own way to drop those that nobody uses.
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()  # pyright: ignore[reportAttributeAccessIssue]
 
-    Raises
-    ------
-    RecordingError
-        If a scenario holds what JSON cannot.
-    """
+
+def _bytes(runs: Sequence[Run], page: str, title: str, origin: Origin | None) -> bytes:
     # In memory: Rerun raises nothing where the disk is full, but logs it, or never returns.
     # A new id each time: of two files with one id the viewer would keep one.
     stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
     with strict():
         try:
             memory = stream.memory_recording()
+            if origin is not None:
+                log_origin(stream, origin)
             log_recording(stream, runs, page=page, title=title)
-            return seal(memory.drain_as_bytes())
+            return memory.drain_as_bytes()
         finally:
             stream.disconnect()
 
@@ -104,33 +83,38 @@ def log_recording(
     stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
 ) -> None:
     """Log all runs of a scenario, their page and the layout; see `write_recording`."""
-    flown = [replace(one, claim=flight_check(one.run)) for one in runs_to_draw(runs)]
+    flown = [replace(drawn_run, claim=claim_of(drawn_run.run)) for drawn_run in runs_to_draw(runs)]
     drawn = with_derived(flown)
     plots = shown_plots([drawn_run.run for drawn_run in drawn])
-    loops = {
-        drawn_run.key: loop
-        for drawn_run in drawn
-        if (loop := frozen_loop(drawn_run.run)) is not None
-    }
-    stream.send_blueprint(blueprint(drawn, plots, loops), make_active=False)
+    _send_layout(stream, blueprint(drawn, plots))
     stream.send_recording_name(title)
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
-    log_runs(stream, runs)
     if drawn:
         log_scene(stream, flown)
         log_lanes(stream, drawn)
         log_readout(stream, drawn)
         log_events(stream, drawn)
-    if any(one.claim for one in drawn):
-        log_certificates(stream, drawn)
-    if loops:
-        log_eigenvalues(stream, drawn, loops)
+    log_certificates(stream, drawn)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
         _log_plot(stream, plot, drawn)
     for i, channel in enumerate(CHANNELS):
         _log_bounds(stream, f"{channel}_err", i, drawn)
-    stream.flush()
-    stream.log(entities.SEAL, rr.AnyValues(file=BLANK + GUARD), static=True)
+
+
+def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
+    """Do as ``stream.send_blueprint`` does, which keeps the stream of the layout for ever."""
+    native = rerun_bindings.new_blueprint(
+        application_id=str(stream.get_application_id()),
+        make_default=False,
+        make_thread_default=False,
+        default_enabled=True,
+    )
+    of_layout = rr.RecordingStream._from_native(native)
+    of_layout.set_time("blueprint", sequence=0)
+    layout._log_to_stream(of_layout)
+    storage = of_layout.memory_recording().storage
+    rerun_bindings.send_blueprint(storage, False, True, recording=stream.to_native())
+    of_layout.disconnect()  # the sink holds the stream, and the stream the sink
 
 
 @contextmanager
@@ -176,7 +160,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
             )
         if plot.band and set(plot.band) <= set(signals):
             names = [*plot.band, *({f"{plot.signal}_worst"} & set(signals))]
-            whats = ("lower end of its tube", "upper end of its tube", "worst flight found in it")
+            whats = ("lower end of its tube", "upper end of its tube", "worst flight in it")
             style = rr.SeriesLines(
                 colors=[(*rgb(LIMIT), FAINT)] * len(names),
                 widths=[1.0] * len(names),
@@ -199,7 +183,8 @@ def _log_bounds(
     stream: rr.RecordingStream, signal: str, channel: int, drawn: Sequence[DrawnRun]
 ) -> None:
     """Log the certified bounds of an error, thin, where they are within what the plot shows."""
-    errors = [displayed(one.run.signals, signal) for one in drawn if signal in one.run.signals]
+    having = [drawn_run.run.signals for drawn_run in drawn if signal in drawn_run.run.signals]
+    errors = [displayed(signals, signal) for signals in having]
     widest = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in errors), default=0.0)
     for drawn_run in drawn:
         claim = drawn_run.claim

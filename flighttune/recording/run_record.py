@@ -1,4 +1,4 @@
-"""A run as files hold it: a description, the signals, and a SHA-256 over both."""
+"""A run as its Parquet file holds it: a description, the signals, and a SHA-256 over both."""
 
 import hashlib
 import json
@@ -17,40 +17,21 @@ from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 
-FORMAT = 2
-"""Version of the layout; a file with a higher one is from a newer flighttune."""
-
-LONGEST_REASON = 160
-"""Characters of a library's error message that are repeated."""
+FORMAT = 2  # version of the layout; a file with a higher one is from a newer flighttune
+LONGEST_REASON = 160  # characters of a library's error message that are repeated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunRecord:
-    """What Parquet files and recordings both hold of a run.
+    """The parts of a Parquet file of a run."""
 
-    Attributes
-    ----------
-    description : str
-        JSON: format, status, reason, provenance, and name and unit of each column.
-    rows : ndarray, shape (samples, 1 + signals)
-        Time in s and the signals, in the order of the columns.
-    sha256 : str
-        Of the description and the bytes of the rows.
-    """
-
-    description: str
-    rows: FloatArray
-    sha256: str
+    description: str  # JSON: format, status, reason, provenance, name and unit of each column
+    rows: FloatArray  # (samples, 1 + signals): time in s and the signals, in that order
+    sha256: str  # over the description and the bytes of the rows
 
     @classmethod
     def of(cls, run: Run) -> "RunRecord":
-        """The record of a run.
-
-        Raises
-        ------
-        RecordingError
-            If the scenario holds what JSON cannot.
-        """
+        """The record of a run whose scenario JSON can hold."""
         names, units = [str(name) for name in run.signals], {**run.units, **SIGNAL_UNITS}
         description = json.dumps(
             {
@@ -63,7 +44,7 @@ class RunRecord:
             ensure_ascii=False,
         )
         rows = np.column_stack([run.signals.index, run.signals]).astype(float)
-        return cls(description=description, rows=rows, sha256=_sha256(description, rows))
+        return cls(description=description, rows=rows, sha256=signals_sha256(description, rows))
 
     @property
     def columns(self) -> dict[str, str | None]:
@@ -71,14 +52,8 @@ class RunRecord:
         return json.loads(self.description)["columns"]
 
     def run(self) -> Run:
-        """The run, with signals equal to the bit.
-
-        Raises
-        ------
-        RecordingError
-            If a newer flighttune wrote it, or it is not what its SHA-256 was computed from.
-        """
-        if self.sha256 != _sha256(self.description, self.rows):
+        """The run, with signals equal to the bit, if the SHA-256 is that of the record."""
+        if self.sha256 != signals_sha256(self.description, self.rows):
             raise RecordingError(
                 "description and signals must have the SHA-256 that was recorded, got another one; "
                 "fly it again."
@@ -119,6 +94,13 @@ class RunRecord:
         )
 
 
+def signals_sha256(description: str, rows: FloatArray) -> str:
+    """SHA-256 over a description in UTF-8 and then the rows as little-endian float64."""
+    digest = hashlib.sha256(description.encode())
+    digest.update(np.ascontiguousarray(rows, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
     """Put the name of the file before what a RecordingError of the block says."""
@@ -132,12 +114,6 @@ def first_line(text: object) -> str:
     """The first line of a library's message, cut to what a reader takes in."""
     line = next(iter(str(text).splitlines()), "no reason")
     return textwrap.shorten(line, LONGEST_REASON, placeholder=" ...").rstrip(".")
-
-
-def _sha256(description: str, rows: FloatArray) -> str:
-    digest = hashlib.sha256(description.encode())
-    digest.update(np.ascontiguousarray(rows, dtype="<f8").tobytes())
-    return digest.hexdigest()
 
 
 def _plain(value: Any) -> Any:

@@ -17,51 +17,26 @@ from flighttune.present.thinning import evenly
 from flighttune.recording import entities, geometry
 from flighttune.recording.entities import DrawnRun, on_screen, times
 
+# Made by ``docs/figures/aircraft_glb.py``; body axes, m.
 MODEL = Path(__file__).with_name("aircraft.glb")
-"""Made by ``docs/figures/aircraft_glb.py``; body axes, m."""
 
-PATH_POINTS = 4000
-"""Points of a path as drawn; longer flights are thinned."""
-
-INSTANTS = 500
-"""Instants at which arrows, trail and ring are drawn."""
-
-DASHES = 60
-"""Dashes of the path of a law."""
-
-TRAIL_POINTS = 40
-TRAIL_SHARE = 1.0 / 8.0
-"""Length of the trail in points, and over the flight."""
-
-WIND_TIMES = 4.0
-"""Scale of the wind arrow over that of the velocity arrow."""
-
-REACH = 0.9
-"""Length of the velocity arrow at the start, in drawn widths of the aircraft."""
-
-WIDEST = math.radians(45.0)
-"""Error bounds beyond this have no ring: it would be larger than the picture."""
-
-CORNERS = 32
-STILL_AIR = 1e-3
-"""Wind (m/s) up to which there is no arrow."""
-
-SHADOW = 90
-"""Opacity of a shadow, of 255."""
+PATH_POINTS = 4000  # of a path as drawn; longer flights are thinned
+INSTANTS = 500  # at which arrows, trail and ring are drawn
+DASHES = 60  # of the path of a law
+TRAIL_POINTS, TRAIL_SHARE = 40, 1.0 / 8.0  # length of the trail in points, and over the flight
+WIND_TIMES = 4.0  # scale of the wind arrow over that of the velocity arrow
+REACH = 0.9  # length of the velocity arrow at the start, in drawn widths of the aircraft
+WIDEST = math.radians(45.0)  # wider error bounds have no ring: it would be larger than the picture
+CORNERS = 32  # of the ring
+STILL_AIR = 1e-3  # wind (m/s) up to which there is no arrow
+SHADOW = 90  # opacity of a shadow, of 255
 
 GROUND_COLOUR = (88, 88, 88)
 WIND_COLOUR = rgb(NEUTRAL)
 
 
 def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
-    """Log world axes (x north, y east, z down), paths and moving aircraft of all runs.
-
-    Parameters
-    ----------
-    stream : RecordingStream
-    drawn : sequence of DrawnRun
-        Those without a claim have no ring.
-    """
+    """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
     points = geometry.all_positions(drawn)
     factor = geometry.drawn_width(drawn) / geometry.widest(drawn)
     lines, spacing = geometry.ground_grid(points)
@@ -226,10 +201,7 @@ def _log_arrows(
 def _ring(signals: pd.DataFrame, claim: FlightCheck) -> tuple[np.ndarray, FloatArray]:
     """Which instants have a claim, and unit vectors to the edge of the certified directions.
 
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-    ndarray, shape (n, CORNERS + 1, 3)
+    The shapes are (n,) and (n, CORNERS + 1, 3).
     """
     t = signals.index.to_numpy(dtype=float)
     nearest = np.clip(np.searchsorted(claim.t, t), 0, len(claim.t) - 1)

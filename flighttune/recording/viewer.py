@@ -1,6 +1,7 @@
 """The Rerun viewer with a recording or a live flight: in a window, or served to a browser."""
 
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -12,15 +13,16 @@ from urllib.parse import quote
 
 from flighttune.errors import InputError, RecordingError
 from flighttune.processes import OWN_GROUP
-from flighttune.recording.run_columns import check_recording, executable
+from flighttune.recording.origin import check_recording
 from flighttune.whole_file import reason_of
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 LOCAL = "127.0.0.1"
 START_TIMEOUT = 30.0
 POLL = 0.05
+
+# A word in an error that the viewer logs on every machine without a desktop; it means nothing.
 NOISE = "XDG_RUNTIME_DIR"
-"""In an error that the viewer logs on every machine without a desktop, and that means nothing."""
 
 
 def free_port() -> int:
@@ -51,40 +53,31 @@ def stream_url(port: int) -> str:
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
+def executable() -> Path:
+    """Path of the ``rerun`` program that came with the Rerun SDK."""
+    # Not the script of that name: it is a shim, and ending the shim would orphan the viewer.
+    import rerun_cli
+
+    name = "rerun.exe" if os.name == "nt" else "rerun"
+    return Path(next(iter(rerun_cli.__path__))) / name
+
+
 def tied(command: list[str]) -> list[str]:
-    """A command that, on Linux, ends with the thread that starts it, however that ends."""
-    if sys.platform != "linux":
-        return command
-    program = (
-        "import ctypes, os, signal, sys; "
-        "ctypes.CDLL(None).prctl(1, signal.SIGKILL); "  # 1: PR_SET_PDEATHSIG, kept by exec
-        "os.execv(sys.argv[1], sys.argv[1:])"
-    )
-    return [sys.executable, "-ISc", program, *command]
+    """A command that, on Linux, is killed when the thread that starts it ends, however that ends.
+
+    ``setpriv`` is part of util-linux; without it the viewer of a killed command stays.
+    """
+    setpriv = shutil.which("setpriv")
+    return command if setpriv is None else [setpriv, "--pdeathsig", "KILL", "--", *command]
 
 
 class ViewerProcess:
     """A running viewer that listens on this machine only.
 
-    On Linux it ends with the thread that started it, even if that is killed.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Command line without the name of the program, port and address.
-    port : int
-        Port of its data server.
-    wait_for : int
-        Port that answers once the viewer is ready.
-    url : str, optional
-        Where a browser finds it; kept as an attribute.
-    environment : mapping of str to str, optional
-        Variables to add to the environment.
-
-    Raises
-    ------
-    RecordingError
-        If it ends or does not answer; the message has its last error.
+    On Linux it ends with the thread that started it, even if that is killed. `arguments` are those
+    of ``rerun`` without port and address, `port` is that of its data server, `wait_for` the port
+    that answers once the viewer is ready, and `url` where a browser finds it. A viewer that ends or
+    does not answer is a RecordingError with its last error.
     """
 
     def __init__(
@@ -149,8 +142,9 @@ class ViewerProcess:
         lines = self._output.read().decode(errors="replace").strip().splitlines()
         panics = [line for line in lines if "panicked" in line]
         errors = [line for line in lines if "error" in line.lower() and NOISE not in line]
-        found = panics[:1] or errors[-1:] or lines[-1:] or [f"exit status {self._process.poll()}"]
-        return found[0].strip().rstrip(".")
+        status = f"exit status {self._process.poll()}"
+        line, *_ = panics[:1] or errors[-1:] or lines[-1:] or [status]
+        return line.strip().rstrip(".")
 
     def wait(self) -> int:
         """Wait until the user closes it and return its exit status."""
@@ -175,31 +169,10 @@ class ViewerProcess:
 
 
 def view(path: str | Path, *, web: bool | None = None, port: int | None = None) -> ViewerProcess:
-    """Open a recording in the viewer.
+    """Open a recording (.rrd) in a viewer, which the caller waits for or closes.
 
-    Parameters
-    ----------
-    path : path-like
-        A ``.rrd`` file.
-    web : bool, optional
-        Serve it to a browser instead of opening a window; by default where there is no screen.
-        It is served on this machine only and needs no network.
-    port : int, optional
-        Serve it to a browser at this port, and its data at the next one; otherwise free ones.
-
-    Returns
-    -------
-    ViewerProcess
-        The running viewer, with the `url` to open where it serves a browser. The caller waits for
-        it (``wait``) or ends it (``close``, or a ``with`` block).
-
-    Raises
-    ------
-    RecordingError
-        If `path` is not a recording, a window is asked for where there is no screen, or the viewer
-        does not start.
-    InputError
-        If `port` or the next one is taken.
+    With `web` it is served to a browser on this machine instead of a window; by default where there
+    is no screen. With `port` it is served at this port, and its data at the next one.
     """
     check_recording(path)
     if port is not None:
@@ -214,23 +187,7 @@ def view(path: str | Path, *, web: bool | None = None, port: int | None = None) 
 
 
 def waiting_viewer(*, web: bool | None = None) -> ViewerProcess:
-    """Start a viewer for a `flighttune.recording.live.LiveSession`.
-
-    Parameters
-    ----------
-    web : bool, optional
-        As of `view`.
-
-    Returns
-    -------
-    ViewerProcess
-        The session connects to the `stream_url` of its port.
-
-    Raises
-    ------
-    RecordingError
-        If it does not start.
-    """
+    """Start a viewer for a live session, which connects to the `stream_url` of its port."""
     return _viewer("--hide-welcome-screen", web=web)
 
 

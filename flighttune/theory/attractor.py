@@ -7,7 +7,6 @@ do, and `reachable` has the exact figure to compare them with.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,9 +17,7 @@ from flighttune.arrays import FloatArray, check_positive, read_only_matrix, squa
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.lyapunov import lyapunov_solution
 
-GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-NARROW = 1e-6
-"""Width of the interval in which the search for a multiplier ends, of its logit."""
+NARROW = 1e-6  # width, in its logit, of the interval in which the search for a multiplier ends
 
 Reading = Literal["velocity_form", "proportional", "open_loop"]
 
@@ -162,6 +159,8 @@ def invariant_ellipsoid(
     For each a in (0, -2 abscissa) a Lyapunov equation gives W; a is found by a search in one
     dimension. S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*, 6.1.2.
     """
+    from scipy.optimize import minimize_scalar
+
     A, E = stable_system(A, E)
     check_positive(L_d=L_d)
     c = None if direction is None else np.asarray(direction, dtype=float)
@@ -179,28 +178,10 @@ def invariant_ellipsoid(
         squared = np.linalg.eigvalsh(W)[-1] if c is None else c @ W @ c
         return 0.5 * math.log(squared)
 
-    a = widest / (1.0 + math.exp(-_lowest(size, -20.0, 20.0)))
+    best = minimize_scalar(size, bounds=(-20.0, 20.0), method="bounded", options={"xatol": NARROW})
+    a = widest / (1.0 + math.exp(-best.x))
     W = W_of(a)
     return Ellipsoid(W=W, multiplier=a, radius=math.sqrt(float(np.linalg.eigvalsh(W)[-1])))
-
-
-def _lowest(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function with a single dip is lowest, by golden sections.
-
-    SciPy's search would take longer to import than a certificate to be held against a flight.
-    """
-    left, right = (high - GOLDEN * (high - low), low + GOLDEN * (high - low))
-    at_left, at_right = function(left), function(right)
-    while high - low > NARROW:
-        if at_left < at_right:
-            high, right, at_right = right, left, at_left
-            left = high - GOLDEN * (high - low)
-            at_left = function(left)
-        else:
-            low, left, at_left = left, right, at_right
-            right = low + GOLDEN * (high - low)
-            at_right = function(right)
-    return 0.5 * (low + high)
 
 
 def stable_system(A: npt.ArrayLike, E: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

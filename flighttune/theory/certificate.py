@@ -21,9 +21,9 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.theory.exact import Rationals, exact, identity, integers, positive_definite
 
+# Inflations tried, smallest first, to make a Q strictly feasible: the first one is above the
+# rounding of the solution (1e-16 times its condition), the last gives up 0.1 % of the rate.
 FACTORS = tuple(1.0 + 10.0**-digits for digits in (9, 8, 7, 6, 5, 4, 3))
-"""Inflations tried, smallest first, to make a Q strictly feasible: the first one is above the
-rounding of the solution (1e-16 times its condition), the last gives up 0.1 % of the rate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,24 +5,25 @@ what the common matrix guarantees. Answers are checked by eigenvalues before the
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import cache
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, square_matrices
 from flighttune.errors import ShapeError
-from flighttune.theory.lmi import Cone, minimise, symmetric_basis
+from flighttune.theory.lmi import largest, parameter, solve, unknown
 from flighttune.theory.lyapunov import lyapunov_solution
 
+# Largest relative distance between a checked rate and its checked bound to be called optimal.
 GAP = 1e-4
-"""Largest relative distance between a checked rate and its checked bound to be called optimal."""
 
+# A common rate below this fraction of the fastest vertex's counts as none.
 NO_RATE = 1e-6
-"""A common rate below this fraction of the fastest vertex's counts as none."""
 
+# Slack left in the ellipsoid's inequality, as a fraction of the disturbance's term.
 SLACK = 1e-6
-"""Slack left in the ellipsoid's inequality, as a fraction of the disturbance's term."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -97,21 +98,19 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     one, R is at most the sum of the positive eigenvalues of ``-sum(A_k X_k + X_k A_k')``.
     """
     A = _vertex_matrices(vertices)
-    n = A.shape[-1]
-    basis, speed = _scaled_basis(A)
-    size = len(basis)
-    derivative = (A.mT[:, None] @ basis + basis @ A[:, None]) / speed
-    eye = np.eye(n)
-    cones = [
-        Cone(constant=np.zeros((n, n)), coefficients=np.concatenate([-d, -eye[None]]))
-        for d in derivative
-    ]
-    cones.append(Cone(constant=eye, coefficients=np.concatenate([-basis, 0.0 * eye[None]])))
-    solution = minimise(-np.eye(size + 1)[size], cones)
-    if solution.x is None:
-        return _no_Q("failed", solution.reason, np.inf)
-    bound = _rate_bound(A, _normalised(np.array(solution.duals[:-1])))
-    Q = np.tensordot(solution.x[:size], basis, axes=1)
+    L, speed = _coordinates(A)
+    program = _rate_program(*A.shape[:2])
+    for loop, value in zip(program.loops, _transformed(A, L) / speed, strict=True):
+        loop.value = value
+    program.unit.value = _inverse_square(L)
+    answer = solve(program.problem)
+    if not answer.solved:
+        return _no_Q("failed", answer.reason, np.inf)
+    # A multiplier goes back to the coordinates of A by the same congruence as its inequality.
+    to_A = np.linalg.inv(L)
+    duals = np.array([decay.dual_value for decay in program.decays])
+    bound = _rate_bound(A, _normalised(to_A.T @ duals @ to_A))
+    Q = _from_coordinates(program.form.value, L)
     Q = _scaled_to_inequality(Q, A)
     if Q is None or 1.0 / np.linalg.eigvalsh(Q)[-1] < NO_RATE * speed:
         return _no_Q("none", f"no common Q was found; its rate is at most {bound:.3g} 1/s", bound)
@@ -196,23 +195,71 @@ def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
     """W of the smallest radius at one multiplier for L_d = 1, or None."""
     n = A.shape[-1]
     shifted = A + a / 2.0 * np.eye(n)
-    basis, speed = _scaled_basis(shifted.mT)
+    # W is to the transposed loops what Q is to the loops.
+    L, speed = _coordinates(shifted.mT)
     load = E @ E.T / a
-    load = (load + SLACK * np.linalg.norm(load, 2) * np.eye(n)) / speed
-    scale = float(np.linalg.norm(load, 2))
-    basis = basis / float(np.linalg.norm(basis, axis=(1, 2)).max())
-    derivative = (shifted[:, None] @ basis + basis @ shifted.mT[:, None]) / speed
-    eye, size = np.eye(n), len(basis)
-    cones = [
-        Cone(constant=-load / scale, coefficients=np.concatenate([-d, 0.0 * eye[None]]))
-        for d in derivative
-    ]
-    cones.append(Cone(constant=0.0 * eye, coefficients=np.concatenate([-basis, eye[None]])))
-    solution = minimise(np.eye(size + 1)[size], cones)
-    if solution.x is None:
+    to_s = np.linalg.inv(L)
+    inside = to_s @ (load + SLACK * np.linalg.norm(load, 2) * np.eye(n)) @ to_s.T / speed
+    scale = float(np.linalg.norm(inside, 2))
+    program = _ellipsoid_program(*A.shape[:2])
+    for loop, value in zip(program.loops, _transformed(shifted.mT, L) / speed, strict=True):
+        loop.value = value
+    program.unit.value, program.load.value = _inverse_square(L), inside / scale
+    if not solve(program.problem).solved:
         return None
-    W = scale * np.tensordot(solution.x[:size], basis, axes=1)
-    return _invariant(W, shifted, E @ E.T / a)
+    return _invariant(scale * _from_coordinates(program.form.value, L), shifted, load)
+
+
+class _Program(NamedTuple):
+    """A problem that is compiled once for k vertices and n states, with its parameters.
+
+    With ``Q = L S L'`` and ``B = L' A L'^-1`` the inequality ``A' Q + Q A + R I <= 0`` is
+    ``B' S + S B + R G <= 0``, with ``G = (L L')^-1`` for the identity: a congruence. L makes S of
+    order one, which the solver's accuracy needs.
+    """
+
+    problem: Any
+    form: Any  # S, (n, n)
+    loops: tuple[Any, ...]  # B of each vertex, (n, n)
+    unit: Any  # G, (n, n)
+    load: Any  # (n, n)
+    decays: tuple[Any, ...]  # the inequality of each vertex
+
+
+@cache
+def _rate_program(k: int, n: int) -> _Program:
+    """Maximise R subject to ``A' Q + Q A + R I <= 0`` at every vertex and ``0 <= Q <= I``."""
+    loops, I = tuple(parameter(n, n) for _ in range(k)), parameter(n, n, symmetric=True)  # noqa: E741
+    Q, R = unknown(n, n, symmetric=True), unknown()
+    decays = tuple(A.T @ Q + Q @ A + R * I << 0 for A in loops)
+    problem = largest(R, [*decays, Q << I, Q >> 0])
+    return _Program(problem, Q, loops, I, None, decays)
+
+
+@cache
+def _ellipsoid_program(k: int, n: int) -> _Program:
+    """Minimise r subject to ``A W + W A' + E E' / a <= 0`` at every vertex and ``W <= r I``."""
+    loops, I = tuple(parameter(n, n) for _ in range(k)), parameter(n, n, symmetric=True)  # noqa: E741
+    load = parameter(n, n, symmetric=True)
+    W, r = unknown(n, n, symmetric=True), unknown()
+    decays = tuple(A.T @ W + W @ A + load << 0 for A in loops)  # the loops come transposed
+    problem = largest(-r, [*decays, W << r * I])
+    return _Program(problem, W, loops, I, load, decays)
+
+
+def _transformed(A: FloatArray, L: FloatArray) -> FloatArray:
+    """``L' A L'^-1`` of each matrix."""
+    return L.T @ A @ np.linalg.inv(L.T)
+
+
+def _from_coordinates(S: FloatArray, L: FloatArray) -> FloatArray:
+    """``L S L'``, symmetric to the bit."""
+    Q = L @ S @ L.T
+    return (Q + Q.T) / 2.0
+
+
+def _inverse_square(L: FloatArray) -> FloatArray:
+    return _from_coordinates(np.eye(len(L)), np.asarray(np.linalg.inv(L), dtype=float))
 
 
 def _invariant(W: FloatArray, shifted: FloatArray, load: FloatArray) -> FloatArray | None:
@@ -238,19 +285,21 @@ def _scaled_to_inequality(Q: FloatArray, vertices: FloatArray) -> FloatArray | N
     return Q / slack if slack > 0.0 else None
 
 
-def _scaled_basis(A: FloatArray) -> tuple[FloatArray, float]:
-    """Basis of Q that makes the mean vertex's Lyapunov solution the identity, and its rate."""
+def _coordinates(A: FloatArray) -> tuple[FloatArray, float]:
+    """L that makes the Lyapunov solution of the mean vertex ``L L'`` up to a factor, and its rate.
+
+    Their unit is that of the state: the largest eigenvalue of ``L L'`` is one.
+    """
     mean = A.mean(axis=0)
     n = len(mean)
     if np.linalg.eigvals(mean).real.max() < 0.0:
         Q0 = lyapunov_solution(mean)
         top = np.linalg.eigvalsh(Q0)[-1]
         try:
-            L = np.linalg.cholesky(Q0 / top)
+            return np.linalg.cholesky(Q0 / top), float(1.0 / top)
         except np.linalg.LinAlgError:
-            L = np.eye(n)
-        return L @ symmetric_basis(n) @ L.T, float(1.0 / top)
-    return symmetric_basis(n), float(np.linalg.norm(mean, 2)) or 1.0
+            return np.eye(n), float(1.0 / top)
+    return np.eye(n), float(np.linalg.norm(mean, 2)) or 1.0
 
 
 def _normalised(multipliers: FloatArray) -> FloatArray:

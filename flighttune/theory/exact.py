@@ -13,16 +13,16 @@ import numpy.typing as npt
 
 from flighttune.errors import InputError
 
+# An array of `Fraction`.
 Rationals: TypeAlias = npt.NDArray[Any]
-"""An array of `Fraction`."""
 
 Interval: TypeAlias = tuple[Fraction, Fraction]
 
+# Less than pi/2, by 2e-17.
 HALF_PI_BELOW = Fraction(15707963267948966, 10**16)
-"""Less than pi/2, by 2e-17."""
 
+# Terms of a Taylor series inside +-pi/2: the next one is below 1e-23.
 TERMS = 14
-"""Of a Taylor series inside +-pi/2: the next one is below 1e-23."""
 
 
 def exact(values: npt.ArrayLike) -> Rationals:

@@ -18,8 +18,8 @@ from flighttune.arrays import FloatArray, read_only_vector, square_matrices
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.lyapunov import lyapunov_solution
 
+# Loops whose intermediate results are held in memory at once.
 CHUNK_LOOPS = 8192
-"""Loops whose intermediate results are held in memory at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,10 +11,11 @@ from flighttune.errors import InputError, ShapeError
 
 Indices: TypeAlias = npt.NDArray[np.intp]
 
+# Up to here one linear system in the n (n + 1)/2 entries beats a Schur form per matrix.
 KRONECKER_STATES = 10
-"""Up to here one linear system in the n (n + 1)/2 entries beats a Schur form per matrix."""
+
+# Memory for the linear systems solved at once: about what a core's cache holds.
 CHUNK_BYTES = 1 << 22
-"""Memory for the linear systems solved at once: about what a core's cache holds."""
 
 
 def lyapunov_solution(A: npt.ArrayLike, S: npt.ArrayLike | None = None) -> FloatArray:

@@ -14,17 +14,16 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.theory.attractor import stable_system
-from flighttune.theory.exponential import exponential
 from flighttune.theory.lyapunov import lyapunov_solution
 
+# The mesh ends where what is left adds less than this fraction.
 TAIL = 1e-9
-"""The mesh ends where what is left adds less than this fraction."""
 
+# Width of a panel of the mesh times the fastest eigenvalue still alive in it.
 PHASE = 0.25
-"""Width of a panel of the mesh times the fastest eigenvalue still alive in it."""
 
+# A loop that needs more is too lightly damped for its speed.
 MAX_PANELS = 50_000
-"""A loop that needs more is too lightly damped for its speed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,6 +115,8 @@ class ReachableSet:
 
 def _mesh(A: FloatArray, E: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Gauss nodes, weights and responses in panels as wide as the modes still alive allow."""
+    from scipy.linalg import expm
+
     nodes, node_weights = np.polynomial.legendre.leggauss(6)
     nodes, node_weights = (nodes + 1.0) / 2.0, node_weights / 2.0
     eigenvalues = np.linalg.eigvals(A)
@@ -134,8 +135,8 @@ def _mesh(A: FloatArray, E: FloatArray) -> tuple[FloatArray, FloatArray, FloatAr
         alive = np.abs(eigenvalues[eigenvalues.real * start > math.log(1e-14)])
         width = 2.0 ** math.floor(math.log2(PHASE / float(alive.max())))
         if width not in propagators:
-            inside = exponential(A * width * nodes[:, None, None])
-            propagators[width] = inside, exponential(A * width)
+            inside = expm(A * width * nodes[:, None, None])
+            propagators[width] = inside, expm(A * width)
         inside, across = propagators[width]
         t.append(start + width * nodes)
         weights.append(width * node_weights)

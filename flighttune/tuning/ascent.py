@@ -9,6 +9,7 @@ program sees all vertices and all eigenvalues at once.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import indicators
-from flighttune.theory.lmi import Cone, Rows, minimise, symmetric_basis
+from flighttune.theory.lmi import combination, largest, parameter, solve, unknown
 from flighttune.theory.lyapunov import lyapunov_solution
 from flighttune.tuning.problem import TuningProblem, search_space
 
@@ -26,9 +27,6 @@ FIRST_STEP, SMALLEST_STEP = 0.3, 1e-4
 ITERATIONS = 60
 MIN_GAIN = 1e-5
 """Two steps in a row with a smaller relative gain of rate end the ascent."""
-
-SPECTRAL_BOUNDS = 3
-"""Unknowns: relative changes of lambda_max(Q0), lambda_min(Q0) and sigma_min(A_K)^2."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,42 +90,77 @@ def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) 
 
 
 class _Linearised:
-    """The program of one step: unknowns dk, Q, R and the relative changes of I_K's factors."""
+    """The program of one step: unknowns dk, Q, R and the relative changes of I_K's factors.
+
+    It is compiled once; what changes from step to step are its parameters.
+    """
 
     def __init__(self, problem: TuningProblem, models: Sequence[LinearModel]) -> None:
         self._problem, self._models = problem, models
         self._space = search_space(problem)
-        self._basis = symmetric_basis(sum(models[0].shape[::2]))
         self._limited = math.isfinite(problem.I_star)
+        self._trim_slopes = self._slopes(problem.model)
+        f, n = len(self._trim_slopes), len(self._trim_slopes[0])
+        self._dk, Q, R = unknown(f), unknown(n, n, symmetric=True), unknown()
+        self._loops = [parameter(n, n) for _ in models]
+        self._Q0 = parameter(n, n, symmetric=True)
+        self._lower, self._upper = parameter(f), parameter(f)
+        # The trust region with the bounds on gains, and the input limits. Q <= I fixes the scale, so
+        # that the rate is R itself.
+        constraints = [self._lower <= self._dk, self._dk <= self._upper, Q << np.eye(n)]
+        if len(self._space.G):
+            self._slack = parameter(len(self._space.G))
+            constraints.append(self._space.G @ self._dk <= self._slack)
+        for A, model in zip(self._loops, models, strict=True):
+            dA = combination(self._dk, self._slopes(model).reshape(f, n * n))
+            moved = dA.T @ self._Q0 + self._Q0 @ dA
+            constraints.append(A.T @ Q + Q @ A + moved + R * np.eye(n) << 0)
+        if self._limited:
+            constraints += self._radius_constraints(f, n)
+        self._program = largest(R, constraints)
+
+    def _slopes(self, model: LinearModel) -> FloatArray:
+        """Derivatives of the closed loop by each free gain, shape (f, n, n)."""
         unit = np.eye(self._space.free.sum())
-        self._slopes = [
-            closed_loops(model, self._space.K(unit))
-            - closed_loops(model, self._space.K(0.0 * unit))
-            for model in models
-        ]
-        self._trim_slopes = closed_loops(problem.model, self._space.K(unit)) - closed_loops(
-            problem.model, self._space.K(0.0 * unit)
+        K = self._space.K
+        return closed_loops(model, K(unit)) - closed_loops(model, K(0.0 * unit))
+
+    def _radius_constraints(self, f: int, n: int) -> list[Any]:
+        """``log I_K <= log I_star - excess`` at the trim, in bounds on Q0 and on A'A.
+
+        ``I_K = lambda_max(Q0)^2 / (lambda_min(Q0) sigma_min(A))``. The matrices are linearised, not
+        their eigenvalues, so that kinks stay kinks.
+        """
+        self._trim = [(parameter(n, n, symmetric=True), parameter(f, n * n)) for _ in range(3)]
+        self._room = parameter()
+        highest, lowest, gram = (
+            matrix + combination(self._dk, slopes) for matrix, slopes in self._trim
         )
+        rise, eye = unknown(3), np.eye(n)  # of the three eigenvalues, relative
+        # I_K has sigma_min(A), the root of the smallest eigenvalue of A'A: hence one half.
+        return [
+            highest << (1.0 + rise[0]) * eye,
+            lowest >> (1.0 + rise[1]) * eye,
+            gram >> (1.0 + rise[2]) * eye,
+            2.0 * rise[0] - rise[1] - 0.5 * rise[2] <= self._room,
+        ]
 
     def step(self, at: Point, size: float, excess: float) -> FloatArray | None:
         """New free gains, or None where the solver has none."""
-        f, d = len(at.k), len(self._basis)
-        objective = np.zeros(f + d + 1 + SPECTRAL_BOUNDS)
-        objective[f + d] = -1.0
-        rows = self._trust(at, size)
-        cones = self._decay(at)
-        if self._limited:
-            radius_cones, radius_row = self._radius(at, excess)
-            cones += radius_cones
-            rows = Rows(
-                constant=np.append(rows.constant, radius_row.constant),
-                coefficients=np.vstack([rows.coefficients, radius_row.coefficients]),
-            )
-        solution = minimise(objective, cones, rows)
-        if solution.x is None:
-            return None
         space = self._space
-        return np.clip(at.k + solution.x[:f], space.k_min, space.k_max)
+        trust = size * np.maximum(np.abs(at.k), 1.0)
+        self._upper.value = np.minimum(trust, space.k_max - at.k)
+        self._lower.value = -np.minimum(trust, at.k - space.k_min)
+        if len(space.G):
+            self._slack.value = space.slack(at.k)
+        self._Q0.value = at.Q * at.R
+        for A, model in zip(self._loops, self._models, strict=True):
+            A.value = closed_loops(model, space.K(at.k))
+        if self._limited:
+            self._set_radius(at, excess)
+        if not solve(self._program).solved:
+            return None
+        return np.clip(at.k + self._dk.value, space.k_min, space.k_max)
 
     def excess(self, k: FloatArray) -> float:
         """Excess of log I_K over its limit at free gains k; 0 without any."""
@@ -136,40 +169,7 @@ class _Linearised:
         I_K = indicators(closed_loops(self._problem.model, self._space.K(k))).I_K
         return max(0.0, math.log(I_K / self._problem.I_star)) if math.isfinite(I_K) else 0.0
 
-    def _decay(self, at: Point) -> list[Cone]:
-        """``A_v' Q + Q A_v + R I <= 0`` at every vertex, linearised, and ``Q <= I``."""
-        Q0 = at.Q * at.R
-        n, extra = len(Q0), np.zeros((SPECTRAL_BOUNDS, *Q0.shape))
-        zero, eye = np.zeros((n, n)), np.eye(n)
-        cones = []
-        for model, slopes in zip(self._models, self._slopes, strict=True):
-            A = closed_loops(model, self._space.K(at.k))
-            in_k = slopes.mT @ Q0 + Q0 @ slopes
-            in_Q = A.T @ self._basis + self._basis @ A
-            parts = [-in_k, -in_Q, -eye[None], extra]
-            cones.append(Cone(constant=zero, coefficients=np.concatenate(parts)))
-        # Q <= I fixes the scale: the rate is then R itself.
-        parts = [np.zeros((len(at.k), n, n)), -self._basis, zero[None], extra]
-        return [*cones, Cone(constant=eye, coefficients=np.concatenate(parts))]
-
-    def _trust(self, at: Point, size: float) -> Rows:
-        """The trust region, the bounds on gains and the input limits."""
-        space, eye = self._space, np.eye(len(at.k))
-        trust = size * np.maximum(np.abs(at.k), 1.0)
-        constant = [
-            np.minimum(trust, space.k_max - at.k),
-            np.minimum(trust, at.k - space.k_min),
-            space.slack(at.k),
-        ]
-        in_k = np.vstack([-eye, eye, -space.G])
-        rest = np.zeros((len(in_k), len(self._basis) + 1 + SPECTRAL_BOUNDS))
-        return Rows(constant=np.concatenate(constant), coefficients=np.hstack([in_k, rest]))
-
-    def _radius(self, at: Point, excess: float) -> tuple[list[Cone], Rows]:
-        """``log I_K <= log I_star - excess`` at the trim, in bounds on Q0 and on A'A.
-
-        The matrices are linearised, not their eigenvalues, so that kinks stay kinks.
-        """
+    def _set_radius(self, at: Point, excess: float) -> None:
         A = closed_loops(self._problem.model, self._space.K(at.k))
         Q0 = lyapunov_solution(A)
         load = self._trim_slopes.mT @ Q0 + Q0 @ self._trim_slopes
@@ -177,22 +177,12 @@ class _Linearised:
         gram, gram_slopes = A.T @ A, A.T @ self._trim_slopes
         gram_slopes = gram_slopes + gram_slopes.mT
         spectrum, smallest = np.linalg.eigvalsh(Q0), np.linalg.eigvalsh(gram)[0]
-        eye, f, d = np.eye(len(A)), len(at.k), len(self._basis)
-        cones = []
-        for number, (sign, value, constant, slopes) in enumerate(
-            (
-                (-1.0, spectrum[-1], Q0, Q_slopes),
-                (1.0, spectrum[0], Q0, Q_slopes),
-                (1.0, smallest, gram, gram_slopes),
-            )
-        ):
-            coefficients = np.zeros((f + d + 1 + SPECTRAL_BOUNDS, *A.shape))
-            coefficients[:f] = sign * slopes / value
-            coefficients[f + d + 1 + number] = -sign * eye
-            cones.append(Cone(constant=sign * (constant / value - eye), coefficients=coefficients))
-        row = np.zeros((1, f + d + 1 + SPECTRAL_BOUNDS))
-        # log I_K = 2 log lambda_max - log lambda_min - log sigma_min, and sigma_min is the root of
-        # the smallest eigenvalue of A'A: hence one half.
-        row[0, -SPECTRAL_BOUNDS:] = -2.0, 1.0, 0.5
-        slack = math.log(self._problem.I_star / at.I_K) - excess
-        return cones, Rows(constant=np.array([slack]), coefficients=row)
+        factors = (
+            (spectrum[-1], Q0, Q_slopes),
+            (spectrum[0], Q0, Q_slopes),
+            (smallest, gram, gram_slopes),
+        )
+        for (matrix, slopes), (value, now, change) in zip(self._trim, factors, strict=True):
+            matrix.value = now / value
+            slopes.value = change.reshape(slopes.shape) / value
+        self._room.value = math.log(self._problem.I_star / at.I_K) - excess

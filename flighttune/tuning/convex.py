@@ -8,14 +8,13 @@ start the gradient method, which restores what was left out.
 """
 
 import time
-import warnings
 from dataclasses import replace
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import LinearModel
-from flighttune.theory.lmi import SOLVER_OPTIONS
+from flighttune.theory.lmi import blocks, largest, solve, unknown
 from flighttune.tuning.gradient import tune_by_gradient
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
@@ -60,29 +59,17 @@ def state_feedback(
     e). `size`: bound on the gains in the norm of the optimal W. Returns None where the solver has
     no answer (shape (m, n + p)).
     """
-    import cvxpy as cp
-
     n, m, p = model.shape
     order = n + p
     scale = np.ones(order) if scaling is None else scaling
     A, B = np.zeros((order, order)), np.vstack([model.B, np.zeros((p, m))])
     A[:n, :n], A[n:, :n] = model.A, model.C
     A, B = A * (scale / scale[:, None]), B / scale[:, None]
-    W = cp.Variable((order, order), symmetric=True)
-    Y = cp.Variable((m, order))
-    rate = cp.Variable()
+    W, Y = unknown(order, order, symmetric=True), unknown(m, order)
+    rate, eye = unknown(), np.eye(order)
     flow = A @ W + B @ Y
-    identity = np.eye(order)
-    decay = cp.bmat([[-(flow + flow.T), W], [W, identity]])
-    bound = cp.bmat([[size**2 * np.eye(m), Y], [Y.T, W]])
-    problem = cp.Problem(cp.Maximize(rate), [decay >> 0, W >> rate * identity, bound >> 0])
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Solution may be inaccurate")
-            problem.solve(solver="CLARABEL", **SOLVER_OPTIONS)
-    except cp.SolverError:
+    decay = blocks([[-(flow + flow.T), W], [W, eye]])
+    bound = blocks([[size**2 * np.eye(m), Y], [Y.T, W]])
+    if not solve(largest(rate, [decay >> 0, W >> rate * eye, bound >> 0])).solved:
         return None
-    if problem.status not in ("optimal", "optimal_inaccurate"):
-        return None
-    W_value, Y_value = (np.asarray(variable.value, dtype=float) for variable in (W, Y))
-    return np.linalg.solve(W_value, Y_value.T).T / scale
+    return np.linalg.solve(W.value, Y.value.T).T / scale

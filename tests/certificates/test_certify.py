@@ -130,7 +130,7 @@ def test_verification_asks_no_solver(over_envelope, monkeypatch):
         raise AssertionError
 
     for module in (lmi, common):
-        monkeypatch.setattr(module, "minimise", solver)
+        monkeypatch.setattr(module, "solve", solver)
 
     assert verify(over_envelope).valid
 

@@ -283,7 +283,7 @@ def test_certify_draws_the_margins_that_it_prints_and_the_rate_over_the_envelope
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["tune", "certify"])
 def test_gains_are_tuned_and_certified_without_libraries_of_flight_and_figures(command):
-    heavy = ["clarabel", "control", "jsbsim", "matplotlib", "numba", "pandas", "pyarrow", "rerun"]
+    heavy = ["clarabel", "control", "jsbsim", "numba", "pandas", "pyarrow", "rerun"]
     code = (
         f"import sys; sys.argv = ['flighttune', {command!r}, 'paper', '--json']\n"
         "from flighttune.cli import main\n"

@@ -13,7 +13,6 @@ from flighttune.flight.refly import first_difference, refly
 from flighttune.recording.load import load_recording
 from flighttune.recording.parquet import write_run
 from flighttune.recording.record import record
-from flighttune.recording.rrd import write_recording
 from flighttune.scenario import load_scenario, scenario_from
 
 pytestmark = pytest.mark.slow
@@ -39,9 +38,10 @@ def folder(tmp_path_factory):
 
 
 def rewritten(folder, path, *, change):
-    """The recording with its last run changed."""
+    """A folder with the same runs, the last one changed."""
     *runs, last = load_recording(folder).runs
-    write_recording([*runs, change(last)], path, page="# Changed\n", title="Changed")
+    for number, run in enumerate([*runs, change(last)]):
+        write_run(run, path / f"{number}.parquet")
     return path
 
 
@@ -86,7 +86,7 @@ def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
     t, was = run.signals.index[77], run.signals["phi"].iloc[77]
     path = rewritten(
         folder,
-        tmp_path / "changed.rrd",
+        tmp_path / "changed",
         change=lambda run: with_sample(run, t, "phi", np.nextafter(was, 9.0)),
     )
 
@@ -108,7 +108,7 @@ def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
 def test_other_gains_are_told_before_what_came_of_them(folder, tmp_path):
     path = rewritten(
         folder,
-        tmp_path / "gains.rrd",
+        tmp_path / "gains",
         change=lambda run: with_gains(run, np.eye(2)),
     )
 
@@ -123,7 +123,7 @@ def test_another_version_is_said_and_no_failure(folder, tmp_path):
         versions = {**run.provenance.versions, "numpy": "1.0"}
         return replace(run, provenance=replace(run.provenance, versions=versions))
 
-    said = command("refly", rewritten(folder, tmp_path / "old.rrd", change=older))
+    said = command("refly", rewritten(folder, tmp_path / "old", change=older))
 
     assert said.returncode == 0
     assert "numpy: 1.0 then, " in said.stdout

@@ -13,9 +13,9 @@ from flighttune.comparison.overlay import overlaid, write_overlay
 from flighttune.comparison.pairs import better, largest_distance, manoeuvre, paired
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.flight.fly import fly
+from flighttune.recording.origin import check_recording
 from flighttune.recording.parquet import write_run
 from flighttune.recording.record import record
-from flighttune.recording.run_columns import check_recording
 from flighttune.scenario import load_scenario, scenario_from
 
 TRAPEZOID = 1e-3
@@ -233,7 +233,7 @@ def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
 
 
 def test_what_cannot_be_found_is_said_path_first(tmp_path):
-    with pytest.raises(RecordingError, match=rf"^{tmp_path}: the folder must hold a recording"):
+    with pytest.raises(RecordingError, match=rf"^{tmp_path}: the folder must hold Parquet files"):
         load_source(tmp_path)
     with pytest.raises(ScenarioError, match=r"^nowhere: the scenario must be a file or one of"):
         load_source("nowhere@paper")

@@ -1,4 +1,4 @@
-"""Gap, report, recording and campaign state one bound and one verdict about the same flight."""
+"""Gap, report and campaign state one bound and one verdict about the same flight."""
 
 from types import SimpleNamespace
 
@@ -15,7 +15,6 @@ from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_gap
 from flighttune.guarantee.flight_check import flight_check
 from flighttune.recording.load import load_recording
-from flighttune.recording.page import scenario_page
 from flighttune.recording.record import record
 from flighttune.report.facts import facts_of
 from flighttune.report.headline import headline
@@ -42,7 +41,7 @@ def short(name, **tables):
     ids=["tuned on the law", "tuned on the identified model"],
 )
 def outputs(request, tmp_path_factory):
-    """What gap, report, recording and campaign say of one flight, in words and numbers."""
+    """What gap, report and campaign say of one flight, in words and numbers."""
     scenario = short("paper", **request.param)
     flown = fly(scenario)
     run = flown.runs[-1]
@@ -54,40 +53,34 @@ def outputs(request, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:  # the frontier takes most of a report's time
         patched.setattr("flighttune.report.facts.frontier", lambda *_, **__: pd.DataFrame())
         facts = facts_of(Source(name="flown", runs=recorded))
-    page = scenario_page(
-        recorded, scenario={}, indicators={}, metrics=flown.metrics, flight=flown.flight
-    )
     gap = explain_gap(scenario, run.provenance.gains, name="paper")
     return SimpleNamespace(
         gap=gap_json(gap, {})["mismatch"],
         check=facts.checks[run.label],
         text=" ".join(sentence for one in headline(facts) for sentence in one.sentences),
-        page=page.split("## Certificate")[1],
         claim=claim,
         outcome=claim.outcome(nominal),
         way=(gap.check, facts.gaps[0].check, flight_check(recorded[-1])),
     )
 
 
-def test_bound_and_L_d_of_the_second_half_are_the_same_in_all_four(outputs):
+def test_bound_and_L_d_of_the_second_half_are_the_same_in_all_three(outputs):
     gap, check, claim = outputs.gap["settled"], outputs.check.settled.claim, outputs.claim
 
     assert claim.L_d == gap["L_d"] == pytest.approx(check.L_d, rel=SAME)
     assert claim.radius == gap["radius"] == pytest.approx(check.radius, rel=SAME)
     assert claim.tube == tuple(gap["tube_rad"].values()) == pytest.approx(check.tube, rel=SAME)
     assert claim.commanded == pytest.approx(gap["asked_rad"], rel=SAME)
-    assert f"| {claim.L_d:.4f} | {claim.radius:.4f} |" in outputs.page
     assert f"up to {claim.L_d:.3f} rad/s²" in outputs.text
 
 
-def test_outcome_and_vacuity_are_the_same_in_all_four(outputs):
+def test_outcome_and_vacuity_are_the_same_in_all_three(outputs):
     gap = outputs.gap["settled"]
 
     assert outputs.outcome == outputs.check.settled.outcome
     assert gap["held"] == (outputs.outcome == "held")
     assert outputs.claim.vacuous == gap["says_nothing"] == outputs.check.settled.claim.vacuous
     assert gap["sentence"] == outputs.check.settled.sentence
-    assert gap["sentence"] in outputs.page
     assert gap["sentence"] in outputs.text
     assert outputs.gap["verdict"]["sentence"] in outputs.text
 

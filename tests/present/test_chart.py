@@ -6,7 +6,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flighttune.present.chart import HEAD_AND_FOOT, Chart, Sheet, spark, ticks
+from flighttune.present.chart import (
+    DASHED,
+    HEAD_AND_FOOT,
+    Chart,
+    Sheet,
+    marked_up,
+    spark,
+    ticks,
+)
 from flighttune.present.palette import (
     DARK,
     HUES,
@@ -160,6 +168,50 @@ def test_a_sheet_is_an_svg_file_of_its_own_with_titles_and_names():
     assert texts.count("error") == 3
     assert float(root.get("height")) > 2.0 * HEAD_AND_FOOT
     assert "prefers-color-scheme: dark" in root.find(f"{SVG}style").text
+
+
+def test_a_symbol_has_its_index_lowered_and_a_name_with_underscores_does_not():
+    assert marked_up("R_K of <K*>", "<sub>{}</sub>") == "R<sub>K</sub> of &lt;K*&gt;"
+    assert marked_up("ITAE of ė_χ", "<sub>{}</sub>") == "ITAE of ė<sub>χ</sub>"
+    assert marked_up("tuned_identified, n_z_cmd") == "tuned_identified, n_z_cmd"
+
+
+def test_names_that_several_charts_share_stand_once_above_them():
+    charts = [Chart(title="Course"), Chart(title="Path angle")]
+    legend = [("K1", BLUE, ""), ("K2", RUST, DASHED), ("printed", RUST, "cross")]
+
+    root = ElementTree.fromstring(Sheet(charts=charts, legend=legend).svg())
+
+    names = {one.text: float(one.get("y")) for one in root.iter(f"{SVG}text") if one.get("y")}
+    assert names["K1"] == names["K2"] == names["printed"]
+    plots = [one for one in root.iter(f"{SVG}svg") if one.get("data-axes")]
+    assert all(names["K1"] < float(one.get("y")) for one in plots)
+
+
+def test_points_at_both_ends_of_an_axis_are_whole_where_it_has_room():
+    chart = Chart(title="trend", x_room=0.05)
+    chart.points([0.0, 1.0], [0.0, 1.0], BLUE, size=4.0)
+
+    root = drawn(chart)
+    width = float(root.get("data-axes").split()[4])
+    left, right = (float(one.get("cx")) for one in root.iter(f"{SVG}circle"))
+
+    assert left > 4.0
+    assert right < width - 4.0
+
+
+def test_bars_stand_where_they_are_asked_for_and_reach_their_values():
+    chart = Chart(title="shares", y_range=(0.0, 10.0))
+    chart.bars([0.0, 0.0], [5.0, 10.0], [BLUE, RUST], at=[1.0, 4.0])
+
+    root = drawn(chart)
+    x0, x1, _, _, width, height = (float(v) for v in root.get("data-axes").split())
+    first, second = root.iter(f"{SVG}rect")
+    middles = [float(one.get("x")) + float(one.get("width")) / 2.0 for one in (first, second)]
+
+    assert [x0 + m / width * (x1 - x0) for m in middles] == pytest.approx([1.0, 4.0], abs=0.01)
+    assert float(first.get("height")) == pytest.approx(height / 2.0, abs=TENTH)
+    assert float(second.get("height")) == pytest.approx(height, abs=TENTH)
 
 
 def test_a_spark_shows_both_lines_to_the_scale_it_is_given():

@@ -28,7 +28,7 @@ SMALL = (160, 100)
 ALIKE = 6.0
 """Mean difference (of 255) of a small picture from its reference that drivers may make."""
 
-LOOK_AS_BEFORE = ("Overview", "Certificate", "Eigenvalues")
+LOOK_AS_BEFORE = ("Overview", "Certificate")
 TABS = (
     "Overview",
     "Tracking",
@@ -38,7 +38,6 @@ TABS = (
     "Aircraft",
     "Controller",
     "Weather",
-    "Eigenvalues",
     "Scenario and metrics",
 )
 

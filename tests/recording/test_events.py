@@ -161,7 +161,7 @@ def test_the_certificate_is_drawn_in_decades(contents, four_runs):
 def test_gain_sets_whose_names_look_alike_have_views_of_their_own(four_runs, tmp_path):
     alike = [
         replace(run, provenance=replace(run.provenance, gains_name=name))
-        for run, name in zip(four_runs[:2], ("K*", "K+"), strict=True)
+        for run, name in zip(four_runs[::2], ("K*", "K+"), strict=True)
     ]
     write_recording(alike, tmp_path / "alike.rrd", page="", title="Alike")
     timed = Contents(tmp_path / "alike.rrd").timed

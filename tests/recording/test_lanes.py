@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flighttune.guarantee.flight_check import flight_check
-from flighttune.recording.lanes import SHORTEST, fitting, lane
+from flighttune.recording.lanes import SHORTEST, lane
 
 from .conftest import DT
 
@@ -30,26 +30,20 @@ def test_a_lane_names_the_limits_that_hold(four_runs):
     states = lane(run, None)
 
     wanted = {
-        0.5: "no certificate",
+        0.5: "within limits",
         1.5: "roll rate",
         2.5: "roll rate, n_z",
         3.2: "roll, n_z",
         3.8: "roll",
-        5.0: "no certificate",
+        5.0: "within limits",
     }
     assert {t: at(states, t) for t in wanted} == wanted
-
-
-def test_a_piece_says_as_much_as_it_has_room_for():
-    assert fitting("roll rate, n_z", 120.0) == "roll rate, n_z"
-    assert fitting("roll rate, n_z", 60.0) == fitting("roll, n_z", 30.0) == "roll"
-    assert fitting("roll", 20.0) == " "
 
 
 def test_a_piece_too_short_to_see_is_left_out(four_runs):
     short = held(four_runs[1], phi=[(1.0, 1.0 + SHORTEST / 2.0, 1.0)], n_z=[])
 
-    assert lane(short, None)[1] == ["no certificate"]
+    assert lane(short, None)[1] == ["within limits"]
 
 
 def test_a_lane_says_where_the_guarantee_holds_and_where_it_is_broken(four_runs):
@@ -61,7 +55,10 @@ def test_a_lane_says_where_the_guarantee_holds_and_where_it_is_broken(four_runs)
     assert at(lane(run, check), 8.0) == "guaranteed"
     assert at(lane(run, broken), 8.0) == "guaranteed"
     assert at(lane(run, broken), 12.0) == "broken"
-    assert at(lane(run, replace(check, bound=np.full_like(check.bound, np.nan))), 8.0) == "no claim"
+    assert (
+        at(lane(run, replace(check, bound=np.full_like(check.bound, np.nan))), 8.0)
+        == "within limits"
+    )
 
 
 def test_the_parts_of_the_gap_add_up_to_what_the_law_leaves_out(four_runs):

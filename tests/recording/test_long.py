@@ -9,6 +9,7 @@ import pytest
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.present.thinning import MOST
 from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import write_run
 from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import SIGNAL_UNITS
 
@@ -47,8 +48,9 @@ def test_ten_minutes_stay_below_thirty_megabytes(recording):
     assert recording.stat().st_size < LARGEST
 
 
-def test_ten_minutes_come_back_to_the_bit(recording, ten_minutes):
-    (run,) = load_recording(recording).runs
+def test_ten_minutes_come_back_to_the_bit(ten_minutes, tmp_path):
+    write_run(ten_minutes, tmp_path / "long.parquet")
+    (run,) = load_recording(tmp_path).runs
 
     pd.testing.assert_frame_equal(run.signals, ten_minutes.signals, check_exact=True)
 

@@ -7,9 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flighttune.recording.plots import LABEL, TABS, limits_of, shown_plots, value_range
+from flighttune.recording.plots import LABELS, TABS, limits_of, shown_plots, value_range
 
-HEIGHT = 7.0 * LABEL
+ROOM_FOR = 7.0  # labels
+SHARE = (ROOM_FOR + 2.0) / LABELS
 PLOTS = {plot.signal: plot for plots in TABS.values() for plot in plots}
 
 
@@ -32,9 +33,9 @@ def with_signal(run, **values):
     ],
 )
 def test_an_axis_has_two_labels_and_all_values(four_runs, values):
-    low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)], height=HEIGHT)
+    low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)], share=SHARE)
     span = max(values) - min(values)
-    step = next(10.0**k for k in range(-9, 9) if 10.0**k * HEIGHT / LABEL >= span)
+    step = next(10.0**k for k in range(-9, 9) if 10.0**k * ROOM_FOR >= span)
 
     assert low < min(values)
     assert high > max(values)
@@ -42,9 +43,7 @@ def test_an_axis_has_two_labels_and_all_values(four_runs, values):
 
 
 def test_an_axis_is_not_longer_than_it_must_be(four_runs):
-    low, high = value_range(
-        PLOTS["V_a"], [with_signal(four_runs[0], V_a=[-2.0, 9.0])], height=HEIGHT
-    )
+    low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=[-2.0, 9.0])], share=SHARE)
 
     assert low == pytest.approx(-2.0 - 0.05 * 12.0)
     assert high == pytest.approx(10.0 + 0.05 * 12.0)
@@ -52,29 +51,29 @@ def test_an_axis_is_not_longer_than_it_must_be(four_runs):
 
 def test_a_second_label_that_costs_too_much_is_left_out(four_runs):
     run = with_signal(four_runs[0], V_a=[-10.0, 14.0])
-    low, high = value_range(PLOTS["V_a"], [run], height=2.0 * LABEL)
+    low, high = value_range(PLOTS["V_a"], [run], share=4.0 / LABELS)
 
     assert (low, high) == pytest.approx((-10.0 - 0.05 * 24.0, 14.0 + 0.05 * 24.0))
 
 
 def test_an_axis_reaches_over_limits_and_reference(four_runs):
     small = with_signal(four_runs[0], phi=[0.0, 0.1], phi_cmd=[0.0, 0.1])
-    low, high = value_range(PLOTS["phi"], [small], height=HEIGHT)
+    low, high = value_range(PLOTS["phi"], [small], share=SHARE)
 
     assert low < -45.0
     assert high > 45.0
     course = with_signal(four_runs[0], chi=[0.0, 0.1], chi_ref=[1.0, 1.0])
-    assert value_range(PLOTS["chi"], [course], height=HEIGHT)[1] > np.rad2deg(1.0)
+    assert value_range(PLOTS["chi"], [course], share=SHARE)[1] > np.rad2deg(1.0)
 
 
 @pytest.mark.parametrize("values", [[25.0, 25.0], [np.nan, np.nan], [0.0, 0.0]])
 def test_what_does_not_vary_is_left_to_the_viewer(four_runs, values):
-    assert value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)], height=HEIGHT) is None
+    assert value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)], share=SHARE) is None
 
 
 def test_a_value_that_is_no_number_does_not_spoil_the_axis(four_runs):
     low, high = value_range(
-        PLOTS["V_a"], [with_signal(four_runs[0], V_a=[0.0, np.inf, 10.0])], height=HEIGHT
+        PLOTS["V_a"], [with_signal(four_runs[0], V_a=[0.0, np.inf, 10.0])], share=SHARE
     )
 
     assert math.isfinite(low)
@@ -114,7 +113,7 @@ def test_what_sensors_showed_stands_behind_the_true_signals_where_there_are_sens
 
 
 def test_an_axis_reaches_over_what_sensors_showed(sensed):
-    low, high = value_range(plots_of([sensed])["V_a"], [sensed], height=HEIGHT)
+    low, high = value_range(plots_of([sensed])["V_a"], [sensed], share=SHARE)
 
     assert low < sensed.signals["V_a_meas"].min() < sensed.signals["V_a"].min()
     assert high > sensed.signals["V_a_meas"].max() > sensed.signals["V_a"].max()

@@ -15,9 +15,9 @@ from rerun.error_utils import strict_mode
 from flighttune.present.palette import line_styles
 from flighttune.recording.derived import with_derived
 from flighttune.recording.entities import TIMELINE, runs_to_draw
+from flighttune.recording.origin import check_recording
 from flighttune.recording.plots import TABS, shown_plots
 from flighttune.recording.rrd import write_recording
-from flighttune.recording.run_columns import check_recording
 
 FLOAT32_POSITION = 1e-4
 """Positions are float32 in Rerun: 0.03 mm at 500 m, m."""
@@ -203,7 +203,7 @@ def test_a_lane_says_how_a_flight_ended_and_all_end_together(contents):
     ]
 
 
-@pytest.mark.parametrize("folder", ["/plots/chi", "/plots/V_a", "/plots/abscissa"])
+@pytest.mark.parametrize("folder", ["/plots/chi", "/plots/V_a"])
 def test_every_time_axis_ends_beyond_the_longest_flight(contents, folder):
     assert contents.nanoseconds(f"{folder}/_axis").tolist() == [0, 22_000_000_000]
     assert np.isnan(contents.values(f"{folder}/_axis")).all()

@@ -12,7 +12,7 @@ from flighttune.theory import common
 from flighttune.theory.attractor import invariant_ellipsoid
 from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.indicators import indicators
-from flighttune.theory.lmi import LmiSolution
+from flighttune.theory.lmi import LmiAnswer
 
 MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=9.81)
 A_K = closed_loop(MODEL, PAPER_GAINS)
@@ -113,8 +113,8 @@ def test_an_unstable_vertex_is_a_result_with_a_reason():
 
 
 def test_a_solver_that_fails_is_a_result_with_its_reason(monkeypatch):
-    failure = LmiSolution(status="failed", reason="the solver failed numerically", x=None, duals=())
-    monkeypatch.setattr(common, "minimise", lambda *_, **__: failure)
+    failure = LmiAnswer(status="failed", reason="the solver failed numerically")
+    monkeypatch.setattr(common, "solve", lambda _: failure)
 
     assert common_Q(A_K[None]).status == "failed"
     assert common_Q(A_K[None]).reason == "the solver failed numerically"
@@ -122,11 +122,14 @@ def test_a_solver_that_fails_is_a_result_with_its_reason(monkeypatch):
 
 
 def test_a_solver_that_lies_is_not_believed(monkeypatch):
-    def liar(objective, cones, *_, **__):
-        x = np.ones(len(objective))
-        return LmiSolution(status="optimal", reason="", x=x, duals=tuple(np.eye(4) for _ in cones))
+    def liar(problem):
+        for variable in problem.variables():
+            variable.value = np.ones(variable.shape)
+        for constraint in problem.constraints:
+            constraint.save_dual_value(np.eye(4))
+        return LmiAnswer(status="optimal", reason="")
 
-    monkeypatch.setattr(common, "minimise", liar)
+    monkeypatch.setattr(common, "solve", liar)
     found = common_Q(np.array([A_K, A_K]))
 
     assert found.status != "optimal"

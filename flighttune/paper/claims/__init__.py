@@ -20,6 +20,7 @@ SECTIONS = {
 
 TEXT = Path(__file__).with_name("claims.toml")
 
+# In the order of the paper.
 CLAIMS = tuple(
     Claim(
         id=name,
@@ -31,4 +32,3 @@ CLAIMS = tuple(
     for section, entries in tomllib.loads(TEXT.read_text(encoding="utf-8")).items()
     for name, entry in entries.items()
 )
-"""In the order of the paper."""

@@ -16,24 +16,12 @@ VERDICTS: tuple[Verdict, ...] = ("reproduced", "partly", "not reproduced", "not 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One comparison.
+    """One comparison."""
 
-    Attributes
-    ----------
-    what : str
-        What is compared, with its unit.
-    expected : str or float
-        What the paper says.
-    computed : str or float
-        What comes out.
-    holds : bool
-        Whether the two agree.
-    """
-
-    what: str
-    expected: str | float
-    computed: str | float
-    holds: bool
+    what: str  # what is compared, with its unit
+    expected: str | float  # what the paper says
+    computed: str | float  # what comes out
+    holds: bool  # whether the two agree
 
 
 Checks: TypeAlias = Iterator[Check]
@@ -41,27 +29,14 @@ Checks: TypeAlias = Iterator[Check]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """A sentence of the paper.
+    """A sentence of the paper."""
 
-    Attributes
-    ----------
-    id : str
-        Short name.
-    text : str
-        What the paper says, shortened.
-    where : str
-        Its place in the paper.
-    checks : callable
-        From a study to the comparisons; none where the claim cannot be checked.
-    missing : str
-        What would be needed where there are no comparisons.
-    """
-
-    id: str
-    text: str
-    where: str
+    id: str  # short name
+    text: str  # what the paper says, shortened
+    where: str  # its place in the paper
+    # From a study to the comparisons; none where the claim cannot be checked
     checks: Callable[[Study], Iterable[Check]]
-    missing: str = ""
+    missing: str = ""  # what would be needed where there are no comparisons
 
     def judge(self, study: Study) -> "Finding":
         """Make the comparisons with the numbers of a study."""
@@ -70,13 +45,7 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """A claim with its comparisons made.
-
-    Attributes
-    ----------
-    claim : Claim
-    checks : tuple of Check
-    """
+    """A claim with its comparisons made."""
 
     claim: Claim
     checks: tuple[Check, ...]

@@ -15,8 +15,8 @@ from flighttune.paper.claims.thresholds import (
 from flighttune.paper.flight import NEAR
 from flighttune.paper.study import Study
 
+# The L_d for which the text speaks of ITAE over omega_d.
 STATED_AMPLITUDES = (0.1, 0.3)
-"""The L_d for which the text speaks of ITAE over omega_d."""
 
 
 def _largest_after_20_s(study: Study, channel: str) -> pd.Series:

@@ -19,18 +19,18 @@ from flighttune.paper.claims.thresholds import CORRELATED, INVERSE, ORDER_OF_1E3
 from flighttune.paper.flight import oscillations
 from flighttune.paper.study import Study, rank_correlation
 
+# The errors of the sentence on ITAE, MS and ST, and what Fig. 13 shows in their place.
 ERRORS = ("chi", "gamma", "chi_dot", "gamma_dot")
 ERRORS_AND_S = (*ERRORS, "s_chi", "s_gamma")
-"""The errors of the sentence on ITAE, MS and ST, and what Fig. 13 shows in their place."""
 
 
 def table_2(study: Study) -> Checks:
     """R_K and I_K of every row."""
     digit_R, digit_I = printed.LAST_DIGITS
     for name, (R_K, I_K) in printed.TABLE_2.items():
-        found = study.indicators[name]
-        yield printed_number(f"R_K of {name} [1/s]", found.R_K, R_K, digit_R)
-        yield printed_number(f"I_K of {name} [s²]", found.I_K, I_K, digit_I)
+        row = study.indicators[name]
+        yield printed_number(f"R_K of {name} [1/s]", row.R_K, R_K, digit_R)
+        yield printed_number(f"I_K of {name} [s²]", row.I_K, I_K, digit_I)
 
 
 def faster_convergence(study: Study) -> Checks:

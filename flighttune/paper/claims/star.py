@@ -18,8 +18,8 @@ from flighttune.paper.parameters import DURATION, STAR, printed_limits
 from flighttune.paper.study import Study
 from flighttune.plants.point_mass import turn_rates
 
+# Step of the central differences: rounding and curvature are about equal there.
 SMALL_STEP = 1e-6
-"""Step of the central differences: rounding and curvature are about equal there."""
 
 
 def _error_rates(z: FloatArray) -> FloatArray:
@@ -46,9 +46,9 @@ def jacobians(study: Study) -> Checks:
 
 def star_indicators(study: Study) -> Checks:
     """R_K* and I_K* follow from the printed gains."""
-    found, digit = study.indicators[STAR], printed.STAR_LAST_DIGIT
-    yield printed_number("R_K* [1/s]", found.R_K, printed.R_K_PRINTED, digit)
-    yield printed_number("I_K* [s²]", found.I_K, printed.I_K_PRINTED, digit)
+    row, digit = study.indicators[STAR], printed.STAR_LAST_DIGIT
+    yield printed_number("R_K* [1/s]", row.R_K, printed.R_K_PRINTED, digit)
+    yield printed_number("I_K* [s²]", row.I_K, printed.I_K_PRINTED, digit)
 
 
 def star_feasible(study: Study) -> Checks:

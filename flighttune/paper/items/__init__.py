@@ -10,6 +10,7 @@ from flighttune.paper.items import gains, histories, oscillator, trends
 from flighttune.paper.items.base import Assumption, Item
 from flighttune.shipped import nearest_name
 
+# What makes each item, in the order of the paper.
 MAKERS = {
     "fig3": oscillator.fig3,
     "gains": gains.gains,
@@ -24,7 +25,6 @@ MAKERS = {
     "fig11": histories.fig11,
     "fig10": trends.fig10,
 }
-"""What makes each item, in the order of the paper."""
 
 
 def _described() -> dict[str, Item]:
@@ -43,8 +43,8 @@ def _described() -> dict[str, Item]:
     return items
 
 
+# By name, in the order of the paper.
 ITEMS = _described()
-"""By name, in the order of the paper."""
 
 
 def chosen(names: Sequence[str]) -> tuple[Item, ...]:
@@ -57,8 +57,8 @@ def chosen(names: Sequence[str]) -> tuple[Item, ...]:
     """
     for name in names:
         if name not in ITEMS:
-            known = ", ".join(ITEMS)
+            names_of_items = ", ".join(ITEMS)
             raise InputError(
-                f"`ITEM` must be one of {known}, got {name}{nearest_name(name, ITEMS)}"
+                f"`ITEM` must be one of {names_of_items}, got {name}{nearest_name(name, ITEMS)}"
             )
     return tuple(item for item in ITEMS.values() if not names or item.name in names)

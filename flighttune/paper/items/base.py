@@ -2,90 +2,48 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
 from flighttune.paper import parameters as printed
 from flighttune.paper.study import Study
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from flighttune.present.chart import Sheet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Made:
-    """An item as computed.
+    """An item as computed."""
 
-    Attributes
-    ----------
-    figures : mapping of str to Figure
-        By file name; the first bears the item's name.
-    tables : mapping of str to DataFrame
-        What the figures show, by file name; the first bears the item's name. Columns carry units.
-    values : mapping
-        The numbers of the item, plain: ``--json`` prints them.
-    numbers : mapping
-        Further numbers, which only its sentences name.
-    """
-
-    figures: "Mapping[str, Figure]"
+    figures: Mapping[str, Sheet]  # by file name; the first bears the item's name
+    # What the figures show, by file name; the first bears the item's name. Columns carry units
     tables: Mapping[str, pd.DataFrame]
-    values: Mapping[str, Any]
+    values: Mapping[str, Any]  # the numbers of the item, plain: ``--json`` prints them
+    # Further numbers, which only its sentences name
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Assumption:
-    """A choice that had to be made because the paper does not print it.
+    """A choice that had to be made because the paper does not print it."""
 
-    Attributes
-    ----------
-    what : str
-        What is missing.
-    taken : str
-        What was taken instead.
-    why : str
-        The reason for that choice.
-    """
-
-    what: str
-    taken: str
-    why: str
+    what: str  # what is missing
+    taken: str  # what was taken instead
+    why: str  # the reason for that choice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Item:
-    """A table or figure of the paper that can be made again.
+    """A table or figure of the paper that can be made again."""
 
-    Attributes
-    ----------
-    name : str
-        As on the command line: the label in the paper's source.
-    title : str
-        What it shows.
-    printed : str
-        Where it stands in the paper.
-    make : callable
-        From a study to the item as computed.
-    parameters : list of str
-        The printed parameters used, a line each.
-    assumed : list of Assumption
-        What the paper does not print.
-    outcome : list of str
-        The results, a sentence each, with braces where `Made` has the numbers.
-    captions : mapping of str to str
-        Captions of the figures by file name, with braces as well.
-    """
-
-    name: str
+    name: str  # as on the command line: the label in the paper's source
     title: str
-    printed: str
-    make: Callable[[Study], Made]
-    parameters: list[str]
-    assumed: list[Assumption]
-    outcome: list[str]
-    captions: Mapping[str, str]
+    printed: str  # where it stands in the paper
+    make: Callable[[Study], Made]  # from a study to the item as computed
+    parameters: list[str]  # the printed parameters used, a line each
+    assumed: list[Assumption]  # what the paper does not print
+    outcome: list[str]  # the results, a sentence each, with braces where `Made` has the numbers
+    captions: Mapping[str, str]  # captions of the figures by file name, with braces as well
 
     def filled_in(self, text: str, made: Made) -> str:
         """A caption or a sentence of the outcome with the numbers as computed."""

@@ -1,43 +1,45 @@
 """Figures 5, 12, 8 and 11: the manoeuvre over time, with K*, K1 to K6 and under d1 to d9."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
 from flighttune.paper import parameters as printed
-from flighttune.paper import style
 from flighttune.paper.flight import PaperFlight
 from flighttune.paper.items.base import Made
-from flighttune.paper.measures import CHANNELS
+from flighttune.paper.items.panels import (
+    CHI,
+    COMMAND_LABELS,
+    GAIN_COLOURS,
+    GAMMA,
+    GREEN,
+    disturbance_looks,
+    over_time,
+    sheet,
+)
 from flighttune.paper.parameters import AFTERWARDS, DURATION, STAR, printed_limits
 from flighttune.paper.study import Study
-from flighttune.present.palette import INK, NEUTRAL
+from flighttune.present.chart import DASHED, LONG, Chart, Sheet
+from flighttune.present.palette import INK, LIMIT, NEUTRAL
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+# The errors and their rates, panels (a) to (d) of figures 5, 8 and 11.
 PROFILES = ("chi", "gamma", "chi_dot", "gamma_dot")
-"""The errors and their rates, panels (a) to (d) of figures 5, 8 and 11."""
 
 MEASURES = ["ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad", "mean", "std"]
 
+# Readings of the limits that are drawn; without any limit the loop diverges off the page.
 READING_COLOURS = {
     "ranges only": INK,
-    "ranges and rate limits": style.GAMMA,
-    "with rate limits and anti-windup": style.GREEN,
+    "ranges and rate limits": GAMMA,
+    "with rate limits and anti-windup": GREEN,
 }
-"""Readings of the limits that are drawn; without any limit the loop diverges off the page."""
 
+# Of a flight in a file: errors, their rates, commands after and before the limits.
 COLUMNS = (
     *("e_chi_rad", "e_gamma_rad", "e_chi_dot_radps", "e_gamma_dot_radps"),
     *("phi_rad", "n_z", "phi_wanted_rad", "n_z_wanted"),
 )
-"""Of a flight in a file: errors, their rates, commands after and before the limits."""
-
-COMMAND_LABELS = "φ [rad]", "$n_z$ [1]"
 
 
 def history_table(flights: Mapping[str, PaperFlight], *, commands: bool = True) -> pd.DataFrame:
@@ -50,36 +52,11 @@ def history_table(flights: Mapping[str, PaperFlight], *, commands: bool = True) 
     return pd.DataFrame(table)
 
 
-def profiles(
-    flights: Mapping[str, PaperFlight],
-    lines: Mapping[str, dict[str, Any]],
-    *,
-    end: float = DURATION,
-    columns: int = 1,
-    channels: Sequence[str] = PROFILES,
-) -> "tuple[Figure, list[Axes]]":
-    """Panels of errors and their rates, two a row, a line a flight, with one legend."""
-    rows = len(channels) // 2
-    titles = [style.LABELS[channel] for channel in channels]
-    figure, panels = style.grid(rows, 2, size=(8.6, 0.6 + 2.6 * rows), titles=titles)
-    for panel, channel in zip(panels, channels, strict=True):
-        for name, flight in flights.items():
-            panel.plot(flight.t, flight.channels[channel], **lines[name])
-        style.over_time(panel, f"{style.LABELS[channel]} [{style.UNITS[channel]}]", end)
-    if len(flights) > 1:
-        style.legend_above(figure, panels[0], columns=columns)
-    return figure, panels
-
-
 def measures_of(table: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]]:
     """Measures by name and channel as plain numbers, from an index (name, channel)."""
-    names = table.index.get_level_values(0).unique()
     return {
-        str(name): {
-            channel: {key: float(table.loc[(name, channel), key]) for key in MEASURES}
-            for channel in CHANNELS
-        }
-        for name in names
+        str(name): rows.droplevel(0).to_dict("index")
+        for name, rows in table[MEASURES].groupby(level=0, sort=False)
     }
 
 
@@ -97,29 +74,26 @@ def at_ends(from_high_to_low: pd.Series) -> dict[str, float]:
 def fig5(study: Study) -> Made:
     """Draw errors and rates with K*, and the peaks against what the text says of them."""
     flight = study.flights[STAR]
-    figure, _ = profiles({STAR: flight}, {STAR: {"color": INK}})
+    figure = sheet(
+        [over_time({STAR: flight}, {STAR: {"colour": INK}}, channel) for channel in PROFILES]
+    )
     return Made(
         figures={"fig5": figure, "fig5_peak_time": _peaks(flight)},
         tables={"fig5": history_table({"": flight})},
-        values={
-            channel: {key: float(flight.measures.loc[channel, key]) for key in MEASURES}
-            for channel in PROFILES
-        },
+        values=flight.measures.loc[list(PROFILES), MEASURES].to_dict("index"),
     )
 
 
-def _peaks(flight: PaperFlight) -> "Figure":
-    figure, panels = style.grid(1, 2, size=(8.6, 3.3), titles=("$e_χ$", "$e_γ$"))
-    for panel, (channel, overshoot) in zip(panels, printed.LARGEST_OVERSHOOT.items(), strict=True):
-        panel.plot(flight.t, flight.channels[channel], color=INK)
-        label = "stated: overshoot and peak time below"
-        style.limits(panel, x=(printed.LARGEST_PEAK_TIME,), y=(overshoot,), label=label)
+def _peaks(flight: PaperFlight) -> Sheet:
+    charts = []
+    for channel, overshoot in printed.LARGEST_OVERSHOOT.items():
+        chart = over_time({STAR: flight}, {STAR: {"colour": INK}}, channel)
+        chart.level(overshoot, name="stated: overshoot and peak time below")
+        chart.upright(printed.LARGEST_PEAK_TIME, LIMIT, dash=DASHED)
         height, when = flight.peak(channel)
-        label = f"peak {height:.3f} rad at {when:.2f} s"
-        panel.plot(when, height, "o", color=style.CHI, ms=6, label=label)
-        style.over_time(panel, f"{style.LABELS[channel]} [rad]", DURATION)
-        panel.legend(loc="lower right")
-    return figure
+        chart.points(when, height, CHI, size=4.5, name=f"peak {height:.3f} rad at {when:.2f} s")
+        charts.append(chart)
+    return sheet(charts)
 
 
 def fig12(study: Study) -> Made:
@@ -135,7 +109,7 @@ def fig12(study: Study) -> Made:
         tables={
             "fig12": history_table({"": flight}),
             "fig12_rate_limits": history_table(
-                {name.replace(" ", "_"): one for name, one in flights.items()}
+                {name.replace(" ", "_"): flight for name, flight in flights.items()}
             ),
         },
         values={
@@ -143,7 +117,7 @@ def fig12(study: Study) -> Made:
             "largest_n_z": float(largest[1]),
             "largest_phi_rate_radps": float(rates[0]),
             "largest_n_z_rate_1_per_s": float(rates[1]),
-            "readings": {name: _peak_values(one) for name, one in study.readings.items()},
+            "readings": {name: _peak_values(flight) for name, flight in study.readings.items()},
         },
         numbers={
             "rate_limits": printed_limits().rate_upper,
@@ -162,46 +136,54 @@ def _peak_values(flight: PaperFlight) -> dict[str, object]:
     }
 
 
-def _commands(flight: PaperFlight) -> "Figure":
-    figure, panels = style.grid(1, 2, size=(8.6, 3.2), titles=("φ(t)", "$n_z$(t)"))
-    limits = printed_limits()
-    for i, (panel, label) in enumerate(zip(panels, COMMAND_LABELS, strict=True)):
-        panel.plot(flight.t, flight.unlimited[:, i], color=NEUTRAL, lw=0.9, label="before limits")
-        panel.plot(flight.t, flight.u[:, i], color=INK, label="after limits")
-        style.limits(panel, y=(limits.lower[i], limits.upper[i]), label="printed range")
-        style.over_time(panel, label, DURATION)
-    style.legend_above(figure, panels[0], columns=3)
-    return figure
+def _command_charts(
+    flights: Mapping[str, PaperFlight],
+    colours: Mapping[str, str],
+    *,
+    before: PaperFlight | None = None,
+) -> list[Chart]:
+    """Both commands of each flight after the limits with their printed ranges; in grey `before`."""
+    limits, charts = printed_limits(), []
+    for i, (name, label) in enumerate(COMMAND_LABELS.items()):
+        chart = Chart(title=f"commanded {name}", y=label, x_range=(0.0, DURATION))
+        if before is not None:
+            chart.line(before.t, before.unlimited[:, i], NEUTRAL, run="before limits")
+        for run, flight in flights.items():
+            chart.line(flight.t, flight.u[:, i], colours[run], run=run)
+        for end in (limits.lower[i], limits.upper[i]):
+            chart.level(float(end))
+        charts.append(chart)
+    return charts
 
 
-def _readings(flights: dict[str, PaperFlight]) -> "Figure":
-    titles = "$e_χ$", "$e_γ$", "φ", "$n_z$"
-    figure, panels = style.grid(2, 2, size=(8.6, 5.6), titles=titles)
-    errors, commands, limits = panels[:2], panels[2:], printed_limits()
-    for i, channel in enumerate(("chi", "gamma")):
-        for name, flight in flights.items():
-            line: dict[str, Any] = {"color": READING_COLOURS[name], "label": name}
-            errors[i].plot(flight.t, flight.channels[channel], **line)
-            commands[i].plot(flight.t, flight.u[:, i], **line)
-        style.over_time(errors[i], f"{style.LABELS[channel]} [rad]", DURATION)
-        style.over_time(commands[i], COMMAND_LABELS[i], DURATION)
-        style.limits(commands[i], y=(limits.lower[i], limits.upper[i]))
-    style.legend_above(figure, panels[0], columns=3)
-    return figure
+def _commands(flight: PaperFlight) -> Sheet:
+    charts = _command_charts({"after limits": flight}, {"after limits": INK}, before=flight)
+    legend = [
+        ("after limits", INK, ""),
+        ("before limits", NEUTRAL, ""),
+        ("printed range", LIMIT, LONG),
+    ]
+    return sheet(charts, legend=legend)
+
+
+def _readings(flights: Mapping[str, PaperFlight]) -> Sheet:
+    looks = {name: {"colour": colour} for name, colour in READING_COLOURS.items()}
+    errors = [over_time(flights, looks, channel) for channel in ("chi", "gamma")]
+    commands = _command_charts(flights, READING_COLOURS)
+    legend = [(name, colour, "") for name, colour in READING_COLOURS.items()]
+    return sheet([*errors, *commands], legend=[*legend, ("printed range", LIMIT, LONG)])
 
 
 def fig8(study: Study) -> Made:
     """Draw errors and rates with K1 to K6 and K*."""
-    lines = {
-        name: {
-            "color": style.GAIN_COLOURS[name],
-            "label": f"{name}: $R_K$ {found.R_K:.3f}, $I_K$ {found.I_K:.2f}",
-        }
-        for name, found in study.indicators.items()
-    }
-    figure, _ = profiles(study.flights, lines, columns=4)
+    looks = {name: {"colour": GAIN_COLOURS[name]} for name in study.flights}
+    legend = [
+        (f"{name}: R_K {row.R_K:.3f}, I_K {row.I_K:.2f}", GAIN_COLOURS[name], "")
+        for name, row in study.indicators.items()
+    ]
+    charts = [over_time(study.flights, looks, channel) for channel in PROFILES]
     return Made(
-        figures={"fig8": figure},
+        figures={"fig8": sheet(charts, legend=legend)},
         tables={
             "fig8": history_table(study.flights, commands=False),
             "fig8_measures": measures_table(study.by_gains),
@@ -214,19 +196,27 @@ def fig8(study: Study) -> Made:
 def fig11(study: Study) -> Made:
     """Draw errors and rates with K* under d1 to d9, and the errors after 20 s enlarged."""
     flights = study.disturbed
-    lines = {name: style.disturbance_style(name) for name in flights}
-    figure, panels = profiles(flights, lines, end=AFTERWARDS, columns=3)
-    for panel in panels:
-        panel.axvline(DURATION, color=NEUTRAL, lw=0.9)
-    later, panels = profiles(flights, lines, end=AFTERWARDS, columns=3, channels=("chi", "gamma"))
-    for panel in panels:
-        panel.set(xlim=(DURATION, AFTERWARDS), ylim=(-0.08, 0.08))
+    looks = disturbance_looks()
+    legend = [
+        (f"{name}: L_d {L_d:g}, ω_d {omega_d:g}", looks[name]["colour"], looks[name]["dash"])
+        for name, (L_d, omega_d) in printed.TABLE_3.items()
+    ]
+    whole = [over_time(flights, looks, name, x_range=(0.0, AFTERWARDS)) for name in PROFILES]
+    for chart in whole:
+        chart.upright(DURATION)
+    later = [
+        over_time(flights, looks, name, x_range=(DURATION, AFTERWARDS), y_range=(-0.08, 0.08))
+        for name in ("chi", "gamma")
+    ]
     values = measures_of(study.by_disturbance)
     for name, flight in flights.items():
         for channel in ("chi", "gamma"):
             values[name][channel]["largest_after_20_s_rad"] = flight.after(channel, DURATION)
     return Made(
-        figures={"fig11": figure, "fig11_after": later},
+        figures={
+            "fig11": sheet(whole, legend=legend),
+            "fig11_after": sheet(later, legend=legend),
+        },
         tables={
             "fig11": history_table(flights, commands=False),
             "fig11_measures": measures_table(study.by_disturbance),

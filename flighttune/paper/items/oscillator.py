@@ -1,24 +1,20 @@
 """Figure 3: Theorem 1 on the Duffing oscillator, and the region in which it holds."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 
 from flighttune.paper import parameters as printed
-from flighttune.paper import style
 from flighttune.paper.duffing import DuffingCases, bound
 from flighttune.paper.items.base import Made
+from flighttune.paper.items.panels import CHI, GAMMA, GREEN, STRONG, marked_line, sheet
 from flighttune.paper.study import Study
-from flighttune.present.palette import INK, NEUTRAL
+from flighttune.present.chart import DASHED, Chart, Sheet
+from flighttune.present.palette import INK, LIMIT, NEUTRAL
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+HARD_COLOURS = {"constant L_d": GAMMA, "along the motion": GREEN}
 
-HARD_COLOURS = {"constant L_d": style.GAMMA, "along the motion": style.GREEN}
-
+# Widest strip drawn, as a share of the region: at its edge R(f) is zero and I(f) infinite.
 WIDEST_STRIP = 0.999
-"""Widest strip drawn, as a share of the region: at its edge R(f) is zero and I(f) infinite."""
 
 
 def fig3(study: Study) -> Made:
@@ -35,7 +31,7 @@ def fig3(study: Study) -> Made:
             "region_half_width": case.model.region,
             "largest_x1": {
                 "noise": case.farthest,
-                **{name: one.farthest for name, one in hard.items()},
+                **{name: pushed.farthest for name, pushed in hard.items()},
             },
             "largest_norm_f": float(np.max(case.norm_f)),
             "cases": cases.to_dict(orient="records"),
@@ -51,9 +47,9 @@ def _strips(duffing: DuffingCases) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "c": widths,
-            "epsilon": [one.rate * one.P_max for one in bounds],
-            "R_f_1_per_s": [one.rate for one in bounds],
-            "I_f": [one.radius for one in bounds],
+            "epsilon": [theorem.rate * theorem.P_max for theorem in bounds],
+            "R_f_1_per_s": [theorem.rate for theorem in bounds],
+            "I_f": [theorem.radius for theorem in bounds],
         }
     )
 
@@ -68,81 +64,77 @@ def _time_histories(duffing: DuffingCases) -> pd.DataFrame:
         "a_noise_largest": case.norm_f.max(axis=1),
         "a_undisturbed": duffing.undisturbed.norm_f[:, 0],
     }
-    for name, one in duffing.hard.items():
-        columns[f"a_{name.replace(' ', '_')}"] = one.norm_f[:, 0]
-    for alpha, one in duffing.family.items():
-        columns[f"b_mean_norm_f_alpha_{alpha:g}"] = one.norm_f.mean(axis=1)
+    for name, other in duffing.hard.items():
+        columns[f"a_{name.replace(' ', '_')}"] = other.norm_f[:, 0]
+    for alpha, other in duffing.family.items():
+        columns[f"b_mean_norm_f_alpha_{alpha:g}"] = other.norm_f.mean(axis=1)
     return pd.DataFrame(columns)
 
 
-def _panels(duffing: DuffingCases) -> "Figure":
-    letters = {name: f"{value:g}" for name, value in printed.DUFFING_A.items()}
-    titles = (
-        f"α = {letters['alpha']}, β = {letters['beta']}, δ = {letters['delta']}, "
-        f"$L_d$ = {printed.DUFFING_L_D:g}",
-        f"β = α/2, δ = {letters['delta']}: mean over the runs",
-        "against R(f)",
-        "against I(f)",
+def _panels(duffing: DuffingCases) -> Sheet:
+    symbols = zip("αβδ", printed.DUFFING_A.values(), strict=True)
+    parameters = ", ".join(f"{symbol} = {value:g}" for symbol, value in symbols)
+    a = Chart(
+        title=f"{parameters}, L_d = {printed.DUFFING_L_D:g}",
+        y="‖f(x)‖ [1/s]",
+        log="y",
+        x_range=(0.0, printed.DURATION),
+        y_range=(1e-3, 1e5),
     )
-    figure, (a, b, c, d) = style.grid(2, 2, size=(8.6, 6.2), titles=titles)
     case, calm = duffing.noisy, duffing.undisturbed
-    a.semilogy(case.t, case.bound_over_time, color=INK, lw=2.0, label="bound of Theorem 1")
     # The logarithmic axis begins at 1e-3: a smaller value would leave a gap in the band.
     low, high = np.maximum(case.norm_f.min(axis=1), 1e-3), case.norm_f.max(axis=1)
-    a.fill_between(case.t, low, high, color=style.SHADE, label=f"{case.norm_f.shape[1]} noise runs")
-    a.semilogy(case.t, case.norm_f[:, 0], color=style.CHI, lw=0.9, label="one of them")
-    for name, one in duffing.hard.items():
-        label = name.replace("L_d", "$L_d$")
-        a.semilogy(one.t, one.norm_f[:, 0], color=HARD_COLOURS[name], label=label)
-    a.semilogy(calm.t, calm.norm_f[:, 0], color=NEUTRAL, ls="--", label="no disturbance")
-    style.over_time(a, "‖f(x)‖", printed.DURATION)
-    a.set_ylim(1e-3, 1e5)
-    a.legend(ncols=2, loc="upper right")
-    for colour, (alpha, one) in zip(style.STRONG, duffing.family.items(), strict=True):
-        label = f"α = {alpha:g}, R(f) = {one.theorem.rate:.3f} 1/s"
-        b.plot(one.t, one.norm_f.mean(axis=1), color=colour, label=label)
-    style.over_time(b, "mean of ‖f(x)‖", printed.DURATION)
-    b.set_ylim(bottom=0.0)
-    b.legend()
-    for panel, key, label in ((c, "R_f", "R(f) [1/s]"), (d, "I_f", "I(f)")):
-        for measure, name, colour, marker in (
-            ("mean", "mean", style.CHI, "o"),
-            ("std", "standard deviation", style.GAMMA, "s"),
-        ):
-            values = duffing.table[measure]
-            label_of_line = f"{name} of ‖f(x)‖"
-            panel.plot(duffing.table[key], values, color=colour, marker=marker, label=label_of_line)
-        panel.set(xlabel=label, ylabel="‖f(x)‖", ylim=(0.0, 0.75))
-        panel.legend(loc="lower center")
-    d.set_xscale("log")
-    ticks = [60, 100, 200, 400, 800]
-    d.set_xticks(ticks, [f"{tick}" for tick in ticks])
-    d.set_xticks([], minor=True)
-    return figure
+    a.band(case.t, low, high, CHI, name=f"{case.norm_f.shape[1]} noise runs")
+    a.line(case.t, case.norm_f[:, 0], CHI, width=0.9, name="one of them")
+    for name, other in duffing.hard.items():
+        a.line(other.t, other.norm_f[:, 0], HARD_COLOURS[name], name=name)
+    a.line(calm.t, calm.norm_f[:, 0], NEUTRAL, dash=DASHED, name="no disturbance")
+    a.line(case.t, case.bound_over_time, INK, width=2.0, name="bound of Theorem 1")
+    b = Chart(
+        title=f"mean over the runs, β = α/2, δ = {printed.DUFFING_A['delta']:g}",
+        y="mean of ‖f(x)‖ [1/s]",
+        x_range=(0.0, printed.DURATION),
+    )
+    for colour, (alpha, other) in zip(STRONG, duffing.family.items(), strict=True):
+        b.line(other.t, other.norm_f.mean(axis=1), colour, name=f"α = {alpha:g}")
+    b.y_range = 0.0, b.y_ends()[1]
+    c = Chart(title="measures of ‖f(x)‖ against R(f)", x="R(f) [1/s]", y="‖f(x)‖ [1/s]")
+    d = Chart(title="measures of ‖f(x)‖ against I(f)", x="I(f) [1/s]", y="‖f(x)‖ [1/s]", log="x")
+    for chart, key in ((c, "R_f"), (d, "I_f")):
+        chart.x_room, chart.y_range = 0.05, (0.0, 0.75)
+        for measure, name, colour in (("mean", "mean", CHI), ("std", "standard deviation", GAMMA)):
+            marked_line(chart, duffing.table[key], duffing.table[measure], colour, name=name)
+    return sheet([a, b, c, d])
 
 
-def _region(duffing: DuffingCases, strips: pd.DataFrame) -> "Figure":
-    titles = "where the condition holds", "as the strip |x₁| ≤ c widens"
-    figure, (plane, reach) = style.grid(1, 2, size=(8.6, 3.7), titles=titles)
+def _region(duffing: DuffingCases, strips: pd.DataFrame) -> Sheet:
     c, x = duffing.model.region, duffing.noisy.x[:, :8]
-    plane.axvspan(-c, c, color=style.SHADE, alpha=0.45, lw=0, label="condition of Theorem 1 holds")
-    lines = plane.plot(x[..., 0], x[..., 1], color=style.CHI, lw=0.5)
-    lines[0].set_label(f"noise, {len(lines)} runs")
-    for name, one in duffing.hard.items():
-        label = name.replace("L_d", "$L_d$")
-        plane.plot(one.x[:, 0, 0], one.x[:, 0, 1], color=HARD_COLOURS[name], label=label)
-    plane.plot(*printed.DUFFING_X_0, marker="o", color=INK, ls="none", label="start")
-    style.limits(plane, x=(-c, c))
-    style.note(plane, f"|x₁| = {c:.3f}", (c, -2.5), by=(0, 0))
-    plane.set(xlim=(-3.2, 3.2), ylim=(-2.8, 2.8), xlabel="x₁", ylabel="x₂ [1/s]")
-    style.legend_above(figure, plane, columns=5)
-    reach.plot(strips["c"], strips["R_f_1_per_s"], color=style.CHI)
-    reach.set(xlim=(0.0, 1.05 * c), ylim=(0.0, 0.5), xlabel="half-width c of the strip")
-    reach.set_ylabel("R(f) [1/s]", color=style.CHI)
-    style.limits(reach, x=(c,))
-    other = reach.twinx()
-    other.grid(False)
-    other.spines["right"].set_visible(True)
-    other.semilogy(strips["c"], strips["I_f"], color=style.GAMMA)
-    other.set_ylabel("I(f): ultimate bound on ‖f(x)‖", color=style.GAMMA)
-    return figure
+    plane = Chart(
+        title="where the condition of Theorem 1 holds",
+        x="x_1 [1]",
+        y="x_2 [1/s]",
+        x_range=(-3.2, 3.2),
+        y_range=(-2.8, 2.8),
+    )
+    plane.band([-c, c], [-2.8, -2.8], [2.8, 2.8], CHI, name=f"it holds: |x_1| < {c:.3f}")
+    for run in range(x.shape[1]):
+        name = "" if run else f"noise, {x.shape[1]} runs"
+        plane.line(x[:, run, 0], x[:, run, 1], CHI, width=0.5, name=name, hover=False)
+    for name, other in duffing.hard.items():
+        plane.line(other.x[:, 0, 0], other.x[:, 0, 1], HARD_COLOURS[name], name=name, hover=False)
+    plane.points(*printed.DUFFING_X_0, INK, name="start")
+    for edge in (-c, c):
+        plane.upright(edge, LIMIT, dash=DASHED)
+    charts = [plane]
+    for key, label, log in (("R_f_1_per_s", "R(f) [1/s]", ""), ("I_f", "I(f) [1/s]", "y")):
+        chart = Chart(
+            title=f"{label.split()[0]} as the strip |x_1| ≤ c widens",
+            x="half-width c of the strip [1]",
+            y=label,
+            log=log,
+            x_range=(0.0, 1.05 * c),
+        )
+        chart.line(strips["c"], strips[key], INK)
+        chart.upright(c, LIMIT, dash=DASHED)
+        charts.append(chart)
+    return sheet(charts)

@@ -35,6 +35,7 @@ from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.aircraft.systems import put_in_front
 from flighttune.errors import PlantError
 from flighttune.file_lock import scratch_folder
+from flighttune.units import FT
 
 CONNECTIONS = ("output", "input")
 """Elements by which JSBSim opens files and sockets on its first evaluation."""
@@ -106,6 +107,20 @@ def main_root(config: AircraftConfig) -> Element:
     """
     where = "a file of JSBSim's" if config.model.endswith(".xml") else "shipped with jsbsim"
     return read_xml(source_folders(config).file, f"{config.file}: `model` must be {where}")
+
+
+def wing_span(config: AircraftConfig) -> float | None:
+    """Wing span in a model's main file, m; None if there is none.
+
+    Raises PlantError if the file cannot be read.
+    """
+    span = main_root(config).find("metrics/wingspan")
+    if span is None or not span.text:
+        return None
+    try:
+        return float(span.text) * (1.0 if span.get("unit") == "M" else FT)
+    except ValueError:
+        return None
 
 
 def model_files(config: AircraftConfig) -> tuple[Path, ...]:
