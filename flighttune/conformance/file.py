@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import check_between
@@ -30,7 +30,7 @@ from flighttune.quantities import (
     TimeConstant,
 )
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import PlantTable
+from flighttune.scenario.tables import PlantTable, Table
 from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.table_file import json_tables
 from flighttune.whole_file import whole_file
@@ -331,11 +331,9 @@ def _pairs(boxes: RateBoxes, column: int) -> list[list[float]]:
     return np.column_stack([boxes.low[:, column], boxes.high[:, column]]).tolist()
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+class LagTable(Table):
+    """An `InnerLag` in a file."""
 
-
-class _Lag(_Table):
     order: Literal[1, 2, 3]
     natural_frequency: Bandwidth
     damping: Damping
@@ -343,17 +341,17 @@ class _Lag(_Table):
     delay: Delay
 
 
-class _Model(_Table):
+class _Model(Table):
     V_a_mps: Airspeed
     g_mps2: Gravity
-    phi: _Lag
-    n_z: _Lag
+    phi: LagTable
+    n_z: LagTable
 
 
 Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
 
 
-class _Boxes(_Table):
+class _Boxes(Table):
     over: Over
     window_s: Annotated[float, Field(ge=SHORTEST_S, allow_inf_nan=False)]
     d_chi_rad_s: list[Pair]
@@ -370,14 +368,15 @@ class _Boxes(_Table):
         return RateBoxes(windows=windows, low=both[:, :, 0].T, high=both[:, :, 1].T)
 
 
-class _Hashes(_Table):
+class _Hashes(Table):
     aircraft: str
     identified: str
     campaign: str
 
 
-class _File(_Table):
+class _File(Table):
     format: Literal["flighttune conformance 4"]
+    sentence: str
     aircraft: str
     sha256: _Hashes
     gains: GainsTable
@@ -389,6 +388,7 @@ class _File(_Table):
     seed: Count
     attempts: Annotated[list[Attempt], Field(min_length=1)]
     boxes: _Boxes
+    seal: str
 
 
 KIND, REMEDY = "conformance file", "make it again with flighttune conform"

@@ -73,6 +73,7 @@ class ExactEnclosure(Enclosure):
         assert inversion is not None
         # Side of each limit on which all flights of a piece are, by channel and by above or below.
         self._sides = np.full((len(pieces), 2, 2), OPEN)
+        # A pass begins only if it leaves room for the symbols behind the loop.
         last = pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL
         while True:
             # A pass that splits by the load factor leaves a constraint on the symbol of its roll
@@ -198,6 +199,7 @@ class ExactEnclosure(Enclosure):
             (-1.0, product(v, values, less_steep, ordered(self._range(less_steep)))),
         )
         steep = _one_over(cosine(before))
+        # The load factor in force, n_z = v / cos(phi): the rate limit acts on n_z, not on v.
         force = product(v, values, secant(state[PHI], before), steep)
         return self._channel(1, x.widened(COMPUTED), force, values * steep, errors)
 
@@ -207,6 +209,7 @@ class ExactEnclosure(Enclosure):
         if less is None:
             return b.widened(COMPUTED)
         roll = self._angle(phi, "roll")
+        # Limits act on n_z; in terms of the vertical lift they take off as much times cos(phi).
         part = product(less, ordered(self._range(less)), cosine_of(phi, roll), cosine(roll))
         return combined((1.0, b), (-1.0, part)).widened(COMPUTED)
 
@@ -248,6 +251,7 @@ class ExactEnclosure(Enclosure):
 
     def _held(self, i: int, channel: Channel) -> tuple[Flags, Flags]:
         """Pieces in which no limit holds the command, and those in which one does."""
+        # Beyond a limit by less than OVERLAP counts as open, unless a split has said which side.
         free, limited = np.ones((2, len(self.pieces)), dtype=bool)
         limited = ~limited
         for side, excess in enumerate((channel.above, channel.below)):
@@ -259,7 +263,7 @@ class ExactEnclosure(Enclosure):
 
     def _integrated(self, channel: Channel, integral: Form, free: Flags, limited: Flags) -> Form:
         """The integral after the sample: it stands where a limit holds the command."""
-        if not self.loop.conditional:
+        if not self.loop.conditional:  # without anti-windup the integrator never stops
             return combined((1.0, integral), (1.0, channel.increment))
         # Where the side is open, the integral takes half the increment, and an error of the other
         # half: that covers both sides.

@@ -15,18 +15,12 @@ from pydantic import Field, ValidationError
 
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance import Conformance
+from flighttune.conformance.file import LagTable
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
 from flighttune.mistakes import first_mistake, shown
-from flighttune.quantities import (
-    Bandwidth,
-    Damping,
-    Delay,
-    Finite,
-    GainMatrix,
-    TimeConstant,
-)
+from flighttune.quantities import Finite, GainMatrix
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import Table
@@ -104,16 +98,8 @@ class _HandOver(Table):
     samples: Annotated[int, Field(ge=1, le=MAX_SAMPLES)]
 
 
-class _Lag(Table):
-    order: Literal[1, 2, 3]
-    natural_frequency: Bandwidth
-    damping: Damping
-    lag: TimeConstant
-    delay: Delay
-
-
 class _Aircraft(Table):
-    lags: Annotated[list[_Lag], Field(min_length=2, max_length=2)]
+    lags: Annotated[list[LagTable], Field(min_length=2, max_length=2)]
     start_known: bool
     conformance_sha256: str
 

@@ -105,8 +105,8 @@ class _Linearised:
         self._loops = [parameter(n, n) for _ in models]
         self._Q0 = parameter(n, n, symmetric=True)
         self._lower, self._upper = parameter(f), parameter(f)
-        # The trust region with the bounds on gains, and the input limits. Q <= I fixes the scale, so
-        # that the rate is R itself.
+        # The trust region with the bounds on gains, and the input limits. Q <= I fixes the scale,
+        # so that the rate is R itself.
         constraints = [self._lower <= self._dk, self._dk <= self._upper, Q << np.eye(n)]
         if len(self._space.G):
             self._slack = parameter(len(self._space.G))

@@ -67,22 +67,20 @@ def _well_formed(name: str) -> bool:
 class Fdm:
     """A loaded aircraft over a flat Earth at rest; property nodes only by names that exist.
 
-    `steps`: integration steps in one sample of the inner loop's computer. `ground` (m): height of
-    the ground above sea level. JSBSim's sea level is laid there, with the air of that height: its
-    turbulence, which takes heights above sea level for heights above ground, is then right. `rate`
-    (1/s): integration steps a second. `own_flight_control`: whether the model has systems of its
-    own, which may have a memory. `complaint`: what JSBSim has against the files that it loaded all
-    the same; empty for nothing. `settings`: properties set for the whole flight, in JSBSim's units.
-    Raises PlantError if JSBSim cannot load the aircraft; the message holds what JSBSim says.
+    `steps` is the number of integration steps in one sample of the inner loop's computer. JSBSim's
+    sea level is laid at the `ground` (m above sea level), with the air of that height: turbulence
+    of JSBSim, which takes heights above sea level for heights above ground, is then right. Raises
+    PlantError, with the words of JSBSim, if it cannot load the aircraft.
     """
 
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
         check_loads(config)
         self.config = config
+        # Systems of the model itself may have a memory.
         self.own_flight_control = has_flight_control(config)
         self.ground = ground
         self.steps = steps
-        self.rate = config.inner_loop_rate * steps
+        self.rate = config.inner_loop_rate * steps  # integration steps a second
         with quiet():
             self._exec = jsbsim.FGFDMExec(str(config.folder))
         with (
@@ -103,7 +101,7 @@ class Fdm:
                 raise PlantError(
                     f"{self._model}: must load in JSBSim, got: {log.text or 'no reason'}."
                 )
-            self.complaint = log.text
+            self.complaint = log.text  # JSBSim's complaints about files that it loaded all the same
             # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
             # flight would drift off its course by 0.006 deg/s.
             if not self._exec.load_planet(str(EARTH), False):
@@ -114,6 +112,7 @@ class Fdm:
         engines = range(config.engines.count)
         self._thrust = self.reader("propulsion/engine/thrust-lbs")
         self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
+        # Properties set for the whole flight, in JSBSim's units.
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
         self.settings = {**config.settings, "propulsion/set-running": -1.0}
         if ground:
@@ -239,10 +238,11 @@ class Fdm:
             before = self._thrust()
             for _ in range(self.steps):
                 self._exec.run()
+            # Strict: a share of 0 never ends the wait early.
             if abs(self._thrust() - before) < still * abs(before):
                 break
         self._exec.set_dt(1.0 / self.rate)
-        self._exec.set_sim_time(0.0)
+        self._exec.set_sim_time(0.0)  # time at rest does not count: the flight begins at t = 0
         for write, value in kept:
             write(value)
 
@@ -257,7 +257,7 @@ class Fdm:
         for name in self.names(""):
             if _LOAD.search(name):
                 self.writer(name)(0.0)
-        self.evaluate()
+        self.evaluate()  # JSBSim computes mass and inertia here
 
     def abandon(self) -> None:
         """Keep the broken aircraft until the process ends.

@@ -14,8 +14,8 @@ from flighttune.units import DEG, FT, G_0
 class Guard:
     """Checks a flight while it runs, and says why when a check fails.
 
-    `fdm`: the aircraft; its configuration holds the envelope. The ground lies at JSBSim's sea
-    level. `inside`: whether the flight may go on; False for anything that is not a number.
+    The envelope is that of the aircraft's configuration; the ground lies at JSBSim's sea level.
+    `inside` returns whether the flight may go on: False for anything that is not a number.
     """
 
     def __init__(self, fdm: Fdm) -> None:
@@ -34,6 +34,7 @@ class Guard:
         self.inside = self._check()
 
     def _check(self) -> Callable[[], bool]:
+        # Local names and JSBSim's units: the check runs every few steps of every flight.
         alpha, theta, V_a_fps, h_ft = self._alpha, self._theta, self._V_a_fps, self._h_ft
         F_x, F_z = self._F_x, self._F_z
         envelope = self._fdm.config.envelope
@@ -44,6 +45,7 @@ class Guard:
 
         def inside() -> bool:
             a = alpha()
+            # Two-sided comparisons are false for NaN, which therefore ends the flight.
             return (
                 alpha_low < a < alpha_high
                 and V_low < V_a_fps() < V_high

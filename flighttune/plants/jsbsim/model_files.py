@@ -245,6 +245,7 @@ def _private_folder(file: Path, text: str) -> Iterator[Path]:
     with ExitStack() as stack:
         try:
             folder = stack.enter_context(scratch_folder(place))
+            # A main file refers to parts beside it; only this file itself is another.
             for beside in file.parent.iterdir():
                 if beside.name != file.name:
                     _link(folder / beside.name, beside)
@@ -279,6 +280,7 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     Raises PlantError or InputError as `model_folders`.
     """
     off = config.off_nominal or _NOMINAL
+    # Values are filled in behind the cache: dispersed flights share one template.
     template, balance = _template(_Source.of(config, off, weigh, steps))
     factors = {f"{COEFFICIENT}{name}": factor for name, factor in off.scaled_coefficients.items()}
     values = factors | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
@@ -306,6 +308,7 @@ def _template(source: _Source) -> tuple[str, MassBalance | None]:
         _slow_computer(root, source.steps, folders)
     balance = None
     if off.loaded:
+        # Factors and shifts are relative to the nominal aircraft, load and fuel included.
         balance = source.weigh(config.with_off_nominal(None))
         open_mass_balance(root)
     for name in off.scaled_coefficients:

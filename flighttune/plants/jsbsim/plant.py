@@ -158,6 +158,7 @@ class JSBSimPlant:
         point = trim(fdm, condition)
         if self._weather is not None:
             carry_along(fdm, self._weather.deterministic(0.0, condition.h))
+        # After the wind is set: the signals take their origin and first angles from this instant.
         observe = signal_reader(fdm, condition.chi, point.psi)
         self._guard = Guard(fdm)
         self._inside, self._run = self._guard.inside, fdm.run
@@ -207,6 +208,7 @@ class JSBSimPlant:
         self._write_n_z_cmd(n_z_cmd)
         if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
             return self._end(self._guard.bad_command(phi_cmd, n_z_cmd))
+        # `run` is false where JSBSim itself ends the run, as on the ground.
         run, inside = self._run, self._inside
         going = True
         try:

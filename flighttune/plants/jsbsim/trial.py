@@ -60,6 +60,7 @@ def _end_of_trial(files: Unchanged) -> str:
         paths = (config.folder, folders.name, folders.model, folders.engines, folders.systems)
         try:
             code = subprocess.run(
+                # -P: a `jsbsim.py` in the working directory must not be imported.
                 [sys.executable, "-P", "-c", _PROGRAM, *map(str, paths)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
