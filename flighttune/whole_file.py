@@ -14,10 +14,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Several blocks in an `ExitStack` are renamed after all are written, the last one first.
 
-    `path`: where the finished file shall be; an existing file stays until it is replaced. Yields
-    where to write, in the same folder and with the same suffix. It begins with a dot: a file that a
-    killed command left behind belongs to nobody. Raises OutputError if the folder or the file
-    cannot be written.
+    An existing file at `path` stays until it is replaced. Yields the name to write to, in the same
+    folder and with the same suffix. It begins with a dot: readers pass over the file that a killed
+    command left behind. Raises OutputError if the folder or the file cannot be written.
     """
     part = path.with_name(f".{path.stem}-{uuid.uuid4().hex}{path.suffix}")
     try:

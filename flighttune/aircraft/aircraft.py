@@ -117,8 +117,8 @@ class Surface(AircraftTable):
     # Property of the model that takes the command, by default ``fcs/SURFACE-cmd-norm``. One that
     # ends in ``-rad`` takes the position itself.
     command: PropertyName | None = None
-    # rad: positions at the commands -1 and +1, by default `travel`; the first is the larger one
-    # where the command acts the other way round.
+    # rad: positions at the commands -1 and +1, by default `travel`; the first is larger if the
+    # command has the opposite sense.
     full: (
         Annotated[
             tuple[SurfaceAngle, SurfaceAngle], Field(strict=False), AfterValidator(_through_zero)
@@ -126,7 +126,7 @@ class Surface(AircraftTable):
         | None
     ) = Field(alias="full_rad", default=None)
     # Properties of the model's own flight control that its aerodynamics read, and instead of which
-    # they get the position: past a flight control that does not do as it is told.
+    # they get the position: this goes past a flight control that would change the position.
     replaces: Annotated[tuple[PropertyName, ...], Field(strict=False, max_length=20)] = ()
 
 
@@ -190,7 +190,7 @@ class InnerLoopGains(AircraftTable):
     format: Literal["flighttune inner-loop gains 1"] = "flighttune inner-loop gains 1"
     made_for: str  # hash of the model's files and of the aircraft's surfaces, engines and settings
     jsbsim: str  # version that computed them
-    # By the name they have behind ``ft/gains/``; surfaces in rad, rates in rad/s, throttle in 1
+    # Gains by their names behind ``ft/gains/``; surfaces in rad, rates in rad/s, throttle in 1
     gains: dict[PropertyName, Gain]
 
     @property
@@ -203,7 +203,7 @@ class InnerLoopGains(AircraftTable):
 class AircraftConfig(AircraftTable):
     """One aircraft as its ``aircraft.toml`` describes it, in SI and radians."""
 
-    # `title` and `source`: what it is and where its numbers come from
+    # Description of the aircraft, and source of its numbers
     title: str
     source: str
     # Aircraft of JSBSim's own set by name, or the path of a main file from the folder, which ends
@@ -219,8 +219,8 @@ class AircraftConfig(AircraftTable):
     engines: Engines = Engines()
     # Values of JSBSim properties for the whole flight, in JSBSim's units
     settings: dict[PropertyName, Finite] = Field(default_factory=dict)
-    # Values of properties that the model refers to and neither it nor JSBSim has: those of another
-    # simulator.
+    # Values of properties of another simulator: the model refers to them, and neither it nor JSBSim
+    # has them.
     declared: dict[DeclaredName, Finite] = Field(default_factory=dict)
     envelope: FlightEnvelope
     limits: CommandLimits

@@ -23,7 +23,7 @@ _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 def read_xml(file: Path, what: str) -> ElementTree.Element:
     """Return the root element of `file`.
 
-    `what`: what an error message begins with. Raises PlantError if it cannot be read.
+    `what` is the beginning of an error message. Raises PlantError if it cannot be read.
     """
     try:
         root = ElementTree.parse(file).getroot()
@@ -71,8 +71,8 @@ _NOT_OPERATIONS = ("description", "documentation")
 def scale_axis(root: Element, key: str, file: Path) -> None:
     """Multiply every function of the axis that belongs to `key`.
 
-    `root`: main file of the aircraft. `key`: one of `AXES`; the factor is its placeholder. `file`:
-    where the main file stands. Raises InputError if the aircraft has no such axis.
+    `root` is the main file `file` of the aircraft. The placeholder of the factor is `key`, one of
+    `AXES`. Raises InputError if the aircraft has no such axis.
     """
     axes = root.findall("aerodynamics/axis")
     functions = [f for axis in axes if axis.get("name") == AXES[key] for f in axis.iter("function")]
@@ -88,9 +88,8 @@ def scale_axis(root: Element, key: str, file: Path) -> None:
 def scale_coefficient(root: Element, name: str, file: Path) -> None:
     """Multiply the one aerodynamic function, or named part of one, that is called `name`.
 
-    `root`: main file of the aircraft. `name`: name in the file, or its part behind the last slash.
-    `file`: where the main file stands. Raises InputError if no function, or more than one, has that
-    name.
+    `root` is the main file `file` of the aircraft; `name` is the name in it, or the part behind its
+    last slash. Raises InputError if no function, or more than one, has that name.
     """
     named = list(_named(root))
     functions = [
@@ -108,10 +107,9 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
 def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
     """Multiply the thrust of every engine: of its propeller, or of what pushes directly.
 
-    `root`: main file of the aircraft; the files of engines and thrusters are put into it.
-    `folders`: where those are looked for, in this order. `file`: where the main file stands. Raises
-    InputError if it is not known how. Raises PlantError if the file of an engine or thruster cannot
-    be read.
+    `root` is the main file `file` of the aircraft. The files of engines and thrusters are looked
+    for in `folders`, in this order, and put into it. Raises InputError if it is not known how.
+    Raises PlantError if the file of an engine or thruster cannot be read.
     """
     for engine in root.iterfind("propulsion/engine"):
         motor = _inlined(engine, folders)
@@ -137,7 +135,7 @@ def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
 def slow_actuators(root: Element) -> None:
     """Multiply the time constants of the surface actuators.
 
-    `root`: main file of the aircraft, with the systems of `flighttune.aircraft.systems` in it.
+    `root` is the main file of the aircraft with the systems of `flighttune.aircraft.systems` in it.
     """
     for actuator in root.iter("actuator"):
         lag = actuator.find("lag")
@@ -233,10 +231,10 @@ class Body:
 class MassBalance:
     """The whole aircraft as JSBSim weighs it, and the part of it whose numbers can be set."""
 
-    # `whole` and `empty`: with load and fuel, and without
+    # The aircraft with load and fuel, and without
     whole: Body
     empty: Body
-    pounds_per_slug: float  # as JSBSim has it
+    pounds_per_slug: float  # lbf of weight in a slug of mass, as JSBSim converts
 
     def values(self, off: OffNominal) -> dict[str, float]:
         """Numbers of the empty aircraft that make the whole one as `off` says.

@@ -39,7 +39,7 @@ class Pair:
     # `a` and `b`: cut to the time both flew
     a: Run
     b: Run
-    # `source_a` and `source_b`: where they come from
+    # Names of the sources of `a` and `b`
     source_a: str
     source_b: str
     # s: time that each of the two flew; `a` and `b` have no more than the shorter
@@ -48,7 +48,7 @@ class Pair:
     t_max_distance: float  # s: when that was
     # Settings of the two scenarios that are not the same, by dotted key
     differs: dict[str, tuple[Any, Any]]
-    status: tuple[str, str]  # how each of the two ended
+    status: tuple[str, str]  # status at the end of `a` and of `b`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -75,7 +75,7 @@ def _key(run: Run, name: str) -> str:
 def why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
     """Why two sources cannot be compared, in one sentence; empty where they can.
 
-    `pairs`: what `paired` makes of their runs.
+    `pairs` is the result of `paired` for their runs.
     """
     between = f"{a.name} and {b.name}"
     for source, other in ((a, b), (b, a)):
@@ -134,7 +134,7 @@ def until(run: Run, end: float) -> Run:
 def metric_rows(a: Run, b: Run) -> list[Row]:
     """Metrics of two runs side by side.
 
-    `a`, `b`: of at least two samples, flown for the same time. Returns ``channel`` (chi, gamma or
+    Both runs have at least two samples and last equally long. Returns ``channel`` (chi, gamma or
     flight), ``name``, ``unit``, ``a``, ``b``, ``diff`` (b minus a) and ``better`` (a, b, same, or
     empty where neither direction is better); chi and gamma first. A measure that one plant does not
     have is left out.

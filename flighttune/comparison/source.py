@@ -19,9 +19,9 @@ GAINS_FILES = (".json", ".toml")
 class Source:
     """Runs that belong together, under the name the user gave."""
 
-    name: str  # as given: a path, or ``scenario@gains``
-    runs: tuple[Run, ...]  # in the order of the scenario where it is known
-    missing: tuple[str, ...] = ()  # what was recorded and cannot be had
+    name: str  # the name that the user gave: a path, or ``scenario@gains``
+    runs: tuple[Run, ...]  # in the order of the scenario if it is known
+    missing: tuple[str, ...] = ()  # runs that were recorded and cannot be read
     # Whether the gains were chosen; False for a scenario flown without an ``@``
     chosen: bool = True
 

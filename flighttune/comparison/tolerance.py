@@ -113,7 +113,7 @@ def load_tolerances(path: str | Path) -> dict[str, Tolerance]:
 def violations(comparison: Comparison, tolerances: Mapping[str, Tolerance]) -> list[Violation]:
     """Every metric of a comparison that changed by more than its tolerance.
 
-    `tolerances`: what `load_tolerances` returns; a metric without one is not checked. A run that
+    `tolerances` are those of `load_tolerances`; a metric without one is not checked. A run that
     ended early where the first one was completed violates any tolerance.
     """
     out = []

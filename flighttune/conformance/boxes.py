@@ -49,8 +49,8 @@ have a heavier tail than in any one of them."""
 class Windows:
     """Windows into which the samples of a flight fall."""
 
-    # ``time``: by the time since the start. ``phase``: window 0 while the reference moves, the
-    # others by the time since it last moved, or since the start.
+    # With ``time``, windows follow each other from the start. With ``phase``, window 0 holds the
+    # samples while the reference moves, and the others count from its last move, or from the start.
     over: Over
     count: int  # number of windows
     length: float = WINDOW_S  # s: length of a window

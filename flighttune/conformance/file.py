@@ -76,8 +76,8 @@ class Attempt:
 
     __pydantic_config__: ClassVar = STRICT
 
-    learned: Draws  # that the boxes were fitted to
-    counted: Draws  # flown against the boxes; a count that failed ends early
+    learned: Draws  # draws that the boxes were fitted to
+    counted: Draws  # draws flown against the boxes; a count that failed ends early
     outside: Count  # flights counted that left a box or did not reach their end
     # Largest half width of a box over that of the smallest one around the flights learned from.
     widened: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 1.0
@@ -199,7 +199,7 @@ class Conformance:
     epsilon: float
     confidence: float
     planned: int  # number of attempts that share the confidence, fixed before the first
-    attempts: tuple[Attempt, ...]  # in order; the boxes are those of the last
+    attempts: tuple[Attempt, ...]  # the boxes are those of the last one
     seed: int  # seed of the campaign: with their numbers it determines the draws
     distribution: Distribution
     # Hashes of the ``aircraft`` (its files), the ``identified`` model and the ``campaign``

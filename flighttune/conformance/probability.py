@@ -10,7 +10,7 @@ from flighttune.present.numbers import number
 class CountedProbability:
     """The probability that a flight of the distribution counted leaves a tube, or its boxes."""
 
-    of: Literal["flight", "residual_rates"]  # that leaves the tube; those that leave their boxes
+    of: Literal["flight", "residual_rates"]  # a flight leaves the tube, or rates their boxes
     at_most: float
     confidence: float
 

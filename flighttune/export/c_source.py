@@ -25,10 +25,10 @@ def export_c(
 ) -> Path:
     """Write the outer loop of one gain set as a C file.
 
-    `name`: of the gain set, with its law. `folder`: made where it does not exist. `plant`: label of
-    the aircraft whose limits hold as well; by default the first, if there is one. Raises InputError
-    if the scenario has no such aircraft, or the law is another than the paper's. Raises OutputError
-    if the file cannot be written.
+    `name` is that of the gain set with its law. The `folder` is made if there is none. `plant`:
+    label of the aircraft whose limits hold as well; by default the first, if there is one. Raises
+    InputError if the scenario has no such aircraft, or the law is another than the paper's. Raises
+    OutputError if the file cannot be written.
     """
     limits = scenario.limits.limits()
     if plant is not None or any(table.kind == "jsbsim" for table in scenario.plant):
@@ -43,8 +43,8 @@ def export_c(
 def c_source(law: MimoPI, *, title: str, gains: str) -> str:
     """The C99 text of a controller, which needs nothing but the C library's ``math.h``.
 
-    `law`: two commands, errors of course and path angle. `title`, `gains`: of the scenario and the
-    gain set, for the comment at the top.
+    The `law` turns the errors of course and path angle into two commands. `title` and `gains` are
+    names of the scenario and the gain set, for the comment at the top.
     """
     values, channels = law.law, law.law.channels
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(

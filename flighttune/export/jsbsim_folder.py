@@ -76,11 +76,11 @@ def export_jsbsim(
 ) -> JSBSimFolder:
     """Write the flight of one gain set on one aircraft as files that JSBSim flies by itself.
 
-    `name`: of the gain set, with its law. `folder`: made where it does not exist; files of the same
-    names are replaced. `plant`: label of the aircraft; by default the first of the scenario. Raises
-    InputError if the scenario has no such aircraft or moves the air, or the law is one in Python.
-    Raises TrimError if there is no steady flight to start from. Raises PlantError if the aircraft
-    cannot be built. Raises OutputError if the folder cannot be written.
+    `name` is that of the gain set with its law. The `folder` is made if there is none; files of the
+    same names are replaced. `plant`: label of the aircraft; by default the first of the scenario.
+    Raises InputError if the scenario has no such aircraft or moves the air, or the law is one in
+    Python. Raises TrimError if there is no steady flight to start from. Raises PlantError if the
+    aircraft cannot be built. Raises OutputError if the folder cannot be written.
     """
     table = aircraft_table(scenario, plant)
     if scenario.weather() is not None:

@@ -14,8 +14,8 @@ def exported_law(
 ) -> MimoPI | ExactLaw:
     """The controller of a scenario, if it can be exported.
 
-    `name`: of the gain set, with its law. Raises InputError if `name` belongs to a law in Python;
-    the message names it.
+    `name` is that of the gain set with its law. Raises InputError if `name` belongs to a law in
+    Python; the message names it.
     """
     if scenario.is_own_law(name):
         raise refusal(name, scenario.law_of(name)[0].name, "paper or exact")

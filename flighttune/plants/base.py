@@ -94,9 +94,8 @@ class Plant(Protocol):
 class WrappedPlant:
     """A plant flown as it is, for a subclass that shows further or other signals of it.
 
-    `plant`: a plant that was not flown before. `further`: signals that the subclass shows after
-    those of the plant. `kind`, `signals`, `limits`: those of the plant; `signals` has `further` at
-    its end.
+    `plant` was not flown before. Kind and limits are those of the plant; `signals` has at its end
+    the `further` ones that the subclass shows.
     """
 
     def __init__(self, plant: Plant, further: tuple[str, ...]) -> None:

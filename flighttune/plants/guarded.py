@@ -14,7 +14,7 @@ FAILURES = (Exception, SystemExit)
 def failure(name: str, error: BaseException, t: float | None) -> str:
     """One line that says what raised, when and why.
 
-    `name`: law or plant. `t` (s): time of the flight, if one had begun.
+    `name` is that of the law or plant, `t` (s) the time of the flight if it had begun.
     """
     frames = traceback.extract_tb(error.__traceback__)
     line = f" (line {frames[-1].lineno} of {frames[-1].name})" if len(frames) > 1 else ""

@@ -10,8 +10,8 @@ def plant_label(kind: str, aircraft: str | None = None, name: str | None = None)
 
     A plant of the user's is called by its name alone.
 
-    `kind`: kind of the plant, as in a scenario. `name`: what tells it from another plant of the
-    same kind and aircraft.
+    `kind` is that in the scenario; `name` distinguishes the plant from another one of the same kind
+    and aircraft.
     """
     if kind == "python" and name:
         return name
@@ -26,7 +26,7 @@ def goes_by(label: str, plant: str | None) -> bool:
 def aircraft_of(label: str, tables: Sequence[Mapping[str, Any]]) -> str | None:
     """The aircraft of a label; None for a plant that is none.
 
-    `label`: as `plant_label` makes it. `tables`: the ``[[plant]]`` tables of the scenario flown, as
+    `label` is one of `plant_label`; `tables` are the ``[[plant]]`` tables of the scenario flown, as
     plain values.
     """
     for table in tables:

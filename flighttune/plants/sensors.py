@@ -95,8 +95,8 @@ class SensedPlant(WrappedPlant):
     """A plant that also shows its course, climb and airspeed as sensors have them.
 
     `plant`: a plant that was not flown before. `errors` (shape (n, 3), rad, rad, m/s): measured
-    minus true value at each of the n times it will be observed. `kind`, `signals`, `limits`: those
-    of the plant; `signals` has `MEASURED` at its end.
+    minus true value at each of the n times it will be observed. Kind and limits are those of the
+    plant; `signals` has `MEASURED` at its end.
     """
 
     def __init__(self, plant: Plant, errors: FloatArray) -> None:

@@ -59,7 +59,7 @@ def arctangent(form: Form, a: Interval, other: Form, b: Interval) -> Form:
     at, over = Interval.point(a.middle), Interval.point(b.middle)
     square = _square(at) + _square(over)
     number = np.arctan2(at.low, over.low)
-    # How far the library's is from the true one: the sine of that, over the distance.
+    # Distance of the library's angle from the true one: the sine of that, over the distance.
     angle = Interval.point(number)
     s, c = sine_and_cosine(angle)
     off = (at * c - over * s).largest / np.sqrt(square.low)

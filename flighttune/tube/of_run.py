@@ -39,11 +39,11 @@ class RunTube:
     """Bounds that hold for the errors of a run, and what they rest on."""
 
     t: FloatArray  # (k,), s: to where the bounds last
-    bounds: FloatArray  # (k, 4), rad: of `TUBE_SIGNALS`
+    bounds: FloatArray  # (k, 4), rad: columns are `TUBE_SIGNALS`
     about: AboutTube
     file: Path
-    computed: bool = False  # by this very call, not read from a file of an earlier one
-    worst: "WorstOfTube | None" = None  # where `flighttune worst` found one
+    computed: bool = False  # in this call; False for a tube read from its file
+    worst: "WorstOfTube | None" = None  # None unless `flighttune worst` was run
 
     @property
     def half_widths(self) -> FloatArray:
@@ -74,7 +74,7 @@ def _as_long(values: FloatArray, names: Sequence[str], samples: int) -> dict[str
 class WorstOfTube:
     """The flight found that comes nearest to leaving a tube."""
 
-    errors: FloatArray  # (samples, 2), rad: of course and flight-path angle
+    errors: FloatArray  # (samples, 2), rad: course and flight-path angle
     about: AboutWorst
 
 
@@ -220,8 +220,8 @@ def _tube(
         raise InputError("a law of one's own has no tube.")
     plant = scenario.plant_table(run.provenance.plant)
     counts = None if plant.aircraft is None else conformance
-    # Where only the starts were drawn, the tube is from all of them: then it is of the flights
-    # counted, and not of the one from the scenario's own start.
+    # Where only the starts were drawn, the tube begins with all of them: it then holds the flights
+    # counted, and not only the flight from the scenario's own start.
     start = None if counts is None else counts.distribution.start_range(scenario, plant)
     return tube(
         scenario,

@@ -181,7 +181,7 @@ def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
     Bounds and choices in it are not trusted before `verify_tube` has checked them. The boxes of an
     aircraft are those of the file, unless there is a conformance to rebuild them from.
 
-    `conformance`: the one that the boxes of an aircraft must come from. Raises InputError if the
+    The boxes of an aircraft must come from `conformance`, if it is there. Raises InputError if the
     file cannot be read, is no tube, or has another reference or other boxes than those rebuilt; the
     message names the file and what is wrong.
     """

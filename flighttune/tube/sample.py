@@ -122,7 +122,7 @@ class SampledLoop:
     # a load factor it is that of steady flight at the path angle of each start.
     start: tuple[float, float, float, float | None]
     exact: bool = False  # whether the point mass turns by its lift, instead of by the paper's law
-    # length 0 or 2: of roll and load factor; only of the exact point mass
+    # Length 0 or 2: lags of roll and load factor; the exact point mass alone has them
     lags: tuple[SampledLag, ...] = ()
     inversion: "Inversion | None" = None  # None for the paper's law
     # shape (k, 4), rad: roll seen by the feed-forward minus that behind the lag: lowest and highest

@@ -47,7 +47,7 @@ class AboutWorst:
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
     tube: str  # SHA-256 in the file of its tube
-    chi: float  # how many times wider the tube is than this flight needs
+    chi: float  # width of the tube over the width that this flight needs
     gamma: float
 
 

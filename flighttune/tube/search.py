@@ -51,7 +51,8 @@ class Search:
         q, f = pieces.values[:, rows, 1:], form.coefficients[:, 1:]
         square = np.maximum((q * q).sum(axis=2), 1e-20)
         along = (q @ f[:, :, np.newaxis])[:, :, 0]
-        # By one constraint alone, by all of them, or by none: least squares, but the shortest sum.
+        # Candidates: each constraint alone, all of them, or none, by least squares. The narrowest
+        # wins.
         single = (along / square)[:, :, np.newaxis] * np.eye(q.shape[1])
         # Regularised: constraints of one piece may repeat each other.
         gram = q @ q.transpose(0, 2, 1) + 1e-6 * square[:, :, np.newaxis] * np.eye(q.shape[1])

@@ -38,7 +38,7 @@ class Point:
     # `R` and `R_bound` (1/s): rate of Q, and a bound on the rate of any other
     R: float
     R_bound: float
-    # `R_K` and `I_K` (1/s and s^2): at the trim
+    # `R_K` and `I_K` (1/s and s^2): indicators at the trim
     R_K: float
     I_K: float
 
@@ -136,7 +136,7 @@ class _Linearised:
         highest, lowest, gram = (
             matrix + combination(self._dk, slopes) for matrix, slopes in self._trim
         )
-        rise, eye = unknown(3), np.eye(n)  # of the three eigenvalues, relative
+        rise, eye = unknown(3), np.eye(n)  # relative changes of the three eigenvalues
         # I_K has sigma_min(A), the root of the smallest eigenvalue of A'A: hence one half.
         return [
             highest << (1.0 + rise[0]) * eye,

@@ -63,7 +63,7 @@ class EnvelopeTuning:
     gains: PIGains | None = None  # if infeasible: those that reach farthest
     R: float = 0.0  # 1/s: rate over the envelope; 0 if infeasible
     R_bound: float = math.inf  # 1/s: no common Q of these gains has a higher one
-    # `R_K` and `I_K` (1/s and s^2): at the trim
+    # `R_K` and `I_K` (1/s and s^2): indicators at the trim
     R_K: float = 0.0
     I_K: float = math.inf
     factor: float = 0.0  # part of the envelope, scaled about the trim, that was reached; 1 if found
@@ -73,8 +73,9 @@ class EnvelopeTuning:
 def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float, hull: Hull = "speed") -> CommonQ:
     """The rate of gains over an envelope of the chi/gamma law, and its common Q.
 
-    `g` (m/s^2). `gains`: from (chi, gamma) to (phi, n_z). `hull`: see `jacobian_hull`; with "speed"
-    the rate is never lower. Raises InputError if `g` is not positive or the channels do not fit.
+    `g` is in m/s^2; `gains` lead from (chi, gamma) to (phi, n_z). `hull`: see `jacobian_hull`; with
+    "speed" the rate is never lower. Raises InputError if `g` is not positive or the channels do not
+    fit.
     """
     return common_Q(vertex_loops(envelope, gains, g=g, hull=hull))
 

@@ -83,10 +83,9 @@ def frontier(
 def frontier_chart(table: "pd.DataFrame", styles: Mapping[str, LineStyle]) -> Chart:
     """Draw the frontier and the marked gains, each with its name.
 
-    `table`: what `frontier` returns. `styles`: of gains, as their runs have them elsewhere; others
-    are dark. Nothing can lie above the curve. A mark that breaks the input limits is
-    hollow, one without a stable loop is left out. I_K is logarithmic where it spans more than one
-    decade.
+    `table` is the result of `frontier`. `styles` are those of the gains in other figures; other
+    gains are dark. Nothing can lie above the curve. A mark that breaks the input limits is hollow,
+    one without a stable loop is left out. I_K is logarithmic where it spans more than one decade.
     """
     along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
     marks = marks[marks["R_K"] > 0.0]

@@ -143,7 +143,7 @@ class SearchSpace:
     # `k_min` and `k_max` (shape (f,)): bounds of the f free gains
     k_min: FloatArray
     k_max: FloatArray
-    # length r: of the rows: ``<input>_max``, ``_min``, ``_rate_max``, ``_rate_min``
+    # length r: names of the rows: ``<input>_max``, ``_min``, ``_rate_max``, ``_rate_min``
     names: tuple[str, ...]
     # `G`, `offset` and `bound` (shapes (r, f), (r,), (r,)): the finite input limits; `offset` comes
     # from the fixed gains.

@@ -27,7 +27,7 @@ class Assessment:
     """Gains measured against a problem."""
 
     K: FloatArray  # shape (m, 2 p): the stacked gains assessed
-    # `R_K`, `I_K` and `spectral_abscissa`: as in `flighttune.theory.indicators.Indicators`
+    # Indicators as in `flighttune.theory.indicators.Indicators`
     R_K: float
     I_K: float
     spectral_abscissa: float

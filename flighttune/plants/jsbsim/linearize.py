@@ -34,7 +34,7 @@ class Mode:
 
     # ``short period``, ``phugoid``, ``dutch roll``, ``roll``, ``spiral``, or what fits best
     name: str
-    eigenvalue: complex  # 1/s: the one with the positive imaginary part of a pair
+    eigenvalue: complex  # 1/s: of a pair the eigenvalue with positive imaginary part
 
     @property
     def natural_frequency(self) -> float:

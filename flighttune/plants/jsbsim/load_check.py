@@ -40,9 +40,9 @@ def check_moves(config: AircraftConfig) -> None:
 
     A check that passed or failed is remembered in this process while the files stay the same.
 
-    `config`: with gains that were made for its files as they are. Raises PlantError if an engine
-    does not run or push, a surface does not move what it should or has no effect over the last half
-    of its travel, or its travel differs from the file.
+    The gains of `config` must have been made for its files as they are. Raises PlantError if an
+    engine does not run or push, a surface does not move what it should or has no effect over the
+    last half of its travel, or its travel differs from the file.
     """
     nominal = config.with_off_nominal(None)
     fault = _fault(Unchanged(nominal, config.gains.made_for if config.gains else None))

@@ -50,12 +50,12 @@ Weigh: TypeAlias = Callable[[AircraftConfig], MassBalance]
 class ModelFolders:
     """Folders in which JSBSim finds an aircraft's main file, its engines and its systems."""
 
-    # `model`, `engines` and `systems`: folder of the main file, which may hold its own ``Engines``
-    # and ``Systems``; those that several models share.
+    # `model` is the folder of the main file, which may have its own ``Engines`` and ``Systems``;
+    # `engines` and `systems` are folders that models share.
     model: Path
     engines: Path
     systems: Path
-    name: str  # of the main file, without ``.xml``
+    name: str  # name of the main file, without ``.xml``
 
     @property
     def file(self) -> Path:

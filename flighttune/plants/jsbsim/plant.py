@@ -324,9 +324,9 @@ def steps_for(config: AircraftConfig, rate: float) -> int:
 def check_off_nominal(config: AircraftConfig) -> None:
     """Refuse an aircraft that cannot be off the nominal as `config` says.
 
-    `config`: with its `off_nominal`. Raises InputError if it lacks what a factor multiplies, or no
-    body has such inertias; the message names the key of the factor. Raises PlantError if its files
-    cannot be read.
+    Raises InputError if the aircraft lacks the property that a factor multiplies, or no body has
+    such inertias; the message names the key of the factor. Raises PlantError if its files cannot be
+    read.
     """
     from flighttune.plants.jsbsim.fdm import weigh
     from flighttune.plants.jsbsim.model_files import main_file_text

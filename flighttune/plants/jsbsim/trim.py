@@ -49,11 +49,10 @@ def interior_root(
     Slopes are one-sided differences; after a step that went well they are brought up to date by
     Broyden's formula instead.
 
-    `residuals`: from n unknowns to n residuals, all of order 1. `start` (shape (n,)): strictly
-    inside the bounds. `bounds` (shape (n,)): lowest and highest value of each unknown. `widths`
-    (shape (n,)): differences of the unknowns that slopes are taken over. `enough`: residual at
-    which the search ends; by default it goes down to rounding. The result is None where a step
-    gains too little, as it does where the root lies beyond the bounds.
+    `residuals` maps n unknowns to n residuals of order 1; `start`, `bounds` (lowest and highest
+    values) and `widths` (differences for the slopes) have shape (n,), and `start` is strictly
+    inside the bounds. The search ends at a residual of `enough`, by default at rounding. The result
+    is None where a step gains too little, as it does where the root lies beyond the bounds.
     """
     lower, upper = bounds
     x, r, slopes, wall = start, residuals(start), None, None
