@@ -30,7 +30,7 @@ import pyarrow.parquet as pq
 
 from flighttune.campaign.engine.flyer import THREADS
 
-RUNS, LOWEST = 2000, 0.95
+RUNS, LOWEST = 2000, 0.9
 LOOK_S = 0.5
 CAMPAIGN = """
 title = "Scaling"
@@ -149,7 +149,7 @@ def _note(main: psutil.Process, busy: dict[int, tuple[str, float]]) -> None:
         except psutil.Error:
             continue
         who = "main and scheduler" if process.pid == main.pid else "workers"
-        who = "flights" if "campaign.engine.flyer" in line else who
+        who = "flights" if "campaign.engine.server" in line else who
         busy[process.pid] = who, used.user + used.system
 
 

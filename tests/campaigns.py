@@ -160,7 +160,7 @@ def wait_until(condition, seconds=60.0):
 
 def flyers(process):
     """The processes that fly below one."""
-    return [p for p in children(process) if "flighttune.campaign.engine.flyer" in _command_line(p)]
+    return [p for p in children(process) if "flighttune.campaign.engine.server" in _command_line(p)]
 
 
 def gone(processes):

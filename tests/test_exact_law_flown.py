@@ -68,7 +68,7 @@ def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
     """R_K is maximised in units in which the problem is the same for any lag of one shape."""
     scenario = manoeuvre(UNUSED["left"], law="exact")
     gains = tune_scenario(scenario, "identified").gains
-    (problem,) = identified_problems(scenario, rates=True)
+    (problem,) = identified_problems(scenario)
     lags = problem.scaling[-2:]
 
     assert gains.law == "exact"

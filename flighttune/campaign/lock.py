@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
 from flighttune.errors import InputError, OutputError
-from flighttune.file_lock import try_lock
 from flighttune.whole_file import reason_of
 
 LOCK = "campaign.lock"
@@ -17,36 +18,25 @@ LOCK = "campaign.lock"
 def locked(folder: Path) -> Iterator[None]:
     """Lock the folder for the block; the system drops the lock of a process that was killed.
 
-    Parameters
-    ----------
-    folder : Path
-        Of a campaign; made where it does not exist.
-
-    Raises
-    ------
-    InputError
-        If another process has locked it.
-    OutputError
-        If the folder cannot be written, or its file system has no locks.
+    The folder is made where it does not exist. InputError if another process has locked it,
+    OutputError if it cannot be written or its file system has no locks.
     """
     path = folder / LOCK
+    lock = FileLock(path, timeout=0.0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = try_lock(path, make=True)
-        if lock is None:
-            raise InputError(f"{folder}: a campaign is being flown into it{_owner(path)}.")
+        lock.acquire()
+    except Timeout as error:
+        raise InputError(f"{folder}: a campaign is being flown into it{_owner(path)}.") from error
     except OSError as error:
         got = reason_of(error)
         raise OutputError(f"{path}: must be writable and locked, got {got}.") from error
     with suppress(OSError):  # the owner is only for the message; the lock works without it
-        os.truncate(lock, 0)
-        os.write(lock, f" by process {os.getpid()} on {socket.gethostname()}".encode())
+        path.write_bytes(f" by process {os.getpid()} on {socket.gethostname()}".encode())
     try:
         yield
     finally:
-        with suppress(OSError):
-            path.unlink()
-        os.close(lock)
+        lock.release()
 
 
 def _owner(path: Path) -> str:

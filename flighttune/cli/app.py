@@ -1,6 +1,5 @@
 """The commands, and how errors end them."""
 
-import gc
 import sys
 from typing import Annotated
 
@@ -25,10 +24,6 @@ from flighttune.cli.tube import tube
 from flighttune.cli.worst import worst
 from flighttune.errors import FlightTuneError
 from flighttune.extras import missing_extra
-
-COLLECT_AFTER = 500_000
-"""New objects between two garbage collections. With the 700 of Python 3.11 a command spends a
-twentieth of its time on them, while it imports modules that stay."""
 
 app = typer.Typer(
     name="flighttune",
@@ -110,12 +105,10 @@ def _options(
 
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
-    gc.set_threshold(COLLECT_AFTER)
     streams = StandardStreams()
     try:
         _run()
     finally:
-        gc.freeze()  # Python collects once more as it ends: 0.1 s where pandas has been imported
         if why := streams.failure():
             fail(f"standard output must be writable, got {why}.", COULD_NOT_RUN)
 

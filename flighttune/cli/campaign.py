@@ -182,38 +182,32 @@ def run(
     A flight that fails is a result: the exit status stays 0. It is 1 if --until-halfwidth was not
     reached, 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
-    from flighttune.campaign.engine.engine import run_campaign  # first, so that copies have it
-    from flighttune.campaign.engine.flyer import flyer_copies
+    from flighttune.campaign.dataset import CAMPAIGN
+    from flighttune.campaign.engine.cost import campaign_cost
+    from flighttune.campaign.engine.engine import run_campaign
     from flighttune.simulate.batch import cores
 
-    # The copies load what flights need while the campaign is planned.
-    with flyer_copies(0 if dry_run or scheduler else workers or cores()) as flyers:
-        folder = out or str(Path("runs") / Path(file).stem)
-        plan = _planned(file, runs, folder, resume=resume)
-        if dry_run:
-            from flighttune.campaign.engine.cost import campaign_cost
-
-            cost, count = campaign_cost(plan), workers or cores()
-            emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count))
-            return
-        from flighttune.campaign.dataset import CAMPAIGN
-
-        try:
-            with campaign_display() as observer:
-                done = run_campaign(
-                    plan,
-                    folder,
-                    workers=workers,
-                    scheduler=scheduler,
-                    resume=resume,
-                    until_halfwidth=until_halfwidth,
-                    observer=observer,
-                    flyers=flyers,
-                )
-        except (CampaignError, OutputError) as error:
-            if not (Path(folder) / CAMPAIGN).exists():
-                raise
-            raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
+    folder = out or str(Path("runs") / Path(file).stem)
+    plan = _planned(file, runs, folder, resume=resume)
+    if dry_run:
+        cost, count = campaign_cost(plan), workers or cores()
+        emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count))
+        return
+    try:
+        with campaign_display() as observer:
+            done = run_campaign(
+                plan,
+                folder,
+                workers=workers,
+                scheduler=scheduler,
+                resume=resume,
+                until_halfwidth=until_halfwidth,
+                observer=observer,
+            )
+    except (CampaignError, OutputError) as error:
+        if not (Path(folder) / CAMPAIGN).exists():
+            raise
+        raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
     emit(done.as_dict(), _outcome_text(done))
     if done.interrupted:
         there = f"{done.runs} of {done.planned} runs are in {done.dataset}"

@@ -24,6 +24,7 @@ EIGENVALUES_A_LINE = 4
 if TYPE_CHECKING:
     from flighttune.certificates import Certificate, Certification, Claim
     from flighttune.control.gains import PIGains
+    from flighttune.control.law import Law
     from flighttune.control.linear_model import LinearModel
     from flighttune.control.margins import LoopMargins
     from flighttune.present.chart import Chart
@@ -71,17 +72,18 @@ def certify(
     check_ending(figure, ".svg", option="--figure")
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
-    own, rates = loaded.is_own_law(name), chosen.law == "exact"
+    law, _ = loaded.law_of(name, chosen)
+    own = not law.by_gains
     identified = not own and loaded.tuning.model == "identified"
     if own:
         model, flown, made = _certified_own(loaded, name, chosen, L_d)
     else:
-        model, flown = loaded.linear_model(rates=rates), chosen
-        made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d)
+        model, flown = loaded.linear_model(law), chosen
+        made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d, law=law)
     found = indicators(closed_loop(model, flown))
-    scaling = None if own else tuning_scaling(loaded, rates=rates)
+    scaling = None if own else tuning_scaling(loaded, law)
     in_tune = None if scaling is None else indicators(closed_loop(model, flown), scaling=scaling)
-    may_grow = envelope and not (own or identified or rates)
+    may_grow = envelope and not (own or identified or law.same_everywhere)
     largest = largest_certified(loaded, chosen) if may_grow else None
     _save(made, out)
     margins = margins_of(model, flown)
@@ -115,10 +117,7 @@ def certify(
                 f"I_K {in_tune.I_K:.4f}{worst if identified and loaded.tuning.robust else ''}"
             )
         yield from margins_text(margins)
-        where = "at every condition identified" if identified else "over the envelope"
-        if rates and not identified:
-            where = "over any envelope: the error dynamics of the exact law are the same everywhere"
-        where = where if envelope else "at the trim"
+        where = _where(law, identified=identified) if envelope else "at the trim"
         yield _certification_text(made, "on its own linear model" if own else where)
         if out is not None and made.certificate is not None:
             yield f"certificate: {out}   (check it with: flighttune verify {out})"
@@ -132,6 +131,17 @@ def certify(
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if made.status != "certified" and (own or envelope or out is not None):
         fail(f"{scenario}: gains {name}: {made.reason}", NO)
+
+
+def _where(law: "Law", *, identified: bool) -> str:
+    """Where a claim over an envelope holds."""
+    if identified:
+        return "at every condition identified"
+    if law.same_everywhere:
+        return (
+            f"over any envelope: the error dynamics of the {law.kind} law are the same everywhere"
+        )
+    return "over the envelope"
 
 
 def _save(made: "Certification", out: Path | None) -> None:
@@ -149,7 +159,7 @@ def _certified_own(
     from flighttune.flight.fly import linear_loop
     from flighttune.flight.own import with_own
 
-    linear = linear_loop(scenario, name, gains, with_own(scenario)[1])
+    linear = linear_loop(with_own(scenario), name, gains)
     if linear is None:
         fail(f"{name}: the law must have `linear()` to be certified, got none.", NO)
     return *linear, certify_model(*linear, L_d=L_d, scenario_sha256=scenario.sha256)

@@ -46,8 +46,7 @@ def gains_table(title: str, gains: "PIGains | None") -> Table:
     """Gains as a table, a row a command; no rows where there are no gains."""
     rows = []
     if gains is not None:
-        units = ("phi [rad]", "n_z [1]") if gains.law == "paper" else ("chi' [1/s]", "gamma' [1/s]")
-        for name, row in zip(units, gains.K, strict=True):
+        for name, row in zip(gains.labels, gains.K, strict=True):
             rows.append((name, *(f"{value:z.4f}" for value in row)))
     return table(title, ("", "e_chi", "e_gamma", "int e_chi", "int e_gamma"), rows)
 

@@ -63,7 +63,6 @@ def frontier(
     points: Annotated[int, Option(min=2, max=1000, help="Points of the frontier.")] = 25,
 ) -> None:
     """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains."""
-    from flighttune.control.exact_law import command_gains, rate_gains
     from flighttune.control.gains import paper_family
     from flighttune.flight.outer_loop import gain_set, tuning_problem
     from flighttune.present.chart import Sheet
@@ -74,19 +73,12 @@ def frontier(
     from flighttune.whole_file import write_text
 
     loaded = load_scenario(scenario)
-    mapped = rate_gains if loaded.for_rates else command_gains
-    flight = loaded.flight
-    known = {
-        **paper_family(),
-        **{
-            name: gain_set(loaded, name)
-            for name in loaded.gain_names
-            if loaded.law_of(name)[0].kind != "python"
-        },
-    }
+    law, flight = loaded.laws[0], loaded.flight
+    own = [name for name in loaded.gain_names if loaded.law_of(name)[0].by_gains]
+    sets = {**paper_family(), **{name: gain_set(loaded, name) for name in own}}
     marked = {
-        name: mapped(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
-        for name, gains in known.items()
+        name: law.gains_from(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
+        for name, gains in sets.items()
         if gains is not None
     }
     found = frontier_table(tuning_problem(loaded), points=points, marked=marked)
@@ -125,10 +117,9 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
         changed = scenario.tuning.model_copy(update={"method": method})
         scenario = scenario.model_copy(update={"tuning": changed})
     result = tune_scenario(scenario)
-    rates = scenario.for_rates
-    model = scenario.linear_model(rates=rates)
+    model = scenario.linear_model()
     margins = margins_of(model, result.gains) if result.status == "optimal" else None
-    scaling = tuning_scaling(scenario, rates=rates)
+    scaling = tuning_scaling(scenario)
     n, _, p = model.shape
     why = diagnosis(tuning_problem(scenario)) if result.status == "infeasible" else None
     answer = {

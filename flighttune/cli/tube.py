@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flighttune.control.gains import PIGains
+    from flighttune.control.law import Law
     from flighttune.scenario.schema import Scenario
     from flighttune.simulate.run import Run
     from flighttune.tube.of_run import RunTubes
@@ -82,11 +83,11 @@ def tube(
     check_ending(out, ".npz")
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
-    if loaded.is_own_law(name):
+    law, _ = loaded.law_of(name, chosen)
+    if not law.by_gains:
         fail(
             f"{scenario}: gains {name}: a tube must be of the paper's law, got one of your own.", NO
         )
-    law = name.rpartition(":")[0] or "exact"
     if largest_disturbance:
         if disturbance is not None or conformance is not None or out is not None:
             raise InputError(
@@ -125,7 +126,13 @@ def tube(
 
 
 def _largest_disturbance(
-    scenario: "Scenario", name: str, gains: "PIGains", *, plant: str | None, start: float, law: str
+    scenario: "Scenario",
+    name: str,
+    gains: "PIGains",
+    *,
+    plant: str | None,
+    start: float,
+    law: "Law",
 ) -> None:
     from flighttune.tube.tube import largest_disturbance
 
@@ -217,13 +224,11 @@ def problem_text(found: "Tube") -> Iterator[str]:
 
 def widths_text(found: "Tube", gains: str) -> Table:
     """The half-widths of a tube as a table; `gains` is what to call its gains."""
-    from flighttune.tube.problem import MODELS
-
     widths = tube_json(found)["half_width_deg"]
     rows = [
         (channel, f"{width['max']:.3f}", f"{width['end']:.3f}") for channel, width in widths.items()
     ]
-    kind = MODELS[found.problem.table.kind]
+    kind = found.problem.table.family.enclosed
     title = f"{found.problem.scenario.title!r}; gains {gains}, {kind}: {found.status}"
     return table(title, ("error", "half-width, largest [deg]", "at the end [deg]"), rows)
 

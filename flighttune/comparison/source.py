@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from flighttune.control.law import split_name
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import fly
 from flighttune.recording.load import load_recording
@@ -66,19 +67,18 @@ def _flown(place: str, choice: str) -> tuple[Run, ...]:
     scenario = load_scenario(place)
     if choice:
         file = Path(choice)
-        law = scenario.laws[0]
         entry: str | GainsTable = choice
         if file.suffix.lower() in GAINS_FILES:
             gains = load_gains(file)
             entry = GainsTable(name=file.stem, **gains.as_lists())
-            law, _ = scenario.law_of(f"{gains.law}:")
+            law = scenario.law_table(f"{gains.law}:")
         else:
-            law, own = scenario.law_of(choice)
+            law, own = scenario.law_table(choice), split_name(choice)[1]
             tables = [g for g in scenario.gains if isinstance(g, GainsTable) and g.name == own]
             entry = tables[0] if tables else own
         own = entry if isinstance(entry, str) else entry.name
         expected = [
-            table for table in scenario.expect if table.gains in (None, *law.names_of([own]))
+            table for table in scenario.expect if table.gains in (None, *law.law().names_of([own]))
         ]
         scenario = scenario.model_copy(update={"law": [law], "gains": [entry], "expect": expected})
     try:

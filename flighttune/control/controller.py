@@ -1,15 +1,17 @@
 """What a control law must do: start at a flight condition, turn measurements into commands."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 from flighttune.arrays import check_finite, check_positive
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.units import G_PAPER
+
+AntiWindup: TypeAlias = Literal["none", "conditional", "back_calculation"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +149,33 @@ class Controller(Protocol):
         ...
 
 
+class Limiter(Protocol):
+    """What the loop records of the limits: the same lists at every sample."""
+
+    @property
+    def u_unsat(self) -> Iterable[float]:
+        """Commands before the limits."""
+        ...
+
+    @property
+    def limited(self) -> Iterable[float]:
+        """0 free, 1 held by a magnitude limit, 2 held by a rate limit."""
+        ...
+
+
+class SelfLimiting:
+    """Base of controllers that apply the limits of their flight themselves.
+
+    The loop records their ``limiter`` and adds no limits of its own. A mark, not a protocol: a
+    controller of a user's may have a ``limiter`` too, and the loop still limits what it commands.
+    """
+
+    @property
+    def limiter(self) -> Limiter:
+        """Commands before the limits, and which limit holds."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LawSetup:
     """What a law is made with for a flight: ``Law(setup, **parameters)``.
@@ -163,6 +192,8 @@ class LawSetup:
         Acceleration of gravity.
     scenario : mapping
         The scenario as it would be written in TOML.
+    anti_windup, tracking_time, schedule_speed, feed_forward
+        The table ``[controller]``, as `MimoPI` takes it.
     """
 
     dt: float
@@ -170,3 +201,7 @@ class LawSetup:
     gains: PIGains | None = None
     g: float = G_PAPER
     scenario: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    anti_windup: AntiWindup = "conditional"
+    tracking_time: float | None = None
+    schedule_speed: float | None = None
+    feed_forward: bool = False

@@ -8,16 +8,17 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from flighttune.arrays import check_positive
-from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
+from flighttune.control.controller import (
+    AntiWindup,
+    FlightCondition,
+    Measured,
+    ReferenceSample,
+    SelfLimiting,
+)
 from flighttune.control.gains import RATES, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
 from flighttune.control.linear_model import LinearModel
-from flighttune.control.mimo_pi import (
-    AntiWindup,
-    PIState,
-    empty_state,
-    tracking_gain_of,
-)
+from flighttune.control.mimo_pi import PIState, empty_state, tracking_gain_of
 from flighttune.errors import InputError, ShapeError
 from flighttune.units import G_PAPER, wrap_angle
 
@@ -89,7 +90,7 @@ class RateLaw(NamedTuple):
     course_first: bool
 
 
-class ExactLaw:
+class ExactLaw(SelfLimiting):
     r"""Course and path angle by exact inversion of the point mass.
 
     The rates wanted are those of the reference and a PI of the errors,
@@ -133,8 +134,6 @@ class ExactLaw:
 
     Attributes
     ----------
-    law : RateLaw
-        What does not change from sample to sample.
     law : RateLaw
         What does not change from sample to sample.
     state : PIState

@@ -16,6 +16,12 @@ RATES = ("chi_dot", "gamma_dot")
 """What gains of the exact law act on: the rates wanted, in place of roll and load factor."""
 
 
+LABELS = {COMMANDS: ("phi [rad]", "n_z [1]"), RATES: ("chi' [1/s]", "gamma' [1/s]")}
+
+LAW_OF_INPUTS = {COMMANDS: "paper", RATES: "exact"}
+"""How files say what gains act on: by the law of ours whose inputs these are."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PIGains:
     """Gains of ``u = K_P e + K_I xi`` with ``d(xi)/dt = e``, m inputs and p errors.
@@ -62,8 +68,13 @@ class PIGains:
 
     @property
     def law(self) -> str:
-        """Whose they are: ``exact`` where they act on rates, else ``paper``."""
-        return "exact" if self.inputs == RATES else "paper"
+        """How files say what they act on: ``exact`` for rates, else ``paper``."""
+        return LAW_OF_INPUTS.get(self.inputs, "paper")
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each row acts on, with its unit."""
+        return LABELS.get(self.inputs, self.inputs)
 
     def as_lists(self) -> dict[str, Any]:
         """``K_P`` and ``K_I`` as nested lists, as files and ``--json`` have them.
@@ -78,9 +89,11 @@ class PIGains:
         cls, K_P: npt.ArrayLike, K_I: npt.ArrayLike, law: str | None = None
     ) -> "PIGains":
         """The gains that `as_lists` wrote."""
-        inputs = RATES if law == "exact" else COMMANDS
+        inputs = {name: inputs for inputs, name in LAW_OF_INPUTS.items()}
         return cls(
-            K_P=read_only_matrix("K_P", K_P), K_I=read_only_matrix("K_I", K_I), inputs=inputs
+            K_P=read_only_matrix("K_P", K_P),
+            K_I=read_only_matrix("K_I", K_I),
+            inputs=inputs.get(law or "", COMMANDS),
         )
 
 

@@ -3,19 +3,23 @@
 import math
 from collections.abc import Mapping, MutableSequence, Sequence
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive
-from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
+from flighttune.control.controller import (
+    AntiWindup,
+    FlightCondition,
+    Measured,
+    ReferenceSample,
+    SelfLimiting,
+)
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import FREE, Limits, limit_command
 from flighttune.errors import InputError, ShapeError
 from flighttune.units import wrap_angle
-
-AntiWindup: TypeAlias = Literal["none", "conditional", "back_calculation"]
 
 Vector: TypeAlias = MutableSequence[Any] | npt.NDArray[Any]
 
@@ -117,7 +121,7 @@ def empty_state(u: Sequence[float]) -> PIState:
     )
 
 
-class MimoPI:
+class MimoPI(SelfLimiting):
     """``u = limit(u_ff + K_P e + K_I integral of e)``, sampled every `dt` seconds.
 
     The integrator is kept per command, in the unit of the command, so that anti-windup acts on the

@@ -7,8 +7,7 @@ from string import Template
 from flighttune import __version__
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.export.law import exported_law, refusal
-from flighttune.flight.fly import plant_of
+from flighttune.flight.fly import law_setup, plant_of
 from flighttune.flight.ladder import aircraft_table
 from flighttune.scenario.schema import Scenario
 from flighttune.whole_file import write_text
@@ -31,12 +30,13 @@ def export_c(
     OutputError if the file cannot be written.
     """
     limits = scenario.limits.limits()
-    if plant is not None or any(table.kind == "jsbsim" for table in scenario.plant):
+    if plant is not None or any(table.aircraft is not None for table in scenario.plant):
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
-    law = exported_law(scenario, name, gains, limits)
-    if not isinstance(law, MimoPI):
-        raise refusal(name, "exact", "paper")
-    write_text(folder / SOURCE, c_source(law, title=scenario.title, gains=name))
+    law, _ = scenario.law_of(name, gains)
+    controller = law.discrete_pi(law_setup(scenario, gains, limits))
+    if controller is None:
+        raise law.refusal("discrete_pi", "exported")
+    write_text(folder / SOURCE, c_source(controller, title=scenario.title, gains=name))
     return folder / SOURCE
 
 

@@ -1,6 +1,7 @@
 """A flight as a folder that JSBSim flies by itself: aircraft, inner and outer loop, script."""
 
 import math
+import shlex
 import shutil
 import sys
 from collections.abc import Iterable, Mapping
@@ -15,18 +16,16 @@ import numpy as np
 
 from flighttune.aircraft.model_xml import found_file
 from flighttune.arrays import FloatArray
-from flighttune.control.exact_law import ExactLaw
+from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.law import OuterLoop
 from flighttune.errors import InputError, OutputError
-from flighttune.export.law import exported_law
-from flighttune.flight.fly import plant_of
+from flighttune.flight.fly import law_setup, plant_of
 from flighttune.flight.ladder import aircraft_table
 from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import EARTH, weigh
 from flighttune.plants.jsbsim.model_files import ModelFolders, model_folders, not_xml
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
-from flighttune.processes import joined
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.units import FT, G_0
@@ -42,8 +41,8 @@ delays of sensors fill, and filters of the model's own flight control settle.
 STRAIGHT = 1e-15
 """Departure from a straight line above which a sample of a reference has a row of its own."""
 
-_OUTER_LOOP, _EXACT_LAW, _SCRIPT = (
-    Path(__file__).with_name(f"{name}.xml") for name in ("outer_loop", "exact_law", "flight")
+_OUTER_LOOP, _SCRIPT = (
+    Path(__file__).with_name(f"{name}.xml") for name in ("outer_loop", "flight")
 )
 
 _MEASURED = {
@@ -51,9 +50,7 @@ _MEASURED = {
     *(f"ft/outer/{name}-rad" for name in ("half-turn-less", "chi-err", "gamma-err")),
     *(f"ft/outer/{u}/{name}" for u in ("phi", "n_z") for name in ("in-force", "low", "high")),
 }
-"""Components of the outer loop that both laws have."""
-
-_NO_BRAKE = 1e300
+"""Components of the outer loop that every law has."""
 
 MOVED_BY_AIR = "wind", "gust", "turbulence"
 
@@ -91,10 +88,14 @@ def export_jsbsim(
         )
     flown = plant_of(table, scenario)
     assert isinstance(flown, JSBSimPlant)
-    law = exported_law(scenario, name, gains, scenario.limits.limits().within(flown.limits))
+    law, _ = scenario.law_of(name, gains)
+    setup = law_setup(scenario, gains, scenario.limits.limits().within(flown.limits))
+    loop = law.outer_loop(setup)
+    if loop is None:
+        raise law.refusal("outer_loop", "exported")
     flown.start(scenario.condition)
     folder = folder.absolute()
-    flight = _Flight(scenario, law, flown)
+    flight = _Flight(scenario, setup, loop, flown)
     try:
         flight.write(folder)
     except OSError as error:
@@ -102,17 +103,20 @@ def export_jsbsim(
     rate = f"--simulation-rate={flight.rate!r}"  # the command takes no step from a script
     console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
     command = [console, f"--root={folder}", rate, f"--outputpath={folder}", f"--script={SCRIPT}"]
-    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, joined(command), flight.t_0)
+    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, shlex.join(command), flight.t_0)
 
 
 class _Flight:
     """One flight: the aircraft at its start, the law, and the samples of what it follows."""
 
-    def __init__(self, scenario: Scenario, law: MimoPI | ExactLaw, plant: JSBSimPlant) -> None:
+    def __init__(
+        self, scenario: Scenario, setup: LawSetup, loop: OuterLoop, plant: JSBSimPlant
+    ) -> None:
         assert plant.fdm is not None
-        self._scenario, self._law, self._fdm = scenario, law, plant.fdm
+        self._scenario, self._fdm = scenario, plant.fdm
+        self._setup, self._loop = setup, loop
         self.rate = self._fdm.rate
-        self._frames = round(self.rate * law.dt)
+        self._frames = round(self.rate * setup.dt)
         # Whole samples of both computers, so that both have one at the start.
         whole = self._frames * self._fdm.steps
         rest = AT_REST + 3.0 * self._fdm.engine_settles
@@ -144,57 +148,43 @@ class _Flight:
         write_text(folder / SCRIPT, self._script(folders.name, rest))
 
     def _outer_loop(self) -> Element:
-        """The law as a system: the paper's, or the exact one behind the same measurements."""
+        """The law as a system: the paper's, or another one behind the same measurements."""
         outer = _parsed(_OUTER_LOOP)
         (channel,) = outer.iterfind("channel")
         channel.set("execrate", str(self._frames))
-        if isinstance(self._law, ExactLaw):
+        if self._loop.components is not None:
             for component in channel.findall("fcs_function"):
                 if component.get("name") not in _MEASURED:
                     channel.remove(component)
-            exact = _parsed(_EXACT_LAW)
-            channel.extend(exact.iterfind("channel/fcs_function"))
-            outer[0:0] = exact.iterfind("property")
+            own = _parsed(_OUTER_LOOP.with_name(self._loop.components))
+            channel.extend(own.iterfind("channel/fcs_function"))
+            outer[0:0] = own.iterfind("property")
         return outer
 
     def _values(self) -> dict[str, float]:
         """Properties of the aircraft at rest before the flight, and those of the law."""
-        law, condition, fdm = self._law, self._scenario.condition, self._fdm
+        setup, condition, fdm = self._setup, self._scenario.condition, self._fdm
         values = {**fdm.settings, **inner_loop_settings(fdm.config)}
         for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
             values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
         for name in (properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD):
             values[name] = fdm.reader(name)()
         values |= {
-            "ft/outer/dt-s": law.dt,
+            "ft/outer/dt-s": setup.dt,
             "ft/outer/phi/start": condition.phi,
             "ft/outer/n_z/start": condition.n_z_start,
+            **self._loop.values,
         }
-        rows = ("phi", "n_z")
-        if isinstance(law, MimoPI):
-            values |= {
-                "ft/outer/conditional": float(law.law.conditional),
-                "ft/outer/tracking-gain": law.law.tracking_gain,
-                "ft/outer/per-speed-s_m": law.law.per_speed,
-                "ft/outer/feed-forward": float(law.feed_forward),
-                "ft/outer/planned": float("ft/outer/plan/n_z" in self._sampled()),
-            }
-        else:
-            rows = ("chi", "gamma")
-            values |= {
-                "ft/outer/conditional": float(law.law.conditional),
-                "ft/outer/tracking-gain": law.law.tracking_gain,
-                "ft/outer/per-speed-s_m": law.law.per_g,
-                "ft/outer/brake": float(min(law.law.brake, _NO_BRAKE)),
-                "ft/outer/lift-floor": law.law.lift_floor,
-                "ft/outer/course-first": float(law.law.course_first),
-            }
-        limits = law.limits
+        if "ft/outer/plan/n_z" in self._sampled():
+            values["ft/outer/planned"] = 1.0
+        limits, gains = setup.limits, setup.gains
+        assert gains is not None
         bounds = (limits.lower, limits.upper, limits.rate_lower, limits.rate_upper)
         for i, command in enumerate(("phi", "n_z")):
             for j, error in enumerate(("chi", "gamma")):
-                values[f"ft/outer/K_P/{rows[i]}-{error}"] = float(law.gains.K_P[i, j])
-                values[f"ft/outer/K_I/{rows[i]}-{error}"] = float(law.gains.K_I[i, j])
+                entry = f"{self._loop.rows[i]}-{error}"
+                values[f"ft/outer/K_P/{entry}"] = float(gains.K_P[i, j])
+                values[f"ft/outer/K_I/{entry}"] = float(gains.K_I[i, j])
             for bound, limit in zip(("min", "max", "rate-min", "rate-max"), bounds, strict=True):
                 values[f"ft/outer/{command}/{bound}"] = float(limit[i])
         return values
@@ -204,15 +194,15 @@ class _Flight:
         t, followed = self._t, self._scenario.followed()
         chi, gamma = followed.sampled(t)
         sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
-        if isinstance(self._law, ExactLaw):
+        if self._loop.takes_rates:
             rates = followed.rates(t)
             for name, rate in zip(("chi", "gamma"), rates, strict=True):
                 sampled[f"ft/outer/{name}-ref-rate-rad_sec"] = rate
-        elif isinstance(followed, FeasibleReference) and self._law.feed_forward:
+        if self._loop.takes_plan and isinstance(followed, FeasibleReference):
             sampled["ft/outer/plan/phi-rad"], sampled["ft/outer/plan/n_z"] = followed.commands(t).T
         if self._scenario.sensors is not None:
             errors = self._scenario.sensors.sensors(self._scenario.seed).errors(
-                len(t), self._law.dt
+                len(t), self._setup.dt
             )
             for name, error in zip(("chi-rad", "gamma-rad", "V_a-mps"), errors.T, strict=True):
                 sampled[f"ft/outer/sensor/{name}"] = error
@@ -220,8 +210,8 @@ class _Flight:
 
     @cached_property
     def _t(self) -> FloatArray:
-        samples = round(self._scenario.flight.duration_s / self._law.dt)
-        return np.arange(samples + 1, dtype=np.float64) * self._law.dt
+        samples = round(self._scenario.flight.duration_s / self._setup.dt)
+        return np.arange(samples + 1, dtype=np.float64) * self._setup.dt
 
     def _start(self) -> str:
         read = self._fdm.reader
@@ -246,7 +236,7 @@ class _Flight:
         tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/contents-lbs")]
         at_start = {name: fdm.reader(name)() for name in properties.TRIMS}
         at_start |= {properties.ENGAGED: 1.0, "ft/outer/engaged": 1.0}
-        at_start["simulation/output/log_rate_hz"] = 1.0 / self._law.dt
+        at_start["simulation/output/log_rate_hz"] = 1.0 / self._setup.dt
         at_rest = {**values, **rates, **dict.fromkeys(moving, 0.0)}
         return _SCRIPT.read_text(encoding="utf-8").format(
             title=escape(self._scenario.title, {'"': "&quot;"}),
@@ -265,7 +255,7 @@ class _Flight:
             t_0=t_0,
             before=t_0 - half,
             after=t_0 + half,
-            sample=self._law.dt,
+            sample=self._setup.dt,
             tanks=_sets({name: fdm.reader(name)() for name in tanks}),
             at_start=_sets(at_start),
             moving=_sets(moving),

@@ -13,24 +13,23 @@ from typing import Protocol
 import pandas as pd
 
 from flighttune.control.controller import LawSetup
-from flighttune.control.exact_law import ExactLaw, acts_on_rates
 from flighttune.control.gains import PIGains
+from flighttune.control.guarded import LawError
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
-from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import TrimError
 from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.flight.outer_loop import gain_sets
-from flighttune.flight.own import LawMaker, Own, PlantMaker, with_own
+from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.metrics import metric_tables
 from flighttune.plants.air_path import AirPathPlant
 from flighttune.plants.base import Plant
+from flighttune.plants.guarded import GuardedPlant
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.wind import WIND, WindRecord
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
-from flighttune.simulate.guarded import GuardedLaw, LawError
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.theory.indicators import Indicators, indicators
@@ -150,55 +149,43 @@ def fly(
     PlantError
         If an aircraft cannot be built.
     """
-    scenario, own = with_own(scenario, laws, plants)
+    scenario = with_own(scenario, laws, plants)
     check_aircraft(scenario, scenario.title)
     sets, tuning = gain_sets(scenario)
     indicators_of = {}
     for name, gains in sets.items():
-        linear = None if gains is None else linear_loop(scenario, name, gains, own)
+        linear = None if gains is None else linear_loop(scenario, name, gains)
         if linear is not None:
             indicators_of[name] = indicators(closed_loop(*linear))
-    runs = _flights(scenario, sets, own, progress, observer)
+    runs = _flights(scenario, sets, progress, observer)
     return FlownScenario(scenario, runs, MappingProxyType(indicators_of), tuning)
 
 
 def linear_loop(
-    scenario: Scenario, name: str, gains: PIGains, own: Own
+    scenario: Scenario, name: str, gains: PIGains
 ) -> tuple[LinearModel, PIGains] | None:
-    """The linear model that a law acts on, and its gains.
+    """The linear model that a law acts on, and its gains; None where it has none.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    name : str
-        Of the gain set, with its law.
-    gains : PIGains
-    own : Own
-        Laws of the user's: what their ``linear()`` returns is taken.
-
-    Returns
-    -------
-    model : LinearModel
-    gains : PIGains
-        None of both where a law of the user's has no linear model.
+    The scenario holds the classes of the user's laws, as `with_own` returns it.
     """
-    law, _ = scenario.law_of(name)
-    if law.kind != "python":
-        return scenario.linear_model(rates=acts_on_rates(gains)), gains
-    limits = scenario.limits.limits()
-    with suppress(LawError):
-        return own.law(law, law_setup(scenario, gains, limits)).linear()
-    return None
+    law, _ = scenario.law_of(name, gains)
+    setup = law_setup(scenario, gains, scenario.limits.limits())
+    return law.loop(scenario.linear_model(law), gains, setup)
 
 
 def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
-    """What a law of the user's is made with."""
+    """What a law of a scenario is made with."""
+    settings, flight = scenario.controller, scenario.flight
     return LawSetup(
-        dt=1.0 / scenario.controller.rate_hz,
+        dt=1.0 / settings.rate_hz,
         limits=limits,
         gains=gains,
-        g=scenario.flight.g_mps2,
+        g=flight.g_mps2,
         scenario=scenario.as_dict(),
+        anti_windup=settings.anti_windup,
+        tracking_time=settings.tracking_time_s,
+        schedule_speed=flight.V_a_mps if settings.schedule else None,
+        feed_forward=settings.feed_forward,
     )
 
 
@@ -206,7 +193,6 @@ def plant_of(
     table: PlantTable,
     scenario: Scenario,
     wind: WindRecord | None = None,
-    own: Own | None = None,
 ) -> Plant:
     """A fresh plant of a scenario, ready to start.
 
@@ -218,8 +204,6 @@ def plant_of(
         Its weather, seed and rates.
     wind : WindRecord, optional
         What a plant that is no aircraft flies in; still air by default.
-    own : Own, optional
-        Plants of the user's; by default those of the files that the scenario names.
 
     Raises
     ------
@@ -228,14 +212,14 @@ def plant_of(
     PlantError
         If the aircraft cannot be built.
     """
-    if table.kind == "python":
-        return (own or with_own(scenario)[1]).plant(table)
+    if table.of_the_user:
+        return GuardedPlant.made(table.label, table.maker, table.parameters or {})
     if table.aircraft is None:
         return PointMassPlant(
             table.lags(),
             wind=wind,
             disturbance=scenario.disturbance and scenario.disturbance.sinusoid(),
-            law="paper" if table.kind == "kinematic" else "exact",
+            law=table.family.turn,
             g=scenario.flight.g_mps2,
         )
     from flighttune.aircraft.aircraft import load_aircraft
@@ -271,7 +255,6 @@ def steered(plant: Plant, scenario: Scenario) -> Plant:
 def _flights(
     scenario: Scenario,
     sets: Mapping[str, PIGains | None],
-    own: Own,
     progress: Progress | None,
     observer: Observer | None,
 ) -> tuple[Run, ...]:
@@ -293,7 +276,6 @@ def _flights(
                     gains,
                     name,
                     wind_run=runs[source.label, name] if source and replays else None,
-                    own=own,
                     progress=progress,
                     observer=observer,
                 )
@@ -308,7 +290,6 @@ def fly_alone(
     gains_name: str,
     *,
     wind_run: Run | None = None,
-    own: Own | None = None,
     progress: Progress | None = None,
     observer: Observer | None = None,
 ) -> Run:
@@ -325,8 +306,6 @@ def fly_alone(
     wind_run : Run, optional
         The flight of the same gains whose wind a plant that is no aircraft replays; without one it
         flies in the steady wind of the scenario.
-    own : Own, optional
-        Laws and plants of the user's; by default those of the files that the scenario names.
     progress, observer
         As of `fly`.
 
@@ -340,11 +319,10 @@ def fly_alone(
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         made_by = _provenance(scenario, table.label, gains_name, gains)
         return _unflown(made_by, wind_run.status, reason)
-    own = with_own(scenario)[1] if own is None else own
-    wind = _steady_wind(scenario)
+    scenario, wind = with_own(scenario), _steady_wind(scenario)
     if wind_run is not None and len(wind_run.signals):
         wind = wind_met(wind_run)
-    plant = plant_of(table, scenario, wind, own)
+    plant = plant_of(scenario.plant_table(table.label), scenario, wind)
     if observer is not None:
         plant = observer.watch(plant, f"{table.label} / {gains_name}")
     return fly_once(
@@ -353,7 +331,6 @@ def fly_alone(
         gains,
         plant_label=table.label,
         gains_name=gains_name,
-        own=own,
         progress=progress,
     )
 
@@ -381,7 +358,6 @@ def fly_once(
     plant_label: str,
     gains_name: str,
     limits: Limits | None = None,
-    own: Own | None = None,
     progress: Progress | None = None,
 ) -> Run:
     """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
@@ -397,8 +373,6 @@ def fly_once(
         Names in the run's label.
     limits : Limits, optional
         Of the commands; by default those of the scenario and of the plant.
-    own : Own, optional
-        Laws of the user's; by default those of the files that the scenario names.
     progress : callable, optional
         Called with how far the run is.
 
@@ -421,19 +395,14 @@ def fly_once(
     duration = scenario.flight.duration_s
     if limits is None:
         limits = scenario.limits.limits().within(plant.limits)
-    controller: MimoPI | ExactLaw | GuardedLaw
-    if scenario.is_own_law(gains_name):
-        law, _ = scenario.law_of(gains_name)
-        # what it flies by is its own
-        made_by = _provenance(scenario, plant_label, gains_name, None)
-        try:
-            own = with_own(scenario)[1] if own is None else own
-            controller = own.law(law, law_setup(scenario, gains, limits))
-        except LawError as error:
-            return _unflown(made_by, "law_failed", str(error))
-    else:
-        made_by = _provenance(scenario, plant_label, gains_name, gains)
-        controller = controller_of(scenario, gains_name, gains, limits)
+    scenario = with_own(scenario)
+    law, _ = scenario.law_of(gains_name, gains)
+    # A law that gains do not describe flies by something of its own, and its run has none.
+    made_by = _provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
+    try:
+        controller = law.controller(law_setup(scenario, gains, limits))
+    except LawError as error:
+        return _unflown(made_by, "law_failed", str(error))
     label = f"{plant_label} / {gains_name}"
     try:
         signals, stop = simulate(
@@ -456,44 +425,6 @@ def fly_once(
         reason="" if stop is None else stop.reason,
         provenance=replace(made_by, wall_s=wall_s),
         units={name: u for name, u in controller.signals.items() if name not in SIGNAL_UNITS},
-    )
-
-
-def controller_of(
-    scenario: Scenario, gains_name: str, gains: PIGains, limits: Limits
-) -> MimoPI | ExactLaw:
-    """A fresh controller of a scenario, in limits.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Its laws, controller settings and gravity.
-    gains_name : str
-        ``LAW:GAINS``, or of gains with the paper's law; gains that act on rates fly the exact law.
-    gains : PIGains
-    limits : Limits
-        Of the commands.
-    """
-    settings = scenario.controller
-    if not acts_on_rates(gains):
-        return MimoPI(
-            gains,
-            limits,
-            dt=1.0 / settings.rate_hz,
-            anti_windup=settings.anti_windup,
-            tracking_time=settings.tracking_time_s,
-            schedule_speed=scenario.flight.V_a_mps if settings.schedule else None,
-            feed_forward=settings.feed_forward,
-        )
-    law, _ = scenario.law_of(gains_name if ":" in gains_name else "exact:")
-    return ExactLaw(
-        gains,
-        limits,
-        dt=1.0 / settings.rate_hz,
-        anti_windup=settings.anti_windup,
-        tracking_time=settings.tracking_time_s,
-        g=scenario.flight.g_mps2,
-        **law.exact_options()._asdict(),
     )
 
 

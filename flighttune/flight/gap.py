@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 
-from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
@@ -142,7 +141,7 @@ def explain_gap(
         reason=f"{aircraft.label}: {aircraft.status}: {aircraft.reason}",
         runs=(aircraft,),
         indicators=indicators(
-            closed_loop(scenario.kinematic_model(rates=acts_on_rates(gains)), gains)
+            closed_loop(scenario.kinematic_model(scenario.law_of(name, gains)[0]), gains)
         ),
     )
 
@@ -182,7 +181,7 @@ def explain_flight(
         reason=f"{early[0].label}: {early[0].reason}" if early else "",
         runs=(*ladder.runs[:-1], with_mismatch(top, found, check)),
         indicators=indicators(
-            closed_loop(scenario.kinematic_model(rates=acts_on_rates(gains)), gains)
+            closed_loop(scenario.kinematic_model(aircraft.provenance.law), gains)
         ),
         ladder=ladder,
         mismatch=found,

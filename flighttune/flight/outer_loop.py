@@ -7,8 +7,8 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.certificates import Certification, certify
 from flighttune.control.envelope import Envelope
-from flighttune.control.exact_law import acts_on_rates, command_gains, rate_gains
-from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
+from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGains, paper_family
+from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, ScenarioError
 from flighttune.identify.model import DesignModel
@@ -28,14 +28,14 @@ INTEGRAL_TIME = 4.0
 """Of the course loop over the time by which a limited roll is late: design/roll_rate.md."""
 
 
-def tuning_problem(scenario: Scenario, *, rates: bool | None = None) -> TuningProblem:
+def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     """The optimisation model for a scenario, on the model that its [tuning] names.
 
     Parameters
     ----------
     scenario : Scenario
-    rates : bool, optional
-        Of the exact law; by default where that is the scenario's first.
+    law : Law, optional
+        Whose gains; by default the scenario's first.
 
     Returns
     -------
@@ -49,32 +49,31 @@ def tuning_problem(scenario: Scenario, *, rates: bool | None = None) -> TuningPr
     feed-forward is not counted.
     """
     settings = scenario.tuning
-    rates = scenario.for_rates if rates is None else rates
     if settings.model == "identified":
-        return identified_problems(scenario, rates=rates)[0]
-    scaling = tuning_scaling(scenario, rates=rates)
-    return _problem(scenario, scenario.linear_model(rates=rates), scaling, settings.I_star)
+        return identified_problems(scenario, law)[0]
+    scaling = tuning_scaling(scenario, law)
+    return _problem(scenario, scenario.linear_model(law), scaling, settings.I_star)
 
 
-def tuning_scaling(scenario: Scenario, *, rates: bool = False) -> FloatArray | None:
+def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | None:
     """Units of state in which R_K is maximised, shape (n + p,); None where they are plain.
 
-    Of the first condition where [tuning] says ``robust``; with `rates` for the exact law.
+    Those of the first condition where [tuning] says ``robust``, and of the first law by default.
     """
     settings = scenario.tuning
     if settings.model == "identified":
-        return scenario.identified_models(rates=rates)[0].scaling
+        return scenario.identified_models(law)[0].scaling
     return None if settings.state_scaling is None else np.array(settings.state_scaling)
 
 
-def identified_problems(scenario: Scenario, *, rates: bool = False) -> tuple[TuningProblem, ...]:
+def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[TuningProblem, ...]:
     """The problems whose smallest R_K the gains named ``tuned_identified`` maximise.
 
     Parameters
     ----------
     scenario : Scenario
-    rates : bool
-        Of the exact law instead of the paper's.
+    law : Law, optional
+        Whose gains; by default the scenario's first.
 
     Returns
     -------
@@ -87,13 +86,14 @@ def identified_problems(scenario: Scenario, *, rates: bool = False) -> tuple[Tun
     InputError, ScenarioError
         If there is no identified model.
     """
+    law = law or scenario.laws[0]
     return tuple(
-        _problem(scenario, one.model, one.scaling, math.inf, _followed_roll(scenario, one, rates))
-        for one in scenario.identified_models(rates=rates)
+        _problem(scenario, at.model, at.scaling, math.inf, _followed_roll(scenario, at, law))
+        for at in scenario.identified_models(law)
     )
 
 
-def _followed_roll(scenario: Scenario, one: DesignModel, rates: bool) -> tuple[float, float]:
+def _followed_roll(scenario: Scenario, at: DesignModel, law: Law) -> tuple[float, float]:
     """Largest K_P and K_I from course to roll that the rate limit of roll can follow.
 
     From the largest bank phi, roll taken out at its largest rate and late by its lag turns the
@@ -105,8 +105,8 @@ def _followed_roll(scenario: Scenario, one: DesignModel, rates: bool) -> tuple[f
     phi, rate = min(limits.upper[0], -limits.lower[0]), limits.rate_upper[0]
     if not scenario.tuning.roll_rate or not np.isfinite([phi, rate]).all():
         return math.inf, math.inf
-    roll_per_turn = 1.0 if rates else one.V_a / scenario.flight.g_mps2
-    late = phi / (2.0 * rate) + one.roll_lag
+    roll_per_turn = law.command_per_rate(at.V_a, scenario.flight.g_mps2)
+    late = phi / (2.0 * rate) + at.roll_lag
     return roll_per_turn / late, roll_per_turn / (INTEGRAL_TIME * late**2)
 
 
@@ -136,7 +136,7 @@ def _problem(
 
 
 def tune_scenario(
-    scenario: Scenario, model: TuningModel | None = None, *, rates: bool | None = None
+    scenario: Scenario, model: TuningModel | None = None, *, law: Law | None = None
 ) -> TuningResult:
     """The gains named ``tuned`` of a scenario, and how they were found.
 
@@ -146,8 +146,8 @@ def tune_scenario(
     model : "kinematic" or "identified", optional
         By default what the scenario's [tuning] says. On the identified model each channel is tuned
         by itself, for the smallest R_K over the models of `identified_problems`.
-    rates : bool, optional
-        For the exact law; by default where that is the scenario's first.
+    law : Law, optional
+        Whose gains; by default the scenario's first.
 
     Raises
     ------
@@ -155,11 +155,9 @@ def tune_scenario(
         If an identified model is needed and missing.
     """
     settings = scenario.tuning
-    rates = scenario.for_rates if rates is None else rates
     if (model or settings.model) == "identified":
-        return tune_worst_case(identified_problems(scenario, rates=rates), starts=settings.starts)
-    problem = tuning_problem(scenario, rates=rates)
-    return tune(problem, method=settings.method, starts=settings.starts)
+        return tune_worst_case(identified_problems(scenario, law), starts=settings.starts)
+    return tune(tuning_problem(scenario, law), method=settings.method, starts=settings.starts)
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
@@ -172,15 +170,15 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
     tuning : TuningResult or None
         For the first law, where the scenario asks for it.
     """
-    tunings: dict[bool, TuningResult] = {}
-    if TUNED in scenario.gains:
-        for rates in dict.fromkeys(law.acts_on_rates for law in scenario.laws):
-            tunings[rates] = tune_scenario(scenario, rates=rates)
+    tunings: dict[str, TuningResult] = {}
+    for law in scenario.laws if TUNED in scenario.gains else ():
+        if law.tuned_as not in tunings:
+            tunings[law.tuned_as] = tune_scenario(scenario, law=law)
     sets = {}
     for name in scenario.gain_names:
         law, _ = scenario.law_of(name)
-        sets[name] = gain_set(scenario, name, tunings.get(law.acts_on_rates))
-    return sets, tunings.get(scenario.for_rates)
+        sets[name] = gain_set(scenario, name, tunings.get(law.tuned_as))
+    return sets, tunings.get(scenario.laws[0].tuned_as)
 
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
@@ -193,7 +191,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     name : str
         ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains given as
         numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the law,
-        others are mapped to it (`rate_gains`).
+        others are mapped to it (`Law.gains_from`).
     tuning : TuningResult, optional
         Result for ``tuned``; found anew by default.
 
@@ -208,18 +206,15 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
         If there are no such gains.
     """
     law, own = scenario.law_of(name)
-    rates = law.acts_on_rates
-    only_exact = all(one.acts_on_rates for one in scenario.laws)
-    given = {
-        e.name: e.gains("exact" if only_exact else "paper")
-        for e in scenario.gains
-        if isinstance(e, GainsTable)
-    }
+    inputs = {law.inputs for law in scenario.laws}
+    # Numbers that do not say what they act on are those of the only kind of gains there is.
+    untold = LAW_OF_INPUTS[inputs.pop() if len(inputs) == 1 else COMMANDS]
+    given = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
     if own in (TUNED, TUNED_IDENTIFIED) and own not in given:
         if own == TUNED_IDENTIFIED:
-            tuning = tune_scenario(scenario, "identified", rates=rates)
+            tuning = tune_scenario(scenario, "identified", law=law)
         elif tuning is None:
-            tuning = tune_scenario(scenario, rates=rates)
+            tuning = tune_scenario(scenario, law=law)
         return tuning.gains if tuning.status == "optimal" else None
     known = {**paper_family(), **given}
     if own not in known:
@@ -227,8 +222,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
         raise InputError(
             f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(own, names)}"
         )
-    V_a, g = scenario.flight.V_a_mps, scenario.flight.g_mps2
-    return (rate_gains if rates else command_gains)(known[own], V_a=V_a, g=g)
+    return law.gains_from(known[own], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
 
 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
@@ -268,7 +262,12 @@ def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
 
 
 def certify_scenario(
-    scenario: Scenario, gains: PIGains, *, envelope: bool = False, L_d: float | None = None
+    scenario: Scenario,
+    gains: PIGains,
+    *,
+    envelope: bool = False,
+    L_d: float | None = None,
+    law: Law | None = None,
 ) -> Certification:
     """A certificate of gains on the linear model of a scenario, or the reason for its absence.
 
@@ -282,6 +281,8 @@ def certify_scenario(
         identified model, at every condition identified and for every mixture of their loops.
     L_d : float, rad/s^2, optional
         Bound of the disturbance's derivative; by default that of the scenario's sinusoid, if any.
+    law : Law, optional
+        Law that flies the gains; by default the first of the scenario that takes them.
 
     Returns
     -------
@@ -298,13 +299,13 @@ def certify_scenario(
     if L_d is None and scenario.disturbance is not None:
         bound = scenario.disturbance.sinusoid().rate_bound
         L_d = bound if 0.0 < bound < math.inf else None
-    rates = acts_on_rates(gains)
+    law = law or scenario.law_for(gains)
     identified = envelope and scenario.tuning.model == "identified"
-    # The error dynamics of the exact law are one linear model over any envelope.
-    ranges = trim_and_envelope(scenario)[1] if envelope and not (identified or rates) else None
-    everywhere = _identified_everywhere(scenario, rates=rates) if identified else ()
+    varies = envelope and not (identified or law.same_everywhere)
+    ranges = trim_and_envelope(scenario)[1] if varies else None
+    everywhere = _identified_everywhere(scenario, law) if identified else ()
     return certify(
-        scenario.linear_model(rates=rates),
+        scenario.linear_model(law),
         gains,
         envelope=ranges,
         g=None if ranges is None else scenario.flight.g_mps2,
@@ -334,15 +335,15 @@ def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
     InputError, ScenarioError
         If there is no identified model, or the conditions have lags of different order.
     """
-    models = _identified_everywhere(scenario, rates=acts_on_rates(gains))
+    models = _identified_everywhere(scenario, scenario.law_for(gains))
     loops = [scaled(closed_loop(one.model, gains), one.scaling) for one in models]
     return common_Q(np.array(loops))
 
 
-def _identified_everywhere(scenario: Scenario, *, rates: bool) -> tuple[DesignModel, ...]:
+def _identified_everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, ...]:
     """The identified models of every condition of the file, all of one order."""
     everywhere = scenario.tuning.model_copy(update={"robust": True})
-    models = scenario.model_copy(update={"tuning": everywhere}).identified_models(rates=rates)
+    models = scenario.model_copy(update={"tuning": everywhere}).identified_models(law)
     orders = sorted({len(one.model.states) for one in models})
     if len(orders) > 1:
         raise InputError(

@@ -1,22 +1,20 @@
 """Laws and plants of the user's: classes given from Python, or in files that a scenario names."""
 
 import inspect
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
-from flighttune.control.controller import Controller, LawSetup
+from flighttune.control.controller import Controller
+from flighttune.control.guarded import FAILURES, failure
 from flighttune.errors import ScenarioError
 from flighttune.plants.base import Plant
-from flighttune.plants.guarded import FAILURES, GuardedPlant, failure
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
-from flighttune.simulate.guarded import GuardedLaw, LawError
 
 LawMaker = Callable[..., Controller]
 """Called with a `LawSetup` and the parameters of a scenario's table, for every flight."""
@@ -24,61 +22,15 @@ LawMaker = Callable[..., Controller]
 PlantMaker = Callable[..., Plant]
 """Called with the parameters of a scenario's table, for every flight."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Own:
-    """Classes of the user's, by the name of the law or the label of the plant.
-
-    Attributes
-    ----------
-    laws : mapping of str to callable
-    plants : mapping of str to callable
-    """
-
-    laws: Mapping[str, LawMaker] = field(default_factory=dict)
-    plants: Mapping[str, PlantMaker] = field(default_factory=dict)
-
-    def law(self, table: LawTable, setup: LawSetup) -> GuardedLaw:
-        """A fresh law for a flight.
-
-        Raises
-        ------
-        LawError
-            If it cannot be made, or has another sample time than the flight.
-        """
-        name = f"law {table.name}"
-        try:
-            law = self.laws[table.name](setup, **(table.parameters or {}))
-            guarded = GuardedLaw(law, setup.limits, name)
-        except FAILURES as error:
-            raise LawError(failure(name, error, 0.0)) from error
-        if guarded.dt != setup.dt:
-            raise LawError(
-                f"{name}: `dt` must be that of the flight, {setup.dt:g} s, got {law.dt}."
-            )
-        return guarded
-
-    def plant(self, table: PlantTable) -> GuardedPlant:
-        """A fresh plant for a flight.
-
-        Raises
-        ------
-        ScenarioError
-            If it cannot be made.
-        """
-        name = f"plant {table.label}"
-        try:
-            return GuardedPlant(self.plants[table.label](**(table.parameters or {})), name)
-        except FAILURES as error:
-            raise ScenarioError(failure(name, error, 0.0)) from error
+T = TypeVar("T", LawTable, PlantTable)
 
 
 def with_own(
     scenario: Scenario,
     laws: Mapping[str, LawMaker] | None = None,
     plants: Mapping[str, PlantMaker] | None = None,
-) -> tuple[Scenario, Own]:
-    """A scenario with the user's laws and plants in it, and their classes.
+) -> Scenario:
+    """A scenario whose tables of the user's laws and plants hold their classes.
 
     Parameters
     ----------
@@ -88,9 +40,8 @@ def with_own(
 
     Returns
     -------
-    scenario : Scenario
-        The same where no further law or plant is given.
-    own : Own
+    Scenario
+        The same where it has no law or plant of the user's.
 
     Raises
     ------
@@ -98,23 +49,35 @@ def with_own(
         If a file or class that the scenario names cannot be loaded, is not the one it was, or a
         law or plant that was given from Python is not given now.
     """
-    laws, plants = dict(laws or {}), dict(plants or {})
-    tables = scenario.as_dict()
-    known = {law.name for law in scenario.laws}
-    more = [_python(name, made) for name, made in laws.items() if name not in known]
+    laws, plants = laws or {}, plants or {}
+    names = {law.name for law in scenario.laws}
+    more = [_python(name, made) for name, made in laws.items() if name not in names]
     labels = {plant.label for plant in scenario.plant}
     flown = [_python(name, made) for name, made in plants.items() if name not in labels]
     if more or flown:
-        given = [law.model_dump(exclude_none=True) for law in scenario.laws]
-        tables |= {"law": [*given, *more], "plant": [*tables["plant"], *flown]}
+        tables = scenario.as_dict()
+        listed = [law.model_dump(exclude_none=True) for law in scenario.law_tables]
+        tables |= {"law": [*listed, *more], "plant": [*tables["plant"], *flown]}
         scenario = Scenario.model_validate(tables)
-    for table in scenario.laws:
-        if table.kind == "python" and table.name not in laws:
-            laws[table.name] = _loaded(scenario, "law", table.name, table)
-    for table in scenario.plant:
-        if table.kind == "python" and table.label not in plants:
-            plants[table.label] = _loaded(scenario, "plant", table.label, table)
-    return scenario, Own(laws=laws, plants=plants)
+    if not any(table.of_the_user for table in (*scenario.law_tables, *scenario.plant)):
+        return scenario
+    bound = {
+        "law": scenario.law and _bound(scenario.title, "law", scenario.law, laws),
+        "plant": _bound(scenario.title, "plant", scenario.plant, plants),
+    }
+    return scenario.model_copy(update=bound)
+
+
+def _bound(
+    title: str, key: str, tables: Sequence[T], made: Mapping[str, Callable[..., Any]]
+) -> list[T]:
+    """Tables of which those of the user's hold their classes."""
+    bound = list(tables)
+    for i, table in enumerate(tables):
+        maker = made.get(table.name or "")
+        if table.of_the_user and (maker or table.maker is None):
+            bound[i] = table.made_by(maker or _loaded(title, key, table))
+    return bound
 
 
 def _python(name: str, made: Any) -> dict[str, Any]:
@@ -128,8 +91,9 @@ def _python(name: str, made: Any) -> dict[str, Any]:
         return table
 
 
-def _loaded(scenario: Scenario, key: str, name: str, table: LawTable | PlantTable) -> Any:
-    where = f"{scenario.title}: [[{key}]] {name}"
+def _loaded(title: str, key: str, table: LawTable | PlantTable) -> Any:
+    name = table.name
+    where = f"{title}: [[{key}]] {name}"
     if table.module is None or table.class_ is None:
         raise ScenarioError(
             f"{where}: `module` and `class` must be given in the scenario, or the class from "

@@ -20,8 +20,8 @@ from flighttune.guarantee.mismatch import (
     LEAST_SAMPLES,
     Mismatch,
     flies_the_law,
-    law_of,
     mismatch,
+    trim_of,
 )
 from flighttune.guarantee.ultimate_set import (
     ROUNDING,
@@ -154,13 +154,14 @@ def flight_check(run: Run) -> FlightCheck | None:
         None if there is no guarantee: no gains, an unstable loop, a flight of fewer than four
         samples, or signals of the loop that are missing.
     """
-    law, gains, signals = law_of(run), run.provenance.gains, run.signals
-    if law is None or gains is None or len(signals) < LEAST_SAMPLES:
+    trim, gains, signals = trim_of(run), run.provenance.gains, run.signals
+    if trim is None or gains is None or len(signals) < LEAST_SAMPLES:
         return None
     if not set(NEEDED) <= set(signals) or not np.isfinite(signals[list(NEEDED)].to_numpy()).all():
         return None
     try:
-        loop, found = certified_loop(law.model(gains), gains), mismatch(run)
+        loop = certified_loop(run.provenance.law.linear_model(trim), gains)
+        found = mismatch(run)
     except InputError:  # a first reference at the vertical, gains of other channels
         return None
     return loop and check_against(run, loop, found)
@@ -193,8 +194,8 @@ def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck
     references = signals["chi_ref"].to_numpy(), signals["gamma_ref"].to_numpy()
     errors = signals["chi_err"].to_numpy(), signals["gamma_err"].to_numpy()
     t = run.t
-    rates = found.rates[:, 0], found.rates[:, 1]
-    flown = error_states(t, errors=errors, references=references, rates=rates)
+    turning = found.rates[:, 0], found.rates[:, 1]
+    flown = error_states(t, errors=errors, references=references, rates=turning)
     limited = np.zeros(len(t) - 1, dtype=bool)
     for name in LIMITED:
         if name in signals:

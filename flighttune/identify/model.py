@@ -1,12 +1,12 @@
 """An aircraft's inner loop as it was identified, at one or more flight conditions."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from flighttune.arrays import FloatArray
-from flighttune.control.exact_law import rate_model
-from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
-from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.control.inner_loop import InnerLag, with_inner_loop
+from flighttune.control.law import Law, Trim, made_law
+from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.present.tables import Table
 from flighttune.units import DEG
@@ -95,11 +95,6 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
     )
 
 
-# Lags of its channel over which an error of the exact law counts as much as its rate, 1/s:
-# design/exact_gains.md.
-LAGS_PER_ERROR = 3.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignModel:
     """The chi/gamma law behind an identified inner loop: what gains are designed on."""
@@ -120,7 +115,7 @@ def design_model(
     gamma: float | None = None,
     hold: float = 0.0,
     schedule_speed: float | None = None,
-    rates: bool = False,
+    law: Law | None = None,
 ) -> DesignModel:
     """Return the plant of the outer loop: the chi/gamma law behind the identified inner loop.
 
@@ -136,11 +131,9 @@ def design_model(
     schedule_speed : float, m/s, optional
         Airspeed for which gains that grow with airspeed are given: the inputs of the law are then
         scaled by ``V_a / schedule_speed``, which is the same loop.
-    rates : bool
-        Of the exact law, whose inputs are the rates wanted: their response has the lag of roll and
-        of load factor. Airspeed, climb and schedule make no difference, and each error is measured
-        in units of `LAGS_PER_ERROR` times the whole lag of its channel, so that gains go with one
-        over that lag on any aircraft.
+    law : Law, optional
+        Whose error dynamics stand behind the lags of roll and of load factor; by default the
+        paper's.
 
     Returns
     -------
@@ -153,18 +146,12 @@ def design_model(
     """
     V_a = condition.V_a if V_a is None else V_a
     gamma = condition.gamma if gamma is None else gamma
-    law = kinematic_model(V_a=V_a, gamma=gamma, g=g)
-    if schedule_speed is not None:
-        law = replace(law, B=law.B * (V_a / schedule_speed))
+    law = law or made_law("paper")
+    model = law.linear_model(Trim(V_a=V_a, gamma=gamma, g=g, schedule_speed=schedule_speed))
     lags = [lag.delayed(hold) for lag in condition.lags]
-    if rates:
-        law = rate_model()
-    scaling = inner_loop_scaling(law, lags)
-    if rates:
-        scaling[-len(lags) :] = [LAGS_PER_ERROR * lag.whole for lag in lags]
     return DesignModel(
-        model=with_inner_loop(law, lags),
-        scaling=scaling,
+        model=with_inner_loop(model, lags),
+        scaling=law.state_scaling(model, lags),
         V_a=V_a,
         gamma=gamma,
         roll_lag=lags[0].whole,

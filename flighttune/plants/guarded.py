@@ -1,25 +1,13 @@
 """A plant of the user's in the loop: where it fails the flight ends, in one line."""
 
 import math
-import traceback
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from flighttune.control.controller import FlightCondition
-from flighttune.errors import FlightTuneError, InputError, TrimError
+from flighttune.control.guarded import FAILURES, failure
+from flighttune.errors import FlightTuneError, InputError, ScenarioError, TrimError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
-
-FAILURES = (Exception, SystemExit)
-"""Exceptions that end the flight only: code of a user must not end the program."""
-
-
-def failure(name: str, error: BaseException, t: float | None) -> str:
-    """One line that says what raised, when and why.
-
-    `name` is that of the law or plant, `t` (s) the time of the flight if it had begun.
-    """
-    frames = traceback.extract_tb(error.__traceback__)
-    line = f" (line {frames[-1].lineno} of {frames[-1].name})" if len(frames) > 1 else ""
-    at = "" if t is None else f" at t = {t:.2f} s"
-    return f"{name}{at}: {type(error).__name__}: {' '.join(str(error).split())}{line}"
 
 
 class GuardedPlant:
@@ -34,6 +22,22 @@ class GuardedPlant:
         if self.signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
             raise InputError(f"`signals` must begin with {COMMON_SIGNALS}, got {self.signals}.")
         self._t, self._stop, self._last = 0.0, None, ()
+
+    @classmethod
+    def made(
+        cls, label: str, maker: Callable[..., Plant] | None, parameters: Mapping[str, Any]
+    ) -> "GuardedPlant":
+        """A fresh plant of a class of the user's.
+
+        Raises ScenarioError if it cannot be made.
+        """
+        name = f"plant {label}"
+        if maker is None:
+            raise InputError(f"`{name}` must be loaded before it is flown.")
+        try:
+            return cls(maker(**parameters), name)
+        except FAILURES as error:
+            raise ScenarioError(failure(name, error, 0.0)) from error
 
     def start(self, condition: FlightCondition) -> None:
         """Start the plant.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.guarantee.mismatch import CHANNELS, inverts_the_point_mass, law_of
+from flighttune.guarantee.mismatch import CHANNELS, trim_of
 from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.run import Run
 
@@ -65,16 +65,17 @@ def _parts(run: Run) -> dict[str, FloatArray]:
     of the point mass under roll and load factor as flown minus those under the commands. Rest:
     rates of the flight minus the former.
     """
-    law, signals = law_of(run), run.signals
-    if run.provenance.aircraft is None or law is None or not set(FLOWN) <= set(signals):
+    trim, signals = trim_of(run), run.signals
+    if run.provenance.aircraft is None or trim is None or not set(FLOWN) <= set(signals):
         return {}
     phi, n_z, phi_cmd, n_z_cmd, V_a, gamma = (signals[name].to_numpy() for name in FLOWN)
     chi_rate = np.gradient(np.unwrap(signals["chi"].to_numpy()), run.t)
     flown = chi_rate, np.gradient(signals["gamma"].to_numpy(), run.t)
-    exact = turn_rates(V_a, gamma, phi_cmd, n_z_cmd, law="exact", g=law.g)
-    behind = turn_rates(V_a, gamma, phi, n_z, law="exact", g=law.g)
-    kinematic = turn_rates(law.V_a, gamma, phi_cmd, n_z_cmd, law="paper", g=law.g)
-    steps = (exact if inverts_the_point_mass(run) else kinematic, exact, behind, flown)
+    exact = turn_rates(V_a, gamma, phi_cmd, n_z_cmd, law="exact", g=trim.g)
+    behind = turn_rates(V_a, gamma, phi, n_z, law="exact", g=trim.g)
+    kinematic = turn_rates(trim.V_a, gamma, phi_cmd, n_z_cmd, law="paper", g=trim.g)
+    modelled = {"kinematic": kinematic, "point_mass": exact}[run.provenance.law.plant]
+    steps = modelled, exact, behind, flown
     return {
         f"{part}_{channel}": steps[k + 1][i] - steps[k][i]
         for k, part in enumerate(PARTS)

@@ -1,6 +1,6 @@
 """Everything a report shows, computed: runs, final errors, certificates, bounds, gaps, frontier."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,6 @@ from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.outer_loop import certify_scenario, tuning_problem
 from flighttune.guarantee.flight_check import FlightCheck, flight_check
 from flighttune.present.palette import LineStyle
-from flighttune.processes import meanwhile
 from flighttune.report.panels import Flights
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
@@ -133,15 +132,13 @@ class Facts:
         return Flights(runs=self.runs, styles=self.styles)
 
 
-def facts_of(source: Source, *, prepare: Callable[[], object] | None = None) -> Facts:
+def facts_of(source: Source) -> Facts:
     """Compute everything a report shows about the runs of one scenario.
 
     Parameters
     ----------
     source : Source
         Runs of one scenario.
-    prepare : callable, optional
-        Called once, while a copy of this process may still make the certificates.
 
     Raises
     ------
@@ -154,14 +151,8 @@ def facts_of(source: Source, *, prepare: Callable[[], object] | None = None) -> 
     if not runs:
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
     scenario = _scenario(source, runs)
-    # The solver of certificates takes as long to import as the ladders take to fly.
-    with meanwhile(lambda: _certificates_and_frontier(scenario, runs)) as guarantees:
-        gaps, without = _gaps(scenario, runs)
-        checks = {run.label: one for run in runs if (one := flight_check(run)) is not None}
-        aircraft = _aircraft(runs)
-        if prepare is not None:
-            prepare()
-        gains, curve = guarantees()
+    gaps, without = _gaps(scenario, runs)
+    gains, curve = _certificates_and_frontier(scenario, runs)
     return Facts(
         name=source.name,
         scenario=scenario,
@@ -171,8 +162,8 @@ def facts_of(source: Source, *, prepare: Callable[[], object] | None = None) -> 
         styles=run_styles(source.runs),
         final_errors={run.label: final_errors(run) for run in runs},
         gains=gains,
-        checks=checks,
-        aircraft=aircraft,
+        checks={run.label: one for run in runs if (one := flight_check(run)) is not None},
+        aircraft=_aircraft(runs),
         gaps=gaps,
         without_gap=without,
         missing=source.missing,

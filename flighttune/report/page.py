@@ -1,7 +1,6 @@
 """The report as one HTML file that needs nothing else."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 from flighttune.comparison import Source, load_source
@@ -64,14 +63,12 @@ def write_report(
     ScenarioError
         If the recorded scenario is not valid any more.
     """
-    # The template is cached: it is compiled while the certificates are made, and used at the end.
-    template = partial(page_template, "flighttune.report", "page.html.jinja")
     source = source if isinstance(source, Source) else load_source(source)
-    facts = facts_of(source, prepare=template)
+    facts = facts_of(source)
     made = facts.runs[0].provenance
     return write_page(
         Path(path),
-        template(),
+        page_template("flighttune.report", "page.html.jinja"),
         summary=(f"{facts.claim.short}.", best_sentence(facts), *at_a_glance),
         answers=headline(facts, tubes),
         claim_sentence=f"{facts.claim.sentence}.",

@@ -11,13 +11,13 @@ from pydantic import Field, field_validator, model_validator
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
+from flighttune.control.controller import AntiWindup
 from flighttune.control.envelope import Envelope
-from flighttune.control.exact_law import rate_model
-from flighttune.control.gains import PIGains, paper_family
+from flighttune.control.gains import COMMANDS, PIGains, paper_family
 from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
+from flighttune.control.law import DEFAULT, Law, Trim, law_name, made_law, split_name
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import LinearModel, kinematic_model
-from flighttune.control.mimo_pi import AntiWindup
+from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
 from flighttune.identify.model import DesignModel, design_model
@@ -166,7 +166,7 @@ class GainsTable(Table):
             raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
         return value
 
-    def gains(self, law: str = "paper") -> PIGains:
+    def gains(self, law: str = DEFAULT) -> PIGains:
         """The gains as a value; `law` is whose they are where the table does not say."""
         return PIGains.from_lists(self.K_P, self.K_I, self.law or law)
 
@@ -199,11 +199,12 @@ class Scenario(Table):
         laws = [law.name for law in self.laws]
         if len(set(laws)) < len(laws):
             raise ValueError(f"`law` must not name anything twice, got {', '.join(laws)}")
-        if self.tuning.input_limits and any(law.acts_on_rates for law in self.laws):
-            raise ValueError(
-                "`input_limits` of [tuning] must be absent with the exact law: its gains act on "
-                "rates, not on roll and load factor"
-            )
+        for law in self.laws if self.tuning.input_limits else ():
+            if law.inputs != COMMANDS:
+                raise ValueError(
+                    f"`input_limits` of [tuning] must be absent with the {law.kind} law: its gains "
+                    "act on rates, not on roll and load factor"
+                )
         return self
 
     @model_validator(mode="after")
@@ -295,9 +296,14 @@ class Scenario(Table):
         )
 
     @property
-    def laws(self) -> tuple[LawTable, ...]:
+    def law_tables(self) -> tuple[LawTable, ...]:
+        """The tables of the laws flown, in order; the paper's by default."""
+        return tuple(self.law or (law_named(DEFAULT),))
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
         """The laws flown, in order; the paper's by default."""
-        return tuple(self.law or (law_named("paper"),))
+        return tuple(table.law() for table in self.law_tables)
 
     @property
     def own_gain_names(self) -> tuple[str, ...]:
@@ -309,7 +315,18 @@ class Scenario(Table):
         """Names of the gain sets flown, law by law: as listed with the paper's, else LAW:GAINS."""
         return tuple(name for law in self.laws for name in law.names_of(self.own_gain_names))
 
-    def law_of(self, name: str) -> tuple[LawTable, str]:
+    def law_table(self, name: str) -> LawTable:
+        """The table of the law that flies a gain set; `name` as for `law_of`."""
+        tables = {table.name: table for table in self.law_tables}
+        law = law_name(name, tables)
+        if law not in tables and law not in LAWS:
+            raise InputError(
+                f"`gains` must name a law of {', '.join({**tables, **dict.fromkeys(LAWS)})} before "
+                f"the colon, got {name!r}."
+            )
+        return tables.get(law) or law_named(law)
+
+    def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
         """The law that flies a gain set, and the gain set as ``gains`` lists it.
 
         Parameters
@@ -317,26 +334,19 @@ class Scenario(Table):
         name : str
             One of `gain_names`. A law that the scenario does not name but can (``exact:tuned``) is
             meant as it is by default; without a law it is the paper's, or the only one there is.
+        gains : PIGains, optional
+            The gains themselves, which may come from a file. Where they act on something else than
+            the law so named wants, it is the law of `law_for`.
         """
-        law, colon, own = name.rpartition(":")
-        known = {one.name: one for one in self.laws}
-        if not colon:
-            law = "paper" if "paper" in known or len(known) > 1 else next(iter(known))
-        if law not in known and law not in LAWS:
-            raise InputError(
-                f"`gains` must name a law of {', '.join({**known, **dict.fromkeys(LAWS)})} before "
-                f"the colon, got {name!r}."
-            )
-        return known.get(law) or law_named(law), own
+        law, own = self.law_table(name).law(), split_name(name)[1]
+        if gains is not None and law.by_gains and gains.inputs != law.inputs:
+            law = self.law_for(gains)
+        return law, own
 
-    def is_own_law(self, name: str) -> bool:
-        """Whether the law that flies the gain set `name` is the user's, in Python."""
-        return ":" in name and self.law_of(name)[0].kind == "python"
-
-    @property
-    def for_rates(self) -> bool:
-        """Whether the first law is the exact one, so that gains are tuned for it by default."""
-        return self.laws[0].acts_on_rates
+    def law_for(self, gains: PIGains) -> Law:
+        """The first law of the scenario that takes gains as they are, else the one they are of."""
+        fitting = (law for law in self.laws if law.by_gains and law.inputs == gains.inputs)
+        return next(fitting, None) or made_law(gains.law)
 
     def plant_table(self, label: str) -> PlantTable:
         """The table of one of its plants.
@@ -471,13 +481,8 @@ class Scenario(Table):
             )
         return source
 
-    def identified_models(self, *, rates: bool = False) -> tuple[DesignModel, ...]:
-        """The law behind the identified inner loop and half a sample of delay.
-
-        Parameters
-        ----------
-        rates : bool
-            Of the exact law instead of the paper's.
+    def identified_models(self, law: Law | None = None) -> tuple[DesignModel, ...]:
+        """A law, by default the first, behind the identified inner loop and half a sample of delay.
 
         Returns
         -------
@@ -490,37 +495,33 @@ class Scenario(Table):
         InputError, ScenarioError
             If there is no such aircraft, or no model file.
         """
-        identified = load_identified(self._identified())
+        identified, law = load_identified(self._identified()), law or self.laws[0]
         V_a, gamma = self.flight.V_a_mps, self.followed().initial[1]
         g, hold = self.flight.g_mps2, 0.5 / self.controller.rate_hz
         if self.tuning.robust:
             speed = V_a if self.controller.schedule else None
             return tuple(
-                design_model(condition, g=g, hold=hold, schedule_speed=speed, rates=rates)
+                design_model(condition, g=g, hold=hold, schedule_speed=speed, law=law)
                 for condition in identified.conditions
             )
         nearest = identified.nearest(V_a, gamma)
-        return (design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold, rates=rates),)
+        return (design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold, law=law),)
 
-    def kinematic_model(self, *, rates: bool = False) -> LinearModel:
-        """The kinematic law alone, about wings-level flight on the first reference.
-
-        With `rates` the error dynamics of the exact law, which are the same anywhere.
-        """
-        if rates:
-            return rate_model()
+    def kinematic_model(self, law: Law | None = None) -> LinearModel:
+        """A law alone, by default the first, about wings-level flight on the first reference."""
         f = self.flight
-        return kinematic_model(V_a=f.V_a_mps, gamma=self.followed().initial[1], g=f.g_mps2)
+        trim = Trim(V_a=f.V_a_mps, gamma=self.followed().initial[1], g=f.g_mps2)
+        return (law or self.laws[0]).linear_model(trim)
 
-    def linear_model(self, *, rates: bool = False) -> LinearModel:
+    def linear_model(self, law: Law | None = None) -> LinearModel:
         """The model that [tuning] names, about wings-level flight on the first reference.
 
-        Of an identified aircraft that is the first condition where [tuning] says ``robust``. With
-        `rates` it is that of the exact law.
+        Of an identified aircraft that is the first condition where [tuning] says ``robust``. The
+        law is the first by default.
         """
         if self.tuning.model == "identified":
-            return self.identified_models(rates=rates)[0].model
-        model = self.kinematic_model(rates=rates)
+            return self.identified_models(law)[0].model
+        model = self.kinematic_model(law)
         if self.tuning.lag_rad_s is not None:
             model = with_input_lag(model, self.tuning.lag_rad_s)
         if self.tuning.sample_delay:

@@ -1,19 +1,29 @@
 """The tables of a scenario file: units at the end of each key, values in SI by a method."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    model_validator,
+)
 
 from flighttune.aircraft.off_nominal import OffNominal
-from flighttune.control.exact_law import ExactOptions, Priority
+from flighttune.control.exact_law import Priority
 from flighttune.control.inner_loop import InnerLag
+from flighttune.control.law import Law, law_kinds, made_law, plain_laws
 from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
+from flighttune.plants.kinds import PLANT_KINDS, PlantKind
 from flighttune.plants.label import goes_by, plant_label
 from flighttune.plants.sensors import Sensors
 from flighttune.plants.weather import Gust, Turbulence, TurbulenceModel, WindProfile
@@ -261,7 +271,37 @@ class AirframeTable(Table):
         return None if value.is_nominal else value
 
 
-class PlantTable(Table):
+class OwnTable(Table):
+    """A law or plant, which may be a class of the user's: the class itself is in no file."""
+
+    _maker: Callable[..., Any] | None = PrivateAttr(None)
+
+    @property
+    def maker(self) -> Callable[..., Any] | None:
+        """The class of the user's, once it is loaded or given from Python."""
+        return self._maker
+
+    def made_by(self, maker: Callable[..., Any]) -> Self:
+        """The table with the class of the user's."""
+        table = self.model_copy()
+        table._maker = maker
+        return table
+
+
+def _check_keys(table: Table, kind: str, kinds: Mapping[str, PlantKind | type[Law]]) -> None:
+    """Refuse keys of other kinds, and that a key is missing that a kind cannot do without."""
+    for key in sorted(table.model_fields_set - kinds[kind].keys):
+        others = " or ".join(name for name, other in kinds.items() if key in other.keys)
+        if others:
+            raise ValueError(f"`{key.removesuffix('_')}` must be given with kind {others} only")
+    for key in kinds[kind].required:
+        if getattr(table, key) is None:
+            raise ValueError(f"`{key}` must be given with kind {kind}")
+    if len({"module", "class_"} & table.model_fields_set) == 1:
+        raise ValueError("`module` and `class` must be given together")
+
+
+class PlantTable(OwnTable):
     """``[[plant]]``: what flies.
 
     ``kinematic`` is the paper's law, ``point_mass`` the exact point mass, ``point_mass_lag`` the
@@ -288,36 +328,19 @@ class PlantTable(Table):
     sha256: str | None = None
 
     @model_validator(mode="after")
-    def _aircraft_of_jsbsim(self) -> "PlantTable":
-        if (self.kind == "jsbsim") != (self.aircraft is not None):
-            raise ValueError("`aircraft` must be given with kind jsbsim, and only there")
-        for key in ("throttle_max", "airframe"):
-            if getattr(self, key) is not None and self.aircraft is None:
-                raise ValueError(f"`{key}` must be given with kind jsbsim only")
+    def _keys_of_the_kind(self) -> Self:
+        _check_keys(self, self.kind, PLANT_KINDS)
         return self
 
-    @model_validator(mode="after")
-    def _class_of_python(self) -> "PlantTable":
-        own = self.kind == "python"
-        given = sorted(self.model_fields_set & {"module", "class_", "parameters", "sha256"})
-        if given and not own:
-            raise ValueError(f"`{given[0].removesuffix('_')}` must be given with kind python only")
-        if own and self.name is None:
-            raise ValueError("`name` must be given with kind python")
-        if (self.module is None) != (self.class_ is None):
-            raise ValueError("`module` and `class` of [[plant]] must be given together")
-        return self
+    @property
+    def family(self) -> PlantKind:
+        """What the other rooms ask about its kind."""
+        return PLANT_KINDS[self.kind]
 
-    @model_validator(mode="after")
-    def _lag_of_point_mass(self) -> "PlantTable":
-        lagged = self.kind == "point_mass_lag"
-        given = {key for key in self.model_fields_set if key.startswith(("roll_", "n_z_"))}
-        if given and not lagged:
-            raise ValueError(f"`{min(given)}` must be given with kind point_mass_lag only")
-        for key in ("roll_lag_rad_s", "n_z_lag_rad_s"):
-            if lagged and getattr(self, key) is None:
-                raise ValueError(f"`{key}` must be given with kind point_mass_lag")
-        return self
+    @property
+    def of_the_user(self) -> bool:
+        """Whether a class of the user's flies."""
+        return "module" in self.family.keys
 
     @property
     def label(self) -> str:
@@ -326,7 +349,7 @@ class PlantTable(Table):
 
     def lags(self) -> tuple[InnerLag, InnerLag] | None:
         """Lag of roll and of load factor; None for a plant without lags."""
-        if self.kind != "point_mass_lag":
+        if self.roll_lag_rad_s is None:
             return None
         return self._lag("roll"), self._lag("n_z")
 
@@ -340,12 +363,16 @@ class PlantTable(Table):
         )
 
 
-LawKind: TypeAlias = Literal["paper", "exact", "python"]
-LAWS: tuple[str, ...] = ("paper", "exact")
+if TYPE_CHECKING:
+    LawKind: TypeAlias = str
+else:
+    LawKind = Literal[tuple(law_kinds())]
+
+LAWS = plain_laws()
 """Laws that a scenario can name without a table."""
 
 
-class LawTable(Table):
+class LawTable(OwnTable):
     """``[[law]]``: what turns errors into commands.
 
     ``paper`` is the paper's law, ``exact`` the inversion of the point mass, ``python`` a class of
@@ -364,35 +391,21 @@ class LawTable(Table):
     sha256: str | None = None
 
     @model_validator(mode="after")
-    def _keys_of_the_kind(self) -> "LawTable":
-        own = {
-            "exact": {"priority", "lift_floor", "braking"},
-            "python": {"module", "class_", "parameters", "sha256"},
-        }
-        for kind, keys in own.items():
-            given = sorted(keys & self.model_fields_set)
-            if given and self.kind != kind:
-                key = given[0].removesuffix("_")
-                raise ValueError(f"`{key}` of [[law]] must be given with kind {kind} only")
-        if (self.module is None) != (self.class_ is None):
-            raise ValueError("`module` and `class` of [[law]] must be given together")
+    def _keys_of_the_kind(self) -> Self:
+        _check_keys(self, self.kind, law_kinds())
         if self.name in LAWS and self.name != self.kind:
             raise ValueError(f"`name` of [[law]] must not be {self.name!r} with kind {self.kind}")
         return self
 
     @property
-    def acts_on_rates(self) -> bool:
-        """Whether its gains are those of the exact law, in 1/s and 1/s^2."""
-        return self.kind == "exact"
+    def of_the_user(self) -> bool:
+        """Whether a class of the user's flies."""
+        return "module" in law_kinds()[self.kind].keys
 
-    def exact_options(self) -> ExactOptions:
-        """What the exact law does where limits are met; defaults where the table does not say."""
-        given = {name: getattr(self, name) for name in ExactOptions._fields}
-        return ExactOptions(**{name: value for name, value in given.items() if value is not None})
-
-    def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
-        """Names of gain sets flown with this law: as they are with the paper's, else LAW:GAINS."""
-        return tuple(gains) if self.name == "paper" else tuple(f"{self.name}:{n}" for n in gains)
+    def law(self) -> Law:
+        """The law, with defaults where the table does not say."""
+        options = {key: getattr(self, key) for key in law_kinds()[self.kind].keys}
+        return made_law(self.kind, self.name, **options, maker=self.maker)
 
 
 def law_named(name: str) -> LawTable:

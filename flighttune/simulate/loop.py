@@ -10,14 +10,20 @@ from operator import itemgetter
 import numpy as np
 import pandas as pd
 
-from flighttune.control.controller import Controller, FlightCondition, Measured, ReferenceSample
+from flighttune.control.controller import (
+    Controller,
+    FlightCondition,
+    Measured,
+    ReferenceSample,
+    SelfLimiting,
+)
+from flighttune.control.guarded import GuardedLaw, LawError
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.wind import WIND
 from flighttune.simulate.feasible import FeasibleReference
-from flighttune.simulate.guarded import LawError, limited_law
 from flighttune.simulate.reference import Reference
 
 LOOP_SIGNALS = (
@@ -64,8 +70,8 @@ def simulate(
     duration : float, s
         Time to fly, positive; rounded to whole samples.
     limits : Limits, optional
-        What the loop limits the commands to; none by default. A `MimoPI` or an `ExactLaw` limits
-        its own and takes no others.
+        What the loop limits the commands to; none by default. A controller that limits its own
+        commands takes no others.
     sensors : Sensors, optional
         What the controller sees course, climb and airspeed through; by default it sees what is
         flown. With them the signals hold `MEASURED` as well, and the errors stay the true ones.
@@ -92,7 +98,12 @@ def simulate(
     dt = controller.dt
     if not (math.isfinite(duration) and duration >= dt):
         raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
-    law = limited_law(controller, limits)
+    if not isinstance(controller, SelfLimiting):
+        law = GuardedLaw(controller, Limits.none(2) if limits is None else limits)
+    elif limits is not None:
+        raise InputError("`limits` must be given to the controller, which applies them itself.")
+    else:
+        law = controller
     count = round(duration / dt)
     t = np.arange(count + 1, dtype=np.float64) * dt
     sensed = None if sensors is None else len(plant.signals)

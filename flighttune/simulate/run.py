@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
+from flighttune.control.law import Law, law_name, made_law, plain_laws
 from flighttune.plants.base import StopStatus
 from flighttune.plants.label import aircraft_of
 from flighttune.present.numbers import matrix, number
@@ -81,16 +82,25 @@ class Provenance:
     wall_s: float
 
     @property
-    def law_kind(self) -> str:
-        """Kind of the law flown: ``paper``, ``exact`` or ``python``."""
-        law, colon, _ = self.gains_name.rpartition(":")
-        given = self.scenario.get("law") or ()
-        for table in () if isinstance(given, str) else given:
-            if isinstance(table, Mapping) and table.get("name") == law:
-                return str(table.get("kind"))
-        if not colon:
-            return "paper" if self.gains is None else self.gains.law
-        return law if law in ("paper", "exact") else "python"
+    def law(self) -> Law:
+        """The law flown.
+
+        Raises
+        ------
+        InputError
+            If it is of a kind that there is none of.
+        """
+        listed = self.scenario.get("law") or ()
+        listed = [listed] if isinstance(listed, str) else listed
+        tables = [{"name": law, "kind": law} if isinstance(law, str) else law for law in listed]
+        by_name = {str(table.get("name")): table for table in tables}
+        name, gains = law_name(self.gains_name, by_name), self.gains
+        table = by_name.get(name) or {"kind": name if name in plain_laws() else "python"}
+        options = {key: table[key] for key in table if key not in ("name", "kind")}
+        law = made_law(str(table.get("kind")), name, **options)
+        if gains is not None and law.by_gains and gains.inputs != law.inputs:
+            return made_law(gains.law)
+        return law
 
     @property
     def aircraft(self) -> str | None:

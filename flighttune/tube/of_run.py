@@ -229,7 +229,7 @@ def _tube(
         plant=plant.label,
         start=start or 0.0,
         conformance=counts,
-        law=run.provenance.gains_name.rpartition(":")[0] or "exact",
+        law=run.provenance.law,
         progress=None if progress is None else lambda part: progress(f"tube {run.label}", part),
     )
 

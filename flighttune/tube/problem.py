@@ -11,27 +11,20 @@ import numpy as np
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance import Conformance
-from flighttune.control.exact_law import ExactLaw, acts_on_rates
+from flighttune.control.controller import Controller
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
+from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import ChannelLaw, MimoPI
 from flighttune.errors import InputError
-from flighttune.flight.fly import controller_of
+from flighttune.flight.fly import law_setup
+from flighttune.plants.kinds import PLANT_KINDS
 from flighttune.plants.wind import course_of, velocity_along
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.tube.lag import SampledLag
 from flighttune.tube.sample import Inversion, SampledLoop
-
-MODELS = {
-    "kinematic": "the paper's law",
-    "point_mass": "the exact point mass",
-    "point_mass_lag": "the exact point mass behind lags",
-    "jsbsim": "the exact point mass behind the identified lag",
-}
-"""Kinds of plants whose flights can be enclosed, in words."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,7 +114,7 @@ class TubeProblem:
     start: float  # rad: course and flight-path angle start within this of the scenario's
     disturbance: float | None  # rad/s: see `tube_problem`
     boxes: AircraftBoxes | None  # None unless the plant is an aircraft
-    law: str  # name of the exact law in the scenario, if the gains belong to one
+    law: Law  # law that flies the gains
     # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
     # commands planned for them (zeros where none are), and their rates, as `reference_of` makes
     # them.
@@ -178,7 +171,7 @@ class TubeProblem:
     @property
     def model(self) -> str:
         """The plant enclosed, in words, and what was counted for it."""
-        kind = MODELS[self.table.kind]
+        kind = self.table.family.enclosed or ""
         return kind if self.conformance is None else f"{kind}; {self.conformance.sentence}"
 
     @property
@@ -250,43 +243,36 @@ class TubeProblem:
         chi, gamma = course_of((north + w_north, east + w_east, down + w_down))
         return condition.chi + math.remainder(chi - condition.chi, math.tau), gamma
 
-    def controller(self) -> MimoPI | ExactLaw:
+    def controller(self) -> Controller:
         """A controller in its initial state."""
-        return controller_of(self.scenario, f"{self.law}:", self.gains, self.limits)
+        return self.law.controller(law_setup(self.scenario, self.gains, self.limits))
 
     @cached_property
     def loop(self) -> SampledLoop:
         """The loop that flies, with the numbers of its controller and its plant."""
-        controller, flight, condition = (
-            self.controller(),
-            self.scenario.flight,
-            self.scenario.condition,
-        )
+        flight, condition = self.scenario.flight, self.scenario.condition
+        controller = sampled(self.scenario, self.gains, self.limits, self.law)
+        dt = 1.0 / self.scenario.controller.rate_hz
         chi, gamma = self.path_at_start
         planned, inversion = self.reference[:, 2:4], None
-        if isinstance(controller, ExactLaw):
-            law = controller.law
-            channels = tuple(map(ChannelLaw, law.K_P, law.K_I_dt, *zip(*law.bounds, strict=True)))
+        if (law := controller.inverts) is not None:
             speed = flight.V_a_mps * law.per_g
             inversion = Inversion(self.reference[:, 4:], speed, law.lift_floor, law.brake)
-            feed_forward, planned = False, np.zeros_like(planned)
-        else:
-            channels = controller.law.channels
-            feed_forward = controller.feed_forward and not planned.any()
+            planned = np.zeros_like(planned)
         return SampledLoop(
-            channels=channels,
-            conditional=controller.law.conditional,
-            feed_forward=feed_forward,
+            channels=controller.channels,
+            conditional=controller.conditional,
+            feed_forward=controller.feed_forward and not planned.any(),
             planned=planned,
-            dt=controller.dt,
+            dt=dt,
             g_over_v=flight.g_mps2 / flight.V_a_mps,
             chi_ref=self.reference[:, 0],
             gamma_ref=self.reference[:, 1],
             d_low=self.d_low,
             d_high=self.d_high,
             start=(chi, gamma, condition.phi, condition.n_z),
-            exact=self.table.kind != "kinematic",
-            lags=tuple(SampledLag.of(lag, controller.dt) for lag in self.lags),
+            exact=self.table.family.turn == "exact",
+            lags=tuple(SampledLag.of(lag, dt) for lag in self.lags),
             inversion=inversion,
             roll=self.roll,
         )
@@ -300,7 +286,7 @@ def tube_problem(
     start: float = 0.0,
     disturbance: float | None = None,
     conformance: Conformance | None = None,
-    law: str = "exact",
+    law: Law | None = None,
 ) -> TubeProblem:
     """The flights of a scenario on one of its plants.
 
@@ -308,12 +294,12 @@ def tube_problem(
     plant that is none. `start` (rad): course and flight-path angle start within this of the
     scenario's. `disturbance` (rad/s): the disturbance of each rate is within this of zero, in any
     shape; by default within the amplitudes of the scenario's sinusoid, or zero. `conformance`: that
-    of an aircraft: its model flies, under every disturbance in its boxes. `law`: name of the exact
-    law in the scenario, if the gains belong to one. Raises InputError if a value cannot be used, or
-    the tube does not know the law.
+    of an aircraft: its model flies, under every disturbance in its boxes. `law`: law that
+    flies the gains; by default the first of the scenario that takes them. Raises InputError if a
+    value cannot be used, or the tube does not know the law.
     """
-    kinds = ("jsbsim",) if conformance else tuple(kind for kind in MODELS if kind != "jsbsim")
-    table = _chosen(scenario, plant, kinds)
+    table = _chosen(scenario, plant, aircraft=conformance is not None)
+    law = law or scenario.law_for(gains)
     _check_enclosed(scenario, table, gains, law)
     reference = reference_of(scenario)
     boxes = None
@@ -359,15 +345,35 @@ def sample_count(scenario: Scenario) -> int:
     return round(scenario.flight.duration_s / (1.0 / scenario.controller.rate_hz)) + 1
 
 
-def _chosen(scenario: Scenario, plant: str | None, kinds: tuple[str, ...]) -> PlantTable:
-    """The plant of a label; without one the first of one of `kinds`."""
-    if plant is not None:
-        return scenario.plant_table(plant)
-    for table in scenario.plant:
-        if table.kind in kinds:
+def _chosen(scenario: Scenario, plant: str | None, *, aircraft: bool) -> PlantTable:
+    """The plant of a label; without one the first that is an aircraft, or the first that is not."""
+    kinds = [
+        name
+        for name, kind in PLANT_KINDS.items()
+        if kind.enclosed is not None and ("aircraft" in kind.keys) == aircraft
+    ]
+    tables = scenario.plant if plant is None else [scenario.plant_table(plant)]
+    for table in tables:
+        if table.family.enclosed is not None and (plant or table.kind in kinds):
             return table
-    labels = ", ".join(table.label for table in scenario.plant)
+    labels = ", ".join(table.label for table in tables)
     raise InputError(f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}.")
+
+
+def sampled(scenario: Scenario, gains: PIGains, limits: Limits, law: Law) -> SampledController:
+    """The law as the sets follow it.
+
+    Raises InputError if no tube knows the law, or it takes other gains.
+    """
+    if law.inputs != gains.inputs:
+        raise InputError(
+            f"`law` must take gains on {' and '.join(gains.inputs)}, got {law.name}, which acts on "
+            f"{' and '.join(law.inputs)}."
+        )
+    controller = law.sampled(law_setup(scenario, gains, limits))
+    if controller is None:
+        raise law.refusal("sampled", "enclosed")
+    return controller
 
 
 def _check_disturbance(scenario: Scenario, disturbance: float | None) -> None:
@@ -385,7 +391,7 @@ def _check_disturbance(scenario: Scenario, disturbance: float | None) -> None:
         )
 
 
-def _check_enclosed(scenario: Scenario, table: PlantTable, gains: PIGains, law: str) -> None:
+def _check_enclosed(scenario: Scenario, table: PlantTable, gains: PIGains, law: Law) -> None:
     """Refuse a loop that the sets cannot follow."""
     # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted there.
     moving = table.aircraft is None and scenario.windy
@@ -398,12 +404,11 @@ def _check_enclosed(scenario: Scenario, table: PlantTable, gains: PIGains, law: 
             "`anti_windup` of [controller] must be conditional or none for a tube, got "
             "back_calculation."
         )
-    if acts_on_rates(gains) and not scenario.law_of(f"{law}:")[0].acts_on_rates:
-        raise InputError(f"`law` must be an exact law of the scenario, got {law}.")
+    controller = sampled(scenario, gains, scenario.limits.limits(), law)
     # Both follow the measured airspeed, which varies on an aircraft, and no box of it was counted.
-    if table.aircraft is not None and acts_on_rates(gains):
+    if table.aircraft is not None and controller.inverts is not None:
         raise InputError(
-            "`gains` must be of the paper's law for the tube of an aircraft: the exact law "
+            f"`gains` must be of the paper's law for the tube of an aircraft: the {law.name} law "
             "sees the airspeed, for which no box is known."
         )
     if table.aircraft is not None and scenario.controller.schedule:

@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance import Conformance
 from flighttune.conformance.file import LagTable
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
 from flighttune.mistakes import first_mistake, shown
@@ -138,7 +138,7 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         "plant": problem.plant,
         "start_rad": problem.start,
         "disturbance_rad_s": problem.disturbance,
-        "law": problem.law,
+        "law": problem.law.name,
         "settings": tube.settings._asdict(),
         "lost": tube.lost,
         "hand_over": None if ever is None else {"sample": ever.sample, "samples": ever.samples},
@@ -286,6 +286,8 @@ def _problem(
 ) -> TubeProblem:
     """The problem of the scenario; only boxes may come from the file, and a feasible reference."""
     gains, plant = PIGains.from_lists(**claim.gains.model_dump()), scenario.plant_table(claim.plant)
+    # Files of gains on roll and load factor may name the law of rates that the scenario had.
+    law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
     reference = reference_of(scenario)
     if scenario.reference.shape == "feasible":
         reference = _agreed(arrays, reference)
@@ -313,7 +315,7 @@ def _problem(
         start=claim.start_rad,
         disturbance=claim.disturbance_rad_s,
         boxes=boxes,
-        law=claim.law,
+        law=law,
         reference=reference,
     )
 

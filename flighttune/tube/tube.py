@@ -7,6 +7,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.conformance import Conformance
 from flighttune.control.gains import PIGains
+from flighttune.control.law import Law
 from flighttune.scenario.schema import Scenario
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
@@ -33,7 +34,7 @@ def tube(
     start: float = 0.0,
     disturbance: float | None = None,
     conformance: Conformance | None = None,
-    law: str = "exact",
+    law: Law | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Tube:
     """Enclose all flights of a scenario: the controller as it flies, with all its limits.
@@ -43,10 +44,10 @@ def tube(
     scenario's. `disturbance` (rad/s): the disturbance of each rate is within this of zero, in any
     shape; by default within the amplitudes of the scenario's sinusoid, or zero. `conformance`: that
     of an aircraft: its model flies, under every disturbance in its boxes. Where the set of these
-    flights is lost, the errors are within the boxes that were counted for them. `law`: name of the
-    exact law in the scenario, where the gains are of one. `progress`: called with the part of the
-    time that is enclosed, 0 to 1. Raises InputError if a value cannot be used, or the tube does not
-    know the law.
+    flights is lost, the errors are within the boxes that were counted for them. `law`: law that
+    flies the gains; by default the first of the scenario that takes them. `progress`: called with
+    the share of time that is enclosed, 0 to 1. Raises InputError if a value cannot be used, or the
+    tube does not know the law.
     """
     problem = tube_problem(
         scenario,
@@ -68,7 +69,7 @@ def largest_disturbance(
     *,
     plant: str | None = None,
     start: float = 0.0,
-    law: str = "exact",
+    law: Law | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Tube]:
     """Look for the largest disturbance, to two digits, for which the set is bounded.

@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import pytest
-import yaml
 from commands import flighttune
 
 from flighttune.campaign.engine.progress import CampaignOutcome
@@ -20,23 +19,6 @@ def test_python_parses_and_imports_of_ours_exist(code):
         if isinstance(node, ast.ImportFrom) and node.module.startswith("flighttune"):
             module = __import__(node.module, fromlist=["x"])
             assert all(hasattr(module, alias.name) for alias in node.names)
-
-
-def test_the_cluster_of_kubernetes_hangs_together():
-    (text,) = [text for kind, text in FENCES if kind == "yaml" and "DaskCluster" in text]
-    cluster = yaml.safe_load(text)
-    worker, scheduler = (cluster["spec"][part]["spec"]["containers"][0] for part in
-                         ("worker", "scheduler"))  # fmt: skip
-    service = cluster["spec"]["scheduler"]["service"]
-
-    assert (cluster["apiVersion"], cluster["kind"]) == ("kubernetes.dask.org/v1", "DaskCluster")
-    assert worker["image"] == scheduler["image"]
-    assert worker["args"][:3] == ["dask", "worker", "--name"]
-    assert worker["args"][-2:] == ["--nthreads", "1"]
-    assert service["selector"]["dask.org/cluster-name"] == cluster["metadata"]["name"]
-    ports = {port["name"]: port["containerPort"] for port in scheduler["ports"]}
-    assert {port["targetPort"]: port["port"] for port in service["ports"]} == ports
-    assert f"svc/{cluster['metadata']['name']}-scheduler 8786:8786" in PAGE
 
 
 def test_what_the_json_object_holds_is_said():

@@ -1,7 +1,6 @@
 """Campaigns flown by real workers: every run once, as one process flies it."""
 
 import json
-import os
 import sys
 
 import psutil
@@ -9,12 +8,11 @@ import pytest
 from campaigns import Notes, bits, children, plan
 
 from flighttune.campaign.dataset import open_dataset
-from flighttune.campaign.engine import flyer
 from flighttune.campaign.engine.engine import run_campaign
-from flighttune.campaign.engine.pool import WAITING_PER_THREAD
+from flighttune.campaign.engine.pool import AHEAD
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.errors import PlantError
+from flighttune.errors import FlightTuneError
 
 pytestmark = pytest.mark.slow
 
@@ -50,22 +48,12 @@ def test_every_run_is_there_once_as_one_process_flies_it(tmp_path, monkeypatch, 
     assert not children()
 
 
-def test_where_there_is_no_room_for_copies_there_are_none(monkeypatch):
-    def full():
-        raise BlockingIOError
-
-    monkeypatch.setattr(flyer, "_thread_setters", lambda: [print])
-    monkeypatch.setattr(os, "fork", full)
-
-    with flyer.flyer_copies(2) as flyers:
-        assert flyers == []
-
-
-def test_a_process_that_cannot_start_is_said_in_one_line(monkeypatch):
+def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
+    ours = plan(tmp_path, runs=4)
     monkeypatch.setattr(sys, "executable", "/no/such/python")
 
-    with pytest.raises(PlantError, match=r"process that flies must start, got: no such file"):
-        flyer.Flyer().start()
+    with pytest.raises(FlightTuneError, match=r"process that flies must start, got: no such file"):
+        run_campaign(ours, tmp_path / "out")
 
 
 @pytest.mark.slow
@@ -101,7 +89,7 @@ def test_a_million_runs_wait_nowhere(tmp_path, address):
     done = run_campaign(ours, tmp_path / "out", scheduler=address, observer=notes)
 
     assert done.runs > 8_000
-    assert max(p.waiting for p in notes.seen) <= 2 * WAITING_PER_THREAD + 1
+    assert max(p.waiting for p in notes.seen) <= 2 * AHEAD + 1
     assert sizes[-1][1] - sizes[0][1] < 60e6
     assert json.loads((tmp_path / "out" / "campaign.json").read_text())["plan"]["runs"] == 10**6
     assert (tmp_path / "out" / "campaign.json").stat().st_size < 20_000

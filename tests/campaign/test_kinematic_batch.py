@@ -1,15 +1,13 @@
 """Batches of kinematic draws have the bits of flights alone, whatever is dispersed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, uniform
 
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.claim import claims
-from flighttune.campaign.flying.kinematic_batch import KNOWN, batchable
-from flighttune.campaign.flying.rows import DRAWS_ALONE, fly_runs
+from flighttune.campaign.flying.kinematic_batch import NOT_IN_BATCH, batchable
+from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.flight.expectations import check_claim
 from flighttune.metrics import measures
@@ -29,11 +27,6 @@ FAR_ROUND = 1e-10
 """The same of courses up to 1000 rad, whose last bit is 1e-13 rad."""
 
 CLAIM = {"from_s": 0.7, "L_d_rad_s2": 0.15}
-
-
-@pytest.fixture(autouse=True)
-def _in_batches_from_the_first_draw(monkeypatch):
-    monkeypatch.setattr("flighttune.campaign.flying.rows.DRAWS_ALONE", 0)
 
 
 def in_columns(measured):
@@ -123,7 +116,7 @@ SEEN = (
 def test_draws_of_everything_at_once_are_flown_as_flights_alone(sensors, seen):
     tables = tables_of(disturbance=WAVE, expect=[SUCCESS], **sensors)
     plan = plan_of(tables, *EVERYTHING, *seen, runs=240, certificate=CLAIM)
-    assert batchable(plan.scenario_of(0), plan.scenario.plant[0])
+    assert batchable(plan.scenario_of(0), plan.scenario.plant[0], plan.scenario.laws[0])
 
     rows = rows_of(plan)
 
@@ -271,8 +264,7 @@ def test_no_key_of_a_scenario_is_left_out_of_these_tests():
         assert tried == set(table.model_fields) - OF_OTHERS.get(table, set())
     tops = {key.split(".")[0] for key in KEYS}
     assert tops == set(Scenario.model_fields) - OF_OTHERS[Scenario]
-    for table, names in KNOWN.items():
-        assert set(names) <= set(table.model_fields)
+    assert {key.split(".")[0] for key in NOT_IN_BATCH} <= set(Scenario.model_fields)
 
 
 @pytest.mark.parametrize(
@@ -290,38 +282,4 @@ def test_what_the_batch_does_not_know_is_flown_alone(change, together):
     plants = change.pop("plants", (KINEMATIC,))
     scenario = plan_of(tables_of(plants, **change)).scenario
 
-    assert batchable(scenario, scenario.plant[0]) == together
-
-
-def test_a_key_that_is_new_to_a_table_sends_its_flights_out_of_the_batch():
-    class Later(FlightTable):
-        slip_deg: float | None = None
-
-    scenario = plan_of(tables_of()).scenario
-    later = scenario.model_copy(update={"flight": Later(V_a_mps=25.0, slip_deg=1.0)})
-
-    assert batchable(scenario, scenario.plant[0])
-    assert not batchable(later, later.plant[0])
-
-
-def test_the_first_draws_of_every_campaign_are_flown_without_compiled_code(monkeypatch):
-    monkeypatch.setattr("flighttune.campaign.flying.rows.DRAWS_ALONE", DRAWS_ALONE)
-    batches = []
-
-    def note(scenarios, *_):
-        batches.append(len(scenarios))
-        return [None] * len(scenarios)
-
-    monkeypatch.setattr("flighttune.campaign.flying.rows.fly_batch", note)
-    tables = tables_of(gains=["paper"])
-    plan = plan_of(tables, uniform("flight.V_a_mps", 20.0, 30.0), runs=DRAWS_ALONE + 3)
-
-    fly_runs(plan, range(DRAWS_ALONE))
-    assert not batches
-
-    fly_runs(plan, range(plan.runs))
-    assert batches == [3]
-
-    given = tuple(plan.values_of(draw) for draw in range(5))
-    fly_runs(replace(plan, given=given, runs=5), range(5))
-    assert batches == [3, 5]
+    assert batchable(scenario, scenario.plant[0], scenario.laws[0]) == together

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from flighttune.campaign.flying.columns import row_schema, unit_of_key
 from flighttune.campaign.flying.refly import fly_run, scenario_of_run
-from flighttune.campaign.flying.rows import crashed_row, fly_runs
+from flighttune.campaign.flying.rows import crashed_row, fly_runs, table_of
 from flighttune.campaign.planning.plan import plan_from
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.fly import fly
@@ -171,19 +171,6 @@ def test_columns_of_dispersed_keys_have_the_type_of_what_is_drawn():
     assert rows["turbulence.severity"].to_pylist() == [plan.values_of(0)["turbulence.severity"]] * 2
 
 
-def test_beginnings_are_told_before_each_flight_and_each_batch():
-    told = []
-    plan = still_plan()
-
-    fly_runs(plan, range(8), begins=told.append)
-
-    jsbsim = [run for run in range(8) if plan.group_of(run).plant != "kinematic"]
-    assert told[0] == 0
-    assert set(jsbsim) <= set(told)
-    assert [run for run in told if run in jsbsim] == jsbsim
-    assert {plan.group_of(run) for run in told} == set(plan.groups)
-
-
 REFUSED = (
     ("flight.V_a_mps", float("nan"), "`V_a_mps`"),
     ("flight.V_a_mps", -3.0, "`V_a_mps`"),
@@ -272,8 +259,7 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
 
     row = crashed_row(plan, 7, "crashed", "the process was ended by SIGSEGV.")
 
-    assert row.schema.equals(row_schema(plan), check_metadata=True)
-    (found,) = row.to_pylist()
+    (found,) = table_of(plan, [row]).to_pylist()
     whole = fly_runs(plan, [7]).to_pylist()[0]
     assert found["status"] == "crashed"
     assert found["missed"] == "crashed: the process was ended by SIGSEGV."

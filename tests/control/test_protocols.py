@@ -130,7 +130,7 @@ def test_a_law_that_cannot_start_ends_the_flight_without_samples():
 
 
 def test_a_law_that_takes_longer_than_the_flight_ends_it(monkeypatch):
-    from flighttune.simulate import guarded
+    from flighttune.control import guarded
 
     clock = iter(np.arange(1e4))  # every look at the clock is a second later
     monkeypatch.setattr(guarded.time, "perf_counter", lambda: next(clock))

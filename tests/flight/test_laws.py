@@ -50,7 +50,7 @@ def test_runs_with_the_papers_law_keep_their_names_and_others_say_law_and_gains(
         "point_mass / paper",
         "point_mass / exact:paper",
     ]
-    assert [run.provenance.law_kind for run in flown.runs] == ["paper", "exact"] * 2
+    assert [run.provenance.law.kind for run in flown.runs] == ["paper", "exact"] * 2
     assert set(flown.indicators) == {"paper", "exact:paper"}
 
 
@@ -142,10 +142,10 @@ def test_an_expectation_may_name_law_and_gains():
         ({"law": ["exact", "exact"]}, "`law` must not name anything twice"),
         (
             {"law": [{"name": "a", "kind": "paper", "braking": 0.5}]},
-            "`braking` of .* kind exact only",
+            "`braking` .* kind exact only",
         ),
         ({"law": [{"name": "a", "kind": "exact", "priority": "n_z"}]}, "`priority` must be"),
-        ({"law": [{"name": "a", "kind": "exact", "module": "x.py"}]}, "`module` of .* kind python"),
+        ({"law": [{"name": "a", "kind": "exact", "module": "x.py"}]}, "`module` .* kind python"),
         ({"law": [{"name": "exact", "kind": "paper"}]}, "`name` of .* must not be 'exact'"),
         ({"law": [{"name": "a", "kind": "exact", "rate": 2.0}]}, "`rate` is not a known key"),
         ({"tuning": {"input_limits": True}}, "`input_limits` of .* absent with the exact law"),
@@ -162,17 +162,17 @@ def test_the_batch_flies_the_exact_law_as_the_single_run_does(anti_windup):
     from flighttune.campaign.flying.kinematic_batch import batchable, fly_batch
 
     limits = {"phi_deg": [-20.0, 20.0], "phi_rate_dps": 15.0, "n_z_rate_per_s": 0.3}
-    law = [{"name": "e", "kind": "exact", "braking": 0.2, "lift_floor": 0.5}]
+    laws = [{"name": "e", "kind": "exact", "braking": 0.2, "lift_floor": 0.5}]
     sensors = {"chi_noise_sd_deg": 0.3, "V_a_bias_mps": 1.0}
     for plain in (
-        scenario(law=law, limits=limits, controller={"anti_windup": anti_windup}, sensors=sensors),
+        scenario(law=laws, limits=limits, controller={"anti_windup": anti_windup}, sensors=sensors),
         scenario(law="exact", gains=[TRIAL], flight={"V_a_mps": 30.0, "duration_s": 3.0}),
     ):
-        (run, *_), table = fly(plain).runs, plain.laws[0]
+        (run, *_), law = fly(plain).runs, plain.laws[0]
         alone = fly(plain).metrics_of(run)
-        assert batchable(plain, plain.plant[0], table)
+        assert batchable(plain, plain.plant[0], law)
 
-        (together,) = fly_batch([plain], table, run.provenance.gains, None)
+        (together,) = fly_batch([plain], law, run.provenance.gains, None)
 
         for channel in ("chi", "gamma"):
             for name in METRICS:

@@ -96,7 +96,7 @@ def test_own_laws_and_plants_fly_beside_those_of_the_scenario(scenario):
     ]
     assert {run.status for run in flown.runs} == {"completed"}
     own = flown.runs[1]
-    assert own.provenance.law_kind == "python"
+    assert own.provenance.law.kind == "python"
     assert own.provenance.gains is None
     assert np.rad2deg(own.signals["phi_cmd"].abs().max()) <= 20.0 + 1e-9
     assert flight_check(own) is None

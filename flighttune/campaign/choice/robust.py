@@ -24,6 +24,7 @@ from flighttune.campaign.statistics.intervals import (
 )
 from flighttune.campaign.statistics.paired import ordered_quantile, scores
 from flighttune.control.gains import PIGains
+from flighttune.control.law import plain_laws, split_name
 from flighttune.errors import InputError
 from flighttune.flight.outer_loop import tuning_problem
 from flighttune.plants.label import goes_by
@@ -204,10 +205,10 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
         If the cluster is gone.
     """
     laws = campaign.nominal.laws
-    if [law.kind for law in laws] not in (["paper"], ["exact"]):
+    if len(laws) > 1 or not all(law.by_gains for law in laws):
         raise InputError(
-            "`law` must be paper or exact, one of them alone, for a campaign to choose gains, "
-            f"got {', '.join(law.name for law in laws)}."
+            f"`law` must be {' or '.join(plain_laws())}, one of them alone, for a campaign to "
+            f"choose gains, got {', '.join(law.name for law in laws)}."
         )
     if settings.plants:
         campaign = on_plants(campaign, settings.plants)
@@ -233,7 +234,7 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
         if not pool.fly_rows(plan, [span], tables.append, doing=doing):
             return None
         rows = pa.concat_tables(tables).sort_by("run").to_pandas()
-        rows["gains"] = [campaign.nominal.law_of(name)[1] for name in rows["gains"]]
+        rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
         early = rows.loc[(rows["status"] != "completed").to_numpy(), ["status", "reason"]]
         early_ends.update(": ".join(one) for one in early.to_numpy().tolist())
         return scored(rows, names, settings.metrics)
@@ -320,7 +321,7 @@ def own_candidates(
     for name, gains in gain_sets.items():
         if gains is not None:
             one = assessment(problem, gains.K)
-            own = scenario.law_of(name)[1]
+            own = split_name(name)[1]
             found.append(Candidate(name=own, gains=gains, R_K=one.R_K, I_K=one.I_K))
     return tuple(found)
 

@@ -2,23 +2,23 @@
 
 import logging
 import math
-import queue
+import pickle
 import socket
 import threading
 import time
-import uuid
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Future
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from flighttune.campaign.engine.tasks import Done, Task, translated
+from flighttune.campaign.engine.flyer import failure
 from flighttune.errors import CampaignError, InputError
 from flighttune.extras import need
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 QUIET = (
     "distributed",
@@ -43,24 +43,11 @@ COUNT_S = 1.0
 
 @contextmanager
 def cluster(scheduler: str) -> Iterator[Callable[[], "ClusterWorkers"]]:
-    """Workers of a scheduler, for the block.
+    """Connection to a scheduler for the block: a call makes it, and returns the workers.
 
-    Parameters
-    ----------
-    scheduler : str
-        Its address, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
-
-    Yields
-    ------
-    callable
-        Connects at its first call, and returns the workers.
-
-    Raises
-    ------
-    InputError
-        If dask.distributed is not installed, or the address cannot be one.
-    CampaignError
-        From the call, if no scheduler answers there.
+    `scheduler` is its address, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``. InputError if
+    dask.distributed is not installed, or the address cannot be one; CampaignError from the call if
+    no scheduler answers there.
     """
     need("`scheduler`", "dask", "distributed")
     _host_and_port(scheduler)
@@ -81,10 +68,10 @@ def _check_certificates(scheduler: str) -> None:
     if not scheduler.startswith("tls:"):
         return
     try:
-        found = Security().get_connection_args("client").get("ssl_context")
+        context = Security().get_connection_args("client").get("ssl_context")
     except OSError as error:  # of SSL too
         raise InputError(f"`scheduler` {scheduler}: dask's certificates: {error}.") from error
-    if found is None:
+    if context is None:
         raise InputError(
             f"`scheduler` {scheduler} must have certificates: set ca-file, client.cert and "
             "client.key of distributed.comm.tls in dask's settings."
@@ -110,12 +97,11 @@ def _connected(scheduler: str) -> "Iterator[Client]":
 def _host_and_port(scheduler: str) -> tuple[str, int]:
     try:
         at = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
-        found = at.hostname, at.port
-    except ValueError:
-        found = None, None
-    if not found[0] or not found[1]:
-        raise InputError(f"`scheduler` must be tcp://HOST:PORT, got {scheduler!r}.")
-    return found[0], found[1]
+        if at.hostname and at.port:
+            return at.hostname, at.port
+    except ValueError:  # of a port that is no number
+        pass
+    raise InputError(f"`scheduler` must be tcp://HOST:PORT, got {scheduler!r}.")
 
 
 @contextmanager
@@ -134,104 +120,65 @@ def _silence() -> Iterator[None]:
 
 
 class ClusterWorkers:
-    """Workers of one cluster, see `flighttune.campaign.engine.tasks.Workers`.
+    """Workers of one cluster."""
 
-    Parameters
-    ----------
-    client : distributed.Client
-    """
+    max_draws = 8  # of a task: to hand one out takes 1 ms
 
     def __init__(self, client: "Client") -> None:
         self._client = client
         self._threads, self._counted = 0, -math.inf
-        self._tasks: dict[str, tuple[Future, Task]] = {}
-        self._over: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        self._campaign = uuid.uuid4().hex
-
-    @property
-    def waiting(self) -> int:
-        """Tasks that are not over."""
-        return len(self._tasks)
+        self._executor = client.get_executor(pure=False)
 
     def threads(self) -> int:
-        """How many tasks can run at a time now, to a second."""
+        """How many tasks can run at a time now, to a second; CampaignError if it is gone."""
+        if self._client.status != "running":
+            raise self._gone()
         if time.monotonic() > self._counted + COUNT_S:
-            with self._reached():
+            try:
                 workers = self._client.scheduler_info(n_workers=-1)["workers"]
+            except (CancelledError, OSError, TimeoutError) as error:
+                raise self._gone() from error
             self._threads = sum(worker["nthreads"] for worker in workers.values())
             self._counted = time.monotonic()
         return self._threads
 
-    def submit(self, task: Task) -> None:
-        """Hand out a task."""
-        where = task.function.__module__, task.function.__name__
-        key = f"flighttune-{self._campaign}-{uuid.uuid4().hex}"
-        with self._reached():
-            future = self._client.submit(_call, *where, *task.arguments, key=key, pure=False)
-            self._tasks[key] = future, task
-            future.add_done_callback(self._over.put)
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Hand out a call of a function of a module."""
+        where = function.__module__, function.__name__
+        # as bytes: a scheduler unpickles arguments, and needs no flighttune
+        return self._executor.submit(_call, *where, pickle.dumps(arguments))
 
-    def wait(self, seconds: float) -> list[Done]:
-        """Tasks that are over, after at most `seconds`.
-
-        Raises
-        ------
-        CampaignError
-            If the scheduler is gone, or a worker cannot run our tasks.
-        """
-        over: list[Future] = []
-        with suppress(queue.Empty):
-            over.append(self._over.get(timeout=seconds))
-            while True:
-                over.append(self._over.get_nowait())
-        if self._client.status != "running":
-            raise self._gone()
-        return [self._done(future) for future in over if future.key in self._tasks]
+    def failure(self, error: BaseException) -> CampaignError:
+        """What a task raised, or why it was cancelled, as an error of the campaign."""
+        if isinstance(error, (CancelledError, OSError, TimeoutError)):
+            return self._gone()
+        if type(error).__name__ == "KilledWorker":
+            return CampaignError(f"workers of the cluster end again and again: {error}")
+        return failure(error)
 
     def stop(self) -> None:
         """Take back all tasks; flights in progress end where they are."""
 
         def take_back() -> None:
             with suppress(Exception):  # the workers may be gone
-                self._client.cancel([future for future, _ in self._tasks.values()], force=True)
+                self._client.cancel(list(self._client.futures), force=True)
 
         # in a thread, because it waits for as long as a scheduler does not answer
         thread = threading.Thread(target=take_back, daemon=True)
         thread.start()
         thread.join(STOP_S)
-        self._tasks.clear()
-
-    def _done(self, future: "Future") -> Done:
-        _, task = self._tasks.pop(str(future.key))
-        with self._reached():
-            if future.status == "finished":
-                return Done(task, future.result())
-            if future.status == "error":
-                error: Any = future.exception()
-                if type(error).__name__ != "KilledWorker":
-                    raise translated(error) from error
-        return Done(task, lost=True)
-
-    @contextmanager
-    def _reached(self) -> Iterator[None]:
-        from distributed import CancelledError
-
-        if self._client.status != "running":
-            raise self._gone()
-        try:
-            yield
-        except (CancelledError, OSError, TimeoutError) as error:
-            raise self._gone() from error
 
     def _gone(self) -> CampaignError:
         where = self._client.scheduler.address if self._client.scheduler else "the scheduler"
         return CampaignError(f"{where}: the connection to the scheduler is lost")
 
 
-def _call(module: str, name: str, *arguments: Any) -> Any:
+def _call(module: str, name: str, arguments: bytes) -> Any:
     from importlib import import_module
+    from pickle import loads
 
-    return getattr(import_module(module), name)(*arguments)
+    function = getattr(import_module(module), name)  # first, so that what is missing is named
+    return function(*loads(arguments))
 
 
 # Sent as code and not by name: a worker that cannot import what it is sent never answers.

@@ -1,46 +1,32 @@
 """Time and space that a campaign will take, estimated from a few of its flights."""
 
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pyarrow as pa
 
-from flighttune.campaign.dataset import parquet_bytes
-from flighttune.campaign.engine.flyer import CrashedRun, Flyer, FlyerAnswer
+from flighttune.campaign.dataset import Span, parquet_bytes
+from flighttune.campaign.engine.pool import worker_pool
+from flighttune.campaign.engine.progress import Tally
 from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.errors import CampaignError
 
-ENOUGH_S = 1.0
-"""Flights are timed until a chunk of them takes this long."""
+ENOUGH_S = 0.25
+"""Flights are timed until this many seconds of them are flown at a time."""
 
 MORE = 4
+"""Growth of the number of runs from one timing to the next."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignCost:
-    """Time and space that a campaign will take.
+    """Time and space that a campaign will take."""
 
-    Attributes
-    ----------
-    timed : int
-        Runs flown to find out.
-    group_s : mapping of Group to float, s
-        Time of one run of a group on one core.
-    core_s : float, s
-        Time of all runs on one core.
-    rows_bytes : int
-        Space of all rows.
-    signals_bytes : int
-        Space of the signals kept, at the most.
-    """
-
-    timed: int
-    group_s: Mapping[Group, float]
-    core_s: float
-    rows_bytes: int
-    signals_bytes: int
+    timed: int  # runs flown to find out
+    group_s: Mapping[Group, float]  # s, time of one run of a group on one core
+    core_s: float  # s, time of all runs on one core
+    rows_bytes: int  # space of all rows
+    signals_bytes: int  # space of the signals kept, at the most
 
     def wall_s(self, workers: int) -> float:
         """Wall time of all runs with so many workers, s."""
@@ -48,49 +34,33 @@ class CampaignCost:
 
 
 def campaign_cost(plan: Plan) -> CampaignCost:
-    """Fly a few runs of a plan and estimate what all of them will take.
+    """Fly a few runs of a plan in one process and estimate what all of them will take.
 
-    Parameters
-    ----------
-    plan : Plan
-        Nothing of it is kept.
-
-    Returns
-    -------
-    CampaignCost
-        By the largest chunk that was flown: many kinematic flights together take less time each.
-
-    Raises
-    ------
-    CampaignError
-        If one of these runs crashes: they cannot be timed.
+    The runs of the last timing count: many kinematic flights together take less time each. Nothing
+    is kept.
     """
-    flyer, text = Flyer(), json.dumps(plan.as_dict())
-    limit = plan.campaign.time_limit_s
-    try:
-        size, began = len(plan.groups), time.perf_counter()
+    tables: list[pa.Table] = []
+    sizes: list[int] = []
+    with worker_pool(1) as pool:
+        size = min(len(plan.groups), plan.runs)
+        pool.fly_rows(plan, [Span(0, size)], tables.append)  # starts the process
         while True:
-            size = min(size, plan.runs)
-            found = flyer.rows(text, 0, size, limit)
-            if isinstance(found, CrashedRun):
-                raise CampaignError(
-                    f"the first flights cannot be timed: run {found.run}: {found.reason}"
-                )
+            began = time.perf_counter()
+            tables.clear()
+            pool.fly_rows(plan, [Span(0, size)], tables.append)
             spent = time.perf_counter() - began
-            if size == plan.runs or found.seconds * MORE > ENOUGH_S or spent > 2.0 * ENOUGH_S:
+            if size == plan.runs or spent > ENOUGH_S:
                 break
-            size *= MORE
-        signals = flyer.signals(text, 0, limit)
-    finally:
-        flyer.close()
-    rows = pa.ipc.open_stream(found.data).read_all()
+            size = min(size * MORE, plan.runs)
+        pool.fly_signals(plan, [0], lambda _, data: sizes.append(len(data)), tally=Tally())
+    rows = pa.concat_tables(tables)
     keep = plan.campaign.keep
     kept = min(plan.runs, keep.failures + keep.worst + keep.sample)
     by_group = rows.group_by(["plant", "gains"]).aggregate([("wall_s", "mean")]).to_pylist()
     return CampaignCost(
         timed=size,
-        group_s={Group(one["plant"], one["gains"]): one["wall_s_mean"] for one in by_group},
-        core_s=found.seconds / size * plan.runs,
+        group_s={Group(row["plant"], row["gains"]): row["wall_s_mean"] for row in by_group},
+        core_s=spent / size * plan.runs,
         rows_bytes=round(len(parquet_bytes(rows)) / size * plan.runs),
-        signals_bytes=len(signals.data) * kept if isinstance(signals, FlyerAnswer) else 0,
+        signals_bytes=sum(sizes) * kept,
     )

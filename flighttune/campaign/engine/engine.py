@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +15,6 @@ from flighttune.campaign.dataset import (
     open_dataset,
     runs_to_keep,
 )
-from flighttune.campaign.engine.flyer import Flyer
-from flighttune.campaign.engine.here import is_small
 from flighttune.campaign.engine.pool import WorkerPool, worker_pool
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, Tally
 from flighttune.campaign.lock import locked
@@ -41,7 +39,6 @@ def run_campaign(
     resume: bool = False,
     until_halfwidth: float | None = None,
     observer: CampaignObserver | None = None,
-    flyers: Sequence[Flyer] = (),
 ) -> CampaignOutcome:
     """Fly a campaign, or what is missing of it.
 
@@ -52,8 +49,7 @@ def run_campaign(
     out : str or Path
         Folder of the rows. Only this process writes.
     workers : int, optional
-        Flights at a time on this machine; by default one a core. For a small campaign: as many as
-        `flyers`, at least one.
+        Processes that fly on this machine; by default one a core.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
@@ -62,8 +58,6 @@ def run_campaign(
         Stop as soon as the 95 % interval of every group's success rate is that narrow.
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
-    flyers : sequence of Flyer
-        Processes that have started already, to fly on this machine.
 
     Returns
     -------
@@ -83,9 +77,7 @@ def run_campaign(
     observer = observer or CampaignObserver()
     interim = list(interim_analyses(plan, until_halfwidth))
     halfwidth, done = None, True
-    if workers is None and scheduler is None and is_small(plan):
-        workers = max(len(flyers), 1)
-    with worker_pool(workers, scheduler, observer, flyers=flyers) as pool, locked(Path(out)):
+    with worker_pool(workers, scheduler, observer) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         tally = _counted(dataset, observer.hear)
@@ -223,8 +215,10 @@ def _counted(dataset: Dataset, hear: Callable[[str], None]) -> Tally:
     tally = Tally()
     for part in dataset.parts:
         try:
-            tally.add(dataset.read_part(part))
+            rows = dataset.read_part(part, ["status", "success"])
         except RecordingError as error:
             hear(str(error))
             dataset.remove_part(part)
+        else:
+            tally.add(rows.column("status").to_pylist(), rows.column("success").to_pylist())
     return tally

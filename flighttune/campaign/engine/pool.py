@@ -1,35 +1,84 @@
-"""Runs of plans flown by workers here or elsewhere: tasks handed out a few at a time."""
+"""Runs of plans flown into rows: kinematic flights in batches here, all others by workers."""
 
-import json
 import time
-from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack, contextmanager
+from functools import cache
+from itertools import chain, groupby
 from typing import Any
 
 import pyarrow as pa
 
 from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import Span
-from flighttune.campaign.engine.chunks import Chunks
-from flighttune.campaign.engine.cluster import cluster
-from flighttune.campaign.engine.flyer import Flyer
-from flighttune.campaign.engine.here import workers_here
+from flighttune.campaign.engine.cluster import ClusterWorkers, cluster
+from flighttune.campaign.engine.flyer import (
+    Draw,
+    Flyer,
+    Lost,
+    failure,
+    fly_by,
+    fly_draws,
+    fly_signals,
+    plan_text,
+)
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress, Tally
-from flighttune.campaign.engine.tasks import Task, Workers
-from flighttune.campaign.engine.worker import FlownChunk, fly_chunk, fly_signals
-from flighttune.campaign.flying.rows import crashed_row
+from flighttune.campaign.flying.claim import claims
+from flighttune.campaign.flying.rows import (
+    Row,
+    batched_groups,
+    blocks,
+    crashed_row,
+    fly_together,
+    split,
+    table_of,
+)
 from flighttune.campaign.planning.plan import Plan
-from flighttune.errors import CampaignError, InputError
-from flighttune.flight.fly import library_versions
+from flighttune.errors import InputError
 from flighttune.simulate.batch import cores
 
-WAITING_PER_THREAD = 2
-"""Tasks handed out per thread: one that runs, and one that is ready when it ends."""
+AHEAD = 2
+"""Tasks of a worker: one that it flies, and one that is ready when it ends."""
 
 LOOK_S = 0.2
-MOST_LOSSES = 5
-"""How often a task may lose its worker."""
+
+KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
+"""Rows are kept every 0.25 s, later after a twentieth of the time so far, at the latest after 10 s:
+a killed campaign loses little, and a long one has few files."""
+
+Task = tuple[Callable[..., Any], tuple[Any, ...]]
+"""A call for a worker."""
+
+
+class Threads:
+    """Threads of this process, each with a process that flies for it; as `ClusterWorkers`."""
+
+    max_draws = 1  # of a task
+
+    def __init__(self, count: int) -> None:
+        self._count, self._flyers = count, [Flyer() for _ in range(count)]
+        waiting = list(self._flyers)
+        for flyer in self._flyers:
+            flyer.start()  # all at once: each takes a second to import what it needs
+        self._executor = ThreadPoolExecutor(count, "flights", lambda: fly_by(waiting.pop()))
+        self.submit = self._executor.submit
+        self.failure = failure
+
+    def threads(self) -> int:
+        """How many tasks can run at a time."""
+        return self._count
+
+    def stop(self) -> None:
+        """Take back all tasks, and end the flights in progress."""
+        for flyer in self._flyers:
+            flyer.close()
+        self._executor.shutdown(cancel_futures=True)
+        for flyer in self._flyers:
+            flyer.end()
+
+
+Workers = Threads | ClusterWorkers
 
 
 @contextmanager
@@ -37,59 +86,37 @@ def worker_pool(
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
-    *,
-    flyers: Sequence[Flyer] = (),
 ) -> Iterator["WorkerPool"]:
-    """Workers for the block: threads of this process, or those of a scheduler elsewhere.
+    """Workers for the block: so many processes here, or those of a dask scheduler elsewhere.
 
-    Parameters
-    ----------
-    workers : int, optional
-        Flights at a time on this machine; by default one per core.
-    scheduler : str, optional
-        Address of a dask scheduler, ``tcp://HOST:PORT``, instead.
-    observer : CampaignObserver, optional
-        Receives the progress; may stop the flights.
-    flyers : sequence of Flyer
-        Processes that have started already, for the first threads of this machine.
-
-    Yields
-    ------
-    WorkerPool
-        It connects to a scheduler when there is something to fly.
-
-    Raises
-    ------
-    InputError
-        If the arguments cannot be used.
-    CampaignError
-        From the first flights, if no scheduler answers at the address.
+    They start, or are connected to, when there is something for them to fly. `workers` are one per
+    core by default. InputError if the arguments cannot be used.
     """
     if workers is not None and scheduler is not None:
         raise InputError("`workers` must not be given with `scheduler`, which has its own.")
     check_at_least(1, workers=workers)
-    if scheduler is None:
-        with workers_here(workers or cores(), flyers) as threads:
-            yield WorkerPool(lambda: threads, observer)
-        return
-    with cluster(scheduler) as connect:
-        yield WorkerPool(connect, observer)
+    with cluster(scheduler) if scheduler else _threads(workers or cores()) as start:
+        yield WorkerPool(start, observer)
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[Callable[[], Threads]]:
+    """Threads of this process for the block: a call starts them."""
+    with ExitStack() as stack:
+
+        def start() -> Threads:
+            threads = Threads(count)
+            stack.callback(threads.stop)
+            return threads
+
+        yield cache(start)
 
 
 class WorkerPool:
-    """Flies runs by the workers of a campaign.
+    """Flies runs by the workers of a campaign; `flown` counts the rows so far.
 
-    Parameters
-    ----------
-    start : callable
-        Returns the workers. Called when there is something to fly.
-    observer : CampaignObserver, optional
-        Receives the progress; may stop the flights.
-
-    Attributes
-    ----------
-    flown : int
-        Rows so far.
+    `start` returns the workers, and is called when there is something for them to fly. The observer
+    receives the progress and may stop the flights.
     """
 
     def __init__(
@@ -109,7 +136,7 @@ class WorkerPool:
         tally: Tally | None = None,
         doing: str = "flying",
     ) -> bool:
-        """Fly runs of a plan.
+        """Fly runs of a plan; return whether all were, and the observer did not stop it.
 
         Parameters
         ----------
@@ -117,118 +144,125 @@ class WorkerPool:
         gaps : iterable of Span
             Which runs.
         keep : callable
-            Gets the rows of each chunk; chunks come in any order.
+            Gets the rows of successive runs, in order of `run`; tables come in any order.
         tally : Tally, optional
-            Of the rows that exist already; the new ones are added.
+            Counts the rows that exist already; the new ones are added.
         doing : str
             Name of the activity, for the observer.
-
-        Returns
-        -------
-        bool
-            Whether all were flown; False where the observer stopped it.
 
         Raises
         ------
         CampaignError
-            If the cluster is gone, cannot fly for this process, or a chunk loses its worker again
-            and again.
+            If the cluster is gone, or cannot fly for this process.
         """
-        tally = tally or Tally()
-        chunks = Chunks(gaps, draw=len(plan.groups))
-        runs = tally.runs + chunks.left
-        text, versions = json.dumps(plan.as_dict()), library_versions()
-        limit = plan.campaign.time_limit_s
+        tally, gaps = tally or Tally(), list(gaps)
+        if not gaps:
+            return True
+        runs = tally.runs + sum(gap.runs for gap in gaps)
+        buffer = _Buffer(plan, gaps, keep)
 
-        def next_task(threads: int) -> Task | None:
-            span = chunks.take(threads)
-            return span and Task(span, fly_chunk, (text, versions, *span, limit))
+        def done(flown: Iterable[Row | Lost]) -> None:
+            rows = [crashed_row(plan, *one) if isinstance(one, Lost) else one for one in flown]
+            buffer.add(rows)
+            tally.add([row["status"] for row in rows], [row["success"] for row in rows])
+            self.flown += len(rows)
 
-        def done(span: Span, chunk: FlownChunk) -> None:
-            rows = _rows(plan, span, chunk)
-            keep(rows)
-            tally.add(rows)
-            self.flown += span.runs
-            if not chunk.crashed:  # the time of one with a crash is not that of its flights
-                chunks.learn(span, chunk.seconds)
-
-        return not chunks.left or self._hand_out(next_task, done, doing, tally, runs)
+        try:
+            tasks = self._tasks(plan, gaps, done)
+            return self._hand_out(tasks, done, doing, tally, runs)
+        finally:
+            buffer.write()
 
     def fly_signals(
         self, plan: Plan, runs: Sequence[int], keep: Callable[[int, bytes], None], *, tally: Tally
     ) -> bool:
         """Fly runs of a plan once more for their signals; return whether all were.
 
-        Parameters
-        ----------
-        plan : Plan
-        runs : sequence of int
-        keep : callable
-            Gets each run and the bytes of its recording.
-        tally : Tally
-            Of the rows that are there.
+        `keep` gets each run and the bytes of its recording; `tally` counts the rows that are there.
         """
-        left = sorted(runs, reverse=True)
-        text, limit = json.dumps(plan.as_dict()), plan.campaign.time_limit_s
+        if not runs:
+            return True
+        text, limit = plan_text(plan), plan.campaign.time_limit_s
 
-        def next_task(_threads: int) -> Task | None:
-            if not left:
-                return None
-            run = left.pop()
-            return Task(run, fly_signals, (text, run, limit))
-
-        def done(run: int, signals: bytes) -> None:
-            if signals:
-                keep(run, signals)
+        def done(signals: tuple[int, bytes]) -> None:
+            run, data = signals
+            if data:
+                keep(run, data)
             else:
                 self._observer.hear(f"run {run}: did not end when it was flown for its signals.")
 
-        return not left or self._hand_out(next_task, done, "keeping signals", tally, tally.runs)
+        tasks = ((fly_signals, (text, limit, _draw(plan, [run]))) for run in runs)
+        return self._hand_out(tasks, done, "keeping signals", tally, tally.runs)
+
+    def _tasks(
+        self, plan: Plan, gaps: Sequence[Span], done: Callable[[Iterable[Row]], None]
+    ) -> Iterator[Task | None]:
+        """Tasks of whole draws in order; None after a batch that was flown here."""
+        in_batch = batched_groups(plan)
+        if len(in_batch) < len(plan.groups):
+            self._start()  # the processes get ready while the first batch is flown
+        claim_of = claims(plan, in_batch)  # of kinematic flights: no JSBSim here
+        text, limit = plan_text(plan), plan.campaign.time_limit_s
+        left = sum(gap.runs for gap in gaps) // len(plan.groups)
+        for block in chain.from_iterable(blocks(plan, range(*gap)) for gap in gaps):
+            batched, alone = split(plan, block)
+            if batched:
+                done(fly_together(plan, batched, claim_of))
+                yield None
+            draws = [_draw(plan, list(runs)) for _, runs in groupby(alone, key=plan.draw_of)]
+            while draws:
+                workers = self._start()
+                share = left // (2 * AHEAD * max(workers.threads(), 1))  # fewer towards the end
+                size = min(max(share, 1), workers.max_draws)
+                task, draws = draws[:size], draws[size:]
+                left -= len(task)
+                yield fly_draws, (text, limit, task)
 
     def _hand_out(
         self,
-        next_task: Callable[[int], Task | None],
-        done: Callable[[Any, Any], None],
+        tasks: Iterator[Task | None],
+        done: Callable[[Any], None],
         doing: str,
         tally: Tally,
         runs: int,
     ) -> bool:
-        """Hand out all tasks; return False if the observer stopped it.
+        """Have all tasks done; return False if the observer stopped it.
 
-        `next_task` is given how many tasks can run at a time; `done` gets what a task was about and
-        what it returned, in any order.
+        `done` gets what each task returns, in any order.
         """
         observer = self._observer
         if self._flying_since is None:
             observer.see(CampaignProgress(doing="starting", done=tally.runs, runs=runs))
-        workers = self._start()
         self._flying_since = self._flying_since or time.perf_counter()
-        losses: Counter[Hashable] = Counter()
-        again: list[Task] = []
+        workers: Workers | None = None
+        pending: set[Future[Any]] = set()
+        more = True
         while not observer.stopped:
-            threads = workers.threads()
+            threads = workers.threads() if workers else 1  # until then this process flies
             # also with no worker one task is handed out: some schedulers start workers for it
-            while workers.waiting <= WAITING_PER_THREAD * threads:
-                task = again.pop() if again else next_task(max(threads, 1))
+            while more and len(pending) <= AHEAD * threads:
+                try:
+                    task = next(tasks)
+                except StopIteration:
+                    more = False
+                    break
                 if task is None:
                     break
-                workers.submit(task)
-            observer.see(self._progress(doing, tally, runs, workers.waiting, threads))
-            if not workers.waiting:
+                workers = workers or self._start()
+                function, arguments = task
+                pending.add(workers.submit(function, *arguments))
+                threads = workers.threads()
+            observer.see(self._progress(doing, tally, runs, len(pending), threads))
+            if not more and not pending:
                 return True
-            for over in workers.wait(LOOK_S):
-                about = over.task.about
-                if not over.lost:
-                    done(about, over.value)
-                    continue
-                again.append(over.task)
-                losses[about] += 1
-                if losses[about] >= MOST_LOSSES:
-                    raise CampaignError(f"{about}: lost its worker {MOST_LOSSES} times")
-        for over in workers.wait(0.0):
-            if not over.lost:
-                done(over.task.about, over.value)
-        workers.stop()
+            ready = 0.0 if more and len(pending) <= AHEAD * threads else LOOK_S
+            over, pending = wait(pending, ready, FIRST_COMPLETED)
+            for future in over:
+                done(_result(workers, future))
+        if workers:
+            for future in wait(pending, 0.0).done:
+                done(_result(workers, future))
+            workers.stop()
         return False
 
     def _progress(
@@ -249,13 +283,47 @@ class WorkerPool:
         )
 
 
-def _rows(plan: Plan, span: Span, chunk: FlownChunk) -> pa.Table:
-    """The rows of a chunk, those of crashed runs among them, each run once and in order."""
-    if chunk.refused:
-        raise CampaignError(f"a worker cannot fly for this campaign: {chunk.refused}")
-    tables = [pa.ipc.open_stream(data).read_all() for data in chunk.tables]
-    tables += [crashed_row(plan, *crash) for crash in chunk.crashed]
-    rows = pa.concat_tables(tables).sort_by("run")
-    if rows.column("run").to_pylist() != list(range(*span)):
-        raise CampaignError(f"runs {span.first} to {span.end - 1}: each must come back once")
-    return rows
+class _Buffer:
+    """Rows that have come back, until they are kept in order of `run`."""
+
+    def __init__(self, plan: Plan, gaps: Sequence[Span], keep: Callable[[pa.Table], None]) -> None:
+        self._plan, self._keep = plan, keep
+        self._rows: dict[int, Row] = {}
+        self._wanted = chain.from_iterable(range(*gap) for gap in gaps)
+        self._next = next(self._wanted, None)
+        self._began = self._kept = time.perf_counter()
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Take rows, and keep those before the first that is still flown, if it is time to."""
+        self._rows |= {row["run"]: row for row in rows}
+        now = time.perf_counter()
+        if now < self._kept + min(max(KEEP_S, KEEP_SHARE * (now - self._began)), KEEP_MAX_S):
+            return
+        ready = []
+        while self._next in self._rows:
+            ready.append(self._next)
+            self._next = next(self._wanted, None)
+        self._write(ready)
+        self._kept = now
+
+    def write(self) -> None:
+        """Keep all rows."""
+        self._write(sorted(self._rows))
+
+    def _write(self, runs: Sequence[int]) -> None:
+        # successive runs have the same difference from their place in the list
+        for _, span in groupby(enumerate(runs), key=lambda at: at[1] - at[0]):
+            rows = [self._rows.pop(run) for _, run in span]
+            self._keep(table_of(self._plan, rows))
+
+
+def _draw(plan: Plan, runs: Sequence[int]) -> Draw:
+    return Draw(tuple(runs), plan.values_of(plan.draw_of(runs[0])))
+
+
+def _result(workers: Workers | None, future: Future[Any]) -> Any:
+    try:
+        return future.result()
+    except Exception as error:
+        assert workers is not None
+        raise workers.failure(error) from error

@@ -1,11 +1,9 @@
 """Progress and outcome of a campaign, and the observer that is informed of them."""
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:  # the command line imports this module before anything heavy
-    import pyarrow as pa
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 
 @dataclass(slots=True)
@@ -15,10 +13,10 @@ class Tally:
     statuses: Counter[str] = field(default_factory=Counter)
     succeeded: int = 0
 
-    def add(self, rows: "pa.Table") -> None:
-        """Count the rows of a table."""
-        self.statuses.update(rows.column("status").to_pylist())
-        self.succeeded += sum(rows.column("success").to_pylist())
+    def add(self, statuses: Iterable[str], successes: Iterable[bool]) -> None:
+        """Count rows by these columns of theirs."""
+        self.statuses.update(statuses)
+        self.succeeded += sum(successes)
 
     @property
     def runs(self) -> int:
@@ -49,47 +47,23 @@ class Tally:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignProgress:
-    """How far a campaign is.
+    """How far a campaign is."""
 
-    Attributes
-    ----------
-    doing : str
-        ``starting``, ``flying`` or ``keeping signals``.
-    done, runs : int
-        Runs that are there, of how many that are wanted.
-    failed, crashed : int
-        Of those there, as in `CampaignOutcome`.
-    waiting : int
-        Tasks handed out and not over.
-    workers : int
-        Tasks that can run at a time; 0 while there is no worker.
-    rate_per_s : float, 1/s
-        Runs a second since the workers are there; 0 before the first.
-    left_s : float or None, s
-        Time left at this rate; None while it is not known.
-    """
-
-    doing: str
-    done: int
-    runs: int
-    failed: int = 0
+    doing: str  # starting, flying, keeping signals, ...
+    done: int  # runs that are there
+    runs: int  # runs that are wanted
+    failed: int = 0  # of those there, as in `CampaignOutcome`
     crashed: int = 0
-    waiting: int = 0
-    workers: int = 0
-    rate_per_s: float = 0.0
-    left_s: float | None = None
+    waiting: int = 0  # tasks handed out and not over
+    workers: int = 0  # tasks that can run at a time; 0 while there is no worker
+    rate_per_s: float = 0.0  # runs a second; 0 before the first
+    left_s: float | None = None  # s at this rate; None before the first run
 
 
 class CampaignObserver:
-    """Receives the progress of a campaign, and may stop it; this one does neither.
+    """Receives the progress of a campaign, and may stop it; this one does neither."""
 
-    Attributes
-    ----------
-    stopped : bool
-        Whether to stop; what has been flown stays.
-    """
-
-    stopped = False
+    stopped = False  # set to True to stop; what has been flown stays
 
     def see(self, progress: CampaignProgress) -> None:
         """How far the campaign is."""
@@ -100,55 +74,23 @@ class CampaignObserver:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignOutcome:
-    """What is there after a campaign was flown or resumed.
+    """What is there after a campaign was flown or resumed."""
 
-    Attributes
-    ----------
-    dataset : str
-        Its folder, as it was given.
-    planned : int
-        Runs of the plan.
-    runs : int
-        Runs that are there: ``completed + failed + crashed``.
-    completed : int
-        Flown to their end.
-    failed : int
-        Ended early, never began, or took too long.
-    crashed : int
-        Ended the process that flew them.
-    succeeded : int
-        Met every requirement.
-    statuses : mapping of str to int
-        How many there are of each status.
-    flown : int
-        Rows that were flown this time.
-    kept : int
-        Runs whose signals are kept.
-    wall_s : float, s
-        Wall time of this time.
-    rate_per_s : float, 1/s
-        ``flown / wall_s``.
-    halfwidth : float or None, 1
-        Largest half width of the 95 % interval of a group's success rate, where one was asked for.
-    interrupted : bool
-        Whether it was stopped before its end.
-    """
-
-    dataset: str
-    planned: int
-    runs: int
-    completed: int
-    failed: int
-    crashed: int
-    succeeded: int
-    statuses: dict[str, int]
-    flown: int
-    kept: int
-    wall_s: float
-    rate_per_s: float
-    halfwidth: float | None = None
-    interrupted: bool = False
+    dataset: str  # folder, as it was given
+    planned: int  # runs of the plan
+    runs: int  # runs that are there: completed + failed + crashed
+    completed: int  # flown to their end
+    failed: int  # ended early, never began, or took too long
+    crashed: int  # ended the process that flew them
+    succeeded: int  # met every requirement
+    statuses: dict[str, int]  # number of runs by status
+    flown: int  # rows that were flown this time
+    kept: int  # runs whose signals are kept
+    wall_s: float  # s, of this time
+    rate_per_s: float  # 1/s, flown / wall_s
+    halfwidth: float | None = None  # largest of the 95 % intervals of a group's success rate
+    interrupted: bool = False  # stopped before its end
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return asdict(self)

@@ -1,6 +1,6 @@
 """Single flights of a plan's groups, in the scenario of a draw or undispersed."""
 
-from collections.abc import Mapping
+from collections.abc import Collection
 
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.flight.fly import fly_alone
@@ -13,12 +13,6 @@ def wind_source(scenario: Scenario, group: Group) -> Group | None:
 
     In wind, the plants that are not aircraft replay the wind that the scenario's first aircraft met
     with the same gains.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Of a draw, or the undispersed one.
-    group : Group
     """
     source = scenario.wind_source
     if source is None or scenario.plant_table(group.plant).aircraft is not None:
@@ -29,23 +23,11 @@ def wind_source(scenario: Scenario, group: Group) -> Group | None:
 def fly_group(
     plan: Plan, scenario: Scenario, group: Group, wind_runs: dict[Group, Run] | None = None
 ) -> Run:
-    """One flight: a group of a plan in the scenario of a draw.
+    """One flight: a group of a plan in the scenario of a draw, or in the undispersed one.
 
-    Parameters
-    ----------
-    plan : Plan
-        With the gains.
-    scenario : Scenario
-        Of the draw, or the undispersed one.
-    group : Group
-    wind_runs : dict of Group to Run, optional
-        Flights of aircraft in the same scenario, whose wind other plants replay. The one that is
-        needed is flown first where it is missing, and added.
-
-    Raises
-    ------
-    PlantError
-        If an aircraft cannot be built.
+    `wind_runs` are flights of aircraft in the same scenario, whose wind other plants replay. The
+    flight that is needed is flown first where it is missing, and added. PlantError if an aircraft
+    cannot be built.
     """
     wind_runs = {} if wind_runs is None else wind_runs
     source = wind_source(scenario, group)
@@ -59,17 +41,8 @@ def fly_group(
     return run
 
 
-def nominal_flights(plan: Plan) -> Mapping[Group, Run]:
-    """The undispersed flight of every group of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-
-    Raises
-    ------
-    PlantError
-        If an aircraft cannot be built.
-    """
+def nominal_flights(plan: Plan, groups: Collection[Group] | None = None) -> dict[Group, Run]:
+    """The undispersed flight of every group of a plan, or of some; PlantError as `fly_group`."""
     wind_runs: dict[Group, Run] = {}
-    return {group: fly_group(plan, plan.scenario, group, wind_runs) for group in plan.groups}
+    wanted = plan.groups if groups is None else groups
+    return {group: fly_group(plan, plan.scenario, group, wind_runs) for group in wanted}

@@ -1,14 +1,11 @@
 """The claim checked in every run: the certified ultimate set of its group's gains."""
 
-from collections.abc import Mapping
-from functools import lru_cache
-from types import MappingProxyType
+from collections.abc import Collection
 
 import numpy as np
 
 from flighttune.campaign.flying.alone import nominal_flights
 from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.control.exact_law import acts_on_rates
 from flighttune.guarantee.flight_check import flight_check
 from flighttune.guarantee.ultimate_set import (
     SETTLED_FROM,
@@ -20,72 +17,41 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import wrap_angle
 
+Claims = dict[Group, UltimateSet | None]
+"""The claim of each group; None where there is none."""
 
-def claims(plan: Plan) -> Mapping[Group, UltimateSet | None]:
-    """The claim of each group of a plan.
 
-    Parameters
-    ----------
-    plan : Plan
+def claims(plan: Plan, groups: Collection[Group] | None = None) -> Claims:
+    """The claim of each group of a plan, or of some of its groups.
 
-    Returns
-    -------
-    mapping of Group to UltimateSet or None
-        None where there is no claim: no gains were found, their loop is not stable, or the
-        undispersed flight from which ``L_d`` is measured was not completed, or is one of the law
-        itself and has no mismatch.
-
-    Raises
-    ------
-    PlantError
-        If an aircraft cannot be built.
-
-    Notes
-    -----
-    The loop is that of the kinematic law about wings-level flight on the first reference of the
-    undispersed scenario. Every process computes the claims anew, to the same bits, and keeps those
-    of its last plans.
+    There is none without gains, for a loop that is not stable, and where the undispersed flight
+    that ``L_d`` is measured on was not completed or has no mismatch. The loop is that of the
+    kinematic law about wings-level flight on the first reference of the undispersed scenario.
+    Every process computes the claims anew, to the same bits. PlantError if an aircraft cannot be
+    built.
     """
-    return _claims(_PlanByContent(plan))
-
-
-class _PlanByContent:
-    """A plan that compares equal to any other with the same content."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-
-    def __hash__(self) -> int:
-        return hash(self.plan.sha256)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _PlanByContent) and self.plan.sha256 == other.plan.sha256
-
-
-@lru_cache(maxsize=8)
-def _claims(by_content: _PlanByContent) -> Mapping[Group, UltimateSet | None]:
-    plan = by_content.plan
+    groups = plan.groups if groups is None else groups
     table = plan.campaign.certificate
     t_from = table.from_s if table else None
     if t_from is None:
         t_from = SETTLED_FROM * plan.scenario.flight.duration_s
     if table and table.L_d_rad_s2:
-        bounds: dict[Group, float | None] = dict.fromkeys(plan.groups, table.L_d_rad_s2)
+        bounds: dict[Group, float | None] = dict.fromkeys(groups, table.L_d_rad_s2)
     else:
-        bounds = {group: _measured(run, t_from) for group, run in nominal_flights(plan).items()}
-    return MappingProxyType(
-        {group: _claim(plan, group, bounds[group], t_from) for group in plan.groups}
-    )
+        nominal = nominal_flights(plan, groups)
+        bounds = {group: _measured(run, t_from) for group, run in nominal.items()}
+    return {group: _claim(plan, group, bounds[group], t_from) for group in groups}
 
 
 def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> UltimateSet | None:
     gains, scenario = plan.gain_sets[group.gains], plan.scenario
-    if gains is None or L_d is None or scenario.is_own_law(group.gains):
+    law, _ = scenario.law_of(group.gains, gains)
+    if gains is None or L_d is None or not law.by_gains:
         return None
-    model = scenario.kinematic_model(rates=acts_on_rates(gains))
-    loop = certified_loop(model, gains)
-    commanded = _commanded(scenario)
-    return loop and UltimateSet(loop=loop, L_d=L_d, t_from=t_from, commanded=commanded)
+    loop = certified_loop(scenario.kinematic_model(law), gains)
+    if loop is None:
+        return None
+    return UltimateSet(loop=loop, L_d=L_d, t_from=t_from, commanded=_commanded(scenario))
 
 
 def _commanded(scenario: Scenario) -> float:

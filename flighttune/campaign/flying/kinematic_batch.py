@@ -1,24 +1,19 @@
 """Draws of the kinematic law, flown many at once."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
+from flighttune.control.law import Law
 from flighttune.guarantee.mismatch import LEAST_SAMPLES
 from flighttune.guarantee.ultimate_set import UltimateSet
 from flighttune.metrics import METRICS
 from flighttune.plants.point_mass import rolled_over
-from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
-from flighttune.scenario.tables import (
-    DisturbanceTable,
-    LawTable,
-    PlantTable,
-    ReferenceTable,
-    SensorsTable,
-)
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.batch import SIGNALS, BatchResult, Flights, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 
@@ -28,94 +23,59 @@ FLOWN_TOGETHER = 64
 ROLLED = 1
 """`BatchResult.ends` of a flight that ended at 90 deg of roll."""
 
-KNOWN: Mapping[type, frozenset[str]] = {
-    table: frozenset(names.split())
-    for table, names in {
-        Scenario: "title verifies source seed law gains flight reference limits controller tuning "
-        "disturbance sensors envelope expect plant",
-        FlightTable: "V_a_mps h_m chi_deg gamma_deg phi_deg n_z duration_s ground_m g_mps2",
-        ReferenceTable: "chi_deg gamma_deg",
-        LimitsTable: "phi_deg phi_rate_dps n_z n_z_rate_per_s",
-        ControllerTable: "rate_hz anti_windup tracking_time_s feed_forward schedule",
-        DisturbanceTable: "chi_amplitude chi_omega_rad_s gamma_amplitude gamma_omega_rad_s "
-        "as_wind path",
-        SensorsTable: "chi_bias_deg chi_noise_sd_deg gamma_bias_deg gamma_noise_sd_deg "
-        "V_a_bias_mps V_a_noise_sd_mps noise_time_constant_s",
-        PlantTable: "kind",
-    }.items()
-}
-"""Keys of the tables that shape a kinematic flight, all of which the batch flies.
+NOT_IN_BATCH = (
+    *("wind", "gust", "turbulence", "reference.shape"),
+    *("disturbance.wave", "disturbance.chi_phase_deg", "disturbance.gamma_phase_deg"),
+)
+"""Keys of a scenario that the kernel does not fly: with one of them a flight is flown alone.
 
-Heights, and how an aircraft meets the disturbance (``as_wind``, ``path``), are known to make no
-difference. Whatever else a scenario says, its flight is not for the batch.
+`tests/campaign/test_kinematic_batch.py` flies every key of a scenario both ways and fails for a key
+it has not tried, so that a new key is either flown by the kernel or named here.
 """
 
 
 class FlightResult(NamedTuple):
-    """Status, measures and certificate of one flight.
-
-    Attributes
-    ----------
-    status, reason : str
-    measured : mapping of str to mapping of str to float
-        As `flighttune.metrics.measures`.
-    certified : str or None
-        Whether the claim held; None without a claim or a completed flight.
-    """
+    """Status, measures and certificate of one flight."""
 
     status: str
     reason: str
-    measured: Mapping[str, Mapping[str, float]]
-    certified: str | None
+    measured: Mapping[str, Mapping[str, float]]  # as `flighttune.metrics.measures`
+    certified: str | None  # whether the claim held; None without a claim or a completed flight
 
 
-def batchable(scenario: Scenario, table: PlantTable, law: LawTable | None = None) -> bool:
-    """Whether the flight of a plant in a scenario can be flown in a batch.
+def batchable(
+    scenario: Scenario,
+    table: PlantTable,
+    law: Law,
+    dispersed: Collection[str] = (),
+) -> bool:
+    """Whether the kernel knows the law, the plant, and everything in the scenario.
 
-    It is one of the paper's law, and nothing in the scenario is unknown to the batch.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Of a draw.
-    table : PlantTable
-        The plant.
-    law : LawTable, optional
-        The paper's by default.
+    Keys decide and their values do not, so that the answer is the same for all draws that give
+    values to the `dispersed` keys.
     """
-    of_the_user = law is not None and law.kind == "python"
-    if table.kind != "kinematic" or of_the_user or not _knows(table):
+    if law.kernel() is None or not table.family.batched:
         return False
-    names = ("flight", "reference", "limits", "controller", "disturbance", "sensors")
-    parts = (getattr(scenario, name) for name in names)
-    return _knows(scenario) and all(part is None or _knows(part) for part in parts)
+    return not any(
+        _has(scenario, key) or any(f"{other}.".startswith(f"{key}.") for other in dispersed)
+        for key in NOT_IN_BATCH
+    )
 
 
-def _knows(table: Any) -> bool:
-    known = KNOWN.get(type(table), frozenset())
-    return all(value is None or name in known for name, value in vars(table).items())
+def _has(scenario: Scenario, key: str) -> bool:
+    value: Any = scenario
+    for name in key.split("."):
+        value = getattr(value, name, None)
+    return value is not None
 
 
 def fly_batch(
-    scenarios: Sequence[Scenario], law: LawTable, gains: PIGains, claim: UltimateSet | None
+    scenarios: Sequence[Scenario], law: Law, gains: PIGains, claim: UltimateSet | None
 ) -> list[FlightResult | None]:
-    """Fly one gain set of the kinematic law in many scenarios.
+    """Fly one gain set on the kinematic plant in many `batchable` scenarios.
 
-    Parameters
-    ----------
-    scenarios : sequence of Scenario
-        `batchable` ones.
-    law : LawTable
-        The paper's or the exact law.
-    gains : PIGains
-    claim : UltimateSet or None
-        Checked in each flight.
-
-    Returns
-    -------
-    list of FlightResult or None
-        In order of `scenarios`; the bits of each do not depend on the others. None where a flight
-        has to be flown alone to know its reason.
+    The bits of each flight do not depend on the others. None stands for a flight that has to be
+    flown alone to know why it ended; `claim` is checked in each flight.
     """
     alike: dict[Hashable, list[int]] = {}
     for i, one in enumerate(scenarios):
@@ -140,10 +100,12 @@ def _moving(scenario: Scenario) -> bool:
 
 
 def _fly(
-    scenarios: Sequence[Scenario], law: LawTable, gains: PIGains, claim: UltimateSet | None
+    scenarios: Sequence[Scenario], law: Law, gains: PIGains, claim: UltimateSet | None
 ) -> Iterator[FlightResult | None]:
     """Flights with the same controller, duration and kinds of inputs."""
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
+    kernel = law.kernel()
+    assert kernel is not None  # of `batchable` flights
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
     at = t if _moving(scenarios[0]) else np.zeros(1)
@@ -170,7 +132,7 @@ def _fly(
         sensors=[one.sensors.sensors(one.seed) for one in scenarios if one.sensors is not None],
         trajectories=True,
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
-        exact=law.exact_options() if law.kind == "exact" else None,
+        exact=kernel.exact,
         threads=1,
     )
     columns = {name: values.tolist() for name, values in _measured(flights, batch).items()}

@@ -7,6 +7,7 @@ from flighttune.campaign.dataset import NOT_REPRODUCIBLE
 from flighttune.campaign.flying.alone import fly_group, wind_source
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario, Progress, fly
 from flighttune.flight.refly import Difference
@@ -44,9 +45,9 @@ def scenario_of_run(plan: Plan, run: int) -> Scenario:
     tables = scenario.as_dict()
     labels = [table.label for table in scenario.plant]
     tables["plant"] = [tables["plant"][labels.index(one.plant)] for one in flying]
-    law, own = scenario.law_of(group.gains)
     if scenario.law is not None:
-        tables["law"] = [law.model_dump(exclude_none=True)]
+        tables["law"] = [scenario.law_table(group.gains).model_dump(exclude_none=True)]
+    _, own = split_name(group.gains)
     tables["gains"] = [_as_numbers(plan, group, own)]
     tables["title"] = f"{scenario.title}, run {run}"
     tables["expect"] = [

@@ -1,7 +1,11 @@
-"""Fly runs of a plan into rows, one per run: the same bits however the runs are divided."""
+"""Fly runs of a plan into rows, one per run: the same bits whoever flies them.
+
+A row is a dict until a table is made of many. Kinematic flights go through the compiled kernel many
+at a time; all others are flown one by one, a draw at a time.
+"""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import groupby
 from typing import Any
@@ -11,12 +15,11 @@ import pyarrow as pa
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.flying.claim import claims
+from flighttune.campaign.flying.claim import Claims, claims
 from flighttune.campaign.flying.columns import RESIDUALS, TUBE_SHARE, row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.control.exact_law import acts_on_rates
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.expectations import missed
@@ -26,12 +29,8 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import indicators_batch
 
-BLOCK = 256
-"""Draws of a block: its kinematic flights are flown as a batch."""
-
-DRAWS_ALONE = 12
-"""First draws, whose kinematic flights are flown one by one: a campaign of no more does without
-compiled code, which takes as long to load as twenty such flights."""
+BLOCK = 64
+"""Draws whose kinematic flights are flown together; nothing else is done here meanwhile."""
 
 SAMPLES = 4
 """Length, in samples, of the flights of `warm_up`."""
@@ -39,29 +38,28 @@ SAMPLES = 4
 INVALID = "invalid"
 """Status of a run whose drawn values the scenario or an aircraft refuses."""
 
-Begins = Callable[[int], None]
-"""Called with the run before a flight begins, or with the first run before a batch begins."""
+Row = dict[str, Any]
+"""Columns of one run, as in `row_schema`; a column that is not there is null."""
 
-Outcome = Mapping[str, Any]
-"""Columns of the row of a run from ``status`` on, except R_K and I_K."""
+Drawn = Mapping[str, Any]
+"""What is drawn for a draw, as `Plan.values_of` returns it."""
 
 
-def fly_runs(plan: Plan, runs: Sequence[int], *, begins: Begins | None = None) -> pa.Table:
-    """Fly runs of a plan.
+def fly_runs(plan: Plan, runs: Sequence[int]) -> pa.Table:
+    """Fly runs of a plan in this process.
 
     Parameters
     ----------
     plan : Plan
     runs : sequence of int
         Which, each once.
-    begins : callable, optional
-        Called with the run before each flight, with the first run before each batch.
 
     Returns
     -------
     Table
-        One row per run in order of `run`; its schema is `row_schema` of the plan. All of it but
-        ``wall_s`` depends only on the plan and the run, to the bit.
+        One row per run in order of `run`, as `row_schema`. All of it but ``wall_s`` depends only on
+        the plan and the run, to the bit. Where the scenario or an aircraft refuses a drawn value,
+        the status is ``invalid`` and the reason names the key.
 
     Raises
     ------
@@ -69,108 +67,123 @@ def fly_runs(plan: Plan, runs: Sequence[int], *, begins: Begins | None = None) -
         If there is no such run, or one is named twice.
     PlantError
         If an undispersed aircraft cannot be built.
-
-    Notes
-    -----
-    Whatever a draw makes of the scenario is the outcome of its runs: where the scenario or an
-    aircraft refuses a drawn value, their status is ``invalid`` and the reason names the key.
     """
     wanted = sorted(runs)
     if wanted and not 0 <= wanted[0] <= wanted[-1] < plan.runs:
         raise InputError(f"`runs` must be 0 to {plan.runs - 1}, got {wanted[0]} to {wanted[-1]}.")
     if len(set(wanted)) < len(wanted):
         raise InputError("`runs` must name each run once.")
-    tables = [row_schema(plan).empty_table()]
-    for _, block in groupby(wanted, key=lambda run: plan.draw_of(run) // BLOCK):
-        tables.append(_fly_block(plan, list(block), begins or (lambda _: None)))
-    return pa.concat_tables(tables).combine_chunks()
+    claim_of = claims(plan, {plan.group_of(run) for run in wanted})
+    rows: list[Row] = []
+    for block in blocks(plan, wanted):
+        batched, alone = split(plan, block)
+        rows += fly_together(plan, batched, claim_of)
+        for draw, of_draw in groupby(alone, key=plan.draw_of):
+            rows += fly_draw(plan, list(of_draw), plan.values_of(draw), claim_of)
+    return table_of(plan, rows)
 
 
-def crashed_row(plan: Plan, run: int, status: str, reason: str) -> pa.Table:
-    """The row of a run that ended the process that flew it, or took too long.
+def blocks(plan: Plan, runs: Iterable[int]) -> Iterator[list[int]]:
+    """Runs in order, so many draws at a time."""
+    for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
+        yield list(block)
 
-    Parameters
-    ----------
-    plan : Plan
-    run : int
-    status : str
-        ``crashed`` or ``timed_out``.
-    reason : str
-        A sentence.
 
-    Returns
-    -------
-    Table
-        One row of the schema of the plan.
-    """
-    scenarios = {}
+def table_of(plan: Plan, rows: Iterable[Row]) -> pa.Table:
+    """Rows of a plan as a table, in order of `run`."""
+    in_order = sorted(rows, key=lambda row: row["run"])
+    return pa.Table.from_pylist(in_order, schema=row_schema(plan))
+
+
+def batched_groups(plan: Plan) -> frozenset[Group]:
+    """The groups whose flights the compiled kernel flies."""
+
+    def batched(group: Group) -> bool:
+        table = plan.scenario.plant_table(group.plant)
+        law, _ = plan.scenario.law_of(group.gains)
+        flown = plan.gain_sets[group.gains] is not None and plan.tube is None
+        return flown and batchable(plan.scenario, table, law, plan.keys)
+
+    return frozenset(filter(batched, plan.groups))
+
+
+def split(plan: Plan, runs: Iterable[int]) -> tuple[list[int], list[int]]:
+    """The runs that are flown in batches, and those that are flown one by one."""
+    in_batch = batched_groups(plan)
+    batched: list[int] = []
+    alone: list[int] = []
+    for run in runs:
+        (batched if plan.group_of(run) in in_batch else alone).append(run)
+    return batched, alone
+
+
+def fly_together(plan: Plan, runs: Sequence[int], claim_of: Claims) -> list[Row]:
+    """Rows of kinematic flights, those of each group in one batch."""
+    rows: list[Row] = []
+    batches: dict[Group, dict[int, Scenario]] = {}
+    for draw, of_draw in groupby(runs, key=plan.draw_of):
+        drawn, began = plan.values_of(draw), time.perf_counter()
+        try:
+            scenario = plan.dispersed(drawn, draw)
+        except FlightTuneError as error:
+            rows += [_refused(plan, run, drawn, error, began) for run in of_draw]
+            continue
+        for run in of_draw:
+            batches.setdefault(plan.group_of(run), {})[run] = scenario
+    for group, scenarios in batches.items():
+        gains, began = plan.gain_sets[group.gains], time.perf_counter()
+        assert gains is not None
+        law, _ = plan.scenario.law_of(group.gains)
+        results = fly_batch(list(scenarios.values()), law, gains, claim_of[group])
+        each_s = (time.perf_counter() - began) / len(scenarios)
+        indicators = _indicators(plan, group, list(scenarios.values()))
+        for (run, scenario), result, both in zip(
+            scenarios.items(), results, indicators, strict=True
+        ):
+            outcome = (
+                _fly_alone(plan, scenario, group, {}, claim_of[group])
+                if result is None
+                else _outcome(scenario, group, result, each_s)
+            )
+            rows.append(_row(plan, run, plan.values_of(plan.draw_of(run)), outcome, both))
+    return rows
+
+
+def fly_draw(plan: Plan, runs: Sequence[int], drawn: Drawn, claim_of: Claims) -> Iterator[Row]:
+    """Rows of runs of one draw, each as soon as it is flown."""
+    began = time.perf_counter()
+    try:
+        scenario = plan.dispersed(drawn, plan.draw_of(runs[0]))
+    except FlightTuneError as error:
+        yield from (_refused(plan, run, drawn, error, began) for run in runs)
+        return
+    wind_runs: dict[Group, Run] = {}
+    for run in runs:
+        group = plan.group_of(run)
+        outcome = _fly_alone(plan, scenario, group, wind_runs, claim_of[group])
+        yield _row(plan, run, drawn, outcome, *_indicators(plan, group, [scenario]))
+
+
+def crashed_row(plan: Plan, run: int, status: str, reason: str) -> Row:
+    """The row of a run that ended the process that flew it (``crashed``) or was ``timed_out``."""
+    drawn, indicators = plan.values_of(plan.draw_of(run)), (None, None)
     with suppress(FlightTuneError):
-        scenarios[run] = plan.scenario_of(plan.draw_of(run))
-    return _table(plan, {run: _unflown(status, reason)}, scenarios)
+        scenario = plan.dispersed(drawn, plan.draw_of(run))
+        (indicators,) = _indicators(plan, plan.group_of(run), [scenario])
+    return _row(plan, run, drawn, _unflown(status, reason), indicators)
 
 
 def warm_up(plan: Plan) -> None:
-    """Load and compile what flying a plan needs, before the time of its runs is taken.
+    """Load what the flights of a plan need, before the time of its runs is taken.
 
-    It flies the undispersed scenario of every group for a few samples, and makes the claims.
-
-    Parameters
-    ----------
-    plan : Plan
-        Its errors are ignored here: every run of the group reports them in its row.
+    Errors are ignored here: every run of the group reports them in its row.
     """
     scenario = plan.scenario
     short = scenario.flight.model_copy(update={"duration_s": SAMPLES / scenario.controller.rate_hz})
     scenario = scenario.model_copy(update={"flight": short})
     for group in plan.groups:
-        gains = plan.gain_sets[group.gains]
         with suppress(FlightTuneError):
-            law, _ = scenario.law_of(group.gains)
-            table, many = scenario.plant_table(group.plant), plan.draws > _draws_alone(plan)
-            if many and gains is not None and batchable(scenario, table, law):
-                fly_batch([scenario], law, gains, None)
             fly_group(plan, scenario, group)
-    with suppress(FlightTuneError):
-        claims(plan)
-
-
-def _draws_alone(plan: Plan) -> int:
-    """How many draws are flown alone.
-
-    None where draws are given: a search gives each of its generations to a plan of its own.
-    """
-    return DRAWS_ALONE if plan.given is None else 0
-
-
-def _fly_block(plan: Plan, runs: list[int], begins: Begins) -> pa.Table:
-    begins(runs[0])
-    claim_of = claims(plan)
-    scenarios: dict[int, Scenario] = {}
-    outcomes: dict[int, Outcome] = {}
-    batches: dict[Group, list[int]] = {}
-    for draw, of_draw in groupby(runs, key=plan.draw_of):
-        began = time.perf_counter()
-        try:
-            scenario = plan.scenario_of(draw)
-        except FlightTuneError as error:
-            outcomes.update(dict.fromkeys(of_draw, _refused(error, began)))
-            continue
-        wind_runs: dict[Group, Run] = {}
-        for run in of_draw:
-            group, scenarios[run] = plan.group_of(run), scenario
-            table = scenario.plant_table(group.plant)
-            law, _ = scenario.law_of(group.gains)
-            known = plan.gain_sets[group.gains] is not None and plan.tube is None
-            if draw >= _draws_alone(plan) and known and batchable(scenario, table, law):
-                batches.setdefault(group, []).append(run)
-                continue
-            begins(run)
-            outcomes[run] = _fly_alone(plan, scenario, group, wind_runs, claim_of[group])
-    for group, members in batches.items():
-        begins(members[0])
-        of_batch = {run: scenarios[run] for run in members}
-        outcomes.update(_fly_together(plan, group, of_batch, claim_of[group]))
-    return _table(plan, {run: outcomes[run] for run in runs}, scenarios)
 
 
 def _fly_alone(
@@ -179,44 +192,26 @@ def _fly_alone(
     group: Group,
     wind_runs: dict[Group, Run],
     claim: UltimateSet | None,
-) -> Outcome:
-    """One flight; `wind_runs` as for `fly_group`."""
+) -> Row:
+    """Outcome of one flight; `wind_runs` as for `fly_group`."""
     began = time.perf_counter()
     try:
         run = fly_group(plan, scenario, group, wind_runs)
     except FlightTuneError as error:
-        return _refused(error, began)
-    result = FlightResult(
-        run.status, run.reason, measures(run), None if claim is None else claim.outcome(run)
-    )
-    columns = dict(_outcome(scenario, group, result, time.perf_counter() - began))
+        return _invalid(error, began)
+    certified = None if claim is None else claim.outcome(run)
+    result = FlightResult(run.status, run.reason, measures(run), certified)
+    columns = _outcome(scenario, group, result, time.perf_counter() - began)
     if run.status == "completed" and plan.residuals is not None:
         extremes = plan.residuals.of_flight(run, scenario.condition)
-        columns |= zip(RESIDUALS, (one.ravel() for one in extremes), strict=True)
+        columns |= zip(RESIDUALS, (bound.ravel().tolist() for bound in extremes), strict=True)
     if run.status == "completed" and plan.tube is not None:
         columns[TUBE_SHARE] = plan.tube.share(run)
     return columns
 
 
-def _fly_together(
-    plan: Plan, group: Group, scenarios: Mapping[int, Scenario], claim: UltimateSet | None
-) -> dict[int, Outcome]:
-    """Kinematic flights of one group in many draws."""
-    began = time.perf_counter()
-    gains = plan.gain_sets[group.gains]
-    assert gains is not None
-    law, _ = plan.scenario.law_of(group.gains)
-    batch = fly_batch(list(scenarios.values()), law, gains, claim)
-    each = (time.perf_counter() - began) / len(scenarios)
-    return {
-        run: _outcome(scenario, group, result, each)
-        if result is not None
-        else _fly_alone(plan, scenario, group, {}, claim)
-        for (run, scenario), result in zip(scenarios.items(), batch, strict=True)
-    }
-
-
-def _outcome(scenario: Scenario, group: Group, result: FlightResult, wall_s: float) -> Outcome:
+def _outcome(scenario: Scenario, group: Group, result: FlightResult, wall_s: float) -> Row:
+    """Columns of a flight from ``status`` on, except R_K and I_K."""
     tables = [table for table in scenario.expect if table.meant(group.plant, group.gains)]
     misses = missed(tables, result.status, result.reason, result.measured)
     columns = {
@@ -229,35 +224,32 @@ def _outcome(scenario: Scenario, group: Group, result: FlightResult, wall_s: flo
         "reason": result.reason,
         "success": not misses,
         "missed": "; ".join(misses),
-        **columns,
+        **{name: _number(columns.get(name)) for name in MEASURES},
         "certified": result.certified,
         "wall_s": wall_s,
     }
 
 
-def _refused(error: FlightTuneError, began: float) -> Outcome:
-    """The outcome of a run whose drawn values are refused."""
-    outcome = _unflown(INVALID, " ".join(str(error).split()))
-    return {**outcome, "wall_s": time.perf_counter() - began}
-
-
-def _unflown(status: str, reason: str) -> Outcome:
+def _unflown(status: str, reason: str) -> Row:
     return {"status": status, "reason": reason, "success": False, "missed": f"{status}: {reason}"}
 
 
-def _table(
-    plan: Plan, outcomes: Mapping[int, Outcome], scenarios: Mapping[int, Scenario]
-) -> pa.Table:
-    """Rows of runs, in their order; `scenarios` has none of those that are refused."""
-    indicators = _indicators(plan, list(outcomes), scenarios)
-    rows = []
-    for run, outcome in outcomes.items():
-        draw, group = plan.draw_of(run), plan.group_of(run)
-        R_K, I_K = indicators.get(run, (None, None))
-        row = {"run": run, "draw": draw, "plant": group.plant, "gains": group.gains}
-        measured = {name: _number(outcome.get(name)) for name in MEASURES}
-        rows.append({**row, **plan.values_of(draw), **outcome, **measured, "R_K": R_K, "I_K": I_K})
-    return pa.Table.from_pylist(rows, schema=row_schema(plan))
+def _invalid(error: FlightTuneError, began: float) -> Row:
+    reason = " ".join(str(error).split())
+    return {**_unflown(INVALID, reason), "wall_s": time.perf_counter() - began}
+
+
+def _refused(plan: Plan, run: int, drawn: Drawn, error: FlightTuneError, began: float) -> Row:
+    return _row(plan, run, drawn, _invalid(error, began), (None, None))
+
+
+Indicators = tuple[float | None, float | None]
+
+
+def _row(plan: Plan, run: int, drawn: Drawn, outcome: Row, indicators: Indicators) -> Row:
+    group, (R_K, I_K) = plan.group_of(run), indicators
+    names = {"run": run, "draw": plan.draw_of(run), "plant": group.plant, "gains": group.gains}
+    return {**names, **drawn, **outcome, "R_K": R_K, "I_K": I_K}
 
 
 def _number(value: float | None) -> float | None:
@@ -265,33 +257,26 @@ def _number(value: float | None) -> float | None:
     return value if value == value else None
 
 
-def _indicators(
-    plan: Plan, runs: Sequence[int], scenarios: Mapping[int, Scenario]
-) -> dict[int, tuple[float | None, float | None]]:
-    """R_K and I_K of the linear loop of each run that has gains and a scenario."""
-    models: dict[tuple[float | str, ...], LinearModel] = {}
+def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list[Indicators]:
+    """R_K and I_K of the linear loop of a group in each scenario; None without gains or a loop."""
+    gains = plan.gain_sets[group.gains]
+    law, _ = plan.scenario.law_of(group.gains, gains)
+    if gains is None or not law.by_gains:
+        return [(None, None)] * len(scenarios)
     loops: dict[tuple[float | str, ...], FloatArray] = {}
-    keys: dict[int, tuple[float | str, ...]] = {}
-    for run in runs:
-        name = plan.group_of(run).gains
-        gains = plan.gain_sets[name]
-        if gains is None or run not in scenarios or scenarios[run].is_own_law(name):
-            continue
-        scenario = scenarios[run]
+    keys: list[tuple[float | str, ...]] = []
+    for scenario in scenarios:
         flight, controller = scenario.flight, scenario.controller
         _, gamma = scenario.followed().initial
-        # what the linear model of a draw depends on; all else in it is not dispersed
-        at = (flight.V_a_mps, gamma, flight.g_mps2, controller.rate_hz, controller.schedule)
-        model = (*at, gains.law)
-        keys[run] = (*model, name)
-        if keys[run] not in loops:
-            if model not in models:
-                models[model] = scenario.linear_model(rates=acts_on_rates(gains))
-            loops[keys[run]] = closed_loop(models[model], gains)
-    found: dict[tuple[float | str, ...], tuple[float | None, float | None]] = {}
-    for size in {A_K.shape for A_K in loops.values()}:
-        alike = {key: A_K for key, A_K in loops.items() if A_K.shape == size}
-        both = indicators_batch(np.array(list(alike.values())))
-        for key, R_K, I_K in zip(alike, both.R_K.tolist(), both.I_K.tolist(), strict=True):
-            found[key] = _number(R_K), _number(I_K)
-    return {run: found[key] for run, key in keys.items()}
+        # what the linear model of a draw depends on: often it is not dispersed
+        key = (flight.V_a_mps, gamma, flight.g_mps2, controller.rate_hz, controller.schedule)
+        keys.append(key)
+        if key not in loops:
+            model: LinearModel = scenario.linear_model(law)
+            loops[key] = closed_loop(model, gains)
+    both = indicators_batch(np.array(list(loops.values())))
+    numbers = {
+        key: (_number(R_K), _number(I_K))
+        for key, R_K, I_K in zip(loops, both.R_K.tolist(), both.I_K.tolist(), strict=True)
+    }
+    return [numbers[key] for key in keys]

@@ -255,25 +255,26 @@ class Plan:
     def _tables(self) -> dict[str, Any]:
         return self.scenario.as_dict()
 
+    def dispersed(self, drawn: Mapping[str, Any], draw: int) -> Scenario:
+        """The scenario with drawn values in it; `draw` is for the message.
+
+        ScenarioError, which names the keys, if the scenario or an aircraft refuses a value.
+        """
+        scenario = validated(Scenario, self._tables_with(drawn), f"draw {draw}")
+        check_aircraft(scenario, f"draw {draw}")
+        return scenario
+
     def tables_of(self, draw: int) -> dict[str, Any]:
         """The scenario of a draw as the tables of a file, unchecked."""
-        drawn = self.values_of(draw)
+        return self._tables_with(self.values_of(draw))
+
+    def _tables_with(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
         tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
         return {**tables, SEED: drawn[SEED]}
 
     def scenario_of(self, draw: int) -> Scenario:
-        """The scenario of a draw.
-
-        Raises
-        ------
-        ScenarioError
-            If the scenario, or an aircraft, refuses a drawn value; the message names the keys.
-        InputError
-            If there is no such draw.
-        """
-        scenario = validated(Scenario, self.tables_of(draw), f"draw {draw}")
-        check_aircraft(scenario, f"draw {draw}")
-        return scenario
+        """The scenario of a draw; ScenarioError as `dispersed`, InputError without such a draw."""
+        return self.dispersed(self.values_of(draw), draw)
 
     def as_dict(self) -> dict[str, Any]:
         """The plan as plain values that JSON has words for; `plan_from` reads them."""

@@ -5,14 +5,12 @@ connections to files and sockets. The files it is made of are never written to.
 """
 
 import hashlib
-import os
 import shutil
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from tempfile import gettempdir
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
@@ -34,7 +32,7 @@ from flighttune.aircraft.model_xml import (
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.aircraft.systems import put_in_front
 from flighttune.errors import PlantError
-from flighttune.file_lock import scratch_folder
+from flighttune.scratch import scratch_folder, scratch_place
 from flighttune.units import FT
 
 CONNECTIONS = ("output", "input")
@@ -241,19 +239,17 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
 @contextmanager
 def _private_folder(file: Path, text: str) -> Iterator[Path]:
     """A folder that holds another main file; in memory, so that no flight waits for a disk."""
-    place = None if "TMPDIR" in os.environ else _memory()
     with ExitStack() as stack:
         try:
-            folder = stack.enter_context(scratch_folder(place))
+            folder = Path(stack.enter_context(scratch_folder()))
             # A main file refers to parts beside it; only this file itself is another.
             for beside in file.parent.iterdir():
                 if beside.name != file.name:
                     _link(folder / beside.name, beside)
             (folder / file.name).write_bytes(text.encode())
         except OSError as error:
-            where = place or gettempdir()
             raise PlantError(
-                f"{where}: must take a folder for {file.name}, got {error.strerror}."
+                f"{scratch_place()}: must take a folder for {file.name}, got {error.strerror}."
             ) from error
         yield folder
 
@@ -285,13 +281,6 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     factors = {f"{COEFFICIENT}{name}": factor for name, factor in off.scaled_coefficients.items()}
     values = factors | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
     return filled(template, values | balance.values(off) if balance else values)
-
-
-@cache
-def _memory() -> Path | None:
-    """A folder in memory, ten times as fast as one on disk; None if the system has none."""
-    folder = Path("/dev/shm")  # tmpfs on Linux
-    return folder if folder.is_dir() and os.access(folder, os.W_OK | os.X_OK) else None
 
 
 @lru_cache(maxsize=32)

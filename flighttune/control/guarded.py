@@ -3,54 +3,55 @@
 import math
 import textwrap
 import time
-from collections.abc import Iterable, Sequence
-from typing import Any, Protocol
+import traceback
+from collections.abc import Sequence
+from typing import Any
 
-from flighttune.control.controller import Controller, FlightCondition, Measured, ReferenceSample
-from flighttune.control.exact_law import ExactLaw
+from flighttune.control.controller import (
+    Controller,
+    FlightCondition,
+    Limiter,
+    Measured,
+    ReferenceSample,
+    SelfLimiting,
+)
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import CommandLimiter, Limits
 from flighttune.control.linear_model import LinearModel
-from flighttune.control.mimo_pi import MimoPI
-from flighttune.errors import InputError
-from flighttune.plants.guarded import FAILURES, failure
 
-BEHIND = 5.0
-"""By how much the steps of a law may take longer than the flight they fly, s."""
+FAILURES = (Exception, SystemExit)
+"""What ends a flight and nothing else: code of a user's must not end the program either."""
 
+
+MAX_LAG_S = 5.0
+"""Wall time by which a law may fall behind real time, s."""
 
 LONGEST = 40
-"""Characters of what a law returned that are repeated."""
+"""Characters of a returned value that a message repeats."""
+
+
+def failure(name: str, error: BaseException, t: float | None) -> str:
+    """What raised, when and why, in one line.
+
+    Parameters
+    ----------
+    name : str
+        Of the law or plant.
+    error : Exception
+    t : float or None, s
+        Time of the flight, if one had begun.
+    """
+    frames = traceback.extract_tb(error.__traceback__)
+    line = f" (line {frames[-1].lineno} of {frames[-1].name})" if len(frames) > 1 else ""
+    at = "" if t is None else f" at t = {t:.2f} s"
+    return f"{name}{at}: {type(error).__name__}: {' '.join(str(error).split())}{line}"
 
 
 class LawError(Exception):
     """A law raised, or what it commands cannot be flown; the message names law and time."""
 
 
-class Limiter(Protocol):
-    """What the loop records of the limits: the same lists at every sample."""
-
-    @property
-    def u_unsat(self) -> Iterable[float]:
-        """Commands before the limits."""
-        ...
-
-    @property
-    def limited(self) -> Iterable[float]:
-        """0 free, 1 held by a magnitude limit, 2 held by a rate limit."""
-        ...
-
-
-class LimitedLaw(Controller, Protocol):
-    """A controller that applies its limits itself."""
-
-    @property
-    def limiter(self) -> Limiter:
-        """Of the commands it returns."""
-        ...
-
-
-class GuardedLaw:
+class GuardedLaw(SelfLimiting):
     """A law in limits that ends the flight, in one line, where it fails.
 
     Parameters
@@ -68,9 +69,14 @@ class GuardedLaw:
         self.dt: float = law.dt
         self.signals = {str(name): str(unit) for name, unit in law.signals.items()}
         self._limits = CommandLimiter(limits, self.dt)
-        self.limiter: Limiter = self._limits
+        self._recorded: Limiter = self._limits
         self._width = 2 + len(self.signals)
         self._spent = 0.0
+
+    @property
+    def limiter(self) -> Limiter:
+        """Commands before the limits, and which limit holds: as the law itself says, if it does."""
+        return self._recorded
 
     def start(self, condition: FlightCondition) -> None:
         """Start the law and the limits from the roll and load factor of `condition`."""
@@ -80,7 +86,7 @@ class GuardedLaw:
             self._law.start(condition)
         except FAILURES as error:
             raise self._failed(error, 0.0) from error
-        self.limiter = getattr(self._law, "limiter", self._limits)
+        self._recorded = getattr(self._law, "limiter", self._limits)
 
     def step(self, measured: Measured, reference: ReferenceSample, t: float) -> Sequence[float]:
         """Return the commands of the law after the limits, and what it wants recorded.
@@ -110,10 +116,10 @@ class GuardedLaw:
                 raise LawError(
                     f"{self._name} at t = {t:.2f} s: `{name}` must be finite, got {value}."
                 )
-        if self._spent > t + BEHIND:
+        if self._spent > t + MAX_LAG_S:
             raise LawError(
-                f"{self._name} at t = {t:.2f} s: its steps must not take {BEHIND:g} s longer than "
-                f"the flight, got {self._spent:.1f} s."
+                f"{self._name} at t = {t:.2f} s: its steps must not take {MAX_LAG_S:g} s longer "
+                f"than the flight, got {self._spent:.1f} s."
             )
         return (*self._limits.limit(*values[:2]), *values[2:])
 
@@ -141,18 +147,3 @@ def _numbers(returned: Any) -> list[float] | None:
         return [float(value) for value in returned]
     except (TypeError, ValueError):
         return None
-
-
-def limited_law(law: Controller, limits: Limits | None) -> LimitedLaw:
-    """The law as the loop flies it: those of flighttune limit their own commands.
-
-    Raises
-    ------
-    InputError
-        If `limits` is given for one of them.
-    """
-    if not isinstance(law, (MimoPI, ExactLaw, GuardedLaw)):
-        return GuardedLaw(law, Limits.none(2) if limits is None else limits)
-    if limits is not None:
-        raise InputError("`limits` must be given to the controller, which applies them itself.")
-    return law

@@ -1,0 +1,272 @@
+"""What a law answers to the rest of the program, and the laws there are.
+
+Nothing above this package asks which law it has. A law is one class in one file of
+`flighttune.control.laws`; what its class does not say is taken to be as with the paper's law where
+that follows from gains on roll and load factor, and to be missing elsewhere, refused by name.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple
+
+from flighttune.arrays import FloatArray
+from flighttune.control.controller import Controller, LawSetup, SelfLimiting
+from flighttune.control.exact_law import ExactOptions, RateLaw, command_gains, rate_gains
+from flighttune.control.gains import COMMANDS, RATES, PIGains
+from flighttune.control.guarded import GuardedLaw
+from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
+from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.control.mimo_pi import ChannelLaw, MimoPI
+from flighttune.errors import InputError
+
+
+class Trim(NamedTuple):
+    """Steady wings-level flight about which a law is linearised.
+
+    Attributes
+    ----------
+    V_a : float, m/s
+        Airspeed.
+    gamma : float, rad
+        Flight-path angle, climb positive.
+    g : float, m/s^2
+        Acceleration of gravity.
+    schedule_speed : float or None, m/s
+        Airspeed for which gains were made that the controller scales by airspeed; None without.
+    """
+
+    V_a: float
+    gamma: float
+    g: float
+    schedule_speed: float | None = None
+
+
+class KernelLaw(NamedTuple):
+    """A law as the compiled kernel flies it.
+
+    Attributes
+    ----------
+    exact : ExactOptions or None
+        Of `exact_step`; None for `pi_step`.
+    """
+
+    exact: ExactOptions | None = None
+
+
+class SampledController(NamedTuple):
+    """A law as a tube follows it from sample to sample.
+
+    Attributes
+    ----------
+    channels : tuple of ChannelLaw, length 2
+    conditional : bool
+        Whether anti-windup is conditional.
+    feed_forward : bool
+        Whether the lift of steady flight on the reference is added to the load factor.
+    inverts : RateLaw or None
+        Of a law whose channels command rates, which it inverts for roll and load factor.
+    """
+
+    channels: tuple[ChannelLaw, ...]
+    conditional: bool
+    feed_forward: bool = False
+    inverts: RateLaw | None = None
+
+
+class OuterLoop(NamedTuple):
+    """A law as JSBSim flies it by itself.
+
+    Attributes
+    ----------
+    components : str or None
+        File of `flighttune.export` whose components take the place of those of the paper's law.
+    rows : tuple of two str
+        What its gains act on, in names of properties.
+    values : mapping of str to float
+        Its settings by property, besides gains and limits.
+    takes_rates, takes_plan : bool
+        Whether it follows the rates of the reference, or the commands planned for it.
+    """
+
+    components: str | None
+    rows: tuple[str, str]
+    values: Mapping[str, float]
+    takes_rates: bool = False
+    takes_plan: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law(ABC):
+    """A law of a scenario: its name there, and its options as fields.
+
+    Attributes
+    ----------
+    name : str
+        What the scenario calls it: ``NAME:GAINS`` is a gain set flown by it.
+    kind : str
+        What the key ``kind`` of ``[[law]]`` calls the class.
+    keys : set of str
+        Further keys of ``[[law]]`` that it takes; those that are fields of the class are its
+        options.
+    required : tuple of str
+        Keys that it cannot do without.
+    named_alone : bool
+        Whether a scenario can name the kind without a table.
+    inputs : tuple of two str
+        What its gains act on: `COMMANDS` or `RATES`.
+    by_gains : bool
+        Whether gains and `linear_model` say how it flies. Where they do not it has no claim, and
+        the runs have no gains.
+    same_everywhere : bool
+        Whether its linear model is the same at every condition of an envelope.
+    plant : str
+        Kind of plant that its linear model is made for, on which it has no mismatch.
+    """
+
+    name: str
+
+    kind: ClassVar[str]
+    keys: ClassVar[frozenset[str]] = frozenset()
+    required: ClassVar[tuple[str, ...]] = ()
+    named_alone: ClassVar[bool] = True
+    inputs: ClassVar[tuple[str, str]] = COMMANDS
+    by_gains: ClassVar[bool] = True
+    same_everywhere: ClassVar[bool] = False
+    plant: ClassVar[str] = "kinematic"
+
+    @abstractmethod
+    def make(self, setup: LawSetup, /) -> Controller:
+        """Make the controller of a flight."""
+
+    def controller(self, setup: LawSetup, /) -> Controller:
+        """Make a controller that applies the limits of the flight, or one that is guarded.
+
+        Raises
+        ------
+        LawError
+            If a law of the user's cannot be made, or has another sample time than the flight.
+        """
+        made = self.make(setup)
+        if isinstance(made, SelfLimiting):
+            return made
+        return GuardedLaw(made, setup.limits, f"law {self.name}")
+
+    def linear_model(self, trim: Trim, /) -> LinearModel:
+        """Error dynamics that its gains act on: from `inputs` to the errors of course and path.
+
+        Raises
+        ------
+        InputError
+            If there is no such flight condition.
+        """
+        return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g)
+
+    def loop(
+        self, model: LinearModel, gains: PIGains, _setup: LawSetup, /
+    ) -> tuple[LinearModel, PIGains] | None:
+        """The linear loop that flies: `model` closed by `gains`, unless the law knows better."""
+        return model, gains
+
+    def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
+        """Units of the states behind an inner loop, in which gains are tuned, shape (n,)."""
+        return inner_loop_scaling(model, lags)
+
+    @property
+    def tuned_as(self) -> str:
+        """Kind of the law for which its gains are tuned."""
+        return self.kind
+
+    def gains_from(self, gains: PIGains, *, V_a: float, g: float) -> PIGains:
+        """Gains of any law as gains of this one: the same loop about level flight."""
+        mapped = rate_gains if self.inputs == RATES else command_gains
+        return mapped(gains, V_a=V_a, g=g)
+
+    def command_per_rate(self, V_a: float, g: float) -> float:
+        """Size of its first input that turns level flight by one rad/s."""
+        return 1.0 if self.inputs == RATES else V_a / g
+
+    def kernel(self) -> KernelLaw | None:
+        """How the batch kernel flies it; None where the kernel does not know it."""
+        return None
+
+    def sampled(self, _setup: LawSetup, /) -> SampledController | None:
+        """How a tube follows it; None where no tube knows it."""
+        return None
+
+    def outer_loop(self, _setup: LawSetup, /) -> OuterLoop | None:
+        """How JSBSim flies it by itself; None where it cannot be exported."""
+        return None
+
+    def discrete_pi(self, _setup: LawSetup, /) -> MimoPI | None:
+        """The controller as a discrete PI of two commands; None where it is something else."""
+        return None
+
+    def refusal(self, ability: str, done: str) -> InputError:
+        """Why its gains cannot be exported or enclosed: it has no method of its own for it."""
+        able = (
+            k for k, law in law_kinds().items() if getattr(law, ability) != getattr(Law, ability)
+        )
+        return InputError(
+            f"`gains` must be flown by the law {' or '.join(able)} to be {done}, got the law "
+            f"{self.name!r}."
+        )
+
+    def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
+        """Names of gain sets flown with it: as they are with the paper's, else ``LAW:GAINS``."""
+        return tuple(gains) if self.name == DEFAULT else tuple(f"{self.name}:{n}" for n in gains)
+
+
+DEFAULT = "paper"
+"""Law of a scenario that names none, and of gain sets without a law before the colon."""
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Law and gain set of a name such as ``exact:tuned``; the law is empty where it has none."""
+    law, _, gains = name.rpartition(":")
+    return law, gains
+
+
+def law_name(name: str, laws: Collection[str]) -> str:
+    """Law of a gain set among the laws of a scenario: the one it names, or the one meant."""
+    law, _ = split_name(name)
+    return law or (DEFAULT if DEFAULT in laws or len(laws) != 1 else next(iter(laws)))
+
+
+@cache
+def law_kinds() -> Mapping[str, type[Law]]:
+    """Every class of law by its kind: the paper's, then the others in order of their kinds."""
+    folder = import_module("flighttune.control.laws")
+    classes = [
+        value
+        for module in iter_modules(folder.__path__, f"{folder.__name__}.")
+        for value in vars(import_module(module.name)).values()
+        if isinstance(value, type) and issubclass(value, Law) and value.__module__ == module.name
+    ]
+    classes.sort(key=lambda law: (law.kind != DEFAULT, law.kind))
+    return MappingProxyType({law.kind: law for law in classes})
+
+
+def plain_laws() -> tuple[str, ...]:
+    """Kinds of law that a scenario can name without a table."""
+    return tuple(kind for kind, law in law_kinds().items() if law.named_alone)
+
+
+def made_law(kind: str, name: str | None = None, **options: Any) -> Law:
+    """A law of some kind; options that it does not have, or that are None, are left out.
+
+    Raises
+    ------
+    InputError
+        If there is no such kind.
+    """
+    law = law_kinds().get(kind)
+    if law is None:
+        raise InputError(f"`law` must be of kind {', '.join(law_kinds())}, got {kind!r}.")
+    fields = law.__dataclass_fields__
+    own = {key: value for key, value in options.items() if key in fields and value is not None}
+    return law(name=name or kind, **own)

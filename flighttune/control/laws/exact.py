@@ -1,0 +1,100 @@
+"""The exact law: gains command rates, which are inverted for roll and load factor."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from flighttune.arrays import FloatArray
+from flighttune.control.controller import LawSetup
+from flighttune.control.exact_law import (
+    BRAKING,
+    LIFT_FLOOR,
+    ExactLaw,
+    ExactOptions,
+    Priority,
+    rate_model,
+)
+from flighttune.control.gains import RATES
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.law import KernelLaw, Law, OuterLoop, SampledController, Trim
+from flighttune.control.linear_model import LinearModel
+from flighttune.control.mimo_pi import ChannelLaw
+from flighttune.errors import InputError
+
+LAGS_PER_ERROR = 3.0
+"""Lags of its channel over which an error counts as much as its rate, 1/s:
+design/exact_gains.md."""
+
+NO_BRAKE = 1e300
+"""Stands for infinity in a property of JSBSim."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exact(Law):
+    """See `ExactLaw`, where the options are explained."""
+
+    priority: Priority = "gamma"
+    lift_floor: float = LIFT_FLOOR
+    braking: float | None = BRAKING
+
+    kind: ClassVar[str] = "exact"
+    keys: ClassVar[frozenset[str]] = frozenset({"priority", "lift_floor", "braking"})
+    inputs: ClassVar[tuple[str, str]] = RATES
+    same_everywhere: ClassVar[bool] = True
+    plant: ClassVar[str] = "point_mass"
+
+    @property
+    def options(self) -> ExactOptions:
+        """What it does where both lifts cannot be had."""
+        return ExactOptions(self.priority, self.lift_floor, self.braking)
+
+    def make(self, setup: LawSetup, /) -> ExactLaw:
+        """Make the controller of a flight."""
+        if setup.gains is None:
+            raise InputError("`gains` must be given to fly the exact law.")
+        return ExactLaw(
+            setup.gains,
+            setup.limits,
+            dt=setup.dt,
+            anti_windup=setup.anti_windup,
+            tracking_time=setup.tracking_time,
+            g=setup.g,
+            **self.options._asdict(),
+        )
+
+    def linear_model(self, _trim: Trim, /) -> LinearModel:
+        """Error dynamics, the same at every condition."""
+        return rate_model()
+
+    def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
+        """Units of the states; each error in units of `LAGS_PER_ERROR` lags of its channel.
+
+        So gains go with one over that lag on any aircraft.
+        """
+        scaling = super().state_scaling(model, lags)
+        scaling[-len(lags) :] = [LAGS_PER_ERROR * lag.whole for lag in lags]
+        return scaling
+
+    def kernel(self) -> KernelLaw:
+        """How the batch kernel flies it."""
+        return KernelLaw(self.options)
+
+    def sampled(self, setup: LawSetup, /) -> SampledController:
+        """How a tube follows it: channels that command rates, and their inversion."""
+        law = self.make(setup).law
+        rows = zip(law.K_P, law.K_I_dt, law.bounds, strict=True)
+        channels = tuple(ChannelLaw(K_P, K_I_dt, *bounds) for K_P, K_I_dt, bounds in rows)
+        return SampledController(channels, law.conditional, inverts=law)
+
+    def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
+        """How JSBSim flies it by itself."""
+        law = self.make(setup).law
+        values = {
+            "ft/outer/conditional": float(law.conditional),
+            "ft/outer/tracking-gain": law.tracking_gain,
+            "ft/outer/per-speed-s_m": law.per_g,
+            "ft/outer/brake": float(min(law.brake, NO_BRAKE)),
+            "ft/outer/lift-floor": law.lift_floor,
+            "ft/outer/course-first": float(law.course_first),
+        }
+        return OuterLoop("exact_law.xml", ("chi", "gamma"), values, takes_rates=True)

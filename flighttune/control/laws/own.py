@@ -1,0 +1,67 @@
+"""A law of the user's: a class from Python, or from a file that a scenario names."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from flighttune.control.controller import Controller, LawSetup
+from flighttune.control.gains import PIGains
+from flighttune.control.guarded import FAILURES, GuardedLaw, LawError, failure
+from flighttune.control.law import Law
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Own(Law):
+    """A law that says itself how it flies; only it knows what it makes of gains.
+
+    Attributes
+    ----------
+    parameters : mapping
+        Given to `maker` after the `LawSetup`.
+    maker : callable or None
+        Called for every flight; None before the class is loaded.
+    """
+
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    maker: Callable[..., Controller] | None = None
+
+    kind: ClassVar[str] = "python"
+    keys: ClassVar[frozenset[str]] = frozenset({"module", "class_", "parameters", "sha256"})
+    named_alone: ClassVar[bool] = False
+    by_gains: ClassVar[bool] = False
+
+    def make(self, setup: LawSetup, /) -> Controller:
+        """Make the controller of a flight."""
+        if self.maker is None:
+            raise InputError(f"`{self.name}` must be loaded before it is flown.")
+        return self.maker(setup, **self.parameters)
+
+    def controller(self, setup: LawSetup, /) -> GuardedLaw:
+        """Make a controller that ends its flight, in one line, where it fails."""
+        name = f"law {self.name}"
+        try:
+            made = self.make(setup)
+            guarded = GuardedLaw(made, setup.limits, name)
+        except FAILURES as error:
+            raise LawError(failure(name, error, 0.0)) from error
+        if guarded.dt != setup.dt:
+            raise LawError(
+                f"{name}: `dt` must be that of the flight, {setup.dt:g} s, got {made.dt}."
+            )
+        return guarded
+
+    def loop(
+        self, _model: LinearModel, _gains: PIGains, setup: LawSetup, /
+    ) -> tuple[LinearModel, PIGains] | None:
+        """What its ``linear()`` returns; None where it has none or fails."""
+        try:
+            return self.controller(setup).linear()
+        except LawError:
+            return None
+
+    @property
+    def tuned_as(self) -> str:
+        """The paper's law: gains act on roll and load factor, and nothing else is known."""
+        return "paper"

@@ -1,0 +1,63 @@
+"""The paper's law: roll and load factor by a discrete PI of the errors."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from flighttune.control.controller import LawSetup
+from flighttune.control.law import KernelLaw, Law, OuterLoop, SampledController, Trim
+from flighttune.control.linear_model import LinearModel
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paper(Law):
+    """See `MimoPI`."""
+
+    kind: ClassVar[str] = "paper"
+
+    def make(self, setup: LawSetup, /) -> MimoPI:
+        """Make the controller of a flight."""
+        if setup.gains is None:
+            raise InputError("`gains` must be given to fly the paper's law.")
+        return MimoPI(
+            setup.gains,
+            setup.limits,
+            dt=setup.dt,
+            anti_windup=setup.anti_windup,
+            tracking_time=setup.tracking_time,
+            schedule_speed=setup.schedule_speed,
+            feed_forward=setup.feed_forward,
+        )
+
+    def linear_model(self, trim: Trim, /) -> LinearModel:
+        """Error dynamics; a schedule is the same loop with an input matrix that it scales."""
+        model = super().linear_model(trim)
+        if trim.schedule_speed is None:
+            return model
+        return replace(model, B=model.B * (trim.V_a / trim.schedule_speed))
+
+    def kernel(self) -> KernelLaw:
+        """How the batch kernel flies it."""
+        return KernelLaw()
+
+    def sampled(self, setup: LawSetup, /) -> SampledController:
+        """How a tube follows it."""
+        made = self.make(setup)
+        return SampledController(made.law.channels, made.law.conditional, made.feed_forward)
+
+    def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
+        """How JSBSim flies it by itself."""
+        controller = self.make(setup)
+        values = {
+            "ft/outer/conditional": float(controller.law.conditional),
+            "ft/outer/tracking-gain": controller.law.tracking_gain,
+            "ft/outer/per-speed-s_m": controller.law.per_speed,
+            "ft/outer/feed-forward": float(controller.feed_forward),
+            "ft/outer/planned": 0.0,  # 1 where the reference comes with a plan
+        }
+        return OuterLoop(None, ("phi", "n_z"), values, takes_plan=controller.feed_forward)
+
+    def discrete_pi(self, setup: LawSetup, /) -> MimoPI:
+        """The controller itself."""
+        return self.make(setup)

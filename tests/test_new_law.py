@@ -1,0 +1,151 @@
+"""A law that is one new file of `flighttune.control.laws`, in every command."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+LAW = '''
+    """The paper's law without its anti-windup, integrated by rectangles."""
+
+    from math import cos
+    from typing import ClassVar
+    from flighttune.control.law import Law
+
+    class Rectangles(Law):
+        kind: ClassVar[str] = "rectangles"
+        def make(self, setup):
+            return Controller(setup.dt, setup.gains)
+
+    class Controller:
+        signals = {"phi_sum": "rad"}
+        def __init__(self, dt, gains):
+            self.dt, self.gains = dt, gains
+        def start(self, condition):
+            self.sum = 0.0 * self.gains.K_P[0]
+        def step(self, measured, reference, t):
+            error = reference.chi - measured.chi, reference.gamma - measured.gamma
+            phi, n_z = self.gains.K_P @ error + self.sum
+            self.sum = self.sum + self.dt * (self.gains.K_I @ error)
+            return phi, n_z + cos(measured.gamma) / cos(measured.phi), self.sum[0]
+'''
+SCENARIO = """
+    title = "two laws"
+    law   = ["paper", "rectangles"]
+    gains = ["paper", "tuned"]
+
+    [flight]
+    V_a_mps    = 25.0
+    duration_s = 8.0
+
+    [reference]
+    chi_deg   = 10.0
+    gamma_deg = 0.0
+
+    [limits]
+    phi_deg = [-45.0, 45.0]
+
+    [controller]
+    feed_forward = true
+
+    [envelope]
+    V_a_mps   = [24.0, 26.0]
+    gamma_deg = [-1.0, 1.0]
+    phi_deg   = [-5.0, 5.0]
+    n_z       = [0.9, 1.1]
+
+    [[plant]]
+    kind = "kinematic"
+"""
+CAMPAIGN = """
+    title    = "both laws dispersed"
+    scenario = "both.toml"
+    runs     = 60
+
+    [[disperse]]
+    key          = "flight.chi_deg"
+    distribution = "uniform"
+    lower        = -5.0
+    upper        = 5.0
+"""
+
+
+@pytest.fixture(scope="module")
+def command(tmp_path_factory):
+    """Runs flighttune with the law in a copy of the package."""
+    folder = tmp_path_factory.mktemp("new_law")
+    copy = folder / "src"
+    shutil.copytree(
+        ROOT / "flighttune", copy / "flighttune", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    for name in ("scenarios", "aircraft"):
+        (copy / name).symlink_to(ROOT / name)
+    file = copy / "flighttune/control/laws/rectangles.py"
+    file.write_text(textwrap.dedent(LAW))
+    (folder / "both.toml").write_text(textwrap.dedent(SCENARIO))
+    (folder / "many.toml").write_text(textwrap.dedent(CAMPAIGN))
+
+    def run(*words, status=0):
+        done = subprocess.run(
+            [sys.executable, "-m", "flighttune", *words, "--json"],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(copy)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == status, done.stderr
+        return json.loads(done.stdout) if status == 0 else done.stderr
+
+    return run
+
+
+pytestmark = pytest.mark.slow
+
+
+def test_it_is_flown_recorded_flown_again_and_reported(command):
+    flown = command("fly", "both.toml", "--out", "runs/both")
+
+    (run,) = (one for one in flown["runs"] if one["gains"] == "rectangles:paper")
+    assert run["status"] == "completed"
+    command("refly", "runs/both")
+    command("report", "runs/both", "-o", "page.html")
+
+
+def test_it_is_compared_with_the_papers_law_it_is_like(command):
+    """As the sample time goes to zero both are one law: their courses differ by little."""
+    compared = command("compare", "both.toml@paper", "both.toml@rectangles:paper")
+
+    text = json.dumps(compared)
+    assert "rectangles:paper" in text
+
+
+def test_its_gains_are_tuned_and_certified_on_its_linear_model(command):
+    tuned = command("tune", "both.toml")
+    certified = command("certify", "both.toml", "--gains", "rectangles:tuned", "--envelope")
+
+    assert certified["K_P"] == tuned["K_P"]
+    assert certified["R_K"] == pytest.approx(tuned["R_K"])
+    assert certified["certificate"]["status"] == "certified"
+
+
+def test_it_is_flown_in_a_campaign(command):
+    command("campaign", "run", "many.toml", "--out", "runs/many", "--workers", "1")
+    found = command("campaign", "report", "runs/many")
+
+    assert "rectangles:paper" in json.dumps(found)
+
+
+@pytest.mark.parametrize("words", [("tube",), ("export", "--format", "c", "--out", "c")])
+def test_what_it_does_not_say_is_refused_by_its_name(command, words):
+    said = command(*words, "both.toml", "--gains", "rectangles:paper", status=2)
+
+    assert "`gains` must be flown by the law paper" in said
+    assert "the law 'rectangles'" in said
