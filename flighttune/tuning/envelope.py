@@ -165,8 +165,8 @@ def rate_curve(
 def rate_chart(curves: Sequence[RateCurve], envelope: Envelope) -> Chart:
     """Draw certified rates against the size of the envelope.
 
-    `envelope`: at 100 %; the legend has its ranges. A
-    cross marks where a set of gains has no common Q any more.
+    `envelope` is the one at 100 %; the legend has its ranges. A cross marks where a set of gains
+    has no common Q any more.
     """
     chart = Chart(
         title="Rate certified over an envelope",
