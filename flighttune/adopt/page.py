@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,16 +14,24 @@ from flighttune.identify.experiment import DT
 from flighttune.identify.model import lags_table
 from flighttune.identify.steps import steps_table
 from flighttune.present.chart import Chart
-from flighttune.present.frame import Answer, Section, page_template, write_page
-from flighttune.present.names import CHANNEL_SYMBOLS
-from flighttune.present.numbers import MISSING
+from flighttune.present.frame import Question, Section, page_template, write_page
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
-from flighttune.present.tables import Table
+from flighttune.present.tables import Column, Table, facts_table
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
 PAGE = "adoption.html"
+
+FLIGHT_COLUMNS = [
+    *columns("gains status"),
+    Column("ITAE.chi", "ITAE χ", "rad\u00a0s²", best="low"),
+    Column("ITAE.gamma", "ITAE γ", "rad\u00a0s²", best="low"),
+    Column("ST_deg.chi", "ST χ", "deg"),
+    Column("ST_deg.gamma", "ST γ", "deg"),
+]
+TRIM_COLUMNS = columns("V_a_mps gamma_deg alpha_deg throttle reason")
 
 
 def write_adoption(adoption: Adoption) -> Path:
@@ -54,16 +63,15 @@ def write_adoption(adoption: Adoption) -> Path:
         adoption.folder / PAGE,
         page_template("flighttune.adopt", "page.html.jinja"),
         summary=(
-            f"{adoption.status.capitalize()}{adoption.reason and ': ' + adoption.reason}.",
-            f"ITAE of the turn in rad s²: {', '.join(_itae(adoption))}.",
+            f"{adoption.status.capitalize()}{': ' if adoption.reason else ''}{adoption.reason}.",
         ),
-        answers=tuple(_answers(adoption)),
-        sections=[_turn(runs, styles), _inner_loop(adoption), _trims(adoption)],
+        questions=tuple(_questions(adoption)),
+        sections=[_turn(adoption, runs, styles), _inner_loop(adoption), _trims(adoption)],
         title=f"{config.title} at {adoption.V_a:.0f} m/s",
         legend=list(styles.items()),
         styles=styles,
         notes=adoption.notes,
-        provenance=Table(title="", head=(), rows=_provenance(adoption)),
+        provenance=facts_table("", _provenance(adoption)),
         name=adoption.name,
         model=config.model,
         V_a=f"{adoption.V_a:.4g}",
@@ -74,52 +82,55 @@ def write_adoption(adoption: Adoption) -> Path:
     return page.path
 
 
-def _answers(adoption: Adoption) -> Iterator[Answer]:
+def flights_of(adoption: Adoption) -> list[dict[str, Any]]:
+    """How each gain set flew the turn."""
+    return [
+        {
+            "gains": name,
+            "status": flight["status"],
+            "ITAE": {c: flight[c]["ITAE"] for c in CHANNEL_SYMBOLS if c in flight},
+            "ST_deg": {c: flight[c]["ST"] / DEG for c in CHANNEL_SYMBOLS if c in flight},
+        }
+        for name, flight in adoption.flown.items()
+    ]
+
+
+def flights_table(adoption: Adoption) -> Table:
+    """How each gain set flew the turn, as a table."""
+    return Table(
+        title=f"{adoption.name} at {adoption.V_a:.0f} m/s: turn of 20 deg, climb of 3",
+        columns=FLIGHT_COLUMNS,
+        records=flights_of(adoption),
+    )
+
+
+def _questions(adoption: Adoption) -> Iterator[Question]:
     adopted = adoption.status == "adopted"
-    yield Answer(
+    yield Question(
         question="Is it adopted?",
         verdict="yes" if adopted else "partly",
-        short=adoption.status,
-        sentences=(adoption.reason or "All criteria are met.",),
+        short=f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status,
         criterion=f"Fits of at least {GOOD_FIT:g} %, the turn completed, the course error within "
         f"{CALM / DEG:g} deg (standard deviation of the last quarter), less ITAE than the paper's "
         "gains in both channels.",
     )
     fits = adoption.fit_percent
-    yield Answer(
+    yield Question(
         question="Does a lag describe its inner loop?",
         verdict="yes" if min(fits.values()) >= GOOD_FIT else "no",
         short=" and ".join(f"{fit:.1f} %" for fit in fits.values()),
-        sentences=("Of roll and of load factor, on a manoeuvre not used for the fit.",),
+        criterion="Of roll and of load factor, on a manoeuvre not used for the fit.",
     )
-    tuned, paper = adoption.flown["tuned"], adoption.flown["paper"]
-    sentences = [
-        f"{word}: {flight['status'].replace('_', ' ')}, "
-        + ", ".join(
-            f"ITAE of {channel} {flight[channel]['ITAE']:.3g} rad s²"
-            for channel in ("chi", "gamma")
-            if channel in flight
-        )
-        for word, flight in (("tuned", tuned), ("the paper's, scaled with airspeed", paper))
-    ]
-    better = tuned["status"] == "completed" and "ITAE" not in adoption.reason
-    yield Answer(
+    completed = adoption.flown["tuned"]["status"] == "completed"
+    better = completed and "ITAE" not in adoption.reason
+    yield Question(
         question="Are its gains better than the paper's?",
         verdict="yes" if better else "no",
         short="yes" if better else "no",
-        sentences=tuple(sentences),
     )
 
 
-def _itae(adoption: Adoption) -> Iterator[str]:
-    tuned, paper = adoption.flown["tuned"], adoption.flown["paper"]
-    for channel, symbol in CHANNEL_SYMBOLS.items():
-        ours, theirs = (one[channel]["ITAE"] if channel in one else None for one in (tuned, paper))
-        shown = (MISSING if one is None else f"{one:.3g}" for one in (ours, theirs))
-        yield "{} {} (the paper's {})".format(symbol, *shown)
-
-
-def _turn(runs: dict[str, Run], styles: dict[str, LineStyle]) -> Section:
+def _turn(adoption: Adoption, runs: dict[str, Run], styles: dict[str, LineStyle]) -> Section:
     charts = []
     for title, y, signal, unit in (
         ("Course error", "e_χ [deg]", "chi_err", DEG),
@@ -141,6 +152,7 @@ def _turn(runs: dict[str, Run], styles: dict[str, LineStyle]) -> Section:
         id="turn",
         title="The turn: course of 20 deg, climb of 3 deg",
         charts=charts,
+        tables=[flights_table(adoption)],
         columns=3,
         folded=False,
     )
@@ -173,40 +185,30 @@ def _check_charts(adoption: Adoption) -> Iterator[Chart]:
 
 
 def _trims(adoption: Adoption) -> Section:
-    rows = [
-        (
-            f"{row.condition.V_a:.1f}",
-            f"{row.condition.gamma / DEG:.0f}",
-            *(
-                (f"{row.point.alpha / DEG:.1f}", f"{row.point.throttle:.2f}")
-                if row.point
-                else ("-", "-")
-            ),
-            row.reason,
-        )
+    records = [
+        {
+            "V_a_mps": row.condition.V_a,
+            "gamma_deg": row.condition.gamma / DEG,
+            "alpha_deg": row.point.alpha / DEG if row.point else None,
+            "throttle": row.point.throttle if row.point else None,
+            "reason": row.reason,
+        }
         for row in adoption.trims
     ]
     return Section(
         id="trims",
         title="Where it flies",
         note="Steady flight about the airspeed chosen.",
-        tables=(
-            Table(
-                title="Trims",
-                head=("V_a [m/s]", "γ [deg]", "α [deg]", "throttle", "no trim"),
-                rows=rows,
-                last_is_text=True,
-            ),
-        ),
+        tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=records)],
         legend=False,
     )
 
 
-def _provenance(adoption: Adoption) -> list[tuple[str, str]]:
-    return [
-        ("aircraft", adoption.name),
-        ("airspeed", f"{adoption.V_a:.4g} m/s"),
-        ("engines", str(adoption.engines)),
-        ("flighttune", version("flighttune")),
-        ("JSBSim", version("jsbsim")),
-    ]
+def _provenance(adoption: Adoption) -> dict[str, str]:
+    return {
+        "aircraft": adoption.name,
+        "airspeed": f"{adoption.V_a:.4g} m/s",
+        "engines": str(adoption.engines),
+        "flighttune": version("flighttune"),
+        "JSBSim": version("jsbsim"),
+    }

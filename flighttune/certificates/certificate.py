@@ -10,7 +10,7 @@ from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LAW_NAMES, LinearModel
 from flighttune.errors import InputError
 from flighttune.present.numbers import matrix, number
-from flighttune.present.tables import Table
+from flighttune.present.tables import html
 
 KINDS = "states", "inputs", "errors"
 
@@ -161,4 +161,4 @@ class Certificate:
             ("K_I", matrix(self.gains.K_I)),
             ("made with", ", ".join(f"{key}: {value}" for key, value in self.made_with.items())),
         ]
-        return Table(title="Certificate", head=(), rows=rows).html()
+        return html("Certificate", (), rows)

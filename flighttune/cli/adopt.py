@@ -1,7 +1,6 @@
 """The command that makes an aircraft from a JSBSim model."""
 
-import math
-from collections.abc import Iterator
+import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from flighttune.cli.progress import raise_on_interrupt
-from flighttune.cli.show import INTERRUPTED, NO, emit, fail, quiet, table, tell
+from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick, quiet, tell
 from flighttune.errors import InputError
-from flighttune.present.tables import Table
+from flighttune.present.answer import Answer
 
 if TYPE_CHECKING:
     from flighttune.adopt.adopt import Adoption
@@ -59,15 +58,32 @@ def adopt(
 
 
 def _adopt_one(model: str, V_a: float | None, h: float, out: Path | None) -> None:
-    from flighttune.adopt.adopt import adopt as adopted
+    from flighttune.adopt.adopt import adopt as adopt_model
     from flighttune.adopt.page import write_adoption
 
     folder = out or Path("aircraft") / Path(model).stem
-    found = adopted(model, folder, V_a=V_a, h=h, say=_progress)
-    page = write_adoption(found) if found.folder else None
-    emit(answer_of(found) | {"page": page}, _text(found, page))
-    if found.status != "adopted":
-        fail(f"{model}: {found.status}: {found.reason}", NO)
+    adoption = adopt_model(model, folder, V_a=V_a, h=h, say=_progress)
+    page = write_adoption(adoption) if adoption.folder else None
+    emit(_answer(adoption, page))
+    if adoption.status != "adopted":
+        fail(f"{model}: {adoption.status}: {adoption.reason}", NO)
+
+
+def _answer(adoption: "Adoption", page: Path | None) -> Answer:
+    from flighttune.adopt.page import flights_of, flights_table
+
+    return Answer(
+        values={
+            **pick(adoption, "status reason engines seconds"),
+            "V_a_mps": adoption.V_a,
+            "fit_percent": dict(adoption.fit_percent),
+            "flown": {flight["gains"]: flight for flight in flights_of(adoption)},
+        },
+        tables=[flights_table(adoption)],
+        notes=adoption.notes,
+        verdict=f"{adoption.status} in {adoption.seconds:.0f} s",
+        files={"folder": adoption.folder, "page": page},
+    )
 
 
 def _adopt_all(out: Path, h: float) -> None:
@@ -75,16 +91,13 @@ def _adopt_all(out: Path, h: float) -> None:
     from flighttune.plants.jsbsim.model_files import models_of_jsbsim
     from flighttune.whole_file import made_folder, write_text
 
-    def seen(one: dict[str, Any]) -> None:
-        reason = f": {one['reason']}" if one["reason"] else ""
-        _progress(f"{one['model']}: {one['status']}{reason}")
+    def show(adopted: dict[str, Any]) -> None:
+        reason = f": {adopted['reason']}" if adopted["reason"] else ""
+        _progress(f"{adopted['model']}: {adopted['status']}{reason}")
 
-    answers = adopt_all(models_of_jsbsim(), partial(_adopted, made_folder(out), h), seen)
+    answers = adopt_all(models_of_jsbsim(), partial(_adopted, made_folder(out), h), show)
     write_text(out / TABLE, hangar_text(answers))
-    emit(
-        {"models": answers, "table": out / TABLE},
-        [counts(answers), f"table: {out / TABLE}"],
-    )
+    emit(Answer(values={"models": answers}, verdict=counts(answers), files={"table": out / TABLE}))
 
 
 def _adopted(out: Path, h: float, model: str) -> dict[str, Any]:
@@ -94,57 +107,9 @@ def _adopted(out: Path, h: float, model: str) -> dict[str, Any]:
 
     adoption = adopted(model, out / model, h=h)
     page = write_adoption(adoption) if adoption.folder else None
-    return answer_of(adoption) | {"page": page}
+    return json.loads(_answer(adoption, page).json())
 
 
 def _progress(line: str) -> None:
     if not quiet():
         tell(line)
-
-
-def answer_of(found: "Adoption") -> dict[str, Any]:
-    """An adoption as plain values; angles in deg."""
-    return {
-        "status": found.status,
-        "reason": found.reason,
-        "folder": found.folder,
-        "V_a_mps": found.V_a,
-        "engines": found.engines,
-        "fit_percent": dict(found.fit_percent),
-        "flown": {
-            name: {
-                "status": flight["status"],
-                "ITAE": {c: flight[c]["ITAE"] for c in ("chi", "gamma") if c in flight},
-                "ST_deg": {
-                    c: math.degrees(flight[c]["ST"]) for c in ("chi", "gamma") if c in flight
-                },
-            }
-            for name, flight in found.flown.items()
-        },
-        "notes": found.notes,
-        "seconds": found.seconds,
-    }
-
-
-def _text(found: "Adoption", page: Path | None) -> Iterator[Table | str]:
-    if found.flown:
-        rows = [
-            (
-                name,
-                flight["status"],
-                *(
-                    f"{flight[c][measure] * unit:.3g}" if c in flight else "-"
-                    for measure, unit in (("ITAE", 1.0), ("ST", math.degrees(1.0)))
-                    for c in ("chi", "gamma")
-                ),
-            )
-            for name, flight in found.flown.items()
-        ]
-        head = ("gains", "flight", "ITAE χ", "ITAE γ", "ST χ deg", "ST γ deg")
-        yield table(f"{found.name} at {found.V_a:.0f} m/s: turn of 20 deg, climb of 3", head, rows)
-        fits = ", ".join(f"{name} {fit:.1f} %" for name, fit in found.fit_percent.items())
-        yield f"fit of the identified lags: {fits}"
-    yield from found.notes
-    yield f"{found.status} in {found.seconds:.0f} s"
-    if found.folder:
-        yield f"aircraft: {found.folder}   page: {page}"

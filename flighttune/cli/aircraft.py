@@ -1,27 +1,39 @@
 """Commands about an aircraft itself: trims, and design and identification of its inner loop."""
 
-import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
 from flighttune.cli.options import aircraft_names, check_ending, out_folder
-from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.errors import InputError
-from flighttune.present.numbers import number
-from flighttune.present.tables import Bad, Table
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 from flighttune.shipped import is_shipped
-from flighttune.units import DEG
+from flighttune.units import DEG, DEG_PER_RAD
 
 if TYPE_CHECKING:
-    from flighttune.identify.design import DesignedAircraft
-    from flighttune.identify.identify import AircraftIdentification
     from flighttune.plants.jsbsim.trim import TrimRow
 
 GOOD_FIT = 90.0
 """Share of the variance, in percent, below which the answer of `identify` is no."""
+
+TRIM_COLUMNS = columns(
+    "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "
+    "trim.throttle reason"
+)
+MODE_COLUMNS = [
+    *columns("name"),
+    Column("eigenvalue_per_s.0", "real part", "1/s"),
+    Column("eigenvalue_per_s.1", "imaginary part", "rad/s"),
+    *columns("natural_frequency_rad_s damping"),
+]
+FIT_NOTE = (
+    "fit: share of the variance explained in a manoeuvre not used for the fit; cross: largest "
+    "response of the other channel, 1/rad (phi) and rad (n_z)"
+)
 
 AircraftArgument = Annotated[
     str,
@@ -56,17 +68,10 @@ def trim(
     config = load_aircraft(aircraft)
     angles = [angle * DEG for angle in gamma] if gamma else None
     rows = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
-    head = "V_a [m/s], γ [deg], α [deg], β [deg], elevator [deg], rudder [deg], throttle, no trim"
-    emit(
-        {"aircraft": aircraft, "trims": [_trim_json(row) for row in rows]},
-        [
-            table(
-                f"{config.title}: steady flight",
-                head.split(", "),
-                [_trim_cells(row) for row in rows],
-            )
-        ],
-    )
+    title = f"{config.title}: steady flight"
+    records = [_trim(row) for row in rows]
+    trims = Table(title=title, name="trims", columns=TRIM_COLUMNS, records=records)
+    emit(Answer(values={"aircraft": aircraft}, tables=[trims]))
     if not any(row.point for row in rows):
         fail(f"{aircraft}: no steady flight among {len(rows)}: {rows[0].reason}", NO)
 
@@ -83,42 +88,43 @@ def design(
     """Design the gains of AIRCRAFT's inner loop, check its step responses and write the gains."""
     from flighttune.aircraft.aircraft import load_aircraft, save_gains
     from flighttune.identify.design import design_aircraft
+    from flighttune.identify.steps import steps_table
 
     designed = design_aircraft(load_aircraft(aircraft))
-    config, figure = designed.config, None
+    config, written, figure = designed.config, None, None
     gains, place = config.gains, out or config.folder
     assert gains is not None  # a design makes them
     if out is None and is_shipped(config.folder) and not dry_run:
         raise InputError(f"{aircraft}: --out must be given for an aircraft that is shipped.")
-    written = None
     if not (dry_run or designed.missed):
         from flighttune.identify.step_figure import FILE_NAME, step_figure
 
         written, figure = save_gains(gains, place), place / FILE_NAME
         step_figure(config, designed.checks).save(figure)
-    answer = {
-        "written": written,
-        "figure": figure,
-        "gains": gains.gains,
-        "steps": [
-            {
-                **pick(check.step, "channel overshoot"),
-                "V_a_mps": check.step.V_a,
-                "step": check.step.size,
-                "t90_s": check.step.t90,
-                "met": check.met,
-            }
-            for check in designed.checks
-        ],
-    }
-    emit(answer, _design_text(designed, written))
+    compared = [
+        {"gain": name, "designed": value, "before": designed.previous.get(name)}
+        for name, value in gains.gains.items()
+    ]
+    emit(
+        Answer(
+            values={"gains": gains.gains},
+            tables=[
+                Table(
+                    title=config.title, columns=columns("gain designed before"), records=compared
+                ),
+                steps_table(designed.checks),
+            ],
+            verdict="" if written else "nothing is written",
+            files={"written": written, "figure": figure},
+        )
+    )
     if designed.missed:
         first = designed.missed[0]
+        ended = f": {first.step.ended}" if first.step.ended else ""
         fail(
             f"{first.name}: t90 must be at most {first.t90_allowed:g} s and the overshoot "
             f"{100.0 * first.overshoot_allowed:g} %, got {first.step.t90:.2f} s and "
-            f"{100.0 * first.step.overshoot:.1f} %{first.step.ended and ': ' + first.step.ended}; "
-            "nothing is written",
+            f"{100.0 * first.step.overshoot:.1f} %{ended}; nothing is written",
             NO,
         )
 
@@ -141,46 +147,50 @@ def identify(
     from flighttune.aircraft.aircraft import load_aircraft
     from flighttune.identify.file import FILE_NAME, identified_tables, save_identified
     from flighttune.identify.identify import identify_aircraft
+    from flighttune.identify.model import lags_table
     from flighttune.report.identification import identification_figure
 
     check_ending(out, ".json")
     angles = [angle * DEG for angle in gamma or (0.0,)]
-    found = identify_aircraft(aircraft, V_a=V_a or (), gamma=angles, h=h, seed=seed)
-    name, nominal = found.identified.aircraft, found.conditions[0]
+    made = identify_aircraft(aircraft, V_a=V_a or (), gamma=angles, h=h, seed=seed)
+    name, nominal = made.identified.aircraft, made.conditions[0]
     folder = load_aircraft(aircraft).folder
     shipped = Path("runs") / "identified" / f"{name}.json"
     model = out or (shipped if is_shipped(folder) else folder / FILE_NAME)
     figure = model.with_suffix(".svg")
     place = f"{name} at {nominal.condition.V_a:g} m/s, {nominal.condition.gamma / DEG:g} deg"
-    save_identified(found.identified, model)
+    save_identified(made.identified, model)
     identification_figure(nominal, place).save(figure)
-    tables = identified_tables(found.identified)
-    answer = {
-        "aircraft": tables["aircraft"],
-        "channels": tables["conditions"][0]["channels"],
-        "conditions": tables["conditions"],
-        "skipped": found.skipped,
-        "modes": [
-            {
-                "name": mode.name,
-                "eigenvalue_per_s": mode.eigenvalue,
-                "natural_frequency_rad_s": mode.natural_frequency,
-                "damping": mode.damping,
-            }
-            for mode in found.rigid_body.modes
-        ],
-        "model": model,
-        "figure": figure,
-    }
-
-    def text() -> Iterator[Table | str]:
-        yield from _identification_text(found, place)
-        yield f"model: {model}   figure: {figure}"
-
-    emit(answer, text())
+    modes = [
+        {
+            "name": mode.name,
+            "eigenvalue_per_s": [mode.eigenvalue.real, mode.eigenvalue.imag],
+            "natural_frequency_rad_s": mode.natural_frequency,
+            "damping": mode.damping,
+        }
+        for mode in made.rigid_body.modes
+    ]
+    conditions = identified_tables(made.identified)["conditions"]
+    title = f"{place}: airframe without the inner loop"
+    emit(
+        Answer(
+            values={
+                "aircraft": name,
+                "channels": conditions[0]["channels"],
+                "conditions": conditions,
+                "skipped": made.skipped,
+            },
+            tables=[
+                lags_table(made.identified),
+                Table(title=title, name="modes", columns=MODE_COLUMNS, records=modes),
+            ],
+            notes=[FIT_NOTE, *(f"left out: {reason}" for reason in made.skipped)],
+            files={"model": model, "figure": figure},
+        )
+    )
     poor = [
         f"{channel} at {c.V_a:g} m/s, {c.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
-        for c in found.identified.conditions
+        for c in made.identified.conditions
         for channel, fitted in (("phi", c.phi), ("n_z", c.n_z))
         if fitted.fit_percent < GOOD_FIT
     ]
@@ -188,58 +198,18 @@ def identify(
         fail(f"{aircraft}: a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}", NO)
 
 
-def _trim_json(row: "TrimRow") -> dict[str, Any]:
-    condition, point = row.condition, row.point
-    angles = "alpha beta theta aileron elevator rudder"
+def _trim(row: "TrimRow") -> dict[str, Any]:
+    """A trim, or why there is none; angles in degrees."""
+    point = None
+    if row.point is not None:
+        angles = pick(row.point, "alpha beta theta aileron elevator rudder")
+        degrees = {f"{name}_deg": angle * DEG_PER_RAD for name, angle in angles.items()}
+        point = {**degrees, "throttle": row.point.throttle}
     return {
-        "V_a_mps": condition.V_a,
-        **_in_deg(condition, "gamma phi"),
-        "h_m": condition.h,
-        "trim": point and {**_in_deg(point, angles), "throttle": point.throttle},
+        "V_a_mps": row.condition.V_a,
+        "gamma_deg": row.condition.gamma * DEG_PER_RAD,
+        "phi_deg": row.condition.phi * DEG_PER_RAD,
+        "h_m": row.condition.h,
+        "trim": point,
         "reason": row.reason,
     }
-
-
-def _in_deg(value: object, names: str) -> dict[str, float]:
-    """Angles of `value` in degrees, with the unit at the end of each key."""
-    return {f"{name}_deg": math.degrees(angle) for name, angle in pick(value, names).items()}
-
-
-def _trim_cells(row: "TrimRow") -> tuple[str, ...]:
-    cells = ["-"] * 5
-    if row.point is not None:
-        angles = pick(row.point, "alpha beta elevator rudder").values()
-        cells = [*(f"{angle / DEG:z.2f}" for angle in angles), f"{row.point.throttle:.3f}"]
-    return f"{row.condition.V_a:g}", f"{row.condition.gamma / DEG:g}", *cells, Bad(row.reason)
-
-
-def _design_text(designed: "DesignedAircraft", written: Path | None) -> Iterator[Table | str]:
-    from flighttune.identify.steps import steps_table
-
-    config = designed.config
-    gains = [
-        (name, f"{value:.4g}", number(designed.previous.get(name, math.nan)))
-        for name, value in (config.gains.gains if config.gains else {}).items()
-    ]
-    yield table(config.title, ("gain", "designed", "before"), gains)
-    yield steps_table(designed.checks)
-    yield f"written: {written}" if written else "nothing is written"
-
-
-def _identification_text(found: "AircraftIdentification", place: str) -> Iterator[Table | str]:
-    from flighttune.identify.model import lags_table
-
-    yield lags_table(found.identified)
-    yield (
-        "fit: share of the variance explained in a manoeuvre not used for the fit; cross: largest "
-        "response of the other channel, 1/rad (phi) and rad (n_z)"
-    )
-    for reason in found.skipped:
-        yield f"left out: {reason}"
-    modes = []
-    for mode in found.rigid_body.modes:
-        pole = mode.eigenvalue
-        values = (pole.real, pole.imag, mode.natural_frequency, mode.damping)
-        modes.append((mode.name, *(f"{value:.3f}" for value in values)))
-    head = ("mode", "real part [1/s]", "imaginary part [rad/s]", "ω [rad/s]", "damping")
-    yield table(f"{place}: airframe without the inner loop", head, modes)

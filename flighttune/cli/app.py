@@ -1,7 +1,9 @@
 """The commands, and how errors end them."""
 
+import io
+import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,7 +21,6 @@ from flighttune.cli.gains import frontier, tune
 from flighttune.cli.gap import gap
 from flighttune.cli.report import report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, fail
-from flighttune.cli.streams import StandardStreams
 from flighttune.cli.tube import tube
 from flighttune.cli.worst import worst
 from flighttune.errors import FlightTuneError
@@ -105,12 +106,51 @@ def _options(
 
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
-    streams = StandardStreams()
+    sys.stdout, sys.stderr = map(_writable, ("stdout", "stderr"))
     try:
         _run()
     finally:
-        if why := streams.failure():
-            fail(f"standard output must be writable, got {why}.", COULD_NOT_RUN)
+        _flush()
+
+
+class _Descriptor(io.FileIO):
+    """A descriptor for which it is no failure that nobody reads it any more."""
+
+    def write(self, data: Any, /) -> int | None:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            return len(data)
+
+
+def _writable(name: str) -> Any:
+    """A standard stream that takes all characters; one that is closed takes them to nowhere."""
+    stream = getattr(sys, name)
+    if stream is None:
+        return open(os.devnull, "w")
+    if not isinstance(stream, io.TextIOWrapper):
+        return stream  # of a test or a notebook
+    stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
+    if stream is not getattr(sys, f"__{name}__"):
+        return stream
+    return io.TextIOWrapper(
+        io.BufferedWriter(_Descriptor(stream.fileno(), "wb", closefd=False)),
+        encoding=stream.encoding,
+        errors="replace",
+        line_buffering=stream.line_buffering or name == "stderr",
+    )
+
+
+def _flush() -> None:
+    """Write what is left of standard output."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        from flighttune.whole_file import reason_of
+
+        # what is left cannot be written: Python would complain about it once more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
 
 
 def _run() -> None:

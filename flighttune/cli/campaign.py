@@ -1,14 +1,13 @@
 """Commands about campaigns: fly them, report on them, fly a run again, tune by flying."""
 
-import math
-from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option, Typer
 
 from flighttune.cli.command import add_command
-from flighttune.cli.gain_sets import gains_json, gains_table, write_json
+from flighttune.cli.gain_sets import gains_table, gains_values, save_answer
 from flighttune.cli.options import (
     GainsFileOption,
     campaign_names,
@@ -16,11 +15,12 @@ from flighttune.cli.options import (
     out_folder,
 )
 from flighttune.cli.progress import campaign_display, campaign_pool, duration, progress_bar, rate
-from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick, table, tell
+from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick, tell
 from flighttune.errors import CampaignError, OutputError, RecordingError
-from flighttune.present.names import metric_label
-from flighttune.present.numbers import MISSING, percent, percent_interval
-from flighttune.present.tables import Table
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
+from flighttune.present.numbers import percent
+from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.campaign.choice.robust import CandidateResult, RobustChoice
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from flighttune.campaign.engine.cost import CampaignCost
     from flighttune.campaign.engine.progress import CampaignOutcome
     from flighttune.campaign.planning.plan import Plan
-    from flighttune.campaign.statistics.findings import Findings
     from flighttune.campaign.statistics.intervals import Estimate
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
@@ -41,10 +40,24 @@ OF_BEST = (
 )
 """Keys of the chosen candidate that stand at the top of the JSON object of `tune`."""
 
-CANDIDATE_COLUMNS = (
-    *("gains", "I_K [s²]", "R_K [1/s]", "draws"),
-    *("succeed [%]", "percentile", "behind", "best"),
-)
+CANDIDATE_COLUMNS = [
+    *columns("name I_K R_K draws"),
+    Column("success", "succeed", "%", percent, ends=("success_interval.0", "success_interval.1")),
+    Column("value", "percentile", best="low", ends=("interval.0", "interval.1")),
+    Column("behind", "behind", ends=("behind_interval.0", "behind_interval.1")),
+    Column("p_best", "probability to be the best"),
+    *columns("dropped"),
+]
+DIFFERENCE_COLUMNS = [
+    *columns("column"),
+    Column("in_row", "in the row", digits=".17g"),
+    Column("flown", "flown", digits=".17g"),
+]
+COST_COLUMNS = [
+    *columns("core_s workers wall_s"),
+    Column("rows_bytes", "rows", "MB", factor=1e-6),
+    Column("signals_bytes", "signals, at most", "MB", factor=1e-6),
+]
 
 CampaignArgument = Annotated[
     str,
@@ -86,15 +99,31 @@ def report(
     from flighttune.campaign.dataset import dataset_hash
     from flighttune.campaign.statistics.findings import findings
     from flighttune.campaign.statistics.flights import load_flights
-    from flighttune.report.campaign.as_json import findings_json
-    from flighttune.report.campaign.page import write_campaign_report
+    from flighttune.present.frame import questions_table
+    from flighttune.report.campaign import tables
+    from flighttune.report.campaign.headline import headline
+    from flighttune.report.campaign.page import notes, write_campaign_report
+    from flighttune.report.campaign.values import findings_values
 
     found = findings(load_flights(folder), method=interval, confidence=confidence)
     if out is None and Path(folder).is_dir():
         out = Path(folder) / "report.html"
     page = None if out is None else write_campaign_report(found, out).path
-    answer = {**findings_json(found), "sha256": dataset_hash(folder), "page": page}
-    emit(answer, _findings_text(found, page))
+    values = findings_values(found)
+    emit(
+        Answer(
+            values={**values, "sha256": dataset_hash(folder)},
+            tables=[
+                questions_table(headline(found)),
+                tables.success_table(found, values["groups"]),
+                tables.reasons_table(values["groups"]),
+                tables.certified_table(values["groups"]),
+                tables.paired_table(found, values["paired"]),
+            ],
+            notes=notes(found),
+            files={"page": page},
+        )
+    )
 
 
 def fly(
@@ -122,35 +151,50 @@ def fly(
     files = record(again, out or Path("runs") / name, name=name)
     differences = row_differences(dataset.plan, run, row)
     versions = changed_versions(dataset.versions)
-    answer = {
-        "run": run,
-        "plant": row["plant"],
-        "gains": row["gains"],
-        **pick(flown, "status reason"),
-        "equal": not differences,
-        "differences": [
-            {"column": one.what, "in_row": one.recorded, "flown": one.reflown}
-            for one in differences
-        ],
-        "versions": {key: {"campaign": then, "now": now} for key, (then, now) in versions.items()},
-        "row": row,
-        **pick(files, "recording signals"),
-    }
-
-    def text() -> Iterator[str]:
-        yield f"run {run}: {row['plant']} / {row['gains']}, draw {row['draw']}"
-        for key in dataset.plan.keys:
-            yield f"  {key} = {row[key]!r}"
-        ended = f"{row['status']}: {row['reason']}" if row["reason"] else row["status"]
-        yield f"row: {ended}; {row['missed'] or 'a success'}"
-        yield from (one.sentence for one in differences)
-        if not differences:
-            yield "flown again: status and every measure equal to the bit"
-        for library, (then, now) in versions.items():
-            yield f"{library}: {then} in the campaign, {now} now"
-        yield f"recording: {files.recording}   (open it with: flighttune view {files.recording})"
-
-    emit(answer, text())
+    changed = [
+        {"column": change.what, "in_row": change.recorded, "flown": change.reflown}
+        for change in differences
+    ]
+    drawn = [{"parameter": key, "value": row[key]} for key in dataset.plan.keys]
+    ended = f"{row['status']}: {row['reason']}" if row["reason"] else row["status"]
+    emit(
+        Answer(
+            values={
+                "run": run,
+                "plant": row["plant"],
+                "gains": row["gains"],
+                **pick(flown, "status reason"),
+                "equal": not differences,
+                "versions": {
+                    key: {"campaign": then, "now": now} for key, (then, now) in versions.items()
+                },
+                "row": row,
+                "signals": files.signals,
+            },
+            tables=[
+                Table(
+                    title=f"run {run}: {row['plant']} / {row['gains']}, draw {row['draw']}",
+                    columns=columns("parameter value"),
+                    records=drawn,
+                ),
+                Table(
+                    title="differences",
+                    name="differences",
+                    columns=DIFFERENCE_COLUMNS,
+                    records=changed,
+                ),
+            ],
+            notes=[
+                f"row: {ended}; {row['missed'] or 'a success'}",
+                *(
+                    f"{name}: {then} in the campaign, {now} now"
+                    for name, (then, now) in versions.items()
+                ),
+            ],
+            verdict="" if differences else "flown again: status and every measure equal to the bit",
+            files={"recording": files.recording},
+        )
+    )
     if differences:
         fail(f"{folder}: run {run}: {differences[0].sentence}", NO)
 
@@ -191,7 +235,7 @@ def run(
     plan = _planned(file, runs, folder, resume=resume)
     if dry_run:
         cost, count = campaign_cost(plan), workers or cores()
-        emit(_plan_json(plan, cost, count), _plan_text(plan, cost, count))
+        emit(_plan(plan, cost, count))
         return
     try:
         with campaign_display() as observer:
@@ -208,7 +252,7 @@ def run(
         if not (Path(folder) / CAMPAIGN).exists():
             raise
         raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
-    emit(done.as_dict(), _outcome_text(done))
+    emit(_outcome(done))
     if done.interrupted:
         there = f"{done.runs} of {done.planned} runs are in {done.dataset}"
         fail(f"interrupted, {there}; go on with the same command and --resume", INTERRUPTED)
@@ -265,11 +309,11 @@ def tune(
     loaded = load_campaign(file)
     with campaign_pool(workers, scheduler) as pool:
         found = tune_robust(loaded, settings, pool)
-    answer = _choice_json(found, file)
     written = out if found.status == "chosen" else None
+    answer = _choice(found, file, loaded.title, written)
     if written is not None:
-        write_json(written, answer)
-    emit(answer, _choice_text(found, loaded.title, written))
+        save_answer(written, answer)
+    emit(answer)
     if found.status != "chosen":
         fail(f"{file}: {found.reason}", INTERRUPTED if found.status == "interrupted" else NO)
 
@@ -286,49 +330,6 @@ for function, doing, example in (
     (tune, "tuning", "flighttune campaign tune first_campaign --candidates 4 --draws 10"),
 ):
     add_command(campaign, function, doing=doing, example=example)
-
-
-def _findings_text(found: "Findings", page: Path | None) -> Iterator[Table | str]:
-    from flighttune.report.campaign.headline import headline
-    from flighttune.report.campaign.page import notes
-    from flighttune.report.campaign.words import with_interval
-
-    label = None if found.measure is None else metric_label(found.measure)
-    rows = []
-    for one in found.groups:
-        spread, certified = one.measures.get(found.measure or ""), one.certified
-        rows.append(
-            (
-                one.group.label,
-                str(one.n),
-                percent_interval(one.success.value, one.success.lo, one.success.hi),
-                *(
-                    MISSING
-                    if spread is None
-                    else with_interval(spread.percentiles[p], label.factor)
-                    for p in ("p50", "p95")
-                    if label
-                ),
-                MISSING if certified is None else percent(certified.of_all.value),
-            )
-        )
-    measured = ("median", "95 %") if label else ()
-    title = found.flights.plan.campaign.title
-    yield table(
-        f"{title}: {label.heading}" if label else title,
-        ("group", "flights", "succeed [%]", *measured, "set held [%]"),
-        rows,
-        highest=["succeed [%]"],
-    )
-    yield from notes(found)
-    success, *others = headline(found)
-    yield from success.sentences[len(found.groups) :]
-    for answer in others:
-        yield f"{answer.question} {answer.short}"
-        for sentence in answer.sentences:
-            yield f"  {sentence}"
-    if page is not None:
-        yield f"page: {page}   (one file, it opens without a network)"
 
 
 def _row(dataset: "Dataset", run: int) -> dict[str, Any]:
@@ -354,39 +355,46 @@ def _planned(file: str, runs: int | None, folder: str, *, resume: bool) -> "Plan
     return plan
 
 
-def _outcome_text(done: "CampaignOutcome") -> Iterator[str]:
-    others = ", ".join(
-        f"{count} {status.replace('_', ' ')}"
-        for status, count in done.statuses.items()
-        if status not in ("completed", "crashed")
-    )
-    yield (
-        f"{done.runs} runs: {done.completed} completed, {done.failed} failed"
-        f"{others and f' ({others})'}, {done.crashed} crashed; "
-        f"{done.succeeded} met every requirement"
-    )
-    yield (
+def _outcome(done: "CampaignOutcome") -> Answer:
+    values = pick(done, " ".join(field.name for field in fields(done) if field.name != "dataset"))
+    shown = {key: values[key] for key in ("runs", "completed", "failed", "crashed", "succeeded")}
+    shown |= {key: n for key, n in done.statuses.items() if key not in shown}
+    notes = [
         f"flown now: {done.flown} in {duration(done.wall_s)}, {rate(done.rate_per_s)} a second"
         if done.flown
         else "nothing was missing"
-    )
+    ]
     if done.halfwidth is not None:
-        yield f"half width of the success rates: at most {done.halfwidth:.3g}"
-    yield f"dataset: {done.dataset}   (look at it with: flighttune campaign report {done.dataset})"
+        notes.append(f"half width of the success rates: at most {done.halfwidth:.3g}")
+    return Answer(
+        values=values,
+        tables=[Table(columns=columns(" ".join(shown)), records=[shown])],
+        notes=notes,
+        files={"dataset": done.dataset},
+    )
 
 
-def _plan_json(plan: "Plan", cost: "CampaignCost", workers: int) -> dict[str, Any]:
-    campaign = plan.campaign
-    return {
+def _plan(plan: "Plan", cost: "CampaignCost", workers: int) -> Answer:
+    campaign, keep = plan.campaign, plan.campaign.keep
+    disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
+    numbers = [
+        table.model_dump(exclude_none=True, exclude={"key", "distribution", "acts"})
+        for table in campaign.disperse
+    ]
+    shown = [
+        {**table, "numbers": ", ".join(f"{name} {value}" for name, value in own.items())}
+        for table, own in zip(disperse, numbers, strict=True)
+    ]
+    groups = [
+        {"plant": group.plant, "gains": group.gains, "run_s": cost.group_s.get(group)}
+        for group in plan.groups
+    ]
+    values = {
         "title": campaign.title,
         **pick(plan, "runs draws"),
         **pick(campaign, "design seed"),
-        "groups": [
-            {"plant": group.plant, "gains": group.gains, "run_s": cost.group_s.get(group)}
-            for group in plan.groups
-        ],
-        "disperse": [one.model_dump(mode="json", exclude_none=True) for one in campaign.disperse],
-        "keep": campaign.keep.model_dump(mode="json"),
+        "disperse": disperse,
+        "keep": keep.model_dump(mode="json"),
         "time_limit_s": campaign.time_limit_s,
         "timed_runs": cost.timed,
         "core_s": cost.core_s,
@@ -394,110 +402,73 @@ def _plan_json(plan: "Plan", cost: "CampaignCost", workers: int) -> dict[str, An
         "wall_s": cost.wall_s(workers),
         **pick(cost, "rows_bytes signals_bytes"),
     }
-
-
-def _plan_text(plan: "Plan", cost: "CampaignCost", workers: int) -> Iterator[Table | str]:
-    campaign, keep = plan.campaign, plan.campaign.keep
-    yield table(
-        f"{campaign.title}: {plan.runs} runs = {plan.draws} draws ({campaign.design}, seed "
-        f"{campaign.seed}) by {len(plan.groups)} groups",
-        ("plant", "gains", "s a run"),
-        [(g.plant, g.gains, f"{cost.group_s.get(g, math.nan):.2g}") for g in plan.groups],
+    return Answer(
+        values=values,
+        tables=[
+            Table(
+                title=campaign.title,
+                columns=columns("runs draws design seed time_limit_s"),
+                records=[values],
+            ),
+            Table(
+                title="groups", name="groups", columns=columns("plant gains run_s"), records=groups
+            ),
+            Table(
+                title="dispersed", columns=columns("key distribution acts numbers"), records=shown
+            ),
+            Table(
+                title=f"cost, from {cost.timed} runs flown now",
+                columns=COST_COLUMNS,
+                records=[values],
+            ),
+        ],
+        notes=[
+            f"signals kept: the first {keep.failures} failures, the worst {keep.worst} by "
+            f"{keep.worst_by}, a sample of {keep.sample}"
+        ],
     )
-    rows = []
-    for one in campaign.disperse:
-        given = one.model_dump(exclude_none=True, exclude={"key", "distribution", "acts"})
-        numbers = ", ".join(f"{name} {value}" for name, value in given.items())
-        rows.append((one.key, one.distribution, one.acts, numbers))
-    yield table("dispersed", ("key", "distribution", "acts", "numbers"), rows)
-    yield (
-        f"signals kept: the first {keep.failures} failures, the worst {keep.worst} by "
-        f"{keep.worst_by}, a sample of {keep.sample}; a run takes at most "
-        f"{campaign.time_limit_s:g} s"
-    )
-    yield (
-        f"cost, from {cost.timed} runs flown now: {duration(cost.core_s)} of one core, "
-        f"{duration(cost.wall_s(workers))} with {workers} workers"
-    )
-    rows_size, signals_size = _size(cost.rows_bytes), _size(cost.signals_bytes)
-    yield f"disk space: {rows_size} of rows, up to {signals_size} of signals"
 
 
-def _size(count: int) -> str:
-    return f"{count / 1e6:.3g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
-
-
-def _choice_json(found: "RobustChoice", file: str) -> dict[str, Any]:
-    best = {} if found.best is None else _result_json(found.best)
-    return {
+def _choice(found: "RobustChoice", file: str, title: str, out: Path | None) -> Answer:
+    best = {} if found.best is None else _candidate(found.best)
+    candidates = [_candidate(result) for result in found.candidates]
+    beside = [_candidate(result) for result in found.baselines]
+    values = {
         **pick(found, "status reason"),
         "campaign": file,
         **{key: best.get(key) for key in OF_BEST},
         **pick(found, "metrics percentile p_best loss draws flights"),
-        "candidates": [_result_json(one) for one in found.candidates],
-        "beside": [_result_json(one) for one in found.baselines],
+        "candidates": candidates,
+        "beside": beside,
     }
+    if found.best is None:
+        return Answer(values=values)
+    heading = f"{title}: {found.percentile:g}th percentile of {' + '.join(found.metrics)}"
+    chosen = found.best.candidate
+    return Answer(
+        values=values,
+        tables=[
+            Table(title=heading, columns=CANDIDATE_COLUMNS, records=[*candidates, *beside]),
+            gains_table(f"{found.status}: {chosen.name}", chosen.gains),
+        ],
+        verdict=f"{chosen.name} is the best of {len(candidates)} candidates with probability "
+        f"{found.p_best:.2f}; the expected loss to the true best is {found.loss:.2g}.",
+        files={"out": out},
+    )
 
 
-def _result_json(one: "CandidateResult") -> dict[str, Any]:
+def _candidate(result: "CandidateResult") -> dict[str, Any]:
     return {
-        "name": one.candidate.name,
-        **gains_json(one.candidate.gains),
-        **pick(one.candidate, "R_K I_K"),
-        "draws": one.draws,
-        **_estimate_json("value", one.percentile, "interval"),
-        **_estimate_json("success", one.success),
-        **pick(one, "p_best dropped"),
-        **_estimate_json("behind", one.behind),
+        "name": result.candidate.name,
+        **gains_values(result.candidate.gains),
+        **pick(result.candidate, "R_K I_K"),
+        "draws": result.draws,
+        **_estimate("value", result.percentile, "interval"),
+        **_estimate("success", result.success),
+        **pick(result, "p_best dropped"),
+        **_estimate("behind", result.behind),
     }
 
 
-def _estimate_json(key: str, one: "Estimate", interval: str = "") -> dict[str, Any]:
-    return {key: one.value, interval or f"{key}_interval": [one.lo, one.hi]}
-
-
-def _choice_text(found: "RobustChoice", title: str, out: Path | None) -> Iterator[Table | str]:
-    best = found.best
-    if best is None:
-        return
-    of = f"{found.percentile:g}th percentile of {' + '.join(found.metrics)}"
-    rows = [_row_of(one) for one in (*found.candidates, *found.baselines)]
-    yield table(f"{title}: {of}", CANDIDATE_COLUMNS, rows, lowest=["percentile"])
-    yield gains_table(f"{found.status}: {best.candidate.name}", best.candidate.gains)
-    yield (
-        f"{of}: {best.percentile.value:.4g} (95 % interval {_range(best.percentile)}); "
-        f"{100.0 * best.success.value:.1f} % of {best.draws} draws succeed "
-        f"({_range(best.success.scaled(100.0), '.1f')} %)"
-    )
-    yield (
-        f"the best of {len(found.candidates)} candidates with probability {found.p_best:.2f}; "
-        f"expected loss to the true best {found.loss:.2g}; {found.flights} flights"
-    )
-    for one in found.baselines:
-        behind = one.behind
-        more = "more" if behind.value >= 0.0 else "less"
-        chance = "" if behind.lo > 0.0 or behind.hi < 0.0 else ", which may be chance"
-        yield (
-            f"the campaign's own {one.candidate.name} has {abs(behind.value):.3g} {more} "
-            f"({_range(behind, '.3g')}){chance}"
-        )
-    if out is not None:
-        yield f"gains: {out}"
-
-
-def _row_of(one: "CandidateResult") -> tuple[str, ...]:
-    behind = f"{one.behind.value:.3g} ({_range(one.behind, '.3g')})"
-    return (
-        one.candidate.name,
-        f"{one.candidate.I_K:.5g}",
-        f"{one.candidate.R_K:.4f}",
-        str(one.draws),
-        f"{100.0 * one.success.value:.1f}",
-        f"{one.percentile.value:.4g} ({_range(one.percentile)})",
-        "dropped" if one.dropped else behind,
-        "-" if math.isnan(one.p_best) else f"{one.p_best:.3f}",
-    )
-
-
-def _range(one: "Estimate", form: str = ".4g") -> str:
-    return f"{one.lo:{form}} to {one.hi:{form}}"
+def _estimate(key: str, estimate: "Estimate", interval: str = "") -> dict[str, Any]:
+    return {key: estimate.value, interval or f"{key}_interval": [estimate.lo, estimate.hi]}

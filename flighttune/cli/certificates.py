@@ -1,7 +1,8 @@
 """Commands that certify gains, and check certificates."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,27 +10,44 @@ from typer import Argument, Option
 
 from flighttune.cli.gain_sets import (
     chosen_gains,
-    gains_json,
-    margins_json,
+    gains_table,
+    gains_values,
     margins_of,
-    margins_text,
+    margins_table,
+    margins_values,
 )
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
-from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.errors import InputError
-from flighttune.present.tables import Bad, Table
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 
-EIGENVALUES_A_LINE = 4
+ANY_ENVELOPE = (
+    "The certificate holds over any envelope: the error dynamics of the exact law are the same "
+    "everywhere."
+)
+INDICATOR_COLUMNS = [
+    Column("units", "units of state"),
+    *columns("R_K I_K spectral_abscissa"),
+]
+EIGENVALUE_COLUMNS = [
+    Column("real", "real part", "1/s"),
+    Column("imaginary", "imaginary part", "rad/s"),
+]
+CERTIFICATE_COLUMNS = [
+    *columns("status rate growth radius L_d"),
+    Column("largest_factor", "largest certified envelope"),
+]
+CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 if TYPE_CHECKING:
     from flighttune.certificates import Certificate, Certification, Claim
     from flighttune.control.gains import PIGains
-    from flighttune.control.law import Law
     from flighttune.control.linear_model import LinearModel
     from flighttune.control.margins import LoopMargins
     from flighttune.present.chart import Chart
     from flighttune.scenario import Scenario
-    from flighttune.theory.indicators import Indicators
 
 
 def certify(
@@ -86,62 +104,54 @@ def certify(
     may_grow = envelope and not (own or identified or law.same_everywhere)
     largest = largest_certified(loaded, chosen) if may_grow else None
     _save(made, out)
-    margins = margins_of(model, flown)
+    loop = margins_of(model, flown)
+    margins = margins_values(loop)
     if figure is not None:
         more = [_rate_over_envelope(loaded, name, chosen)] if largest and largest.factor else []
-        _draw(f"{loaded.title}; gains {name}", model, flown, margins, figure, more)
-    answer = {
+        _draw(f"{loaded.title}; gains {name}", model, flown, loop, figure, more)
+    certificate = _certification(made)
+    scaled = None if in_tune is None else pick(in_tune, "R_K I_K scaling")
+    values = {
         **pick(found, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
-        "scaled": in_tune and pick(in_tune, "R_K I_K scaling"),
+        "scaled": scaled,
         "gains": name,
-        **gains_json(chosen),
-        "margins": margins_json(margins),
-        "certificate": _certification_json(made, out),
-        "figure": figure,
+        **gains_values(chosen),
+        "margins": margins,
+        "certificate": certificate,
         "envelope": {
-            "R_K": made.certificate and made.certificate.claim.rate,
-            "largest_factor": largest and largest.factor,
+            "R_K": certificate["rate"],
+            "largest_factor": largest.factor if largest else None,
         }
         if envelope
         else None,
     }
-
-    def text() -> Iterator[Table | str]:
-        yield from _indicators_text(name, found)
-        if in_tune is None:
-            yield "units of state: plain, as in `tune`"
-        else:
-            worst = " here, `tune` has the worst condition"
-            yield (
-                f"units of state: plain; in the scaled ones of `tune` R_K is {in_tune.R_K:.5f}, "
-                f"I_K {in_tune.I_K:.4f}{worst if identified and loaded.tuning.robust else ''}"
-            )
-        yield from margins_text(margins)
-        where = _where(law, identified=identified) if envelope else "at the trim"
-        yield _certification_text(made, "on its own linear model" if own else where)
-        if out is not None and made.certificate is not None:
-            yield f"certificate: {out}   (check it with: flighttune verify {out})"
-        if figure is not None:
-            yield f"figure: {figure}"
-        if largest is not None:
-            yield f"largest certified envelope: {largest.factor:.3f} times the scenario's"
-
-    emit(answer, text())
+    units = [{"units": "plain", **values}]
+    if scaled is not None:
+        robust = identified and loaded.tuning.robust
+        tuned = "scaled by [tuning], at the nominal condition" if robust else "scaled by [tuning]"
+        units.append({"units": tuned, **scaled})
+    eigenvalues = [{"real": pole.real, "imaginary": pole.imag} for pole in found.eigenvalues]
+    claimed = {**certificate, **(values["envelope"] or {})}
+    emit(
+        Answer(
+            values=values,
+            tables=[
+                Table(title=f"{name}: {found.status}", columns=INDICATOR_COLUMNS, records=units),
+                Table(title="eigenvalues", columns=EIGENVALUE_COLUMNS, records=eigenvalues),
+                margins_table(margins),
+                Table(title="certificate", columns=CERTIFICATE_COLUMNS, records=[claimed]),
+            ],
+            notes=[ANY_ENVELOPE] if envelope and law.same_everywhere and not identified else [],
+            verdict=f"proven {certificate['holds']}: s'Qs falls at the rate of the certificate"
+            if made.certificate
+            else f"no certificate: {made.reason}",
+            files={"proof": out if made.certificate else None, "figure": figure},
+        )
+    )
     if found.status != "stable":
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if made.status != "certified" and (own or envelope or out is not None):
         fail(f"{scenario}: gains {name}: {made.reason}", NO)
-
-
-def _where(law: "Law", *, identified: bool) -> str:
-    """Where a claim over an envelope holds."""
-    if identified:
-        return "at every condition identified"
-    if law.same_everywhere:
-        return (
-            f"over any envelope: the error dynamics of the {law.kind} law are the same everywhere"
-        )
-    return "over the envelope"
 
 
 def _save(made: "Certification", out: Path | None) -> None:
@@ -215,74 +225,87 @@ def verify(
     loaded = load_certificate(certificate)
     found = verify_certificate(loaded)
     verdict = "valid: every inequality is proven" if found.valid else "not valid"
-    rows = [
-        (one.name, f"{one.margin:.3e}", "proven" if one.exact else Bad("broken"))
-        for one in found.checks
-    ]
-    model = loaded.model
+    checks = [asdict(check) for check in found.checks]
     claim = {
-        **_claim_json(loaded.claim),
+        **_claim(loaded.claim),
         "envelope": loaded.claim.envelope,
         "g": loaded.claim.g,
         "gains": pick(loaded.gains, "inputs errors K_P K_I"),
-        "model": pick(model, "states inputs errors A B C"),
+        "model": pick(loaded.model, "states inputs errors A B C"),
     }
-    text = [
-        table(f"{certificate}: {verdict}", ("check", "margin", "exact"), rows),
-        f"{'proven' if found.valid else 'claimed, not proven'}: {_claim_text(loaded)}",
-        table(
-            "with the gains",
-            ("", *(f"{kind}e_{error}" for kind in ("", "int ") for error in model.errors)),
-            [
-                (name, *(f"{value:.6g}" for value in row))
-                for name, row in zip(model.inputs, loaded.gains.K, strict=True)
+    title = f"{certificate}: {verdict}"
+    emit(
+        Answer(
+            values={**pick(found, "valid reason"), "claim": claim},
+            tables=[
+                Table(title=title, name="checks", columns=CHECK_COLUMNS, records=checks),
+                Table(title="claim", columns=columns("rate radius L_d"), records=[claim]),
+                gains_table("gains", loaded.gains),
             ],
-        ),
-    ]
-    emit({**pick(found, "valid reason checks"), "claim": claim}, text)
+            verdict=_where(loaded) if found.valid else f"claimed, not proven: {_where(loaded)}",
+        )
+    )
     if not found.valid:
         fail(f"{certificate}: {found.reason}", NO)
 
 
 def _verify_tube(file: Path, conformance: Path | None) -> None:
-    from flighttune.cli.tube import NOT_CHECKED, for_ever_text, problem_text, tube_json, widths_text
+    from flighttune.cli.tube import NOT_CHECKED, bounds_after, problem_tables, tube_values
     from flighttune.conformance import load_conformance
     from flighttune.tube.proof import load_tube, verify_tube
 
-    loaded = load_tube(file, conformance and load_conformance(conformance))
+    loaded = load_tube(file, None if conformance is None else load_conformance(conformance))
     found, checked = verify_tube(loaded), loaded.problem.aircraft_checked
     verdict = "valid: every inclusion is proven" if found.valid else "not valid"
     basis = "proven" if loaded.lost is None else "proven, within the errors that were counted"
     if checked is False:
         basis = f"proven {NOT_CHECKED}"
-    rows = [(one.name, f"{one.margin:.3e}") for one in found.checks]
-    claim = {**tube_json(loaded), "scenario": loaded.problem.scenario.as_dict()}
-    text = [
-        table(f"{file}: {verdict}", ("check", "margin"), rows),
-        f"{basis if found.valid else 'claimed, not proven'}:",
-        widths_text(loaded, "of the file"),
-        *problem_text(loaded),
-        for_ever_text(loaded),
-    ]
-    emit({**pick(found, "valid reason checks"), "aircraft_checked": checked, "claim": claim}, text)
+    values = tube_values(loaded)
+    checks = [asdict(check) for check in found.checks]
+    title = f"{file}: {verdict}"
+    emit(
+        Answer(
+            values={
+                **pick(found, "valid reason"),
+                "aircraft_checked": checked,
+                "claim": {**values, "scenario": loaded.problem.scenario.as_dict()},
+            },
+            tables=[
+                Table(title=title, name="checks", columns=CHECK_COLUMNS[:2], records=checks),
+                *problem_tables(loaded, values, "of the file"),
+            ],
+            notes=bounds_after(loaded),
+            verdict=basis if found.valid else "claimed, not proven",
+        )
+    )
     if not found.valid:
         fail(f"{file}: {found.reason}", NO)
 
 
-def _certification_json(made: "Certification", out: Path | None) -> dict[str, Any]:
-    claim = made.certificate and made.certificate.claim
+def _certification(made: "Certification") -> dict[str, Any]:
+    """What is proven: the norm of s decays at half the rate from at most `growth` times its start.
+
+    All but the status and its reason is null where there is no certificate.
+    """
+    certificate, growth = made.certificate, None
+    if certificate is not None:
+        import numpy as np
+
+        growth = math.sqrt(float(np.linalg.cond(certificate.Q)))
     return {
         **pick(made, "status reason"),
-        **_claim_json(claim),
-        "checks": made.verification.checks if made.verification else [],
-        "file": claim and out,
+        **_claim(None if certificate is None else certificate.claim),
+        "growth": growth,
+        "checks": [asdict(check) for check in made.verification.checks]
+        if made.verification
+        else [],
     }
 
 
-def _claim_json(claim: "Claim | None") -> dict[str, Any]:
+def _claim(claim: "Claim | None") -> dict[str, Any]:
     return {
-        **(pick(claim, "rate radius L_d") if claim else dict.fromkeys(("rate", "radius", "L_d"))),
-        "holds": claim and claim.place,
+        **{key: getattr(claim, key, None) for key in ("rate", "radius", "L_d")},
+        "holds": claim.place if claim else None,
         "conditions": [
             {"V_a_mps": V_a, "gamma_rad": gamma}
             for V_a, gamma in (claim.conditions if claim else ())
@@ -290,49 +313,11 @@ def _claim_json(claim: "Claim | None") -> dict[str, Any]:
     }
 
 
-def _claim_text(certificate: "Certificate") -> str:
-    """What a certificate claims, from the numbers that its check uses."""
+def _where(certificate: "Certificate") -> str:
+    """For which flights the claim of a certificate holds."""
     claim, states = certificate.claim, ", ".join(certificate.model.states)
     if claim.envelope is not None:
-        where = f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
-    elif claim.conditions:
-        where = f"for the models in the file (states {states}), given as those {claim.place}"
-    else:
-        where = f"for the linear model in the file (states {states})"
-    radius = (
-        ""
-        if claim.radius is None
-        else f"; the norm of s ends below {claim.radius:.6g} under a disturbance whose derivative "
-        f"stays below {claim.L_d:.6g}"
-    )
-    return f"s'Qs falls at {claim.rate:.6g} 1/s{radius}; {where}"
-
-
-def _indicators_text(name: str, found: "Indicators") -> Iterator[Table | str]:
-    yield table(
-        f"{name}: {found.status}",
-        ("R_K [1/s]", "I_K [s²]", "spectral abscissa [1/s]"),
-        [(f"{found.R_K:.4f}", f"{found.I_K:.4f}", f"{found.spectral_abscissa:.4f}")],
-    )
-    values = [f"{value:.3f}" for value in found.eigenvalues]
-    head = "eigenvalues [1/s]:"
-    for start in range(0, len(values), EIGENVALUES_A_LINE):
-        yield "  ".join([head, *values[start : start + EIGENVALUES_A_LINE]])
-        head = " " * len(head)
-
-
-def _certification_text(made: "Certification", asked: str) -> str:
-    import numpy as np
-
-    if made.certificate is None:
-        return f"no certificate {asked}: {made.reason}"
-    claim = made.certificate.claim
-    where = claim.place if claim.conditions else asked
-    checks = len(made.verification.checks) if made.verification else 0
-    radius = "" if claim.radius is None else f", ultimate radius {claim.radius:.5f} rad"
-    spread = math.sqrt(float(np.linalg.cond(made.certificate.Q)))
-    return (
-        f"proven {where}: s'Qs falls at {claim.rate:.5f} 1/s, so the norm of s at "
-        f"{claim.rate / 2.0:.5f} 1/s from at most {spread:.2f} times its start{radius} "
-        f"({checks} exact checks)"
-    )
+        return f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
+    if claim.conditions:
+        return f"for the models in the file (states {states}), given as those {claim.place}"
+    return f"for the linear model in the file (states {states})"

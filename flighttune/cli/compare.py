@@ -1,21 +1,28 @@
 """The command that compares runs."""
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
 from flighttune.cli.options import check_ending
-from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, pick, table
-from flighttune.present.names import shown_unit
-from flighttune.present.numbers import number
-from flighttune.present.tables import Table
+from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, pick
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
-    from flighttune.comparison import Comparison, Pair, Violation
+    from flighttune.comparison import Comparison, Violation
 
-BETTER = {"a": "A", "b": "B", "same": "same", "": ""}
+PAIR_COLUMNS = [
+    Column("source_a", "A"),
+    Column("run_a", "run of A"),
+    Column("status_a", "status"),
+    Column("source_b", "B"),
+    Column("run_b", "run of B"),
+    Column("status_b", "status"),
+    *columns("compared_s max_distance_m max_distance_at_s"),
+]
 
 
 def compare(
@@ -57,9 +64,7 @@ def compare(
             from flighttune.comparison.overlay import write_overlay
 
             write_overlay(found, out)
-    out = out if found.comparable else None
-    text = _text(found, broken, out) if found.comparable else ()
-    emit(_json(found, broken, out), text)
+    emit(_answer(found, broken, out))
     if not found.comparable:
         fail(found.reason, COULD_NOT_RUN)
     if allowed and found.unpaired:
@@ -73,69 +78,47 @@ def compare(
         fail(f"{tolerance}: {broken[0].sentence}{more}", NO)
 
 
-def _json(found: "Comparison", broken: list["Violation"], out: Path | None) -> dict[str, Any]:
+def _answer(found: "Comparison", broken: list["Violation"], out: Path | None) -> Answer:
+    from flighttune.comparison.compare import comparison_table
+
     is_page = out is not None and out.suffix.lower() == ".html"
-    return {
-        **pick(found, "comparable reason"),
-        "metrics": found.metrics.to_dict(orient="records"),
-        "max_distance_m": found.max_distance,
-        "pairs": [
-            {
-                "run_a": pair.a.label,
-                "run_b": pair.b.label,
-                **pick(pair, "source_a source_b"),
-                "status_a": pair.status[0],
-                "status_b": pair.status[1],
-                "compared_s": pair.a.duration,
-                "max_distance_m": pair.max_distance,
-                "max_distance_at_s": pair.t_max_distance,
-                "differs": pair.differs,
-            }
-            for pair in found.pairs
-        ],
-        **pick(found, "unpaired missing"),
-        "violations": broken,
-        "recording": None if is_page else out,
-        "page": out if is_page else None,
+    written = out if found.comparable else None
+    pairs = [
+        {
+            "run_a": pair.a.label,
+            "run_b": pair.b.label,
+            **pick(pair, "source_a source_b"),
+            "status_a": pair.status[0],
+            "status_b": pair.status[1],
+            "compared_s": pair.a.duration,
+            "max_distance_m": pair.max_distance,
+            "max_distance_at_s": pair.t_max_distance,
+            "differs": pair.differs,
+        }
+        for pair in found.pairs
+    ]
+    differs = {
+        f"not the same: {key}: {first} and {second}"
+        for pair in found.pairs
+        for key, (first, second) in pair.differs.items()
     }
-
-
-def _text(
-    found: "Comparison", broken: list["Violation"], out: Path | None
-) -> Iterator[Table | str]:
-    for place, pair in enumerate(found.pairs):
-        rows = found.metrics.loc[found.metrics["pair"] == place]
-        yield from _pair_text(pair, rows.to_dict(orient="records"))
-    for one in found.missing:
-        yield f"missing: {one}"
-    for one in found.unpaired:
-        yield f"no partner: {one}"
-    for one in broken:
-        yield f"out of tolerance: {one.sentence}"
-    if out is not None and out.suffix.lower() == ".html":
-        yield f"page: {out}   (one file, it opens without a network)"
-    elif out is not None:
-        yield f"recording: {out}   (open it with: flighttune view {out})"
-
-
-def _pair_text(pair: "Pair", rows: list[dict[Any, Any]]) -> Iterator[Table | str]:
-    yield f"A: {pair.source_a}: {pair.a.label}: {pair.status[0]}"
-    yield f"B: {pair.source_b}: {pair.b.label}: {pair.status[1]}"
-    for key, (one, other) in pair.differs.items():
-        yield f"not the same: {key}: {one} and {other}"
-    if pair.durations[0] != pair.durations[1]:
-        times = " and ".join(f"{duration:g}" for duration in pair.durations)
-        yield f"flown for {times} s, compared over the shorter time"
-    cells = []
-    for row in rows:
-        unit, factor = shown_unit(row["unit"])
-        values = (
-            number(float(row[key]) * factor, ".4f", missing="never") for key in ("a", "b", "diff")
-        )
-        name = row["name"].removesuffix("_rad")
-        cells.append((row["channel"], name, unit, *values, BETTER[row["better"]]))
-    yield table(
-        f"paths are {pair.max_distance:.3f} m apart at most, at {pair.t_max_distance:.2f} s",
-        ("channel", "metric", "unit", "A", "B", "B - A", "better"),
-        cells,
+    return Answer(
+        values={
+            **pick(found, "comparable reason"),
+            "metrics": found.metrics.to_dict(orient="records"),
+            "max_distance_m": found.max_distance,
+            **pick(found, "unpaired missing"),
+            "violations": broken,
+        },
+        tables=[
+            Table(title="pairs", name="pairs", columns=PAIR_COLUMNS, records=pairs),
+            comparison_table("metrics", found.metrics),
+        ],
+        notes=[
+            *sorted(differs),
+            *(f"missing: {line}" for line in found.missing),
+            *(f"no partner: {line}" for line in found.unpaired),
+            *(f"out of tolerance: {violation.sentence}" for violation in broken),
+        ],
+        files={"recording": None if is_page else written, "page": written if is_page else None},
     )

@@ -1,6 +1,6 @@
 """The command that learns boxes of an aircraft's residual rates, and counts new flights."""
 
-from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,14 +16,22 @@ from flighttune.cli.options import (
     scenario_names,
 )
 from flighttune.cli.progress import campaign_pool
-from flighttune.cli.show import INTERRUPTED, NO, emit, fail, table
+from flighttune.cli.show import INTERRUPTED, NO, emit, fail, pick
 from flighttune.errors import InputError
+from flighttune.present.answer import Answer
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Table
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
     from flighttune.campaign.conform import ConformSettings
     from flighttune.conformance import Conformance
+
+RATE_COLUMNS = columns(
+    "channel low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_error_low_deg "
+    "last_error_high_deg"
+)
+COUNT_COLUMNS = columns("learned counted widened flights outside")
 
 
 def conform(
@@ -43,7 +51,7 @@ def conform(
     ] = 0.01,
     confidence: Annotated[float, Option(help="Confidence of the claim, 0 to 1.")] = 0.999,
     attempts: Annotated[
-        int, Option(help="Attempts at most; they share the confidence.", min=1)
+        int, Option(help="Maximum number of counts; the confidence is split between them.", min=1)
     ] = 3,
     gains: Annotated[
         str | None,
@@ -118,13 +126,7 @@ def conform(
         fail(f"{source}: interrupted, nothing is written", INTERRUPTED)
     if found.holds:
         save_conformance(found, out)
-    answer = {
-        **found.as_dict(),
-        "status": "counted" if found.holds else "flights_outside",
-        "air": found.air,
-        "out": out if found.holds else None,
-    }
-    emit(answer, _text(found, out))
+    emit(_answer(found, out))
     if not found.holds:
         fail(f"{source}: {found.sentence}; nothing is written", NO)
 
@@ -140,45 +142,48 @@ def _recount(
     from flighttune.campaign.conform import recount
     from flighttune.conformance import load_conformance
 
-    known = load_conformance(path or "")
+    boxes = load_conformance(path or "")
     with campaign_pool(workers, scheduler) as pool:
-        attempt = recount(source, known, settings, pool)
+        attempt = recount(source, boxes, settings, pool)
     if attempt is None:
         fail(f"{source}: interrupted", INTERRUPTED)
-    counts = f"{attempt.outside} of {attempt.flights} new flights left the boxes"
-    answer = {
-        "status": "flights_outside" if attempt.outside else "counted",
-        "flights": attempt.flights,
-        "outside": attempt.outside,
-    }
-    emit(answer, [f"{path}: {counts}"])
+    verdict = f"{path}: {attempt.outside} of {attempt.flights} new flights left the boxes"
+    status = "flights_outside" if attempt.outside else "counted"
+    emit(Answer(values={"status": status, **pick(attempt, "flights outside")}, verdict=verdict))
     if attempt.outside:
-        fail(f"{path}: {counts}", NO)
+        fail(verdict, NO)
 
 
-def _text(found: "Conformance", out: Path) -> Iterator[Table | str]:
+def _answer(found: "Conformance", out: Path) -> Answer:
     low, high = found.boxes.low, found.boxes.high
-    yield table(
-        f"{found.aircraft}, {found.gains_name}: residual rates [rad/s]",
-        ("rate", "lowest", "highest", "widest box", "narrowest box"),
-        [
-            (
-                name,
-                *(f"{value:+.4f}" for value in (low[:, i].min(), high[:, i].max())),
-                *(f"{f((high - low)[:, i]):.4f}" for f in (max, min)),
-            )
-            for i, name in enumerate(("chi", "gamma"))
+    rates = [
+        {
+            "channel": name,
+            "low_rad_s": float(low[:, i].min()),
+            "high_rad_s": float(high[:, i].max()),
+            "widest_rad_s": float((high - low)[:, i].max()),
+            "narrowest_rad_s": float((high - low)[:, i].min()),
+            # the last two columns of the boxes are the errors
+            "last_error_low_deg": float(low[-1, i - 2]) / DEG,
+            "last_error_high_deg": float(high[-1, i - 2]) / DEG,
+        }
+        for i, name in enumerate(CHANNEL_SYMBOLS)
+    ]
+    counts = [asdict(attempt) | {"flights": attempt.flights} for attempt in found.attempts]
+    return Answer(
+        values={
+            **found.as_dict(),
+            "status": "counted" if found.holds else "flights_outside",
+            "air": found.air,
+        },
+        tables=[
+            Table(
+                title=f"{found.aircraft}, {found.gains_name}: residual rates",
+                columns=RATE_COLUMNS,
+                records=rates,
+            ),
+            Table(title="counts of new flights", columns=COUNT_COLUMNS, records=counts),
         ],
+        verdict=found.sentence if found.holds else "",
+        files={"out": out if found.holds else None},
     )
-    ends = zip(("chi", "gamma"), *(end[-1, -2:] / DEG for end in (low, high)), strict=True)
-    errors = ", ".join(f"{name} {least:+.3g}..{most:+.3g} deg" for name, least, most in ends)
-    yield f"errors in the last window: {errors}"
-    for number, one in enumerate(found.attempts, 1):
-        yield (
-            f"count {number}: learned from draws {one.learned[0]} to {one.learned[1]}, widened by "
-            f"{one.widened:.2f}, {one.outside} of {one.flights} fresh ones outside (draws "
-            f"{one.counted[0]} to {one.counted[1]} of seed {found.seed})"
-        )
-    if found.holds:
-        yield found.sentence
-        yield f"conformance: {out}"

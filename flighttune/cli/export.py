@@ -8,6 +8,7 @@ from typer import Option
 from flighttune.cli.gain_sets import chosen_gains
 from flighttune.cli.options import AircraftPlantOption, GainsOption, ScenarioArgument, out_folder
 from flighttune.cli.show import emit
+from flighttune.present.answer import Answer
 
 
 def export(
@@ -31,19 +32,16 @@ def export(
     folder = out or Path("runs") / f"{Path(scenario).stem}-export"
     if form == "c":
         source = export_c(loaded, name, chosen, folder, plant=plant)
-        emit({"folder": folder, "source": source}, [f"source: {source}"])
+        emit(Answer(files={"folder": folder, "source": source}))
         return
-    found = export_jsbsim(loaded, name, chosen, folder, plant=plant)
-    answer = {
-        "folder": found.folder,
-        "script": found.script,
-        "csv": found.csv,
-        "command": found.command,
-        "start_s": found.t_0,
-    }
-    text = [
-        f"folder: {found.folder}",
-        f"fly it: {found.command}",
-        f"writes: {found.csv}, the flight from Time = {found.t_0:g} s on",
-    ]
-    emit(answer, text)
+    exported = export_jsbsim(loaded, name, chosen, folder, plant=plant)
+    emit(
+        Answer(
+            values={"command": exported.command, "start_s": exported.t_0},
+            notes=[
+                f"{exported.command} flies it and writes the table, which has the flight from "
+                f"Time = {exported.t_0:g} s on."
+            ],
+            files={"folder": exported.folder, "script": exported.script, "csv": exported.csv},
+        )
+    )

@@ -2,11 +2,10 @@
 
 import math
 import tomllib
-from collections.abc import Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
@@ -17,23 +16,31 @@ from flighttune.cli.options import (
     out_folder,
 )
 from flighttune.cli.progress import progress_bar, raise_on_interrupt
-from flighttune.cli.show import NO, emit, fail, pick, say, table, tell
-from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_json, run_tubes_text
+from flighttune.cli.show import NO, emit, fail, pick, say, tell
+from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.errors import RecordingError, ScenarioError
-from flighttune.present.names import CHANNEL_SYMBOLS
-from flighttune.present.tables import Bad, Table
-from flighttune.units import DEG_PER_RAD
+from flighttune.present.answer import Answer
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.tables import Column, Table
 
-METRICS = {"ITAE": ("ITAE", 1.0), "MO": ("MO_rad", DEG_PER_RAD), "settle": ("settling_s", 1.0)}
-"""Metrics of the printed table: key, and the factor to its unit; ``--json`` has them all."""
+RUN_COLUMNS = columns(
+    "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
+    "metrics.gamma.MO_rad metrics.chi.settling_s metrics.gamma.settling_s"
+)
+"""Metrics of the printed table; ``--json`` has them all."""
 
-NEVER, NOTHING = Bad("never"), "-"
+REFLOWN_COLUMNS = [
+    *columns("run status samples"),
+    Column("result", "result", good=("equal to the bit",)),
+]
+LIST_COLUMNS = columns("name title verifies")
 
 if TYPE_CHECKING:
     from flighttune.flight.expectations import ClaimCheck
     from flighttune.flight.fly import FlownScenario
     from flighttune.recording.record import RecordedFiles
     from flighttune.simulate.run import Run
+    from flighttune.tube.of_run import RunTubes
 
 
 def fly(
@@ -70,13 +77,7 @@ def fly(
         flown = replace(flown, runs=tubes.runs)
         files = record(flown, folder, name=name)
         claim = flown.claim
-        emit(
-            {**_flown_json(flown, claim, files), "tubes": run_tubes_json(tubes)},
-            [
-                *_flown_text(flown, claim, files.recording, scenario),
-                *run_tubes_text(tubes, f"flighttune fly {scenario} --tube"),
-            ],
-        )
+        emit(_flown(flown, claim, files, tubes, scenario))
     if view:
         _open(files.recording)
     fail_if_outside(tubes)
@@ -108,45 +109,46 @@ def refly(
     except (RecordingError, ScenarioError) as error:
         raise RecordingError(f"{recording}: {error}") from error
     different = [
-        f"{one.recorded.label}: {one.difference.sentence}" for one in flights if one.difference
+        f"{flight.recorded.label}: {flight.difference.sentence}"
+        for flight in flights
+        if flight.difference
     ]
-    versions = {name: pair for one in flights for name, pair in one.versions.items()}
-    answer = {
-        "equal": not different,
-        "missing": found.missing,
-        "versions": {
-            name: {"recorded": then, "now": now} for name, (then, now) in versions.items()
-        },
-        "runs": [
-            {
-                "run": one.recorded.label,
-                "status": one.recorded.status,
-                "samples": len(one.recorded.signals),
-                "equal": one.difference is None,
-                "difference": one.difference
-                and {"t_s": one.difference.t, **pick(one.difference, "what recorded reflown")},
-            }
-            for one in flights
-        ],
-    }
-
-    def text() -> Iterator[Table | str]:
-        rows = [
-            (
-                run["run"],
-                run["status"],
-                str(run["samples"]),
-                Bad(one.difference.sentence) if one.difference else "equal to the bit",
-            )
-            for run, one in zip(answer["runs"], flights, strict=True)
-        ]
-        yield table(f"{recording}, flown again", ("run", "status", "samples", "result"), rows)
-        for line in found.missing:
-            yield f"missing: {line}"
-        for name, (then, now) in versions.items():
-            yield f"{name}: {then} then, {now} now"
-
-    emit(answer, text())
+    versions = {name: pair for flight in flights for name, pair in flight.versions.items()}
+    runs = [
+        {
+            "run": flight.recorded.label,
+            "status": flight.recorded.status,
+            "samples": len(flight.recorded.signals),
+            "equal": flight.difference is None,
+            "difference": flight.difference
+            and {"t_s": flight.difference.t, **pick(flight.difference, "what recorded reflown")},
+            "result": flight.difference.sentence if flight.difference else "equal to the bit",
+        }
+        for flight in flights
+    ]
+    emit(
+        Answer(
+            values={
+                "equal": not different,
+                "missing": found.missing,
+                "versions": {
+                    name: {"recorded": then, "now": now} for name, (then, now) in versions.items()
+                },
+            },
+            tables=[
+                Table(
+                    title=f"{recording}, flown again",
+                    name="runs",
+                    columns=REFLOWN_COLUMNS,
+                    records=runs,
+                )
+            ],
+            notes=[
+                *(f"missing: {line}" for line in found.missing),
+                *(f"{name}: {then} then, {now} now" for name, (then, now) in versions.items()),
+            ],
+        )
+    )
     if different:
         fail(f"{recording}: {different[0]}", NO)
 
@@ -168,13 +170,18 @@ def list_shipped(
         name: "" if shipped.is_shipped(folder) else str(folder)
         for name, folder in shipped.aircraft_folders().items()
     }
-    text = []
-    for kind, rows in listed.items():
-        head = [name for name in rows[0] if verbose or name != "verifies"]
-        text.append(table(kind, head, [[row[name] for name in head] for row in rows]))
+    columns = LIST_COLUMNS if verbose else LIST_COLUMNS[:2]
     places = (f"{name} ({at})" if at else name for name, at in aircraft.items())
-    text.append(f"aircraft: {', '.join(places)}")
-    emit({**listed, "aircraft": list(aircraft)}, text)
+    emit(
+        Answer(
+            values={"aircraft": list(aircraft)},
+            tables=[
+                Table(title=kind, name=kind, columns=columns, records=rows)
+                for kind, rows in listed.items()
+            ],
+            notes=[f"aircraft: {', '.join(places)}"],
+        )
+    )
 
 
 def view(
@@ -227,84 +234,73 @@ def _recording_in(path: Path) -> Path:
     return recording
 
 
-def _flown_json(
-    flown: "FlownScenario", claim: "ClaimCheck", files: "RecordedFiles"
-) -> dict[str, Any]:
-    runs = []
-    for run in flown.runs:
-        found = flown.indicators.get(run.provenance.gains_name)
-        runs.append(
-            {
-                "plant": run.provenance.plant,
-                "gains": run.provenance.gains_name,
-                **pick(run, "status reason"),
-                "duration_s": run.duration,
-                "signals": files.signals.get(run.label),
-                "metrics": flown.metrics_of(run),
-                "indicators": pick(found, "R_K I_K") if found else {"R_K": None, "I_K": None},
-            }
-        )
-    return {
-        "recording": files.recording,
-        "runs": runs,
-        "claim": {
-            "claim": flown.scenario.verifies,
-            **pick(claim, "verdict sentence"),
-            "bounds": [
-                pick(one, "run subject measure sense bound value met") for one in claim.bounds
-            ],
-        },
-        "missed": claim.missed,
-    }
-
-
-def _flown_text(
-    flown: "FlownScenario", claim: "ClaimCheck", recording: Path, source: str
-) -> Iterator[Table | str]:
-    early = any(run.status != "completed" for run in flown.runs)
-    rows = []
-    for run in flown.runs:
-        status = "completed" if run.status == "completed" else Bad(run.status.replace("_", " "))
-        cells = [
-            _metric_cell(flown, run, channel, key, factor)
-            for key, factor in METRICS.values()
-            for channel in CHANNEL_SYMBOLS
-        ]
-        made_by = run.provenance
-        rows.append((made_by.plant, made_by.gains_name, *([status] if early else []), *cells))
-    measured = [f"{name} {symbol}" for name in METRICS for symbol in CHANNEL_SYMBOLS.values()]
-    head = ("plant", "gains", *(["status"] if early else []), *measured)
-    yield table(flown.scenario.title, head, rows, grouped=True, lowest=measured)
-    yield "ITAE in rad s²; MO: maximum overshoot in deg; settle: time to within 5 % in s"
-    cells = {cell for row in rows for cell in row}
-    if NEVER in cells:
-        yield f"{NEVER}: the error is not within 5 % for good when the flight ends"
-    if NOTHING in cells:
-        yield f"{NOTHING}: the reference has no step in this channel, or the run was not flown"
-    yield table(
-        "on the kinematic law",
-        ("gains", "R_K [1/s]", "I_K [s²]"),
-        [(name, f"{f.R_K:.4f}", f"{f.I_K:.3f}") for name, f in flown.indicators.items()],
-        highest=["R_K [1/s]"],
-        lowest=["I_K [s²]"],
-    )
-    for run in flown.runs:
-        if run.status != "completed":
-            yield f"{run.label}: {run.outcome}"
-    yield claim.sentence
-    yield f"recording: {recording}"
-    yield f"open it: flighttune view {recording}"
-    yield f"a page to send: flighttune report {recording.parent}"
+def _flown(
+    flown: "FlownScenario",
+    claim: "ClaimCheck",
+    files: "RecordedFiles",
+    tubes: "RunTubes",
+    source: str,
+) -> Answer:
+    runs = [
+        {
+            "plant": run.provenance.plant,
+            "gains": run.provenance.gains_name,
+            **pick(run, "status reason"),
+            "duration_s": run.duration,
+            "signals": files.signals.get(run.label),
+            "metrics": flown.metrics_of(run),
+            "indicators": _indicators(flown, run.provenance.gains_name),
+        }
+        for run in flown.runs
+    ]
+    shown = [{**values, **_settling(run)} for values, run in zip(runs, flown.runs, strict=True)]
+    gain_sets = [{"gains": name, **_indicators(flown, name)} for name in flown.indicators]
+    notes = [f"{run.label}: {run.outcome}" for run in flown.runs if run.status != "completed"]
+    notes += run_tubes_notes(tubes, f"flighttune fly {source} --tube")
     if any(run.provenance.aircraft for run in flown.runs):
-        yield f"why aircraft and law differ: flighttune gap {source}"
+        notes.append(f"Why aircraft and law differ: flighttune gap {source}")
+    notes.append(f"A page to send: flighttune report {files.recording.parent}")
+    title = flown.scenario.title
+    return Answer(
+        values={
+            "runs": runs,
+            "claim": {
+                "claim": flown.scenario.verifies,
+                **pick(claim, "verdict sentence"),
+                "bounds": [
+                    pick(bound, "run subject measure sense bound value met")
+                    for bound in claim.bounds
+                ],
+            },
+            "missed": claim.missed,
+            "tubes": run_tubes_values(tubes),
+        },
+        tables=[
+            Table(title=title, columns=RUN_COLUMNS, records=shown, grouped=True),
+            Table(
+                title="on the kinematic law", columns=columns("gains R_K I_K"), records=gain_sets
+            ),
+        ],
+        notes=notes,
+        verdict=claim.sentence,
+        files={"recording": files.recording},
+    )
 
 
-def _metric_cell(flown: "FlownScenario", run: "Run", channel: str, key: str, factor: float) -> str:
-    from flighttune.metrics import has_step
+def _indicators(flown: "FlownScenario", gains: str) -> dict[str, float | None]:
+    indicators = flown.indicators.get(gains)
+    return pick(indicators, "R_K I_K") if indicators else {"R_K": None, "I_K": None}
 
-    if (run.label, channel) not in flown.metrics.index:
-        return NOTHING
-    value = float(flown.metrics.at[(run.label, channel), key]) * factor
-    if math.isfinite(value):
-        return f"{value:.2f}"
-    return NEVER if has_step(run, channel) else NOTHING
+
+def _settling(run: "Run") -> dict[str, str]:
+    """What stands for a settling time that there is none of, by the key of its column."""
+    from flighttune.metrics import channel_metrics, has_step
+
+    if len(run.signals) < 2:
+        return {}
+    times = channel_metrics(run)["settling_s"]
+    return {
+        f"metrics.{channel}.settling_s": "never"
+        for channel in CHANNEL_SYMBOLS
+        if not math.isfinite(times[channel]) and has_step(run, channel)
+    }

@@ -1,18 +1,34 @@
 """Gains by name or file, and how commands print them and their margins."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flighttune.cli.show import NO, fail, json_text, pick, table
-from flighttune.present.tables import Table
+from flighttune.cli.show import NO, fail, pick
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
     from flighttune.control.linear_model import LinearModel
     from flighttune.control.margins import LoopMargins
     from flighttune.scenario import Scenario
+
+GAINS_COLUMNS = (
+    Column("command", "command"),
+    Column("P.0", "e_chi", digits="z.4f"),
+    Column("P.1", "e_gamma", digits="z.4f"),
+    Column("I.0", "int e_chi", digits="z.4f"),
+    Column("I.1", "int e_gamma", digits="z.4f"),
+)
+MARGIN_COLUMNS = [
+    *columns("loop"),
+    Column("gain_decrease", "gain from"),
+    Column("gain_increase", "gain to"),
+    *columns("phase_margin_deg delay_margin_s lag_margin_s"),
+]
 
 
 def chosen_gains(scenario: "Scenario", wanted: str | None) -> tuple[str, "PIGains"]:
@@ -37,39 +53,36 @@ def margins_of(model: "LinearModel", gains: "PIGains | None") -> "LoopMargins | 
     return None if gains is None else loop_margins(model, gains)
 
 
-def gains_json(gains: "PIGains | None") -> dict[str, Any]:
+def gains_values(gains: "PIGains | None") -> dict[str, Any]:
     """``K_P`` and ``K_I`` as nested lists, null where there are no gains."""
     return {"K_P": None, "K_I": None} if gains is None else dict(gains.as_lists())
 
 
 def gains_table(title: str, gains: "PIGains | None") -> Table:
     """Gains as a table, a row a command; no rows where there are no gains."""
-    rows = []
+    records = []
     if gains is not None:
-        for name, row in zip(gains.labels, gains.K, strict=True):
-            rows.append((name, *(f"{value:z.4f}" for value in row)))
-    return table(title, ("", "e_chi", "e_gamma", "int e_chi", "int e_gamma"), rows)
+        records = [
+            {"command": command, "P": proportional, "I": integral}
+            for command, proportional, integral in zip(
+                gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True
+            )
+        ]
+    return Table(title=title, columns=GAINS_COLUMNS, records=records)
 
 
-def write_json(path: Path, value: dict[str, Any]) -> None:
-    """Write one JSON object to a file, whole or not at all."""
-    from flighttune.whole_file import write_text
-
-    write_text(path, json_text(value) + "\n")
-
-
-def margins_json(margins: "LoopMargins | None") -> dict[str, Any] | None:
+def margins_values(margins: "LoopMargins | None") -> dict[str, Any] | None:
     """Margins with the unit at the end of each key."""
     if margins is None:
         return None
     return {
         "channels": {
-            one.channel: {
-                **pick(one, "gain_increase gain_decrease"),
-                "phase_margin_deg": math.degrees(one.phase_margin),
-                "delay_margin_s": one.delay_margin,
+            loop.channel: {
+                **pick(loop, "gain_increase gain_decrease"),
+                "phase_margin_deg": math.degrees(loop.phase_margin),
+                "delay_margin_s": loop.delay_margin,
             }
-            for one in margins.channels
+            for loop in margins.channels
         },
         "all": {
             **pick(margins, "disk_margin disk_gain"),
@@ -80,24 +93,23 @@ def margins_json(margins: "LoopMargins | None") -> dict[str, Any] | None:
     }
 
 
-def margins_text(margins: "LoopMargins | None") -> Iterator[str]:
-    """The margins in lines, one a channel and one for all channels at once."""
-    if margins is None:
-        return
-    for one in margins.channels:
-        yield (
-            f"margins of {one.channel}: gain {_factor(one.gain_decrease)} to "
-            f"{_factor(one.gain_increase)}, "
-            f"phase {math.degrees(one.phase_margin):.0f} deg, delay {one.delay_margin:.3f} s"
-        )
-    yield (
-        f"all at once: gain x{1.0 / margins.disk_gain:.2f} to x{margins.disk_gain:.2f}, phase "
-        f"{math.degrees(margins.disk_phase):.0f} deg, delay {margins.delay_margin:.3f} s, "
-        f"first-order lag {margins.lag_margin:.3f} s"
-    )
+def margins_table(values: Mapping[str, Any] | None) -> Table:
+    """Margins as `margins_values` has them: a row a channel, and one for all channels at once."""
+    records = []
+    if values is not None:
+        every = values["all"]
+        together = {
+            "gain_decrease": 1.0 / every["disk_gain"],
+            "gain_increase": every["disk_gain"],
+            "phase_margin_deg": every["disk_phase_deg"],
+        }
+        records = [{"loop": channel, **own} for channel, own in values["channels"].items()]
+        records.append({"loop": "all at once", **every, **together})
+    return Table(title="stability margins", columns=MARGIN_COLUMNS, records=records)
 
 
-def _factor(value: float) -> str:
-    if value == 0.0:
-        return "x0"
-    return f"x{value:.2f}" if math.isfinite(value) else "any"
+def save_answer(path: Path, answer: Answer) -> None:
+    """Write the JSON object of an answer to a file, whole or not at all."""
+    from flighttune.whole_file import write_text
+
+    write_text(path, answer.json() + "\n")

@@ -1,18 +1,18 @@
 """Commands that find gains: the best ones, and the frontier of R_K against I_K."""
 
-from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from typer import Option
 
 from flighttune.cli.gain_sets import (
-    gains_json,
     gains_table,
-    margins_json,
+    gains_values,
     margins_of,
-    margins_text,
-    write_json,
+    margins_table,
+    margins_values,
+    save_answer,
 )
 from flighttune.cli.options import (
     GainsFileOption,
@@ -20,18 +20,31 @@ from flighttune.cli.options import (
     check_ending,
     out_folder,
 )
-from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.errors import InputError
-from flighttune.present.tables import Table
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 
 ENVELOPE_STARTS = 2
 """Searches over an envelope, besides the one from the gains tuned at the trim."""
 
-if TYPE_CHECKING:
-    from flighttune.tuning.diagnosis import Diagnosis
-
-Answer = tuple[dict[str, Any], list[Table | str]]
-"""What is printed with ``--json``, and without."""
+RESULT_COLUMNS = columns("status R_K I_K spectral_abscissa active method starts wall_s")
+ENVELOPE_COLUMNS = [
+    *columns("status"),
+    Column("R_envelope", "rate over the envelope", "1/s"),
+    *columns("R_K I_K spectral_abscissa wall_s"),
+]
+DIAGNOSIS_COLUMNS = [
+    Column("smallest_I_K", "smallest I_K", "s²"),
+    Column("largest_R_K", "largest R_K", "1/s"),
+    Column("common_factor", "factor on all limits that would be enough"),
+]
+LIMIT_COLUMNS = [
+    Column("name", "limit"),
+    Column("factor_alone", "factor on it alone that would be enough"),
+    Column("smallest_I_K_without", "smallest I_K without it", "s²"),
+]
 
 
 def tune(
@@ -49,12 +62,12 @@ def tune(
     check_ending(out, ".json")
     if envelope and method is not None:
         raise InputError("--method: must be absent with --envelope, which has a method of its own.")
-    answer, text = _tune_over_envelope(scenario) if envelope else _tune_at_trim(scenario, method)
+    answer = _tune_over_envelope(scenario) if envelope else _tune_at_trim(scenario, method)
     if out is not None:
-        write_json(out, answer)
-    emit(answer, text)
-    if answer["status"] not in ("optimal", "found"):
-        fail(f"{scenario}: {answer['reason']}", NO)
+        save_answer(out, answer)
+    emit(answer)
+    if answer.values["status"] not in ("optimal", "found"):
+        fail(f"{scenario}: {answer.values['reason']}", NO)
 
 
 def frontier(
@@ -88,23 +101,23 @@ def frontier(
     styles = line_styles([("", name) for name in loaded.gain_names])
     chart = frontier_chart(found, {name: style for (_, name), style in styles.items()})
     Sheet(charts=[chart], columns=1).save(svg)
-    columns = ["I_K", "R_K", "spectral_abscissa"]
-    rows = list(zip(found["name"], found.loc[:, columns].to_dict(orient="records"), strict=True))
-    answer = {
-        "points": [row for name, row in rows if name == "frontier"],
-        "marked": {name: row for name, row in rows if name != "frontier"},
-        "csv": csv,
-        "figure": svg,
-    }
-    text = [
-        table(
-            loaded.title,
-            ("", "I_K [s²]", "R_K [1/s]", "spectral abscissa [1/s]"),
-            [(name, *(f"{value:.4f}" for value in row.values())) for name, row in rows],
-        ),
-        f"table: {csv}   figure: {svg}",
-    ]
-    emit(answer, text)
+    keys = ["name", "I_K", "R_K", "spectral_abscissa"]
+    rows = found.loc[:, keys].to_dict(orient="records")
+    curve = [row for row in rows if row["name"] == "frontier"]
+    gain_sets = {row["name"]: row for row in rows if row["name"] != "frontier"}
+    emit(
+        Answer(
+            values={"points": curve, "marked": gain_sets},
+            tables=[
+                Table(
+                    title=loaded.title,
+                    columns=columns("name I_K R_K spectral_abscissa"),
+                    records=rows,
+                )
+            ],
+            files={"csv": csv, "figure": svg},
+        )
+    )
 
 
 def _tune_at_trim(source: str, method: str | None) -> Answer:
@@ -118,34 +131,39 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
         scenario = scenario.model_copy(update={"tuning": changed})
     result = tune_scenario(scenario)
     model = scenario.linear_model()
-    margins = margins_of(model, result.gains) if result.status == "optimal" else None
+    stable = result.gains if result.status == "optimal" else None
+    margins = margins_values(margins_of(model, stable))
     scaling = tuning_scaling(scenario)
     n, _, p = model.shape
     why = diagnosis(tuning_problem(scenario)) if result.status == "infeasible" else None
-    answer = {
+    values = {
         **pick(result, "status reason"),
-        **gains_json(result.gains),
+        **gains_values(result.gains),
         **pick(result, "R_K I_K"),
         "scaling": [1.0] * (n + p) if scaling is None else scaling,
         **pick(result, "spectral_abscissa active starts wall_s method"),
-        "margins": margins_json(margins),
-        "diagnosis": why and pick(why, "smallest_I_K largest_R_K common_factor binding limits"),
+        "margins": margins,
+        "diagnosis": None
+        if why is None
+        else {
+            **pick(why, "smallest_I_K largest_R_K common_factor binding"),
+            "limits": [asdict(limit) for limit in why.limits],
+        },
     }
-    text = [
-        gains_table(
-            f"{result.status}: R_K {result.R_K:.5f}, I_K {result.I_K:.4f}, "
-            f"spectral abscissa {result.spectral_abscissa:.4f} 1/s",
-            result.gains,
-        ),
-        f"binding: {', '.join(result.active) or 'nothing'}; {result.method}, "
-        f"{result.starts} starts, {result.wall_s:.2f} s",
-        "units of state: plain, as in `certify`"
-        if scaling is None
-        else "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too",
-        *margins_text(margins),
-        *(_diagnosis_text(why) if why else ()),
-    ]
-    return answer, text
+    return Answer(
+        values=values,
+        tables=[
+            Table(title="tuning", columns=RESULT_COLUMNS, records=[values]),
+            gains_table("gains", result.gains),
+            margins_table(margins),
+            *_diagnosis_tables(values["diagnosis"]),
+        ],
+        notes=[
+            "units of state: plain, as in `certify`"
+            if scaling is None
+            else "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
+        ],
+    )
 
 
 def _tune_over_envelope(source: str) -> Answer:
@@ -159,36 +177,35 @@ def _tune_over_envelope(source: str) -> Answer:
     g = scenario.flight.g_mps2
     problem = tuning_problem(scenario)
     found = tune_over_envelope(problem, envelope, trim, g=g, starts=ENVELOPE_STARTS)
-    margins = margins_of(scenario.linear_model(), found.gains)
+    margins = margins_values(margins_of(scenario.linear_model(), found.gains))
     at_trim = None if found.gains is None else assessment(problem, found.gains.K)
-    answer = {
+    values = {
         **pick(found, "status reason"),
-        **gains_json(found.gains),
+        **gains_values(found.gains),
         **pick(found, "R_K I_K"),
-        "spectral_abscissa": at_trim and at_trim.spectral_abscissa,
+        "spectral_abscissa": at_trim.spectral_abscissa if at_trim else None,
         "active": at_trim.active if at_trim else [],
         "starts": ENVELOPE_STARTS,
         "R_envelope": found.R,
         "R_envelope_bound": found.R_bound,
         **pick(found, "factor wall_s"),
-        "margins": margins_json(margins),
+        "margins": margins,
     }
-    title = (
-        f"{found.status}: rate over the envelope {found.R:.4f} 1/s; at the trim R_K "
-        f"{found.R_K:.4f}, I_K {found.I_K:.3f} ({found.wall_s:.1f} s)"
+    return Answer(
+        values=values,
+        tables=[
+            Table(title="tuning over the envelope", columns=ENVELOPE_COLUMNS, records=[values]),
+            gains_table("gains", found.gains),
+            margins_table(margins),
+        ],
     )
-    return answer, [gains_table(title, found.gains), *margins_text(margins)]
 
 
-def _diagnosis_text(why: "Diagnosis") -> Iterator[str]:
-    yield (
-        f"within the limits I_K is at least {why.smallest_I_K:.2f} and R_K at most "
-        f"{why.largest_R_K:.4f}; all limits times {why.common_factor:.2f} would be enough"
-    )
-    for one in why.limits:
-        alone = (
-            f"times {one.factor_alone:.2f} alone would be enough"
-            if one.factor_alone < float("inf")
-            else "no factor alone would be enough"
-        )
-        yield f"limit {one.name}: {alone}; without it I_K {one.smallest_I_K_without:.2f}"
+def _diagnosis_tables(why: dict[str, Any] | None) -> list[Table]:
+    """What the limits allow at best, and what each of them costs."""
+    if why is None:
+        return []
+    return [
+        Table(title="within the limits", columns=DIAGNOSIS_COLUMNS, records=[why]),
+        Table(title="limits", columns=LIMIT_COLUMNS, records=why["limits"]),
+    ]

@@ -1,7 +1,6 @@
 """Commands that write pages: on runs, and on the paper's figures, tables and claims."""
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,12 +9,25 @@ from typer import Argument, Option
 
 from flighttune.cli.options import ConformanceOption, TubeOption, check_ending
 from flighttune.cli.progress import progress_bar
-from flighttune.cli.show import emit, table
-from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_json, run_tubes_text
-from flighttune.present.tables import Bad, Table
+from flighttune.cli.show import emit
+from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
+from flighttune.present.answer import Answer
+from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.paper.claims.base import Finding
+
+PRINTED = ("convergence", "certificates", "aircraft")
+"""Tables of the page that are printed too; ``--json`` has the records of all."""
+
+CLAIM_COLUMNS = (
+    Column("id", "claim"),
+    Column("verdict", "verdict", good=("reproduced", "partly", "not checkable")),
+    Column("text", "the paper says"),
+    Column("agree", "agree", missing="-"),
+    Column("first_expected", "expected", missing="-"),
+    Column("first_computed", "computed", missing="-"),
+)
 
 
 def report(
@@ -35,6 +47,7 @@ def report(
     The page is one file and needs no network.
     """
     from flighttune.comparison import load_source
+    from flighttune.present.frame import questions_table
     from flighttune.report.page import write_report
 
     check_ending(out, ".html", ".htm")
@@ -43,29 +56,30 @@ def report(
     if not folder.is_dir():
         folder = folder.parent if folder.exists() else out.parent
     tubes = run_tubes(source.runs, folder, make=tube, conformance=conformance)
-    lines = [*run_tubes_text(tubes, f"flighttune report {path} --tube")]
-    written = write_report(
-        replace(source, runs=tubes.runs), out, tubes=lines, at_a_glance=tubes.at_a_glance
+    notes = run_tubes_notes(tubes, f"flighttune report {path} --tube")
+    page = write_report(
+        replace(source, runs=tubes.runs),
+        out,
+        tubes=notes,
+        at_a_glance=tubes.at_a_glance,
     )
-    answer = {
-        "report": written.path,
-        "bytes": written.path.stat().st_size,
-        "summary": written.summary,
-        "headline": written.answers,
-        "sections": written.sections,
-        "tubes": run_tubes_json(tubes),
-    }
-
-    def text() -> Iterator[str]:
-        yield from written.summary
-        for one in written.answers:
-            yield f"{one.question} {one.short}"
-            for sentence in (one.criterion, *one.sentences):
-                if sentence:
-                    yield f"  {sentence}"
-        yield f"report: {written.path}"
-
-    emit(answer, text())
+    emit(
+        Answer(
+            values={
+                "bytes": page.path.stat().st_size,
+                "summary": page.summary,
+                "sections": page.sections,
+                "tables": {table.name: table.records for table in page.tables if table.name},
+                "tubes": run_tubes_values(tubes),
+            },
+            tables=[
+                questions_table(page.questions),
+                *(replace(table, name="") for table in page.tables if table.name in PRINTED),
+            ],
+            notes=[*page.summary, *notes],
+            files={"report": page.path},
+        )
+    )
     fail_if_outside(tubes)
 
 
@@ -85,36 +99,35 @@ def reproduce(
     with progress_bar() as progress:
         made = reproduce_items(items or (), out, progress=progress)
 
-    def text() -> Iterator[Table | str]:
-        counts = Counter(finding.verdict for finding in made.findings)
-        verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
-        if items:
-            yield f"claims: {verdicts}; the page lists them"
-        else:
-            head = ("claim", "verdict", "the paper says", "agree", "expected", "computed")
-            rows = [
-                (f.claim.id, _verdict(f.verdict), f.claim.text, *_cells(f)) for f in made.findings
-            ]
-            yield table(verdicts, head, rows)
-            yield "agree: comparisons; expected and computed: of the first that does not agree"
-        yield f"page: {made.page}"
-        if made.recording is not None:
-            yield f"recording: {made.recording}   (open it with: flighttune view {made.recording})"
-
-    emit(made.as_dict(), text())
-
-
-def _verdict(verdict: str) -> str:
-    return Bad(verdict) if verdict == "not reproduced" else verdict
+    values = made.as_dict()
+    claims = [
+        {**claim, **_compared(finding)}
+        for claim, finding in zip(values.pop("claims"), made.findings, strict=True)
+    ]
+    counts = Counter(finding.verdict for finding in made.findings)
+    verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
+    # the claims of one item alone are few of many: the page lists them
+    columns = CLAIM_COLUMNS if not items else ()
+    emit(
+        Answer(
+            values={**values, "claims": claims},
+            tables=[Table(title=verdicts, columns=columns, records=claims)] if columns else [],
+            verdict=f"claims: {verdicts}",
+            files={"page": made.page, "recording": made.recording},
+        )
+    )
 
 
-def _cells(finding: "Finding") -> tuple[str, str, str]:
+def _compared(finding: "Finding") -> dict[str, str | None]:
     """How many comparisons agree, and both sides of the first that does not."""
     from flighttune.paper.claims.base import text_of
 
     checks = finding.checks
     if not checks:
-        return "-", "-", "-"
+        return {"agree": None, "first_expected": None, "first_computed": None}
     first = next((check for check in checks if not check.holds), checks[0])
-    agreeing = f"{sum(check.holds for check in checks)} of {len(checks)}"
-    return agreeing, text_of(first.expected), text_of(first.computed)
+    return {
+        "agree": f"{sum(check.holds for check in checks)} of {len(checks)}",
+        "first_expected": text_of(first.expected),
+        "first_computed": text_of(first.computed),
+    }

@@ -1,24 +1,20 @@
 """How commands answer: one JSON object, or tables and lines, on stdout; reasons on stderr."""
 
-import json
-import math
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import fields, is_dataclass
-from pathlib import Path
 from typing import Any, NoReturn
 
-from flighttune.present.tables import Table
+from flighttune.present.answer import Answer
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 
 PLAIN_WIDTH = 120
 """Width of a table that goes to a file or a pipe, characters."""
 
-LONGEST_REASON = 1500
+MAX_REASON = 1500
 """Characters of a line about a failure."""
 
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
@@ -29,17 +25,7 @@ _DOING: ContextVar[str] = ContextVar("doing", default="")
 
 @contextmanager
 def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]:
-    """Say on a terminal, from the first moment on, what a command is `doing`.
-
-    Parameters
-    ----------
-    doing : str
-        One word, such as ``tuning``.
-    quiet : bool
-        Print no progress, and no answer but a JSON object.
-    as_json : bool
-        Print the answer as a JSON object, and nothing else on stdout.
-    """
+    """Say on a terminal, from the first moment on, what a command is `doing`: ``tuning``."""
     asked, form = _QUIET.set(quiet), _JSON.set(as_json)
     shown = _DOING.set(f"{doing} ..." if watched() else "")
     if _DOING.get():
@@ -75,17 +61,15 @@ def clear() -> None:
         _DOING.set("")
 
 
-def emit(answer: Mapping[str, Any], text: Iterable[Table | str]) -> None:
-    """Print what a command found: `answer` with ``--json``, else its tables and lines."""
+def emit(answer: Answer) -> None:
+    """Print an answer: one JSON object with ``--json``, else its text."""
     if as_json():
         clear()
-        print(json_text(answer))
-        return
-    for place, part in enumerate(() if quiet() else text):
-        clear()  # the text may take its time
-        if place and isinstance(part, Table):
-            print()
-        print(part.text(_width(), styled=_styled()) if isinstance(part, Table) else part)
+        print(answer.json())
+    elif not quiet():
+        for part in answer.text(_width(), styled=_styled()):
+            clear()  # the text may take its time
+            print(part)
 
 
 def _width() -> int:
@@ -105,37 +89,9 @@ def _styled() -> bool:
     return sys.stdout.isatty() and not plain
 
 
-def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], **kinds: Any) -> Table:
-    """A table as commands print it; `kinds` are what `Table` is given further."""
-    return Table(title=title, head=head, rows=rows, **kinds)
-
-
 def pick(value: object, names: str) -> dict[str, Any]:
     """Attributes of `value` by name; `names` are separated by spaces."""
     return {name: getattr(value, name) for name in names.split()}
-
-
-def json_text(value: Mapping[str, Any]) -> str:
-    """One JSON object; numbers that JSON has no word for become null."""
-    return json.dumps(_plain(value), indent=2)
-
-
-def _plain(value: Any) -> Any:
-    """`value` in the types of JSON: no NaN or infinity, no array, dataclass or path."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, complex):
-        return [value.real, value.imag]
-    if isinstance(value, Path):
-        return str(value)
-    if is_dataclass(value):
-        return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
-    # NumPy's arrays and scalars, which are not imported here: --help must be quick.
-    return _plain(value.tolist()) if hasattr(value, "tolist") else value
 
 
 def say(line: str) -> None:
@@ -152,10 +108,10 @@ def tell(line: str) -> None:
 
 def fail(reason: str, status: int) -> NoReturn:
     """Print the reason in one line on stderr and exit with `status`; a long one is cut."""
-    printable = (one if one.isprintable() else " " for one in reason)  # no codes for a terminal
+    printable = (char if char.isprintable() else " " for char in reason)  # no terminal codes
     line = " ".join("".join(printable).split())
-    if len(line) > LONGEST_REASON:
-        half = LONGEST_REASON // 2
+    if len(line) > MAX_REASON:
+        half = MAX_REASON // 2
         line = f"{line[:half]} ... {line[-half:]}"
     tell(f"flighttune: {line}")
     sys.exit(status)

@@ -1,17 +1,19 @@
 """The command that encloses all flights of a scenario."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from flighttune.cli.gain_sets import chosen_gains
+from flighttune.cli.gain_sets import chosen_gains, gains_table
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.progress import progress_bar
-from flighttune.cli.show import NO, emit, fail, pick, table
+from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.errors import InputError
-from flighttune.present.tables import Table
+from flighttune.present.answer import Answer
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
 NOT_CHECKED = "for the boxes in the file; that an aircraft keeps them is not checked here"
@@ -26,6 +28,28 @@ if TYPE_CHECKING:
     from flighttune.simulate.run import Run
     from flighttune.tube.of_run import RunTubes
     from flighttune.tube.result import Tube
+
+WIDTH_COLUMNS = [
+    *columns("error"),
+    Column("max", "largest half-width", "deg"),
+    Column("end", "at the end", "deg"),
+    Column("ever", "ever after", "deg"),
+]
+TRIED_COLUMNS = [Column("disturbance", "disturbance", "rad/s", ".2g"), *columns("status reason")]
+FLIGHT_COLUMNS = [
+    *columns("plant duration_s V_a_mps rate_hz"),
+    Column("start.chi", "course at the start", "deg", factor=1.0 / DEG),
+    Column("start.gamma", "path angle at the start", "deg", factor=1.0 / DEG),
+    Column("within", "from within", "deg", factor=1.0 / DEG),
+    Column("end.chi", "course of the reference at the end", "deg", factor=1.0 / DEG),
+    Column("end.gamma", "path angle of the reference at the end", "deg", factor=1.0 / DEG),
+]
+DISTURBANCE_COLUMNS = [
+    *columns("channel"),
+    Column("low", "lowest", "rad/s"),
+    Column("high", "highest", "rad/s"),
+]
+LIMIT_COLUMNS = columns("command lower upper rate_lower rate_upper")
 
 
 def tube(
@@ -103,7 +127,7 @@ def tube(
             plant=plant,
             start=start_deg * DEG,
             disturbance=disturbance,
-            conformance=conformance and load_conformance(conformance),
+            conformance=None if conformance is None else load_conformance(conformance),
             law=law,
             progress=progress and (lambda part: progress(f"tube {name}", part)),
         )
@@ -116,9 +140,21 @@ def tube(
     if inside and found.status == "bounded" and out is not None:
         save_tube(found, out)
         proof = out
-    answer = {**tube_json(found), "inside": inside, "signals": signals}
-    answer["seconds"] = time.perf_counter() - began
-    emit(answer, _text(found, name, answer, proof))
+    values = tube_values(found)
+    notes = bounds_after(found)
+    if proof is not None and found.problem.boxes is not None:
+        notes.append(f"Check the boxes too: flighttune verify {proof} --conformance FILE")
+    emit(
+        Answer(
+            values={**values, "inside": inside, "seconds": time.perf_counter() - began},
+            tables=problem_tables(found, values, name),
+            notes=notes,
+            verdict="The flights flown with it are inside."
+            if inside
+            else "A flight flown with it leaves the tube.",
+            files={"signals": signals, "proof": proof},
+        )
+    )
     if found.status != "bounded":
         fail(f"{scenario}: gains {name}: {found.reason}", NO)
     if not inside:
@@ -145,24 +181,31 @@ def _largest_disturbance(
             law=law,
             progress=progress and (lambda part: progress(f"tube {name}", part)),
         )
-    rows = [
-        {"disturbance": float(one.problem.d_high.max()), **pick(one, "status reason")}
-        for one in tried
+    records = [
+        {"disturbance": float(run.problem.d_high.max()), **pick(run, "status reason")}
+        for run in tried
     ]
-    bounded = [row["disturbance"] for row in rows if row["status"] == "bounded"]
+    bounded = [record["disturbance"] for record in records if record["status"] == "bounded"]
     largest = max(bounded, default=None)
-    lines = [f"tried {row['disturbance']:.2g} rad/s: {row['reason'] or 'bounded'}" for row in rows]
-    if largest is not None:
-        lines.append(f"largest disturbance for which the set is bounded: {largest:.2g} rad/s")
-    emit({"largest_disturbance": largest, "tried": rows}, lines)
+    emit(
+        Answer(
+            values={"largest_disturbance": largest},
+            tables=[Table(title="tried", name="tried", columns=TRIED_COLUMNS, records=records)],
+            verdict=""
+            if largest is None
+            else f"largest disturbance for which the set is bounded: {largest:.2g} rad/s",
+        )
+    )
     if largest is None:
         fail(f"{scenario.title}: gains {name}: for no disturbance tried the set is bounded.", NO)
 
 
-def tube_json(found: "Tube") -> dict[str, Any]:
+def tube_values(found: "Tube") -> dict[str, Any]:
     """A tube as ``--json`` has it."""
     problem, widths = found.problem, found.half_widths[:, :2] / DEG
-    ever = found.hand_over and found.hand_over.bounds
+    ever = None
+    if found.hand_over is not None:
+        ever = 0.5 * (found.hand_over.bounds[:, 1] - found.hand_over.bounds[:, 0]) / DEG
     return {
         **pick(found, "status reason model"),
         "probability": found.probability,
@@ -170,7 +213,7 @@ def tube_json(found: "Tube") -> dict[str, Any]:
             channel: {
                 "max": float(column.max()),
                 "end": float(column[-1]),
-                "ever": None if ever is None else float(0.5 * (ever[i, 1] - ever[i, 0]) / DEG),
+                "ever": None if ever is None else float(ever[i]),
             }
             for i, (channel, column) in enumerate(zip(("chi", "gamma"), widths.T, strict=True))
             if len(column)
@@ -183,88 +226,85 @@ def tube_json(found: "Tube") -> dict[str, Any]:
         "gains": problem.gains.as_lists(),
         "start_rad": problem.start,
         "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
-        "counted": problem.conformance and problem.conformance.sentence,
+        "counted": problem.conformance.sentence if problem.conformance else None,
     }
 
 
-def problem_text(found: "Tube") -> Iterator[str]:
-    """Which flights a tube encloses, and what was counted for them."""
+def problem_tables(found: "Tube", values: Mapping[str, Any], gains: str) -> list[Table]:
+    """Which flights a tube encloses, and how widely; `gains` is what to call its gains."""
     problem = found.problem
     flight, limits = problem.scenario.flight, problem.limits
-    chi, gamma = (angle / DEG for angle in problem.path_at_start)
-    yield (
-        f"flights of {problem.scenario.title!r}, plant {problem.plant!r}: {flight.duration_s:g} s "
-        f"at {flight.V_a_mps:g} m/s, {problem.scenario.controller.rate_hz:g} Hz"
-    )
-    yield (
-        f"from within {problem.start / DEG:g} deg of course {chi:g} and path angle {gamma:g} deg; "
-        "the reference ends at {:g} and {:g} deg".format(*problem.reference[-1, :2] / DEG)
-    )
-    yield "limits: " + ", ".join(
-        f"{name} {lower * unit:g}..{upper * unit:g} at {falling * unit:g}..{rising * unit:g} per s"
-        for name, unit, lower, upper, falling, rising in zip(
-            ("phi_cmd [deg]", "n_z_cmd"),
-            (1.0 / DEG, 1.0),
-            *(limits.lower, limits.upper, limits.rate_lower, limits.rate_upper),
-            strict=True,
-        )
-    )
+    kind = problem.table.family.enclosed
+    title = f"{problem.scenario.title!r}; gains {gains}, {kind}: {found.status}"
+    widths = [{"error": channel, **own} for channel, own in values["half_width_deg"].items()]
+    about = {
+        "plant": problem.plant,
+        "duration_s": flight.duration_s,
+        "V_a_mps": flight.V_a_mps,
+        "rate_hz": problem.scenario.controller.rate_hz,
+        "start": dict(zip(CHANNEL_SYMBOLS, problem.path_at_start, strict=True)),
+        "within": problem.start,
+        "end": dict(zip(CHANNEL_SYMBOLS, problem.reference[-1, :2].tolist(), strict=True)),
+    }
     low, high = problem.d_low.min(axis=0), problem.d_high.max(axis=0)
-    yield "any disturbance of the rates [rad/s]: " + ", ".join(
-        f"{name} {lowest:g}..{highest:g}"
-        for name, lowest, highest in zip(("chi", "gamma"), low, high, strict=True)
-    )
-    yield "gains: " + ", ".join(
-        f"{name} " + "; ".join(" ".join(f"{gain:.6g}" for gain in row) for row in matrix)
-        for name, matrix in (("K_P", problem.gains.K_P), ("K_I", problem.gains.K_I))
-    )
-    if problem.conformance is not None:
-        yield f"counted: {problem.conformance.sentence}"
-
-
-def widths_text(found: "Tube", gains: str) -> Table:
-    """The half-widths of a tube as a table; `gains` is what to call its gains."""
-    widths = tube_json(found)["half_width_deg"]
-    rows = [
-        (channel, f"{width['max']:.3f}", f"{width['end']:.3f}") for channel, width in widths.items()
+    disturbance = [
+        {"channel": name, "low": float(low[i]), "high": float(high[i])}
+        for i, name in enumerate(CHANNEL_SYMBOLS)
     ]
-    kind = found.problem.table.family.enclosed
-    title = f"{found.problem.scenario.title!r}; gains {gains}, {kind}: {found.status}"
-    return table(title, ("error", "half-width, largest [deg]", "at the end [deg]"), rows)
+    commands = [
+        {
+            "command": name,
+            **{
+                key: float(values[i]) * unit
+                for key, values in (
+                    ("lower", limits.lower),
+                    ("upper", limits.upper),
+                    ("rate_lower", limits.rate_lower),
+                    ("rate_upper", limits.rate_upper),
+                )
+            },
+        }
+        for i, (name, unit) in enumerate((("phi_cmd [deg]", 1.0 / DEG), ("n_z_cmd", 1.0)))
+    ]
+    held = [
+        {"command": name, "from_s": begin, "to_s": end}
+        for name, intervals in values["limits_can_hold"].items()
+        for begin, end in intervals or [("never", None)]
+    ]
+    return [
+        Table(title=title, columns=WIDTH_COLUMNS, records=widths),
+        Table(title="flights", columns=FLIGHT_COLUMNS, records=[about]),
+        Table(
+            title="any disturbance of the rates", columns=DISTURBANCE_COLUMNS, records=disturbance
+        ),
+        Table(title="limits, rates per second", columns=LIMIT_COLUMNS, records=commands),
+        Table(title="a limit can hold", columns=columns("command from_s to_s"), records=held),
+        gains_table("gains", problem.gains),
+    ]
 
 
-def for_ever_text(found: "Tube") -> str:
-    """What holds after the time that is enclosed, in a sentence."""
+def bounds_after(found: "Tube") -> list[str]:
+    """What holds after the time that is enclosed, and what was counted, in sentences."""
+    problem = found.problem
     if found.lost is not None:
-        unchecked = found.problem.aircraft_checked is False
-        boxes = "in the file" if unchecked else "that flights were counted against"
-        return f"{found.reason}: the bounds on the errors are those {boxes}"
-    if found.hand_over is None:
-        return "after the time of the scenario nothing is claimed: no set was found that is kept"
-    chi, gamma = (0.5 * (high - low) / DEG for low, high in found.hand_over.bounds[:2])
-    return (
-        f"from {found.handed_over:.2f} s on for ever no limit holds a command, and half-widths are "
-        f"{chi:.3g} and {gamma:.3g} deg, under disturbances within those at the end"
-    )
-
-
-def _text(
-    found: "Tube", name: str, answer: dict[str, Any], proof: Path | None
-) -> Iterator[Table | str]:
-    yield widths_text(found, name)
-    yield from problem_text(found)
-    for command, intervals in answer["limits_can_hold"].items():
-        spans = ", ".join(f"{begin:.2f}..{end:.2f} s" for begin, end in intervals) or "never"
-        yield f"a limit can hold {command}: {spans}"
-    yield for_ever_text(found)
+        boxes = (
+            "in the file"
+            if problem.aircraft_checked is False
+            else "that flights were counted against"
+        )
+        notes = [f"{found.reason}: the bounds on the errors are those {boxes}."]
+    elif found.hand_over is None:
+        notes = ["There is no claim beyond the end of the scenario: no invariant set was found."]
+    else:
+        notes = [
+            f"From {found.handed_over:.2f} s on no limit ever holds a command, under disturbances "
+            "within those at the end."
+        ]
+    if problem.conformance is not None:
+        notes.append(f"counted: {problem.conformance.sentence}")
     if found.probability is not None:
-        yield found.probability.sentence
-    yield f"flights flown with it inside: {'yes' if answer['inside'] else 'NO'}"
-    if answer["signals"] is not None:
-        yield f"signals: {answer['signals']}"
-    if proof is not None:
-        boxes = "" if found.problem.boxes is None else " --conformance FILE"
-        yield f"proof: {proof}   (check it with: flighttune verify {proof}{boxes})"
+        notes.append(found.probability.sentence)
+    return notes
 
 
 def run_tubes(
@@ -282,30 +322,27 @@ def run_tubes(
         return tubes_of(runs, folder, make=make, conformance=boxes, progress=progress)
 
 
-def run_tubes_json(found: "RunTubes") -> dict[str, Any]:
+def run_tubes_values(found: "RunTubes") -> dict[str, Any]:
     """Tubes of runs as ``--json`` has them, by label of the run."""
     return {
         label: {
-            **pick(one.about, "status reason model start_deg handed_over_s counted_from_s"),
-            "probability": one.about.probability,
+            **pick(tube.about, "status reason model start_deg handed_over_s counted_from_s"),
+            "probability": tube.about.probability,
             "half_width_deg": {
                 channel: dict(zip(("max", "end"), widths.tolist(), strict=True))
-                for channel, widths in zip(("chi", "gamma"), one.half_widths / DEG, strict=True)
+                for channel, widths in zip(("chi", "gamma"), tube.half_widths / DEG, strict=True)
             },
             "inside": label not in found.outside,
         }
-        for label, one in found.found.items()
+        for label, tube in found.found.items()
     }
 
 
-def run_tubes_text(found: "RunTubes", how: str) -> Iterator[str]:
-    """A line for each tube, for each that could not be made, or how to make them."""
-    for label in found.found:
-        yield found.sentence(label)
-    for label, why in found.why_not.items():
-        yield f"{label}: no tube: {why}"
-    if not (found.found or found.why_not):
-        yield f"no tube around the errors yet: {how} makes it"
+def run_tubes_notes(found: "RunTubes", how: str) -> list[str]:
+    """A sentence for each tube, for each that could not be made, or how to make them."""
+    notes = [found.sentence(label) for label in found.found]
+    notes += [f"{label}: no tube: {why}" for label, why in found.why_not.items()]
+    return notes or [f"No tube around the errors yet: {how} makes it."]
 
 
 def fail_if_outside(found: "RunTubes") -> None:

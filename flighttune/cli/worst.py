@@ -1,8 +1,7 @@
 """The command that searches for the worst flight of a stated set."""
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Option
@@ -11,7 +10,10 @@ from flighttune.cli.campaign import SchedulerOption, WorkersOption
 from flighttune.cli.options import campaign_names, check_ending, scenario_names
 from flighttune.cli.progress import campaign_pool
 from flighttune.cli.show import INTERRUPTED, emit, fail, pick
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
 from flighttune.present.numbers import number
+from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.campaign.planning.tube_bounds import TubeBounds
@@ -19,6 +21,20 @@ if TYPE_CHECKING:
     from flighttune.simulate.run import Run
 
 GONE = "interrupted, nothing is written"
+
+WORST_COLUMNS = [
+    *columns("plant gains value"),
+    Column("first", "worst of the first generation, drawn from the distribution"),
+    Column("distance", "standard deviations from the median"),
+    Column("radius", "of those that have 99.9 % of the distribution"),
+    *columns("status"),
+    Column("ratio.chi", "tube over flight χ"),
+    Column("ratio.gamma", "tube over flight γ"),
+]
+RARE_COLUMNS = [
+    Column("probability", "probability", ends=("low", "high")),
+    *columns("flights levels"),
+]
 
 
 def worst(
@@ -31,7 +47,7 @@ def worst(
             autocompletion=lambda: scenario_names() + campaign_names(),
         ),
     ],
-    budget: Annotated[int, Option(help="Flights at most.")] = 2000,
+    budget: Annotated[int, Option(help="Maximum number of flights.")] = 2000,
     metric: Annotated[
         str | None,
         Option(
@@ -66,8 +82,8 @@ def worst(
     tube: Annotated[
         Path | None,
         Option(
-            help="Signals of a tube (Parquet): search for the flight nearest to leaving it, and "
-            "print how many times wider the tube is."
+            help="Signals of a tube (Parquet): search for the flight that comes closest to its "
+            "bounds, and print how many times wider the tube is."
         ),
     ] = None,
     out: Annotated[
@@ -76,7 +92,7 @@ def worst(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
 ) -> None:
-    """Search dispersions and disturbances for the flight nearest to missing a requirement.
+    """Search dispersions and disturbances for the flight with the smallest margin.
 
     Writes that flight as a scenario for `flighttune fly`.
     """
@@ -104,20 +120,31 @@ def worst(
         else:
             found = find_worst(source, settings, pool)
     if miss is not None:
-        emit(_rare_json(miss), _rare_text(miss))
+        emit(_rare(miss))
         return
     if found is None:
         fail(f"{source}: {GONE}", INTERRUPTED)
     written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
     _write(found, written)
     ratios = None if bounds is None else _beside(tube, bounds, fly(found.scenario).runs[0])
-    answer = {
+    values = {
         **pick(found, "metric value first flights distance radius status missed drawn"),
         **pick(found.group, "plant gains"),
         "ratio": ratios,
-        "scenario": written,
     }
-    emit(answer, _text(found, written, ratios))
+    drawn = [{"key": key, "value": value} for key, value in found.drawn.items()]
+    title = f"worst {found.metric} in {found.flights} flights"
+    emit(
+        Answer(
+            values=values,
+            tables=[
+                Table(title=title, columns=WORST_COLUMNS, records=[values]),
+                Table(title="drawn", columns=columns("key value"), records=drawn),
+            ],
+            verdict=found.missed or "no requirement is missed",
+            files={"scenario": written},
+        )
+    )
 
 
 def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, float]:
@@ -137,38 +164,14 @@ def _write(found: "WorstFlight", path: Path) -> None:
     write_text(path, toml_text(found.scenario.as_dict()))
 
 
-def _text(found: "WorstFlight", written: Path, ratios: dict[str, float] | None) -> Iterator[str]:
-    yield f"{found.group.plant} / {found.group.gains}: {found.flights} flights"
-    yield (
-        f"worst {found.metric}: {number(found.value)}; of the first generation, drawn from the "
-        f"distribution: {number(found.first)}"
+def _rare(miss: "RareMiss") -> Answer:
+    values = pick(miss, "metric threshold probability low high variation levels flights")
+    event = f"P({miss.metric} >= {number(miss.threshold)})"
+    return Answer(
+        values=values,
+        tables=[Table(title=event, columns=RARE_COLUMNS, records=[values])],
+        verdict=""
+        if miss.probability
+        else f"{event} is below the end of its interval: the levels reached "
+        f"{number(miss.levels[-1])}; give more --budget",
     )
-    for key, value in found.drawn.items():
-        yield f"  {key} = {number(value, '.6g') if isinstance(value, float) else value}"
-    yield (
-        f"{number(found.distance)} standard deviations from the median, of the "
-        f"{number(found.radius)} that hold 99.9 % of the distribution"
-    )
-    yield f"{found.status}; {found.missed or 'no requirement is missed'}"
-    for name, ratio in (ratios or {}).items():
-        yield f"tube over flight, {name}: {number(ratio)}"
-    yield f"scenario: {written}   (fly it with: flighttune fly {written})"
-
-
-def _rare_json(miss: "RareMiss") -> dict[str, Any]:
-    return pick(miss, "metric threshold probability low high variation levels flights")
-
-
-def _rare_text(miss: "RareMiss") -> Iterator[str]:
-    if miss.probability:
-        yield (
-            f"P({miss.metric} >= {number(miss.threshold)}) = {number(miss.probability)}, 95 % "
-            f"interval {number(miss.low)} to {number(miss.high)}, by {miss.flights} flights in "
-            f"{len(miss.levels)} levels"
-        )
-    else:
-        yield (
-            f"P({miss.metric} >= {number(miss.threshold)}) is below {number(miss.high)}: "
-            f"{miss.flights} flights in {len(miss.levels)} levels reached "
-            f"{number(miss.levels[-1])}; give more --budget"
-        )

@@ -1,7 +1,7 @@
 """The comparison: pairs of runs with their metrics, differences and distances."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,9 @@ from flighttune.comparison.pairs import (
 from flighttune.comparison.source import Source, load_source
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario
+from flighttune.present.names import shown_unit
 from flighttune.present.numbers import number
-from flighttune.present.tables import Table
+from flighttune.present.tables import Column, Table, html
 from flighttune.simulate.run import Run
 
 SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
@@ -29,6 +30,17 @@ SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
 MAX_PAIRS = 3
 """Pairs shown in a notebook."""
 
+BETTER = {"a": "A", "b": "B"}
+COMPARED = (
+    Column("pair", "A | B"),
+    Column("channel", "channel"),
+    Column("metric", "metric"),
+    Column("unit", "unit"),
+    Column("a", "A", digits=".4f", missing="never"),
+    Column("b", "B", digits=".4f", missing="never"),
+    Column("diff", "B − A", digits=".4f", missing="-"),
+    Column("better", "better"),
+)
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
 
 
@@ -89,33 +101,33 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         if not self.comparable:
-            rows = [("reason", self.reason)]
-            return Table(title="Comparison: not comparable", head=(), rows=rows).html()
-        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
+            return html("Comparison: not comparable", (), [("reason", self.reason)])
         title = f"Comparison: paths at most {number(self.max_distance)} m apart"
+        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
         table = comparison_table(title, self.metrics.loc[shown])
-        if len(self.pairs) <= MAX_PAIRS:
-            return table.html()
-        more = f"{len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
-        return replace(table, rows=[*table.rows, (more, *[""] * 5)]).html()
+        rows = table.rows
+        if len(self.pairs) > MAX_PAIRS:
+            more = f"{len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
+            rows.append([more, *[""] * (len(table.columns) - 1)])
+        return html(title, table.head, rows)
 
 
 def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
-    """Metrics of pairs side by side.
-
-    `metrics`: rows of `Comparison.metrics`.
-    """
-    rows = [
-        (
-            f"{row['run_a']} | {row['run_b']}",
-            f"{row['channel']} {row['name']} [{row['unit']}]",
-            *(number(float(row[key])) for key in ("a", "b", "diff")),
-            {"a": "first", "b": "second"}.get(str(row["better"]), str(row["better"])),
+    """Metrics of pairs side by side, from rows of `Comparison.metrics`; angles in degrees."""
+    records = []
+    for row in metrics.to_dict(orient="records"):
+        unit, factor = shown_unit(str(row["unit"]))
+        records.append(
+            {
+                "pair": f"{row['run_a']} | {row['run_b']}",
+                "channel": row["channel"],
+                "metric": row["name"].removesuffix("_rad"),
+                "unit": unit,
+                **{key: row[key] * factor for key in ("a", "b", "diff")},
+                "better": BETTER.get(str(row["better"]), row["better"]),
+            }
         )
-        for row in metrics.to_dict(orient="records")
-    ]
-    head = ("first | second", "metric", "first", "second", "difference", "better")
-    return Table(title=title, head=head, rows=rows)
+    return Table(title=title, columns=COMPARED, records=records, grouped=True)
 
 
 def compare(

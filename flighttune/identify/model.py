@@ -8,8 +8,9 @@ from flighttune.control.inner_loop import InnerLag, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
+from flighttune.present.names import columns
 from flighttune.present.tables import Table
-from flighttune.units import DEG
+from flighttune.units import DEG_PER_RAD
 
 # Difference of climb that counts like a doubling of airspeed in `nearest`.
 ANGLE_PER_SPEED = math.radians(60.0)
@@ -68,31 +69,33 @@ class IdentifiedAircraft:
         return min(self.conditions, key=distance)
 
 
+LAG_COLUMNS = columns(
+    "V_a_mps gamma_deg channel order natural_frequency_rad_s damping lag_s delay_s bandwidth_rad_s "
+    "cross fit_percent"
+)
+
+
 def lags_table(aircraft: IdentifiedAircraft) -> Table:
     """Every lag with its fit, a row each channel of a condition."""
-    rows = [
-        (
-            f"{at.V_a:g}",
-            f"{at.gamma / DEG:g}",
-            name,
-            str(lag.order),
-            f"{lag.natural_frequency:.2f}",
-            f"{lag.damping:.2f}" if lag.order > 1 else "-",
-            f"{lag.lag:.3f}" if lag.order > 2 else "-",
-            f"{lag.delay:.3f}",
-            f"{lag.bandwidth:.2f}",
-            f"{channel.cross:.3f}",
-            f"{channel.fit_percent:.1f}",
-        )
+    records = [
+        {
+            "V_a_mps": at.V_a,
+            "gamma_deg": at.gamma * DEG_PER_RAD,
+            "channel": name,
+            "order": channel.lag.order,
+            "natural_frequency_rad_s": channel.lag.natural_frequency,
+            "damping": channel.lag.damping if channel.lag.order > 1 else None,
+            "lag_s": channel.lag.lag if channel.lag.order > 2 else None,
+            "delay_s": channel.lag.delay,
+            "bandwidth_rad_s": channel.lag.bandwidth,
+            "cross": channel.cross,
+            "fit_percent": channel.fit_percent,
+        }
         for at in aircraft.conditions
-        for name, channel, lag in (("phi", at.phi, at.phi.lag), ("n_z", at.n_z, at.n_z.lag))
+        for name, channel in (("phi", at.phi), ("n_z", at.n_z))
     ]
-    columns = "V_a [m/s], γ [deg], channel, order, ω [rad/s], damping, lag [s], delay [s]"
-    return Table(
-        title=f"{aircraft.aircraft}: identified inner loop",
-        head=(*columns.split(", "), "bandwidth [rad/s]", "cross", "fit [%]"),
-        rows=rows,
-    )
+    title = f"{aircraft.aircraft}: identified inner loop"
+    return Table(title=title, columns=LAG_COLUMNS, records=records)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

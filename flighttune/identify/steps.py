@@ -11,7 +11,8 @@ from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.present.tables import Bad, Table
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
 Channel: TypeAlias = Literal["phi", "n_z"]
@@ -155,18 +156,28 @@ def check_steps(config: AircraftConfig) -> tuple[StepCheck, ...]:
     )
 
 
+STEP_COLUMNS = [
+    *columns("name t90_s t90_allowed_s"),
+    Column("overshoot", "overshoot", "%", factor=100.0),
+    Column("overshoot_allowed", "allowed", "%", factor=100.0),
+    *columns("met"),
+]
+
+
 def steps_table(checks: Sequence[StepCheck]) -> Table:
     """Steps flown against what was asked for."""
-    rows = [
-        (
-            check.name,
-            f"{check.step.t90:.2f}",
-            f"{check.t90_allowed:.3g}",
-            f"{100.0 * check.step.overshoot:.1f}",
-            f"{100.0 * check.overshoot_allowed:g}",
-            "yes" if check.met else Bad("no"),
-        )
+    records = [
+        {
+            "name": check.name,
+            "channel": check.step.channel,
+            "V_a_mps": check.step.V_a,
+            "step": check.step.size,
+            "t90_s": check.step.t90,
+            "t90_allowed_s": check.t90_allowed,
+            "overshoot": check.step.overshoot,
+            "overshoot_allowed": check.overshoot_allowed,
+            "met": check.met,
+        }
         for check in checks
     ]
-    head = ("step", "t90 [s]", "at most", "overshoot [%]", "at most", "met")
-    return Table(title="step responses", head=head, rows=rows)
+    return Table(title="step responses", name="steps", columns=STEP_COLUMNS, records=records)

@@ -1,15 +1,15 @@
-"""What every page is made of: answers, sections with charts and tables, and the frame of HTML."""
+"""What every page is made of: questions, sections with charts and tables, and the frame of HTML."""
 
 import base64
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from flighttune.present.chart import Chart, dashes, key, marked_up, style
-from flighttune.present.tables import Table
+from flighttune.present.tables import Column, Table
 from flighttune.whole_file import write_text
 
 if TYPE_CHECKING:
@@ -21,80 +21,49 @@ FRAME_PACKAGE = "flighttune.present"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """One question of the headline.
-
-    Attributes
-    ----------
-    question : str
-    verdict : "yes", "no", "partly" or "none"
-        "none" where the question is not one of yes and no.
-    short : str
-        The answer in a few words.
-    sentences : tuple of str
-        With numbers.
-    criterion : str
-        What the verdict goes by; empty where the sentences say it.
-    """
+class Question:
+    """A question of the headline; the tables of the page have the numbers behind its verdict."""
 
     question: str
-    verdict: Verdict
-    short: str
-    sentences: tuple[str, ...]
-    criterion: str = ""
+    verdict: Verdict  # "none" where the question is not one of yes and no
+    short: str  # the answer in a few words
+    criterion: str = ""  # what the verdict goes by
+    sentences: tuple[str, ...] = ()  # what no table says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A part of the page.
+    """A part of the page."""
 
-    Attributes
-    ----------
-    id : str
-        Its anchor.
-    title : str
-    note : str
-        How to read it.
-    charts : sequence of Chart
-    tables : sequence of Table
-    legend : bool
-        Whether the runs are named above the charts.
-    columns : int
-        Charts side by side on a wide screen, 2 or 3.
-    folded : bool
-        Whether only its title is seen at first; parts that are not folded come first.
-    """
-
-    id: str
+    id: str  # its anchor
     title: str
-    note: str = ""
+    note: str = ""  # how to read it
     charts: Sequence[Chart] = ()
     tables: Sequence[Table] = ()
-    legend: bool = True
-    columns: int = 2
-    folded: bool = True
+    legend: bool = True  # whether the runs are named above the charts
+    columns: int = 2  # charts side by side on a wide screen, 2 or 3
+    folded: bool = True  # only the title is seen at first; folded sections come last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """A page that was written.
-
-    Attributes
-    ----------
-    path : Path
-        The HTML file.
-    summary : tuple of str
-        The sentences at its top.
-    answers : tuple of Answer
-        Questions answered in words.
-    sections : tuple of str
-        Titles of its parts.
-    """
+    """A page that was written."""
 
     path: Path
-    summary: tuple[str, ...]
-    answers: tuple[Answer, ...]
-    sections: tuple[str, ...]
+    summary: tuple[str, ...]  # sentences at its top
+    questions: tuple[Question, ...]
+    sections: tuple[str, ...]  # titles
+    tables: tuple[Table, ...]
+
+
+QUESTION_COLUMNS = (Column("question", "question"), Column("short", "answer"))
+
+
+def questions_table(questions: Sequence[Question]) -> Table:
+    """Questions with their answers, as a command prints them."""
+    return Table(
+        title="", name="headline", columns=QUESTION_COLUMNS, records=[asdict(q) for q in questions]
+    )
 
 
 def share_verdict(good: int, count: int) -> Verdict:
@@ -109,47 +78,25 @@ def write_page(
     template: "Template",
     *,
     summary: tuple[str, ...] = (),
-    answers: tuple[Answer, ...] = (),
+    questions: tuple[Question, ...] = (),
     sections: Sequence[Section] = (),
     **more: Any,
 ) -> Report:
-    """Write a page: summary, sections, answers in words, and what its template asks for besides.
+    """Write a page: summary, sections, answers, and what its template asks for besides.
 
-    Parameters
-    ----------
-    path : Path
-        HTML file to write or replace; parent folders are made.
-    template : Template
-        As `page_template` returns it.
-    summary : tuple of str
-    answers : tuple of Answer
-    sections : sequence of Section
-    more
-        Further values of the template.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Parent folders of `path` are made. Raises OutputError if the file cannot be written.
     """
     write_text(
-        path, page_text(template, summary=summary, answers=answers, sections=sections, **more)
+        path, page_text(template, summary=summary, questions=questions, sections=sections, **more)
     )
-    titles = tuple(one.title for one in sections if one.title)
-    return Report(path=path, summary=summary, answers=answers, sections=titles)
+    titles = tuple(section.title for section in sections if section.title)
+    tables = tuple(table for section in sections for table in section.tables)
+    return Report(path=path, summary=summary, questions=questions, sections=titles, tables=tables)
 
 
 def page_text(template: "Template", **values: Any) -> str:
-    """A page with the style and the script of all pages.
-
-    Parameters
-    ----------
-    template : Template
-        As `page_template` returns it.
-    values
-        Of the template.
-    """
-    empty = {"claim": "", "summary": (), "answers": (), "sections": (), "legend": ()}
+    """A page with the style and the script of all pages."""
+    empty = {"claim": "", "summary": (), "questions": (), "sections": (), "legend": ()}
     return template.render(
         **{**empty, **values},
         style=f"{style()}\n{_file('page.css')}",
@@ -171,15 +118,7 @@ def _sha256(script: str) -> str:
 
 @cache
 def page_template(package: str, name: str) -> "Template":
-    """A template of a package; it may extend ``frame.html.jinja``, the frame of every page.
-
-    Parameters
-    ----------
-    package : str
-        Package whose folder holds the template.
-    name : str
-        Its file.
-    """
+    """A template of a package; it may extend ``frame.html.jinja``, the frame of every page."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 

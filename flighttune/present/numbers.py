@@ -1,6 +1,7 @@
 """Numbers as text: one way to write a value, a share, an angle, an interval and a matrix."""
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from flighttune.units import DEG_PER_RAD
@@ -29,14 +30,16 @@ def figures(value: float) -> str:
     return number(value, ".0f" if abs(value) >= 1000.0 else ".3g")
 
 
-def interval(value: float, lo: float, hi: float) -> str:
+def interval(
+    value: float, lo: float, hi: float, *, written: Callable[[float], str] = figures
+) -> str:
     """``4.63 [4.25, 4.89]`` with three figures, ``4.63 [<= 4.89]`` with one bound."""
     if math.isnan(value):
         return MISSING
     if math.isinf(lo) != math.isinf(hi):
-        bound = f"<= {figures(hi)}" if math.isinf(lo) else f">= {figures(lo)}"
-        return f"{figures(value)} [{bound}]"
-    return f"{figures(value)} [{figures(lo)}, {figures(hi)}]"
+        bound = f"<= {written(hi)}" if math.isinf(lo) else f">= {written(lo)}"
+        return f"{written(value)} [{bound}]"
+    return f"{written(value)} [{written(lo)}, {written(hi)}]"
 
 
 def percent(share: float) -> str:
@@ -47,11 +50,6 @@ def percent(share: float) -> str:
     edge = min(value, 100.0 - value)
     decimals = 0 if edge == 0.0 else 1 if edge >= 0.1 else 2 if edge >= 0.01 else 3
     return f"{value:.{decimals}f}"
-
-
-def percent_interval(value: float, lo: float, hi: float) -> str:
-    """``97.3 [96.1, 98.1]``, in per cent."""
-    return f"{percent(value)} [{percent(lo)}, {percent(hi)}]"
 
 
 def degrees(angle: float) -> str:

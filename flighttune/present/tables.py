@@ -1,13 +1,13 @@
-"""A table as text, written to a terminal, a notebook, a page or a Markdown file."""
+"""Tables of numbers: columns say how they are written in a terminal, on a page and in Markdown."""
 
 import math
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from textwrap import wrap
+from typing import Any, Literal
 
-from flighttune.present.numbers import MISSING
+from flighttune.present.numbers import MISSING, interval, number
 
 GAP = "  "
 """Between two columns."""
@@ -15,102 +15,160 @@ GAP = "  "
 NARROWEST = 16
 """Width to which a column of words may be wrapped before the table is cut in two, characters."""
 
-NO_DIGITS = ("-", MISSING, "never", "∞", "−∞")
-"""Cells without a digit that may stand in a column of numbers."""
+LONG_WORDS = 40
+"""Characters of a cell from which on a page may wrap the last column."""
 
-LEFT = "text-align:left"
 BOLD, RED, PLAIN = "\x1b[1m", "\x1b[31m", "\x1b[0m"
 
 
-class Bad(str):
-    """A cell that tells of a failure: red on a terminal."""
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Where a column has its values in a record, and how it writes them."""
 
-    __slots__ = ()
+    key: str  # dots lead into a value: "metrics.chi.ITAE"
+    name: str = ""
+    unit: str = ""
+    digits: str | Callable[[float], str] = "z.4g"  # how its numbers are written
+    factor: float = 1.0  # from the value to the unit shown
+    best: Literal["", "low", "high"] = ""  # which number is bold on a terminal
+    ends: tuple[str, str] | None = None  # keys of the interval around its numbers
+    good: tuple[str, ...] = ()  # if there are some, any other text is a failure: red on a terminal
+    missing: str = MISSING
+
+    @property
+    def heading(self) -> str:
+        """Name with unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def number(self, record: Mapping[str, Any]) -> float:
+        """The value in the unit shown; NaN where there is none, or a word."""
+        value = _value(record, self.key)
+        return value * self.factor if _is_number(value) else math.nan
+
+    def text(self, record: Mapping[str, Any]) -> str:
+        """The value as it is written."""
+        value = _value(record, self.key)
+        if value is None:
+            return self.missing
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        if isinstance(value, list | tuple):
+            return ", ".join(map(str, value)) or self.missing
+        if isinstance(value, str):
+            return value
+        written = self.digits if callable(self.digits) else self._formatted
+        if self.ends is None:
+            return self.missing if math.isnan(value) else written(value * self.factor)
+        low, high = (_value(record, end) for end in self.ends)
+        ends = (math.nan if end is None else end * self.factor for end in (low, high))
+        return interval(value * self.factor, *ends, written=written)
+
+    def is_failure(self, record: Mapping[str, Any]) -> bool:
+        """Whether the cell is to be red."""
+        if not self.good or _value(record, self.key) is None:
+            return False
+        return math.isnan(self.number(record)) and self.text(record) not in self.good
+
+    def _formatted(self, value: float) -> str:
+        assert isinstance(self.digits, str)
+        return number(value, self.digits)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Headings and cells, ready to be laid out.
+    """Records and the columns that are shown of them."""
 
-    Attributes
-    ----------
-    title : str
-    head : sequence of str
-        Headings of the columns; without them the first cell of a row is its heading.
-    rows : sequence of sequence of str
-        Plain text.
-    labels : sequence of str
-        Label of the run whose colour each row carries on a page; empty for none.
-    last_is_text : bool
-        Whether a page may wrap the last column.
-    grouped : bool
-        The first column is the same for several rows. A terminal has a table for each of its cells
-        where there is no room for the column.
-    lowest, highest : sequence of str
-        Headings of columns whose lowest or highest number is the best: bold on a terminal.
-    """
+    columns: Sequence[Column]
+    records: Sequence[Mapping[str, Any]]
+    title: str = ""
+    name: str = ""  # key of the records in a JSON object; empty where its values have them
+    label: str = ""  # key of the run whose colour a row has on a page
+    grouped: bool = False  # the first column repeats: it heads a table each where room is short
 
-    title: str
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    labels: Sequence[str] = ()
-    last_is_text: bool = False
-    grouped: bool = False
-    lowest: Sequence[str] = ()
-    highest: Sequence[str] = ()
+    @property
+    def head(self) -> list[str]:
+        """Headings; none where no column has a name."""
+        return [one.heading for one in self.columns] if any(c.name for c in self.columns) else []
+
+    @property
+    def of_words(self) -> list[bool]:
+        """Whether a column has no number: its cells stand to the left."""
+        return [
+            not any(_is_number(_value(record, column.key)) for record in self.records)
+            for column in self.columns
+        ]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """Cells as text."""
+        return [[column.text(record) for column in self.columns] for record in self.records]
+
+    @property
+    def labels(self) -> list[str]:
+        """Label of the run of each row; empty without."""
+        return [str(_value(record, self.label)) for record in self.records] if self.label else []
+
+    @property
+    def ends_in_words(self) -> bool:
+        """Whether a page may wrap the last column."""
+        return any(len(row[-1]) > LONG_WORDS for row in self.rows)
 
     def text(self, width: int, *, styled: bool = False) -> str:
         """The table in lines of at most `width` characters.
 
         Words are wrapped. Numbers never are: where they have no room side by side, the rest of the
-        columns follows in a second table, each with the first column.
+        columns follows in a second table, each with the first column. Columns without any value
+        are left out.
         """
-        if self.grouped and len(self.head) > 1 and sum(self._natural()) > width:
-            groups = list(dict.fromkeys(row[0] for row in self.rows))
+        columns = [
+            column
+            for place, column in enumerate(self.columns)
+            if not place or any(_value(one, column.key) not in (None, "") for one in self.records)
+        ]
+        if len(columns) < len(self.columns):
+            return replace(self, columns=columns).text(width, styled=styled)
+        least = sum(map(self._least, range(len(columns)))) + len(GAP) * (len(columns) - 1)
+        if self.grouped and least > width:
+            first, *others = self.columns
+            groups = dict.fromkeys(first.text(record) for record in self.records)
             tables = [
                 replace(
                     self,
                     title=group,
-                    head=self.head[1:],
-                    rows=[row[1:] for row in self.rows if row[0] == group],
+                    columns=others,
+                    records=[one for one in self.records if first.text(one) == group],
                     grouped=False,
                 ).text(width, styled=styled)
                 for group in groups
             ]
-            return "\n\n".join([_printed(self.title), *tables])
+            return "\n\n".join([self.title, *tables] if self.title else tables)
         blocks = self._blocks(width)
-        lines = [_printed(self.title), *(line for b in blocks for line in self._lines(b, styled))]
-        return "\n".join(lines)
-
-    def _column(self, i: int) -> list[str]:
-        return [_printed(row[i]) for row in self.rows]
-
-    def _is_numbers(self, i: int) -> bool:
-        return bool(self.rows) and all(_is_number(row[i]) for row in self.rows)
+        lines = [line for block in blocks for line in self._lines(block, styled)]
+        return "\n".join([self.title, *lines] if self.title else lines)
 
     def _natural(self) -> list[int]:
-        """Width of each column on one line, with the space before it."""
-        return [
-            max(map(len, (_printed(heading), *self._column(i)))) + (len(GAP) if i else 0)
-            for i, heading in enumerate(self.head)
-        ]
+        """Width of each column on one line."""
+        cells = zip(*self.rows, strict=True) if self.records else [()] * len(self.columns)
+        headings = [one.heading for one in self.columns]
+        return [max(map(len, (head, *own))) for head, own in zip(headings, cells, strict=True)]
 
     def _least(self, i: int) -> int:
         """Width to which a column may be wrapped."""
-        heading, cells = _printed(self.head[i]), self._column(i)
-        if self._is_numbers(i):
+        heading, cells = self.columns[i].heading, [row[i] for row in self.rows]
+        if not self.of_words[i]:
             return max(map(len, (*heading.split(), *cells, "")))
+        if not i:  # it names the rows
+            return min(max(map(len, (heading, *cells))), 2 * NARROWEST)
         words = max((len(word) for cell in (heading, *cells) for word in cell.split()), default=0)
         return min(words, NARROWEST)
 
     def _blocks(self, width: int) -> Iterator[dict[int, int]]:
         """Width of each column by its number, of each table that the terminal has room for."""
-        columns = range(len(self.head))
-        natural = [n - (len(GAP) if i else 0) for i, n in enumerate(self._natural())]
-        least = [min(self._least(i), natural[i]) for i in columns]
-        left = list(columns[1:])
+        natural = self._natural()
+        least = [min(self._least(i), natural[i]) for i in range(len(natural))]
+        left = list(range(1, len(natural)))
         while True:
-            block, room = [0] if natural else [], width - (least[0] if natural else 0)
+            block, room = [0], width - least[0]
             while left and (len(block) == 1 or room >= least[left[0]] + len(GAP)):
                 room -= least[left[0]] + len(GAP)
                 block.append(left.pop(0))
@@ -119,88 +177,108 @@ class Table:
                 return
 
     def _lines(self, widths: dict[int, int], styled: bool) -> Iterator[str]:
+        if self.head:
+            yield from self._row(self.head, widths)
+            yield GAP.join("─" * width for width in widths.values())
         best = self._best() if styled else set()
-        head = [_printed(heading) for heading in self.head]
-        yield from self._row(head, widths)
-        yield GAP.join(_printed("─") * width for width in widths.values())
-        for place, row in enumerate(self.rows):
+        for place, (record, row) in enumerate(zip(self.records, self.rows, strict=True)):
             styles = {}
             if styled:
                 styles = {i: BOLD for i in widths if (place, i) in best}
-                styles |= {i: RED for i in widths if isinstance(row[i], Bad)}
-            yield from self._row([_printed(cell) for cell in row], widths, styles)
+                styles |= {i: RED for i in widths if self.columns[i].is_failure(record)}
+            yield from self._row(row, widths, styles)
 
     def _row(
         self, cells: Sequence[str], widths: dict[int, int], styles: dict[int, str] | None = None
     ) -> Iterator[str]:
+        words = self.of_words
         wrapped = {i: wrap(cells[i], width, break_on_hyphens=False) for i, width in widths.items()}
-        for k in range(max((len(lines) for lines in wrapped.values()), default=0)):
+        for k in range(max(len(lines) for lines in wrapped.values())):
             shown = []
             for i, width in widths.items():
                 part = wrapped[i][k] if k < len(wrapped[i]) else ""
                 space = " " * (width - len(part))
                 if part and styles and i in styles:
                     part = f"{styles[i]}{part}{PLAIN}"
-                shown.append(space + part if self._is_numbers(i) else part + space)
+                shown.append(part + space if words[i] else space + part)
             yield GAP.join(shown).rstrip()
 
     def _best(self) -> set[tuple[int, int]]:
         """Row and column of the best number of each column that has one."""
-        found = set()
-        for names, sign in ((self.lowest, 1.0), (self.highest, -1.0)):
-            for i in (i for i, heading in enumerate(self.head) if heading in names):
-                values = [sign * _value(row[i]) for row in self.rows]
-                known = [value for value in values if math.isfinite(value)]
-                if len(set(known)) > 1:
-                    found |= {(k, i) for k, value in enumerate(values) if value == min(known)}
-        return found
-
-    def html(self) -> str:
-        """HTML for a notebook."""
-        lines = [f"<table><caption style='{LEFT}'><b>{escape(self.title)}</b></caption>"]
-        if self.head:
-            lines.append(f"<thead><tr>{_cells(self.head, 'th')}</tr></thead>")
-        lines.append("<tbody>")
-        for first, *rest in self.rows:
-            heading = _cells([first], "td" if self.head else "th")
-            lines.append(f"<tr>{heading}{_cells(rest, 'td')}</tr>")
-        return "".join([*lines, "</tbody></table>"])
+        cells = set()
+        for i, column in enumerate(self.columns):
+            sign = {"low": 1.0, "high": -1.0}.get(column.best)
+            if sign is None:
+                continue
+            values = [sign * column.number(record) for record in self.records]
+            finite = {value for value in values if math.isfinite(value)}
+            if len(finite) > 1:
+                cells |= {(k, i) for k, value in enumerate(values) if value == min(finite)}
+        return cells
 
     def markdown(self) -> str:
-        """Markdown without the title; all columns but the first stand to the right."""
-        rule = ["---", *["---:"] * (len(self.head) - 1)]
-        cells = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in self.rows]
-        return "\n".join(f"| {' | '.join(line)} |" for line in [self.head, rule, *cells])
+        """Markdown without the title; numbers stand to the right."""
+        rule = ["---" if words else "---:" for words in self.of_words]
+        return _markdown(self.head, rule, self.rows)
 
 
-def _printed(text: str) -> str:
-    """`text` as standard output has it: in an encoding without ``χ`` it may take more room."""
-    encoding = sys.stdout.encoding or "utf-8"
-    return text.encode(encoding, sys.stdout.errors or "strict").decode(encoding)
+def facts_table(title: str, facts: Mapping[str, str]) -> Table:
+    """A table of words: a name and what is said of it in each row."""
+    records = [{"what": what, "value": value} for what, value in facts.items()]
+    return Table(title=title, columns=(Column("what"), Column("value")), records=records)
+
+
+def html(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table for a notebook; without `head` the first cell of a row is its heading."""
+    left = " style='text-align:left'"  # a notebook moves cells to the right
+
+    def cells(texts: Sequence[str], kind: str) -> str:
+        return "".join(f"<{kind}{left}>{escape(text)}</{kind}>" for text in texts)
+
+    top = f"<thead><tr>{cells(head, 'th')}</tr></thead>" if head else ""
+    kind = "td" if head else "th"
+    body = "".join(f"<tr>{cells(row[:1], kind)}{cells(row[1:], 'td')}</tr>" for row in rows)
+    caption = f"<caption{left}><b>{escape(title)}</b></caption>"
+    return f"<table>{caption}{top}<tbody>{body}</tbody></table>"
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown; all columns but the first stand to the right."""
+    return _markdown(head, ["---", *["---:"] * (len(head) - 1)], rows)
+
+
+def _markdown(head: Sequence[str], rule: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    cells = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [head, rule, *cells])
+
+
+def _value(record: Any, key: str) -> Any:
+    """A value of a record, None where it has none; both keys and ways into values have dots."""
+    if isinstance(record, list | tuple):
+        record = {str(place): value for place, value in enumerate(record)}
+    if not isinstance(record, Mapping):
+        return None
+    if key in record:
+        return record[key]
+    for place, letter in enumerate(key):
+        if letter == "." and key[:place] in record:
+            return _value(record[key[:place]], key[place + 1 :])
+    return None
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _shared_out(columns: dict[int, tuple[int, int]], room: int) -> dict[int, int]:
-    """Widths from the least to the natural one, with `room` to share; narrow columns first."""
+    """Widths from the least to the natural one, with `room` to share; narrow columns first.
+
+    The first column, which names the rows, takes what it needs.
+    """
     widths = {}
-    lacking = sorted(columns, key=lambda i: columns[i][1] - columns[i][0])
+    lacking = sorted(columns, key=lambda i: (i > 0, columns[i][1] - columns[i][0]))
     for k, i in enumerate(lacking):
         least, natural = columns[i]
-        more = min(natural - least, room // (len(lacking) - k))
+        more = min(natural - least, room // (len(lacking) - k) if i else room)
         widths[i], room = least + more, room - more
     return {i: widths[i] for i in columns}
-
-
-def _value(cell: str) -> float:
-    """The number at the start of a cell, NaN where there is none."""
-    try:
-        return float(cell.split()[0])
-    except (IndexError, ValueError):
-        return math.nan
-
-
-def _is_number(cell: str) -> bool:
-    return cell in NO_DIGITS or cell.lstrip("-+")[:1].isdigit()
-
-
-def _cells(texts: Sequence[str], kind: str) -> str:
-    return "".join(f"<{kind} style='{LEFT}'>{escape(text)}</{kind}>" for text in texts)

@@ -9,7 +9,7 @@ import pandas as pd
 from flighttune.present.names import METRIC_LABELS, SYMBOLS
 from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.palette import hue_tells_gains
-from flighttune.present.tables import Table
+from flighttune.present.tables import markdown
 from flighttune.recording import geometry
 from flighttune.recording.certificate_tab import claim_of
 from flighttune.recording.entities import runs_to_draw
@@ -59,7 +59,7 @@ def scenario_page(
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return Table(title="", head=head, rows=rows).markdown()
+    return markdown(head, rows)
 
 
 def _about(scenario: Mapping[str, Any]) -> list[str]:

@@ -15,23 +15,9 @@ from flighttune.simulate.run import run_styles
 
 
 def write_comparison_page(found: Comparison, path: str | Path) -> Report:
-    """Write one self-contained page about a comparison.
+    """Write one self-contained page about comparable runs; parent folders are made.
 
-    Parameters
-    ----------
-    found : Comparison
-        Comparable.
-    path : path-like
-        HTML file to write or replace.
-
-    Returns
-    -------
-    Report
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     runs = tuple(overlaid(found))
     flights = Flights(runs=runs, styles=run_styles(runs))

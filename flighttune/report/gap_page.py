@@ -5,32 +5,16 @@ from pathlib import Path
 from flighttune.flight.gap import Gap
 from flighttune.flight.gap_charts import gap_charts
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.report.headline import bound_in_flight, largest_step
-from flighttune.report.tables import gap_table, provenance_table
+from flighttune.report.gap_tables import check_table, largest_step, step_table
+from flighttune.report.tables import provenance_table
 from flighttune.report.toml_text import toml_text
 from flighttune.simulate.run import run_styles
 
 
 def write_gap_page(gap: Gap, path: str | Path) -> Report:
-    """Write one self-contained page about a gap.
+    """Write one self-contained page about a gap; parent folders are made.
 
-    Parameters
-    ----------
-    gap : Gap
-        With a ladder.
-    path : path-like
-        HTML file to write or replace.
-
-    Returns
-    -------
-    Report
-
-    Raises
-    ------
-    InputError
-        If there is no ladder: the aircraft did not fly.
-    OutputError
-        If the file cannot be written.
+    Raises InputError if the aircraft did not fly, OutputError if the file cannot be written.
     """
     charts = gap_charts(gap)
     made = gap.aircraft.provenance
@@ -43,8 +27,7 @@ def write_gap_page(gap: Gap, path: str | Path) -> Report:
             Section(
                 id="bound",
                 title="Numbers and bounds",
-                note=bound_in_flight(gap),
-                tables=[gap_table([gap])],
+                tables=[step_table([gap]), check_table([gap])],
                 legend=False,
             ),
         ],

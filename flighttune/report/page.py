@@ -8,12 +8,16 @@ from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.report.facts import Facts, facts_of
+from flighttune.report.gap_tables import check_table, step_table
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel
 from flighttune.report.headline import headline
 from flighttune.report.panels import commands, errors, paths, tracking
 from flighttune.report.tables import (
+    aircraft_tables,
+    certificates_table,
+    convergence_table,
     gains_table,
-    gap_table,
+    kept_table,
     provenance_table,
     runs_table,
     tracking_table,
@@ -70,7 +74,7 @@ def write_report(
         Path(path),
         page_template("flighttune.report", "page.html.jinja"),
         summary=(f"{facts.claim.short}.", best_sentence(facts), *at_a_glance),
-        answers=headline(facts, tubes),
+        questions=headline(facts, tubes),
         claim_sentence=f"{facts.claim.sentence}.",
         matrix=matrix(facts),
         duration=f"{max(run.duration for run in facts.runs):g}",
@@ -97,7 +101,11 @@ def _sections(facts: Facts) -> list[Section]:
             note="Errors are reference minus actual, the course error wrapped to ±180°. A band is "
             "the tube of a run: every flight of its model is in it.",
             charts=errors(facts.flights),
-            tables=[tracking_table(facts), runs_table(facts)],
+            tables=[
+                convergence_table(facts),
+                tracking_table(facts),
+                runs_table(facts),
+            ],
         ),
         Section(
             id="commands",
@@ -124,7 +132,7 @@ def _certificate_section(facts: Facts) -> Section:
         "reference changes slope. A red cross marks where a flight first exceeds it. "
         f"{SENSED if facts.scenario.sensors else ''}{'' if curve else NO_CURVE}",
         charts=[*certificate_panels(facts), *curve],
-        tables=[gains_table(facts)],
+        tables=[gains_table(facts), certificates_table(facts), kept_table(facts)],
     )
 
 
@@ -147,6 +155,6 @@ def _gap_section(facts: Facts) -> Section:
             for kind in (itae_chart, steps_chart, bound_chart)
         ],
         columns=3,
-        tables=[gap_table(facts.gaps)],
+        tables=[step_table(facts.gaps), check_table(facts.gaps), *aircraft_tables(facts)],
         legend=False,
     )

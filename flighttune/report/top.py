@@ -1,7 +1,7 @@
 """The top of a report: which gains are best on the aircraft, and a matrix of gains and plants."""
 
 import math
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,47 +11,6 @@ from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.numbers import number
 from flighttune.report.facts import SMALLEST_ITAE, Facts
 from flighttune.simulate.run import Run
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
-    """One run in the matrix.
-
-    Attributes
-    ----------
-    plant : str
-    spark : str
-        Both errors over time as an ``<svg>``.
-    converged : bool
-    ended : str
-        How a run that was not completed ended; empty otherwise.
-    itae : tuple of (str, bool)
-        Of course and path angle, and whether it is the lowest of the plant.
-    settling : tuple of str
-        Of course and path angle.
-    """
-
-    plant: str
-    spark: str
-    converged: bool
-    ended: str
-    itae: tuple[tuple[str, bool], ...]
-    settling: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Matrix:
-    """Gains by plants.
-
-    Attributes
-    ----------
-    plants : tuple of str
-    rows : tuple of (str, tuple of Cell or None)
-        Name of the gains, and a cell for each plant; None where there is no such run.
-    """
-
-    plants: tuple[str, ...]
-    rows: tuple[tuple[str, tuple[Cell | None, ...]], ...]
 
 
 def best_sentence(facts: Facts) -> str:
@@ -78,49 +37,48 @@ def best_sentence(facts: Facts) -> str:
     return f"{head}: ITAE {_ratio(own, itae[other.label])} {other.provenance.gains_name}'s."
 
 
-def matrix(facts: Facts) -> Matrix:
-    """Errors, ITAE and settling time of every run, gains by plants."""
-    plants = tuple(dict.fromkeys(run.provenance.plant for run in facts.runs))
-    names = tuple(dict.fromkeys(run.provenance.gains_name for run in facts.runs))
-    itae = {run.label: _itae(run) for run in facts.runs}
-    completed = [run for run in facts.runs if run.status == "completed"]
+def matrix(facts: Facts) -> list[dict[str, Any]]:
+    """Errors, ITAE and settling time of every run: a row a gain set, a cell a plant."""
+    plants = dict.fromkeys(run.provenance.plant for run in facts.runs)
+    names = dict.fromkeys(run.provenance.gains_name for run in facts.runs)
+    of = {(run.provenance.gains_name, run.provenance.plant): run for run in facts.runs}
     lowest = {
         (plant, channel): min(
-            (itae[run.label][channel] for run in completed if run.provenance.plant == plant),
+            (
+                _itae(run)[channel]
+                for run in facts.runs
+                if run.provenance.plant == plant and run.status == "completed"
+            ),
             default=math.nan,
         )
         for plant in plants
         for channel in CHANNEL_SYMBOLS
     }
-    of = {(run.provenance.gains_name, run.provenance.plant): run for run in facts.runs}
     longest = max(run.duration for run in facts.runs)
     errors = np.concatenate([error for run in facts.runs for error in _errors(run).values()])
-    ends = float(errors.min()), float(errors.max())
+    ends = float(errors.min()), float(errors.max())  # one scale for all
 
-    def cell(run: Run | None) -> Cell | None:
+    def cell(run: Run | None, plant: str) -> dict[str, Any] | None:
         if run is None:
             return None
-        plant, done = run.provenance.plant, run.status == "completed"
-        own = itae[run.label]
+        done = run.status == "completed"
         settling = channel_metrics(run)["settling_s"].to_dict()
-        return Cell(
-            plant=plant,
-            spark=spark(run.t, _errors(run), facts.styles[run.label].colour, longest, ends),
-            converged=facts.final_errors[run.label].converged,
-            ended="" if done else f"{run.status.replace('_', ' ')} at {run.duration:.1f} s",
-            itae=tuple(
+        colour = facts.styles[run.label].colour
+        return {
+            "spark": spark(run.t, _errors(run), colour, longest, ends),
+            "converged": facts.final_errors[run.label].converged,
+            "ended": "" if done else f"{run.status.replace('_', ' ')} at {run.duration:.1f} s",
+            "itae": [
                 (f"{value:.2f}", done and len(names) > 1 and value == lowest[plant, channel])
-                for channel, value in own.items()
-            ),
-            settling=tuple(number(settling[channel], ".1f") for channel in CHANNEL_SYMBOLS),
-        )
+                for channel, value in _itae(run).items()
+            ],
+            "settling": [number(settling[channel], ".1f") for channel in CHANNEL_SYMBOLS],
+        }
 
-    return Matrix(
-        plants=plants,
-        rows=tuple(
-            (name, tuple(cell(of.get((name, plant))) for plant in plants)) for name in names
-        ),
-    )
+    return [
+        {"gains": name, "cells": {plant: cell(of.get((name, plant)), plant) for plant in plants}}
+        for name in names
+    ]
 
 
 def _decisive_plant(facts: Facts) -> str:

@@ -11,7 +11,7 @@ from flighttune.plants.base import StopStatus
 from flighttune.plants.label import aircraft_of
 from flighttune.present.numbers import matrix, number
 from flighttune.present.palette import LineStyle, line_styles
-from flighttune.present.tables import Table
+from flighttune.present.tables import html
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ class Run:
             rows.insert(2, ("errors at the end", f"χ {number(chi)}°, γ {number(gamma)}°"))
         if made.gains is not None:
             rows.append(("gains", f"K_P {matrix(made.gains.K_P)}, K_I {matrix(made.gains.K_I)}"))
-        return Table(title=self.label, head=(), rows=rows).html()
+        return html(self.label, (), rows)
 
 
 def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:

@@ -172,7 +172,7 @@ class Program:
         slopes = -SIGNS[:, :, None] * self._spectra(z[:-4])[1]
         n = slopes.shape[1]
         # In (top, bottom, sigma_floor) each block of n rows has its own sign and nothing else.
-        own = np.kron(np.diag(SIGNS[:, 0]), np.ones((n, 1)))
+        own = np.repeat(np.diag(SIGNS[:, 0]), n, axis=0)
         return np.hstack([slopes.reshape(3 * n, -1), own, np.zeros((3 * n, 1))])
 
     def _spectra(self, k: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -196,16 +196,19 @@ def _log_spectra(A: FloatArray, in_k: FloatArray) -> tuple[FloatArray, FloatArra
     `in_k` has the slopes of A. With ``A X_i + X_i A' + v_i v_i' = 0`` the slope of the eigenvalue
     of Q with eigenvector v_i is ``2 Q X_i`` in A; that of a singular value is ``u_i v_i'``.
     """
-    n, unstable = len(A), SIGNS * UNSTABLE_LOG * np.ones(len(A))
+    unstable = SIGNS * UNSTABLE_LOG * np.ones(len(A)), np.zeros((3, len(A), len(in_k)))
     if not np.isfinite(A).all() or np.linalg.eigvals(A).real.max() >= 0.0:
-        return unstable, np.zeros((3, n, len(in_k)))
-    Q = solution_of_checked(A, np.eye(n))
-    values, vectors = np.linalg.eigh(Q)
-    if not values[0] > 0.0:  # so near to instability that rounding decides
-        return unstable, np.zeros((3, n, len(in_k)))
-    # One Lyapunov equation of the transposed loop for each eigenvector.
-    loads = vectors.T[:, :, None] * vectors.T[:, None, :]
-    X = solution_of_checked(np.broadcast_to(A.T, loads.shape), loads)
+        return unstable
+    try:
+        Q = solution_of_checked(A, np.eye(len(A)))
+        values, vectors = np.linalg.eigh(Q)
+        # One Lyapunov equation of the transposed loop for each eigenvector.
+        loads = vectors.T[:, :, None] * vectors.T[:, None, :]
+        X = solution_of_checked(np.broadcast_to(A.T, loads.shape), loads)
+    except np.linalg.LinAlgError:  # so near to instability that rounding decides
+        return unstable
+    if not values[0] > 0.0:
+        return unstable
     left, sigma, right = np.linalg.svd(A)
     slopes = 2.0 * np.tensordot(Q @ X, in_k, ((1, 2), (1, 2))) / values[:, None]
     sigma_slopes = np.tensordot(left.T[:, :, None] * right[:, None, :], in_k, ((1, 2), (1, 2)))

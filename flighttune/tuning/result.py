@@ -10,7 +10,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loops
 from flighttune.present.numbers import matrix, number
-from flighttune.present.tables import Table
+from flighttune.present.tables import html
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import TuningProblem, search_space
 
@@ -89,7 +89,7 @@ class TuningResult:
             rows += [("K_P", matrix(self.gains.K_P)), ("K_I", matrix(self.gains.K_I))]
         if self.reason:
             rows.append(("reason", self.reason))
-        return Table(title=f"Tuning: {self.status}", head=(), rows=rows).html()
+        return html(f"Tuning: {self.status}", (), rows)
 
 
 def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:

@@ -69,7 +69,7 @@ def _regulators(model: LinearModel, rng: np.random.Generator) -> FloatArray:
         except np.linalg.LinAlgError:  # a mode on the axis that no input reaches
             X = np.zeros(A.shape)
         gains.append(-(B / r).T @ X)
-    K = np.array(gains)
+    K = np.array(gains, dtype=np.float64)
     return np.concatenate([K[..., :n] @ np.linalg.pinv(model.C), K[..., n:]], axis=-1)
 
 

@@ -64,9 +64,9 @@ def test_figure_recording_and_signals_are_where_it_says(found):
 def test_without_json_there_is_a_table_and_sentences(tmp_path):
     out, err = flighttune("gap", "paper", "--lag", "fitted", "--out", tmp_path)
 
-    assert "+ lag of the inner loop" in out
+    assert "lag of the inner loop" in out
     assert "(fitted)" in out
-    assert "ultimate set, whole flight" in out
+    assert "ultimate set" in out
     assert err == ""
 
 
@@ -88,13 +88,11 @@ def test_rungs_that_failed_give_no_metrics_and_no_cell_is_cut(tmp_path, monkeypa
     out, _ = flighttune("gap", "paper", "--gains", path, "--out", tmp_path, status=1)
 
     assert "…" not in out
-    (line,) = (line for line in out.splitlines() if line.startswith("no metrics of, from or to"))
-    assert "point_mass ended early (left envelope)" in line
-    assert max(map(len, out.partition("\na step is ")[0].splitlines())) <= 100
-    totals = [one.split()[1:] for one in out.splitlines() if one.startswith("total ")]
-    metrics = [cell for cells in totals for cell in cells][2:]
-    assert len(metrics) == 8
-    assert set(metrics) == {"-"}
+    assert "point_mass ended early (left envelope)" in " ".join(out.split())
+    assert max(map(len, out.partition("\nNo metrics of")[0].splitlines())) <= 100
+    steps = out.partition("upper minus lower plant")[2].partition("\ninner loop (")[0]
+    totals = [line.split()[1:] for line in steps.splitlines() if line.startswith("total ")]
+    assert set([cell for cells in totals for cell in cells][2:]) == {"–"}
 
 
 def test_a_scenario_without_aircraft_cannot_be_explained(tmp_path):

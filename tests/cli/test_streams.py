@@ -12,7 +12,6 @@ import pytest
 from commands import flighttune
 
 from flighttune.cli import main
-from flighttune.cli.streams import WORDS, StandardStreams
 
 SCENARIO = "paper_as_printed"
 """On the kinematic law alone: 0.3 s."""
@@ -63,27 +62,6 @@ def test_a_command_ends_alike_in_every_encoding(folder, command):
         other, ended = printed(folder, command, encoding)
         assert ended == status
         assert len(other.splitlines()) == len(text.splitlines())
-
-
-@pytest.mark.slow
-def test_every_character_can_be_written_in_every_encoding():
-    StandardStreams()
-    every = "".join(map(chr, range(sys.maxunicode + 1)))
-
-    for encoding in ("ascii", "cp1252", "utf-8"):
-        every.encode(encoding, WORDS)
-
-    assert "χ = 60°, γ² ± ∞".encode("ascii", WORDS) == b"chi = 60 deg, gamma2 +- inf"
-
-
-def test_what_an_encoding_lacks_is_in_words_and_columns_stay_aligned(folder):
-    text, _ = printed(folder, COMMANDS[1], "ascii")
-    lines = text.splitlines()
-    (head,) = (k for k, line in enumerate(lines) if "ITAE chi" in line)
-
-    assert "ITAE in rad s2" in text
-    assert lines[head + 1].startswith("---------  -----  --------  ")
-    assert len({len(line) for line in lines[head : head + 3]}) == 1
 
 
 def ended(command, **streams):

@@ -9,7 +9,6 @@ from dispersed import plan_of, uniform
 
 from flighttune.campaign.flying.alone import nominal_flights
 from flighttune.campaign.flying.claim import claims
-from flighttune.cli.gap import gap_json
 from flighttune.comparison import Source
 from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_gap
@@ -17,7 +16,7 @@ from flighttune.guarantee.flight_check import flight_check
 from flighttune.recording.load import load_recording
 from flighttune.recording.record import record
 from flighttune.report.facts import facts_of
-from flighttune.report.headline import headline
+from flighttune.report.gap_tables import check_table, gap_values
 from flighttune.scenario import load_scenario, scenario_from
 
 pytestmark = pytest.mark.slow
@@ -55,9 +54,9 @@ def outputs(request, tmp_path_factory):
         facts = facts_of(Source(name="flown", runs=recorded))
     gap = explain_gap(scenario, run.provenance.gains, name="paper")
     return SimpleNamespace(
-        gap=gap_json(gap, {})["mismatch"],
+        gap=gap_values(gap, {})["mismatch"],
         check=facts.checks[run.label],
-        text=" ".join(sentence for one in headline(facts) for sentence in one.sentences),
+        report={record["check"]: record for record in check_table(facts.gaps).records},
         claim=claim,
         outcome=claim.outcome(nominal),
         way=(gap.check, facts.gaps[0].check, flight_check(recorded[-1])),
@@ -71,7 +70,7 @@ def test_bound_and_L_d_of_the_second_half_are_the_same_in_all_three(outputs):
     assert claim.radius == gap["radius"] == pytest.approx(check.radius, rel=SAME)
     assert claim.tube == tuple(gap["tube_rad"].values()) == pytest.approx(check.tube, rel=SAME)
     assert claim.commanded == pytest.approx(gap["asked_rad"], rel=SAME)
-    assert f"up to {claim.L_d:.3f} rad/s²" in outputs.text
+    assert outputs.report["ultimate set, second half"]["L_d"] == pytest.approx(claim.L_d, rel=SAME)
 
 
 def test_outcome_and_vacuity_are_the_same_in_all_three(outputs):
@@ -81,8 +80,9 @@ def test_outcome_and_vacuity_are_the_same_in_all_three(outputs):
     assert gap["held"] == (outputs.outcome == "held")
     assert outputs.claim.vacuous == gap["says_nothing"] == outputs.check.settled.claim.vacuous
     assert gap["sentence"] == outputs.check.settled.sentence
-    assert gap["sentence"] in outputs.text
-    assert outputs.gap["verdict"]["sentence"] in outputs.text
+    assert gap["sentence"] == outputs.report["ultimate set, second half"]["sentence"]
+    whole = outputs.report["ultimate set, whole flight"]
+    assert outputs.gap["verdict"]["sentence"] == whole["sentence"]
 
 
 def test_the_bound_on_the_way_is_the_same_in_gap_report_and_recording(outputs):
@@ -92,4 +92,5 @@ def test_the_bound_on_the_way_is_the_same_in_gap_report_and_recording(outputs):
     assert np.array_equal(gap.bound, recording.bound, equal_nan=True)
     assert np.isfinite(gap.bound).any()
     assert gap.t_broken == report.t_broken == recording.t_broken
-    assert outputs.gap["approach"] == {"held": gap.t_broken is None, "t_broken": gap.t_broken}
+    approach = outputs.gap["approach"]
+    assert (approach["held"], approach["t_broken"]) == (gap.t_broken is None, gap.t_broken)

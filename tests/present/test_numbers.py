@@ -14,7 +14,6 @@ from flighttune.present.numbers import (
     matrix,
     number,
     percent,
-    percent_interval,
 )
 
 
@@ -46,7 +45,7 @@ def test_a_share_has_more_decimals_near_its_ends(share, text):
 
 
 def test_shares_and_angles():
-    assert percent_interval(0.5, 0.25, 1.0) == "50.0 [25.0, 100]"
+    assert interval(0.5, 0.25, 1.0, written=percent) == "50.0 [25.0, 100]"
     assert degrees(math.radians(123.4)) == "123°"
     assert degrees(math.radians(0.5)) == "0.5°"
     assert degrees(0.0) == "0.001°", "no angle is claimed to be smaller than is written"

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 
@@ -90,7 +90,3 @@ class CampaignOutcome:
     rate_per_s: float  # 1/s, flown / wall_s
     halfwidth: float | None = None  # largest of the 95 % intervals of a group's success rate
     interrupted: bool = False  # stopped before its end
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as plain values."""
-        return asdict(self)

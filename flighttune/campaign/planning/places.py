@@ -23,7 +23,7 @@ NOT_DISPERSED = {
     "gains": "give each gain set in `gains`",
     "tuning": "gains are tuned once, on the undispersed scenario",
     "envelope": "it is the range of a claim, and not flown",
-    "expect": "what a run must come to is the same for all",
+    "expect": "requirements are the same for every run",
     "title": "it is for the reader",
     "verifies": "it is for the reader",
     "source": "it is for the reader",

@@ -1,13 +1,15 @@
 """The report of a campaign as one HTML file that needs nothing else."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.present.tables import Table
+from flighttune.present.numbers import MISSING
+from flighttune.present.tables import Table, facts_table
 from flighttune.report.campaign import tables
 from flighttune.report.campaign.headline import headline
 from flighttune.report.campaign.matter_panels import (
@@ -17,39 +19,27 @@ from flighttune.report.campaign.matter_panels import (
     split_panels,
 )
 from flighttune.report.campaign.panels import against, convergence, distributions, rates
+from flighttune.report.campaign.values import findings_values
 from flighttune.report.campaign.words import styles_of
 from flighttune.report.toml_text import toml_text
 from flighttune.shipped import scenario_files
 
 
 def write_campaign_report(found: Findings, path: str | Path) -> Report:
-    """Write one self-contained page about a campaign.
+    """Write one self-contained page about a campaign; parent folders are made.
 
-    Parameters
-    ----------
-    found : Findings
-    path : path-like
-        HTML file to write or replace; parent folders are made.
-
-    Returns
-    -------
-    Report
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     flown, campaign = found.flights, found.flights.plan.campaign
     styles = styles_of(found)
-    answers = headline(found)
+    questions, values = headline(found), findings_values(found)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
         Path(path),
         page_template("flighttune.report.campaign", "page.html.jinja"),
-        summary=(f"Success: {answers[0].short}.",),
-        answers=answers,
-        sections=[one for one in _sections(found) if one.charts or one.tables],
+        summary=(f"Success: {questions[0].short}.",),
+        questions=questions,
+        sections=[part for part in _sections(found, values) if part.charts or part.tables],
         title=campaign.title,
         claim=campaign.verifies,
         legend=list(styles.items()),
@@ -87,21 +77,26 @@ def notes(found: Findings) -> tuple[str, ...]:
     return tuple(found_notes)
 
 
-def _sections(found: Findings) -> list[Section]:
+def _sections(found: Findings, values: dict[str, Any]) -> list[Section]:
+    groups = values["groups"]
     sections = [
         Section(id="runs", title="", charts=rates(found), folded=False),
         Section(
             id="rates",
             title="How often",
             note="Of all flights of a group, with intervals in brackets.",
-            tables=_filled(tables.success_table(found), tables.reasons_table(found)),
+            tables=_filled(
+                tables.success_table(found, groups),
+                tables.reasons_table(groups),
+                tables.certified_table(groups),
+            ),
             legend=False,
         ),
         Section(
             id="worst",
             title="Worst flights",
             note="With the most influential parameters, and the command that flies them again.",
-            tables=_filled(tables.worst_table(found), tables.failures_table(found)),
+            tables=_filled(tables.worst_table(found, groups), tables.failures_table(found)),
             legend=False,
         ),
         Section(
@@ -111,9 +106,9 @@ def _sections(found: Findings) -> list[Section]:
             "The table is of completed flights that have a value; --json has the confidence "
             "interval of each percentile.",
             charts=distributions(found),
-            tables=_filled(tables.metrics_table(found)),
+            tables=_filled(tables.metrics_table(found, groups)),
         ),
-        _matters(found),
+        _matters(found, groups),
     ]
     if found.paired:
         sections.append(
@@ -124,7 +119,7 @@ def _sections(found: Findings) -> list[Section]:
                 "was not completed counts as the worst. Below the diagonal the gains on the "
                 "vertical axis do better.",
                 charts=against(found),
-                tables=[tables.paired_table(found)],
+                tables=[tables.paired_table(found, values["paired"])],
                 legend=False,
             )
         )
@@ -141,14 +136,14 @@ def _sections(found: Findings) -> list[Section]:
     return sections
 
 
-def _matters(found: Findings) -> Section:
-    sobol = tables.sobol_table(found)
+def _matters(found: Findings, groups: list[dict[str, Any]]) -> Section:
+    sobol = tables.sobol_table(groups)
     note = (
         "Filled: significant. A rank correlation has a direction; the share explained alone is "
         "that of the variance of ranks over ten classes of the values, whatever the shape. Red "
         "crosses ended early."
     )
-    if sobol.rows:
+    if sobol.records:
         note += (
             " First indices are what a parameter explains alone, total ones with its interactions."
         )
@@ -163,28 +158,30 @@ def _matters(found: Findings) -> Section:
             *scatter_panels(found),
         ],
         tables=_filled(
-            *(tables.influence_table(found, name) for name in (found.measure, SUCCESS) if name),
+            *(tables.influence_table(groups, name) for name in (found.measure, SUCCESS) if name),
             sobol,
         ),
     )
 
 
 def _filled(*some: Table) -> list[Table]:
-    return [one for one in some if one.rows]
+    return [table for table in some if table.records]
 
 
 def _provenance(found: Findings) -> Table:
     flown, plan = found.flights, found.flights.plan
     versions = ", ".join(f"{name} {value}" for name, value in flown.versions.items())
     seconds = float(np.sum(flown.rows["wall_s"].to_numpy()))
-    rows = (
-        ("campaign", flown.url),
-        ("flights", f"{len(flown.rows)} of {plan.runs}, on {plan.draws} draws"),
-        ("design", f"{plan.campaign.design.replace('_', ' ')}, seed {plan.campaign.seed}"),
-        ("plan, SHA-256", plan.sha256),
-        ("rows, SHA-256", dataset_hash(flown.url) if flown.url else "–"),
-        ("flown with", versions or "–"),
-        ("time in flights", f"{seconds:.1f} s"),
-        ("source of the campaign", plan.campaign.source or "–"),
+    return facts_table(
+        "Provenance",
+        {
+            "campaign": flown.url,
+            "flights": f"{len(flown.rows)} of {plan.runs}, on {plan.draws} draws",
+            "design": f"{plan.campaign.design.replace('_', ' ')}, seed {plan.campaign.seed}",
+            "plan, SHA-256": plan.sha256,
+            "rows, SHA-256": dataset_hash(flown.url) if flown.url else MISSING,
+            "flown with": versions or MISSING,
+            "time in flights": f"{seconds:.1f} s",
+            "source of the campaign": plan.campaign.source or MISSING,
+        },
     )
-    return Table(title="Provenance", head=("what", "value"), rows=rows)

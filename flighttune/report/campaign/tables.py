@@ -1,22 +1,15 @@
-"""Tables of a campaign's report: headings and rows as text."""
+"""Tables of a campaign's report, of the values that ``--json`` prints."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import pandas as pd
-
 from flighttune.campaign.planning.plan import Group
-from flighttune.campaign.statistics.findings import SUCCESS, Findings
-from flighttune.campaign.statistics.flights import failures, worst_first
-from flighttune.campaign.statistics.intervals import Estimate
-from flighttune.present.names import metric_label
-from flighttune.present.numbers import MISSING, figures, interval, number, percent_interval
-from flighttune.present.tables import Table
-from flighttune.report.campaign.words import (
-    metric_name,
-    probability,
-    status_words,
-)
+from flighttune.campaign.statistics.findings import Findings
+from flighttune.campaign.statistics.flights import failures
+from flighttune.present.names import columns, metric_label
+from flighttune.present.numbers import figures, percent
+from flighttune.present.tables import Column, Table
+from flighttune.report.campaign.words import metric_name, probability, status_words
 
 METRICS = (
     *(f"{channel}.{metric}" for metric in ("ITAE", "MO_rad") for channel in ("chi", "gamma")),
@@ -26,192 +19,217 @@ METRICS = (
 )
 """Metrics of the page; the JSON object has all."""
 
-WORST, WORST_OF_GROUP = 20, 2
-"""Flights in the table of the worst, and the smallest number of each group."""
-
-FLY_AGAIN = "to fly it again"
-"""Column of commands."""
-
 FAILURES = 12
 PARAMETERS = 5
 """Parameters listed with a flight: the most influential ones."""
 
 INFLUENCES = 10
 
+REASON_COLUMNS = [
+    *columns("group"),
+    Column("count", "flights"),
+    Column("run", "first run"),
+    *columns("ended reason"),
+]
+CERTIFIED_COLUMNS = [
+    *columns("group"),
+    Column(
+        "certified.rate",
+        "entered and held",
+        "%",
+        percent,
+        ends=("certified.interval.0", "certified.interval.1"),
+    ),
+    Column("certified.from_s", "from", "s"),
+    Column("certified.tube_deg.0", "errors χ up to", "deg", figures),
+    Column("certified.tube_deg.1", "γ up to", "deg", figures),
+    Column("certified.says_nothing", "too loose to be useful"),
+]
+INFLUENCE_COLUMNS = [
+    *columns("group parameter n"),
+    # below 0 the parameter explains less than chance would
+    Column("share", "rank variance", "%", lambda share: f"{max(0.0, share):.1f}", 100.0),
+    Column("rho", "rank correlation", digits="+.2f", ends=("lo", "hi")),
+    Column("partial", "partial", digits="+.2f"),
+    Column("p", "p-value", digits=probability),
+    Column("apart", "significant"),
+]
+SOBOL_COLUMNS = [
+    *columns("group of parameter blocks"),
+    Column("first.0", "first index", digits=".2f", ends=("first.1", "first.2")),
+    Column("total.0", "total index", digits=".2f", ends=("total.1", "total.2")),
+]
 
-def success_table(found: Findings) -> Table:
-    """How often each group succeeds, and how its flights ended."""
-    statuses = list(dict.fromkeys(s.status for one in found.groups for s in one.statuses))
-    rows = []
-    for one in found.groups:
-        count = {status.status: status.count for status in one.statuses}
-        held = MISSING if one.certified is None else _percent(one.certified.of_all)
-        numbers = (str(n) for n in (one.n, one.successes))
-        ended = (str(count.get(status, 0)) for status in statuses)
-        rows.append((one.group.label, *numbers, _percent(one.success), *ended, held))
-    ended = map(status_words, statuses)
-    head = ("group", "flights", "succeed", "rate [%]", *ended, "certified set held [%]")
-    return _by_group("How often", head, rows)
+
+def success_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
+    """How often each group succeeds, how its flights ended, and the metric that ranks them."""
+    statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
+    shown = [
+        *columns("group n successes"),
+        Column("success", "rate", "%", percent, best="high", ends=("lo", "hi")),
+        *(Column(f"statuses.{s}", status_words(s), digits=".0f", missing="0") for s in statuses),
+    ]
+    if found.measure is not None:
+        label, key = metric_label(found.measure), f"metrics.{found.measure}"
+        for name, percentile in (("median", "p50"), ("95 %", "p95")):
+            ends = (f"{key}.{percentile}_interval.0", f"{key}.{percentile}_interval.1")
+            heading = f"{label.name}, {name}"
+            shown.append(
+                Column(f"{key}.{percentile}", heading, label.unit, figures, label.factor, ends=ends)
+            )
+    return _by_group("How often", shown, groups)
 
 
-def reasons_table(found: Findings) -> Table:
+def certified_table(groups: Sequence[Mapping[str, Any]]) -> Table:
+    """In how many flights the certified set was entered and held, and how large it is."""
+    records = [group for group in groups if group["certified"]]
+    return _by_group("The certified set", CERTIFIED_COLUMNS, records)
+
+
+def reasons_table(groups: Sequence[Mapping[str, Any]]) -> Table:
     """Why flights failed; sentences that differ only in numbers are counted as one."""
-    rows = []
-    for one in found.groups:
-        reasons = [(s.status, reason) for s in one.statuses for reason in s.reasons]
-        reasons += [("completed", reason) for reason in one.missed]
-        for status, reason in reasons:
-            counts = str(reason.count), str(reason.run)
-            rows.append((one.group.label, *counts, status_words(status), reason.text))
-    return _by_group("Why flights fail", ("group", "flights", "first run", "ended", "reason"), rows)
+    records = [
+        {
+            "group": group["group"],
+            "ended": status_words(reason.get("status", "completed")),
+            **reason,
+        }
+        for group in groups
+        for reason in (*group["reasons"], *group["missed"])
+    ]
+    return _by_group("Why flights fail", REASON_COLUMNS, records)
 
 
-def worst_table(found: Findings) -> Table:
+def worst_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """The worst completed flights of each group, with the most influential parameters."""
-    if found.measure is None:
-        return _by_group("Worst completed flights", (), [])
-    metric, label, keys = found.measure, metric_label(found.measure), influential_parameters(found)
-    rows, each = [], max(WORST_OF_GROUP, WORST // len(found.groups))
-    for group, own in found.flights.groups():
-        for flight in worst_first(own, metric, each).to_dict("records"):
-            value = label.text(float(flight[metric]))
-            success = "yes" if flight[SUCCESS] else "no"
-            command = f"flighttune campaign fly {found.flights.url} --run {flight['run']}"
-            row = (*_flight(group.label, flight), value, success, *_values(flight, keys), command)
-            rows.append(row)
-    head = ("group", "run", "draw", label.heading, "succeeds", *_short(keys), FLY_AGAIN)
-    return _by_group("Worst completed flights", head, rows)
+    keys = influential_parameters(found)
+    records = [
+        {
+            "group": group["group"],
+            **flight,
+            "command": f"flighttune campaign fly {found.flights.url} --run {flight['run']}",
+        }
+        for group in groups
+        for flight in group["worst"]
+    ]
+    measured = [] if found.measure is None else [metric_label(found.measure).column(found.measure)]
+    shown = [
+        *columns("group run draw"),
+        *measured,
+        Column("success", "succeeds"),
+        *_parameter_columns("parameters.", keys),
+        Column("command", "to fly it again"),
+    ]
+    return _by_group("Worst completed flights", shown, records)
 
 
 def failures_table(found: Findings) -> Table:
     """Flights that ended early: the first ones of every status."""
-    keys = influential_parameters(found)
-    rows = []
-    for flight in failures(found.flights.rows, FAILURES).to_dict("records"):
-        ended = f"{status_words(str(flight['status']))}: {flight['reason']}"
-        group = f"{flight['plant']} / {flight['gains']}"
-        rows.append((*_flight(group, flight), *_values(flight, keys), ended))
-    return _by_group(
-        "Flights that ended early", ("group", "run", "draw", *_short(keys), "ended"), rows
-    )
+    records = [
+        {
+            **flight,
+            "group": f"{flight['plant']} / {flight['gains']}",
+            "ended": f"{status_words(str(flight['status']))}: {flight['reason']}",
+        }
+        for flight in failures(found.flights.rows, FAILURES).to_dict("records")
+    ]
+    parameters = _parameter_columns("", influential_parameters(found))
+    shown = [*columns("group run draw"), *parameters, *columns("ended")]
+    return _by_group("Flights that ended early", shown, records)
 
 
-def metrics_table(found: Findings) -> Table:
+def metrics_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """Median of each metric of completed flights, with the 5th and 95th percentile."""
-    rows = []
+    records = []
     for metric in dict.fromkeys([found.measure or "", *METRICS]):
-        spreads = [one.measures.get(metric) for one in found.groups]
-        if not any(spreads):
+        if not any(metric in group["metrics"] for group in groups):
             continue
         label = metric_label(metric)
-        cells = [
-            MISSING
-            if spread is None
-            else "{} [{}, {}]".format(
-                *(label.text(spread.percentiles[p].value) for p in ("p50", "p05", "p95"))
-            )
-            for spread in spreads
-        ]
-        rows.append((label.heading, *cells))
-    head = ("median [5 %, 95 %]", *(one.group.label for one in found.groups))
-    return Table(title="Metrics", head=head, rows=rows)
+        record: dict[str, Any] = {"metric": label.heading}
+        for group in groups:
+            spread = group["metrics"].get(metric)
+            if spread is not None:
+                percentiles = {name: spread[name] * label.factor for name in ("p05", "p50", "p95")}
+                record[group["group"]] = percentiles
+        records.append(record)
+    shown = [
+        Column("metric", "median [5 %, 95 %]"),
+        *(
+            Column(f"{name}.p50", name, digits=figures, ends=(f"{name}.p05", f"{name}.p95"))
+            for name in (group["group"] for group in groups)
+        ),
+    ]
+    return Table(title="Metrics", columns=shown, records=records)
 
 
-def influence_table(found: Findings, name: str) -> Table:
+def influence_table(groups: Sequence[Mapping[str, Any]], name: str) -> Table:
     """Influence of each parameter on success or on a metric, the strongest first."""
-    rows = []
-    for group in groups_of(found):
-        for one in found.influences.get((group, name), ())[:INFLUENCES]:
-            rho = number(one.rho, "+.2f")
-            if rho != MISSING:
-                rho += f" [{one.lo:+.2f}, {one.hi:+.2f}]"
-            share = number(100.0 * one.share, ".1f")
-            cells = ("0.0" if one.share < 0.0 else share, rho, number(one.partial, "+.2f"))
-            p, apart = probability(min(one.p_rho, one.p_share)), "yes" if one.apart else "no"
-            rows.append((group.label, one.parameter, str(one.n), *cells, p, apart))
-    head = (
-        *("group", "parameter", "flights", "rank variance [%]", "rank correlation", "partial"),
-        *("p-value", "significant"),
-    )
-    return _by_group(f"Influence on {metric_name(name)}", head, rows)
+    records = [
+        {"group": group["group"], **rank, "p": min(rank["p_rho"], rank["p_share"])}
+        for group in groups
+        for rank in group["sensitivity"].get(name, {"ranks": ()})["ranks"][:INFLUENCES]
+    ]
+    return _by_group(f"Influence on {metric_name(name)}", INFLUENCE_COLUMNS, records)
 
 
-def sobol_table(found: Findings) -> Table:
+def sobol_table(groups: Sequence[Mapping[str, Any]]) -> Table:
     """First and total indices with their intervals."""
-    rows = []
-    for (group, name), one in found.sobol.items():
-        for i, factor in enumerate(found.flights.plan.factors):
-            indices = ("{:.2f} [{:.2f}, {:.2f}]".format(*of[:, i]) for of in (one.first, one.total))
-            rows.append((group.label, metric_name(name), factor, str(one.n), *indices))
-    head = ("group", "of", "parameter", "blocks", "first index", "total index")
-    return _by_group("Sobol indices", head, rows)
+    records = [
+        {"group": group["group"], "of": metric_name(name), "parameter": factor, **indices}
+        for group in groups
+        for name, influences in group["sensitivity"].items()
+        for factor, indices in (influences["sobol"] or {}).items()
+    ]
+    return _by_group("Sobol indices", SOBOL_COLUMNS, records)
 
 
-def paired_table(found: Findings) -> Table:
+def paired_table(found: Findings, paired: Sequence[Mapping[str, Any]]) -> Table:
     """Gain sets compared draw by draw."""
-    rows = []
-    for one in found.paired:
-        factor = metric_label(one.measure).factor
-        rows.append(
-            (
-                f"{one.a} against {one.b}, {one.plant}",
-                str(one.n),
-                percent_interval(one.win_rate, one.lo, one.hi),
-                interval(factor * one.median, factor * one.median_lo, factor * one.median_hi),
-                str(one.only_a),
-                str(one.only_b),
-                probability(one.p_success),
-            )
-        )
-    unit = f" [{metric_label(found.measure).unit}]" if found.measure else ""
-    head = (
-        *("first against second", "draws", "first lower [%]"),
-        f"median of first minus second{unit}",
-        *("only first succeeds", "only second", "p-value"),
-    )
-    return Table(title="Gains on the same draws", head=head, rows=rows)
+    records = [
+        {**pair, "pair": f"{pair['a']} against {pair['b']}, {pair['plant']}"} for pair in paired
+    ]
+    label = metric_label(found.measure or "chi.ITAE")
+    shown = [
+        Column("pair", "first against second"),
+        Column("n", "draws"),
+        Column("win_rate", f"{label.name} lower with first", "%", percent, ends=("lo", "hi")),
+        Column(
+            "median",
+            "median of first minus second",
+            label.unit,
+            figures,
+            label.factor,
+            ends=("median_lo", "median_hi"),
+        ),
+        Column("only_a", "only first succeeds"),
+        Column("only_b", "only second"),
+        Column("p_success", "p-value", digits=probability),
+    ]
+    return Table(title="Gains on the same draws", columns=shown, records=records)
 
 
 def influential_parameters(found: Findings) -> list[str]:
     """The most influential parameters of any group, the strongest first."""
     strength: dict[str, float] = {}
     for influences in found.influences.values():
-        for one in influences:
-            strength[one.parameter] = max(one.strength, strength.get(one.parameter, 0.0))
+        for influence in influences:
+            key = influence.parameter
+            strength[key] = max(influence.strength, strength.get(key, 0.0))
     ordered = sorted(found.flights.keys, key=lambda key: -strength.get(key, 0.0))
     return ordered[:PARAMETERS]
 
 
 def groups_of(found: Findings) -> list[Group]:
     """Groups that have flown, in the order of the plan."""
-    return [one.group for one in found.groups]
+    return [summary.group for summary in found.groups]
 
 
-def _short(keys: Sequence[str]) -> list[str]:
-    """Keys by their last part, whole where two of them end alike."""
+def _parameter_columns(prefix: str, keys: Sequence[str]) -> Iterator[Column]:
+    """Columns headed by the last part of each key, by all of it where two of them end alike."""
     ends = [key.rpartition(".")[2] for key in keys]
-    return [end if ends.count(end) == 1 else key for key, end in zip(keys, ends, strict=True)]
+    for key, end in zip(keys, ends, strict=True):
+        yield Column(f"{prefix}{key}", end if ends.count(end) == 1 else key, digits=figures)
 
 
-def _percent(one: Estimate) -> str:
-    return percent_interval(one.value, one.lo, one.hi)
-
-
-def _flight(group: str, flight: dict[Any, Any]) -> tuple[str, str, str]:
-    return group, str(flight["run"]), str(flight["draw"])
-
-
-def _values(flight: dict[Any, Any], keys: Iterable[str]) -> list[str]:
-    """Parameters of a flight; a category may be missing."""
-    values = (flight[key] for key in keys)
-    return [
-        figures(value) if isinstance(value, float) else MISSING if pd.isna(value) else str(value)
-        for value in values
-    ]
-
-
-def _by_group(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
-    """A table whose first column names the group."""
-    labels = [row[0] for row in rows]
-    is_text = head[-1:] in (("reason",), ("ended",), (FLY_AGAIN,))
-    return Table(title=title, head=head, rows=rows, labels=labels, last_is_text=is_text)
+def _by_group(title: str, shown: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> Table:
+    return Table(title=title, columns=shown, records=records, label="group")

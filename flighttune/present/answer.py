@@ -1,0 +1,78 @@
+"""The answer of a command: one value, printed as text or as one JSON object."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+from flighttune.present.tables import Table
+
+READ_BY = {
+    "recording": "view",
+    "dataset": "campaign report",
+    "proof": "verify",
+    "scenario": "fly",
+}
+"""Command that reads a file, by the key of the file in an answer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What a command computed. Its tables show numbers of its values, or have records of their own.
+
+    The text has tables, notes, verdict and files; the JSON object has the values, the records of
+    tables with a name, notes, verdict, and each file under its key.
+    """
+
+    values: Mapping[str, Any] = field(default_factory=dict)
+    tables: Sequence[Table] = ()
+    notes: Sequence[str] = ()
+    verdict: str = ""
+    files: Mapping[str, Path | str | None] = field(default_factory=dict)
+
+    def json(self) -> str:
+        """One JSON object; numbers that JSON has no word for become null."""
+        records = {table.name: table.records for table in self.tables if table.name}
+        said = {"notes": self.notes, "verdict": self.verdict}
+        return json_text({**records, **said, **self.values, **self.files})
+
+    def text(self, width: int, *, styled: bool = False) -> Iterator[str]:
+        """Paragraphs and tables of at most `width` characters; paths may be longer."""
+        for place, table in enumerate(table for table in self.tables if table.records):
+            text = table.text(width, styled=styled)
+            yield f"\n{text}" if place else text
+        sentences = [sentence for sentence in (*self.notes, self.verdict) if sentence]
+        if self.tables and sentences:
+            yield ""
+        for sentence in sentences:
+            yield fill(sentence, width, break_long_words=False, break_on_hyphens=False)
+        for key, path in self.files.items():
+            if path is not None:
+                how = f"   (flighttune {READ_BY[key]} {path})" if key in READ_BY else ""
+                yield f"{key.replace('_', ' ')}: {path}{how}"
+
+
+def json_text(value: Mapping[str, Any]) -> str:
+    """A value as JSON text; numbers that JSON has no word for become null."""
+    return json.dumps(_plain(value), indent=2)
+
+
+def _plain(value: Any) -> Any:
+    """`value` in the types of JSON: no NaN or infinity, no array, dataclass or path."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    if isinstance(value, Path):
+        return str(value)
+    if is_dataclass(value):
+        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
+    # NumPy's arrays and scalars, which are not imported here: --help must be quick.
+    return _plain(value.tolist()) if hasattr(value, "tolist") else value

@@ -1,0 +1,135 @@
+"""The findings of a campaign as plain values: what ``--json`` prints and tables show."""
+
+from dataclasses import asdict
+from typing import Any
+
+from flighttune.campaign.statistics.findings import SUCCESS, Findings
+from flighttune.campaign.statistics.flights import worst_first
+from flighttune.campaign.statistics.intervals import Estimate
+from flighttune.campaign.statistics.summary import CertifiedCount, GroupSummary, Reason, Spread
+from flighttune.guarantee.ultimate_set import UltimateSet
+from flighttune.units import DEG
+
+WORST = 5
+"""Worst flights of a group."""
+
+
+def findings_values(found: Findings) -> dict[str, Any]:
+    """Findings as plain values, shares between 0 and 1, units as in the columns."""
+    flown = found.flights
+    return {
+        "dataset": flown.url,
+        "title": flown.plan.campaign.title,
+        "runs": len(flown.rows),
+        "planned": flown.plan.runs,
+        "design": flown.plan.campaign.design,
+        "interval": flown.method,
+        "confidence": flown.confidence,
+        "worst_by": found.measure,
+        "groups": [
+            {
+                **_group(group, found.claims.get(group.group)),
+                "worst": _worst(found, group),
+                "sensitivity": _sensitivity(found, group),
+            }
+            for group in found.groups
+        ],
+        "paired": [asdict(pair) for pair in found.paired],
+    }
+
+
+def _group(group: GroupSummary, claim: UltimateSet | None) -> dict[str, Any]:
+    return {
+        "group": group.group.label,
+        "gains": group.group.gains,
+        "plant": group.group.plant,
+        "n": group.n,
+        "success": group.success.value,
+        "lo": group.success.lo,
+        "hi": group.success.hi,
+        "successes": group.successes,
+        "statuses": {status.status: status.count for status in group.statuses},
+        "reasons": [
+            {"status": status.status, **_reason(why)}
+            for status in group.statuses
+            for why in status.reasons
+        ],
+        "missed": [_reason(why) for why in group.missed],
+        "certified": None if group.certified is None else _certified(group.certified, claim),
+        "metrics": {name: _spread(spread) for name, spread in group.measures.items()},
+    }
+
+
+def _worst(found: Findings, group: GroupSummary) -> list[dict[str, Any]]:
+    """The worst completed flights, with all that was drawn."""
+    if found.measure is None:
+        return []
+    rows = next(rows for of, rows in found.flights.groups() if of == group.group)
+    return [
+        {
+            "run": flight["run"],
+            "draw": flight["draw"],
+            found.measure: flight[found.measure],
+            "success": flight["success"],
+            "parameters": {key: flight[key] for key in found.flights.keys},
+        }
+        for flight in worst_first(rows, found.measure, WORST).to_dict("records")
+    ]
+
+
+def _sensitivity(found: Findings, group: GroupSummary) -> dict[str, Any]:
+    by_measure = {}
+    for name in (SUCCESS, found.measure):
+        if name is None:
+            continue
+        indices = found.sobol.get((group.group, name))
+        by_measure[name] = {
+            "ranks": [asdict(influence) for influence in found.influences[group.group, name]],
+            "sobol": None
+            if indices is None
+            else {
+                factor: {
+                    "first": indices.first[:, i].tolist(),
+                    "total": indices.total[:, i].tolist(),
+                    "blocks": indices.n,
+                }
+                for i, factor in enumerate(found.flights.plan.factors)
+            },
+        }
+    return by_measure
+
+
+def _reason(reason: Reason) -> dict[str, Any]:
+    return {"reason": reason.text, "count": reason.count, "run": reason.run}
+
+
+def _spread(spread: Spread) -> dict[str, Any]:
+    values = {name: estimate.value for name, estimate in spread.percentiles.items()}
+    intervals = {f"{name}_interval": _interval(e) for name, e in spread.percentiles.items()}
+    return {**values, "mean": spread.mean, "n": spread.n, **intervals}
+
+
+def _certified(count: CertifiedCount, claim: UltimateSet | None) -> dict[str, Any]:
+    bound: dict[str, Any] = {}
+    if claim is not None:
+        bound = {
+            "L_d_rad_s2": claim.L_d,
+            "from_s": claim.t_from,
+            "tube_deg": [width / DEG for width in claim.tube],
+            "says_nothing": claim.vacuous,
+        }
+    return {
+        **bound,
+        "held": count.held,
+        "broken": count.broken,
+        "not_entered": count.not_entered,
+        "lost": count.lost,
+        "rate": count.of_all.value,
+        "interval": _interval(count.of_all),
+        "rate_of_entered": count.of_entered.value,
+        "interval_of_entered": _interval(count.of_entered),
+    }
+
+
+def _interval(estimate: Estimate) -> list[float]:
+    return [estimate.lo, estimate.hi]
