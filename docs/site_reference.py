@@ -31,8 +31,8 @@ def complete(_app: object, name: str, source: list[str]) -> None:
 def public_names() -> Iterator[str]:
     """Every public name with its docstring, by the package that it lives in."""
     of_package: dict[str, list[str]] = {}
-    for module, names in flighttune._HOMES.items():
-        of_package.setdefault(module.split(".")[0], []).extend(names.split())
+    for name, module in flighttune._public_modules().items():
+        of_package.setdefault(module.split(".")[1], []).append(name)
     for package, names in of_package.items():
         yield f"## {package}\n"
         for name in sorted(names):

@@ -1,4 +1,4 @@
-"""What can go wrong.
+"""The errors that flighttune raises.
 
 FlightTuneError
 ├── InputError (ValueError)      a value the caller gave cannot be used
@@ -50,4 +50,4 @@ class SolverError(FlightTuneError, RuntimeError):
 
 
 class CampaignError(FlightTuneError, RuntimeError):
-    """A campaign was cut short by what flies it; the runs flown stay."""
+    """A campaign was cut short because its cluster failed; finished runs are kept."""

@@ -16,17 +16,8 @@ EXTRAS = {
 def need(what: str, *modules: str) -> None:
     """Refuse a feature whose modules are not all installed.
 
-    Parameters
-    ----------
-    what : str
-        The feature, as the message names it.
-    *modules : str
-        Any of `EXTRAS`.
-
-    Raises
-    ------
-    InputError
-        If one is missing; names the extra.
+    `what`: the feature, as the message names it. `*modules`: any of `EXTRAS`. Raises InputError if
+    one is missing; names the extra.
     """
     absent = [module for module in modules if find_spec(module) is None]
     if absent:
@@ -34,14 +25,7 @@ def need(what: str, *modules: str) -> None:
 
 
 def missing_extra(error: ImportError, what: str) -> str | None:
-    """The message of `need` for an import that failed; None where no extra would help.
-
-    Parameters
-    ----------
-    error : ImportError
-    what : str
-        What imported it.
-    """
+    """The message of `need` for an import that failed; None where no extra would help."""
     module = (error.name or "").partition(".")[0]
     absent = module in EXTRAS and find_spec(module) is None
     return _message(what, [module]) if absent else None

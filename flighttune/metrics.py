@@ -1,4 +1,4 @@
-"""How well a run followed its reference: the paper's measures and the usual step measures."""
+"""Tracking measures of a run: those of the paper and the usual step measures."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -23,7 +23,7 @@ MEASURED = (
     "n_z",
     "alpha",
 )
-"""Signals that measures are taken of."""
+"""Signals that the measures use."""
 
 METRICS: dict[str, str] = {
     "ITAE": "rad s^2",
@@ -55,16 +55,7 @@ def unit_of(subject: str, name: str) -> str:
 def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":
     """`channel_metrics` and `flight_metrics` of those runs that flew, by label.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-
-    Returns
-    -------
-    channels : DataFrame
-        Index run and channel; empty without runs.
-    flights : DataFrame
-        Index run.
+    `channels`: index run and channel; empty without runs.
     """
     import pandas as pd
 
@@ -129,35 +120,24 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
 
 
 def measures(run: Run) -> dict[str, dict[str, float]]:
-    """Everything that is measured of a run, as numbers.
+    """All measures of a run, as numbers.
 
-    Parameters
-    ----------
-    run : Run
-
-    Returns
-    -------
-    dict
-        ``chi`` and ``gamma``: `channel_metrics` and ``peak_rad``, the largest magnitude of the
-        error; ``flight``: `flight_metrics`. Empty for a run of fewer than two samples.
+    Returns ``chi`` and ``gamma``: `channel_metrics` and ``peak_rad``, the largest magnitude of the
+    error; ``flight``: `flight_metrics`. Empty for a run of fewer than two samples.
     """
     if len(run.signals) < 2:
         return {}
     t, columns = run.t, signal_arrays(run, MEASURED)
-    found = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
-    for channel, of_channel in found.items():
+    tables = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
+    for channel, of_channel in tables.items():
         of_channel["peak_rad"] = float(np.max(np.abs(columns[f"{channel}_err"])))
-    return {**found, "flight": _flight_measures(columns)}
+    return {**tables, "flight": _flight_measures(columns)}
 
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
-    """Those signals of `names` that a run has, as contiguous arrays.
+    """The signals among `names` that a run has, as contiguous arrays.
 
-    Parameters
-    ----------
-    run : Run
-    names : sequence of str
-        Any of `SIGNAL_UNITS`.
+    `names`: any of `SIGNAL_UNITS`.
     """
     table, columns = run.signals.to_numpy(), run.signals.columns
     return {
@@ -175,7 +155,7 @@ def has_step(run: Run, channel: str) -> bool:
 
 
 def flight_metrics(run: Run) -> dict[str, float]:
-    """What the whole aircraft did, as far as the plant shows it.
+    """Measures of the whole aircraft, as far as the plant shows it.
 
     Returns
     -------
@@ -188,14 +168,14 @@ def flight_metrics(run: Run) -> dict[str, float]:
 
 def _flight_measures(columns: Mapping[str, FloatArray]) -> dict[str, float]:
     V_a, n_z = columns["V_a"], columns["n_z"]
-    found = {
+    values = {
         "V_a_dev_mps": float(np.max(np.abs(V_a - V_a[0]))),
         "n_z_min": float(np.min(n_z)),
         "n_z_max": float(np.max(n_z)),
     }
     if "alpha" in columns:
-        found["alpha_max_rad"] = float(np.max(np.abs(columns["alpha"])))
-    return found
+        values["alpha_max_rad"] = float(np.max(np.abs(columns["alpha"])))
+    return values
 
 
 def _channel_measures(

@@ -1,41 +1,28 @@
-"""Pydantic's problems with a file as one line that names keys and says what must be."""
+"""Validation errors of pydantic as one line that names key, requirement and value."""
 
 import difflib
 import re
 from collections.abc import Iterable
-from itertools import takewhile
 from reprlib import Repr
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-UNION_TAGS = {
-    "step",
-    "ramp",
-    "doublet",
-    "str",
-    "float",
-    "constrained-float",
-    "GainsTable",
-    "LawTable",
-}
-"""How pydantic names the member of a union that it tried, among the keys of a problem."""
-
 MAX_LISTED = 5
 """Mistakes listed in one line; the rest is counted."""
 
-LONGEST_KEY = 80
-"""Characters of a key or a name that are repeated in a message."""
+MAX_CHARACTERS = 80
+"""Characters of a key or a value that a message repeats."""
 
 _ABRIDGED = Repr()
-_ABRIDGED.maxstring = _ABRIDGED.maxother = LONGEST_KEY
+_ABRIDGED.maxstring = _ABRIDGED.maxother = MAX_CHARACTERS
 
 
 def shown(key: str) -> str:
     """A key as a message repeats it: the middle of a long one is left out."""
-    if len(key) <= LONGEST_KEY:
+    if len(key) <= MAX_CHARACTERS:
         return key
-    half = LONGEST_KEY // 2
+    half = MAX_CHARACTERS // 2
     return f"{key[:half]}...{key[-half:]}"
 
 
@@ -52,22 +39,15 @@ def joined(faults: Iterable[str]) -> str:
     return " ".join(line.split()) + ("" if line.endswith("?") else ".")
 
 
-def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
-    """All mistakes in values for `model` as one line, the most informative first.
-
-    Parameters
-    ----------
-    error : ValidationError
-        What pydantic found.
-    model : type of BaseModel
-        What the values were read as.
-    """
+def mistakes(error: ValidationError, model: type[BaseModel], tables: object) -> str:
+    """All mistakes in `tables`, read as `model`, as one line; the most informative first."""
     problems = sorted(error.errors(include_url=False), key=_informative, reverse=True)
     # A value of a union has a problem for every member that was tried: one of them is enough.
-    by_place: dict[tuple[int | str, ...], ErrorDetails] = {}
+    by_place: dict[tuple[int | str, ...], str] = {}
     for problem in problems:
-        by_place.setdefault(_place(problem), problem)
-    return joined(_sentence(problem, model) for problem in by_place.values())
+        keys, place = _keys_and_place(problem, tables)
+        by_place.setdefault(place, _sentence(problem, keys, model))
+    return joined(by_place.values())
 
 
 def first_mistake(error: ValidationError) -> str:
@@ -77,12 +57,29 @@ def first_mistake(error: ValidationError) -> str:
     return f"`{shown(key)}` {_requirement(problem)}."
 
 
-def _keys(problem: ErrorDetails) -> tuple[str, ...]:
-    tables, key = problem["loc"], ()
-    if problem["type"] == "extra_forbidden":  # this one may have the name of a tag
-        tables, key = problem["loc"][:-1], problem["loc"][-1:]
-    parts = (part for part in tables if isinstance(part, str) and not _is_tag(part))
-    return (*parts, *map(str, key))
+def _keys_and_place(
+    problem: ErrorDetails, tables: object
+) -> tuple[list[str], tuple[int | str, ...]]:
+    """Keys down to the value that is wrong, and its place in front of any member of a union.
+
+    Pydantic puts the member of a union that it tried among the keys; it is none of the tables'.
+    """
+    keys: list[str] = []
+    place: list[int | str] = []
+    value, in_member = tables, False
+    last = len(problem["loc"]) - 1
+    for i, part in enumerate(problem["loc"]):
+        is_missing = i == last and problem["type"] == "missing"
+        if (isinstance(value, dict) and part in value) or is_missing:
+            value = value.get(part) if isinstance(value, dict) else None
+            keys.append(str(part))
+        elif isinstance(value, list) and isinstance(part, int) and part < len(value):
+            value = value[part]
+        else:
+            in_member = True
+        if not in_member:
+            place.append(part)
+    return keys, tuple(place)
 
 
 def _informative(problem: ErrorDetails) -> tuple[int, bool, bool]:
@@ -97,21 +94,14 @@ def _informative(problem: ErrorDetails) -> tuple[int, bool, bool]:
     )
 
 
-def _place(problem: ErrorDetails) -> tuple[int | str, ...]:
-    """Keys and indices down to the value that is wrong, without the member of a union."""
-    untagged = takewhile(lambda part: not (isinstance(part, str) and _is_tag(part)), problem["loc"])
-    return tuple(untagged)
-
-
-def _sentence(problem: ErrorDetails, model: type[BaseModel]) -> str:
-    keys = _keys(problem)
+def _sentence(problem: ErrorDetails, keys: list[str], model: type[BaseModel]) -> str:
     key = shown(keys[-1]) if keys else ""
     table = f"[{shown('.'.join(keys[:-1]))}] " if len(keys) > 1 else ""
     got, kind, message = problem.get("input"), problem["type"], problem["msg"]
     if kind == "extra_forbidden":
-        known = _known_keys(model, keys[:-1])
-        close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-        hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(known)}."
+        names = _known_keys(model, keys[:-1])
+        close = difflib.get_close_matches(key, names, n=1, cutoff=0.5)
+        hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(names)}."
         return f"{table}`{key}` is not a known key; {hint}"
     if kind == "value_error" and message.startswith("Value error, ["):
         return f"{message.removeprefix('Value error, ')}."  # a validator named table and key
@@ -125,7 +115,7 @@ def _sentence(problem: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _requirement(problem: ErrorDetails) -> str:
-    """What a value must be, and what it is."""
+    """The requirement that a value misses, and the value."""
     plain = {
         "missing": "must be given",
         "extra_forbidden": "must not be there: the key is unknown",
@@ -140,11 +130,6 @@ def _requirement(problem: ErrorDetails) -> str:
     return f"{message}, got {abridged(problem.get('input'))}"
 
 
-def _is_tag(part: str) -> bool:
-    # A list or a constrained type among the members is named like "list[tagged-union[...]]".
-    return part in UNION_TAGS or "[" in part
-
-
 def _known_keys(model: type[BaseModel], keys: Iterable[str]) -> list[str]:
     for key in keys:
         for candidate in _tables_of(model, key):
@@ -154,11 +139,11 @@ def _known_keys(model: type[BaseModel], keys: Iterable[str]) -> list[str]:
 
 def _tables_of(model: type[BaseModel], key: str) -> list[type[BaseModel]]:
     field = model.model_fields.get(key)
-    found: list[type[BaseModel]] = []
+    tables: list[type[BaseModel]] = []
     pending = [field.annotation] if field else []
     while pending:
         kind = pending.pop()
         if isinstance(kind, type) and issubclass(kind, BaseModel):
-            found.append(kind)
+            tables.append(kind)
         pending.extend(getattr(kind, "__args__", ()))
-    return found
+    return tables

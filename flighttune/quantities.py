@@ -1,6 +1,6 @@
-"""Ranges of the numbers in files, by what they measure; a key names one and is held to it.
+"""Ranges of the numbers in files, by quantity.
 
-They are wide: what lies outside is a slip of the unit or of the keyboard, would overflow, or would
+They are wide: a number outside is a slip of the unit or of the keyboard, would overflow, or would
 take hours to fly.
 """
 
@@ -83,7 +83,7 @@ Length: TypeAlias = Annotated[Finite, Field(ge=0.1, le=1e5)]
 Gain: TypeAlias = Annotated[Finite, Field(ge=-1e6, le=1e6)]
 PositiveGain: TypeAlias = Annotated[Positive, Field(le=1e6)]
 Scale: TypeAlias = Annotated[Finite, Field(ge=1e-6, le=1e6)]
-"""Of a unit of state."""
+"""Size of the unit of a state."""
 
 
 def _rectangular(rows: list[list[float]]) -> list[list[float]]:

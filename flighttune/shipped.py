@@ -1,4 +1,4 @@
-"""Where aircraft lie, and the scenarios and campaigns that come with flighttune."""
+"""Folders of aircraft, and the scenarios and campaigns that come with flighttune."""
 
 import os
 from collections.abc import Iterable
@@ -35,11 +35,11 @@ def aircraft_places() -> tuple[Path, ...]:
 
 def aircraft_folders() -> dict[str, Path]:
     """Return the folders of the aircraft found by name, sorted; the first of a name counts."""
-    found = {}
+    folders = {}
     for place in aircraft_places():
         for file in place.glob("*/aircraft.toml"):
-            found.setdefault(file.parent.name, file.parent)
-    return dict(sorted(found.items()))
+            folders.setdefault(file.parent.name, file.parent)
+    return dict(sorted(folders.items()))
 
 
 def scenario_files() -> dict[str, Path]:
@@ -66,19 +66,16 @@ def is_shipped(folder: Path) -> bool:
 def aircraft_folder(name: str) -> Path:
     """Return the folder of the aircraft `name`, found in one of `aircraft_places`.
 
-    Raises
-    ------
-    InputError
-        If there is no aircraft of that name.
+    Raises InputError if there is no aircraft of that name.
     """
     if Path(name).name == name:
         for place in aircraft_places():
             if os.path.isfile(place / name / "aircraft.toml"):  # False where access is denied
                 return (place / name).resolve()
-    known = list(aircraft_folders())
+    names = list(aircraft_folders())
     raise InputError(
-        f"`aircraft` must be one of {', '.join(known)}, or a folder with one, got {name!r}"
-        f"{nearest_name(name, known)}"
+        f"`aircraft` must be one of {', '.join(names)}, or a folder with one, got {name!r}"
+        f"{nearest_name(name, names)}"
     )
 
 
@@ -86,8 +83,8 @@ def nearest_name(name: str, names: Iterable[str]) -> str:
     """The end of a message: ``; did you mean X?``, or a full stop where no name is like it."""
     from difflib import get_close_matches
 
-    found = get_close_matches(name, list(names), n=1)
-    return f"; did you mean {found[0]}?" if found else "."
+    close = get_close_matches(name, list(names), n=1)
+    return f"; did you mean {close[0]}?" if close else "."
 
 
 def _shipped_folder(name: str) -> Path:

@@ -14,21 +14,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Several blocks in an `ExitStack` are renamed after all are written, the last one first.
 
-    Parameters
-    ----------
-    path : Path
-        Where the finished file shall be; an existing file stays until it is replaced.
-
-    Yields
-    ------
-    Path
-        Where to write, in the same folder and with the same suffix. It begins with a dot: a file
-        that a killed command left behind belongs to nobody.
-
-    Raises
-    ------
-    OutputError
-        If the folder or the file cannot be written.
+    An existing file at `path` stays until it is replaced. Yields the name to write to, in the same
+    folder and with the same suffix. It begins with a dot: readers pass over the file that a killed
+    command left behind. Raises OutputError if the folder or the file cannot be written.
     """
     part = path.with_name(f".{path.stem}-{uuid.uuid4().hex}{path.suffix}")
     try:
@@ -43,17 +31,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write a file whole, in UTF-8 with the line ends of `text`: the same bytes on every system.
+    """Write a file whole, in UTF-8 with the line ends of `text`.
 
-    Returns
-    -------
-    Path
-        `path`.
-
-    Raises
-    ------
-    OutputError
-        If the folder or the file cannot be written.
+    Raises OutputError if the folder or the file cannot be written.
     """
     with whole_file(path) as part:
         part.write_bytes(text.encode())
@@ -61,7 +41,7 @@ def write_text(path: Path, text: str) -> Path:
 
 
 def reason_of(error: OSError) -> str:
-    """What the system says, without its number and file: ``no space left on device``."""
+    """Message of the system without error number and file: ``no space left on device``."""
     text = error.strerror or str(error)
     return text[:1].lower() + text[1:]
 
@@ -69,10 +49,7 @@ def reason_of(error: OSError) -> str:
 def made_folder(folder: Path) -> Path:
     """Make a folder, and those above it, where there is none.
 
-    Raises
-    ------
-    OutputError
-        If it cannot be made.
+    Raises OutputError if it cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

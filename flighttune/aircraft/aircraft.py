@@ -78,43 +78,23 @@ class AircraftTable(BaseModel):
 
 
 class FlightEnvelope(AircraftTable):
-    """Where the model is valid: leaving it ends a flight.
+    """Range in which the model is valid: leaving it ends a flight."""
 
-    Attributes
-    ----------
-    alpha, theta : tuple of two floats, rad
-        Angle of attack; pitch attitude.
-    V_a : tuple of two floats, m/s
-        Airspeed.
-    n_z : tuple of two floats, 1
-        Load factor.
-    """
-
+    # `alpha` and `theta` (rad): angle of attack; pitch attitude
     alpha: Angles = Field(alias="alpha_deg")
     theta: Angles = Field(alias="theta_deg")
-    V_a: Airspeeds = Field(alias="V_a_mps")
-    n_z: LoadFactors
+    V_a: Airspeeds = Field(alias="V_a_mps")  # m/s: airspeed
+    n_z: LoadFactors  # load factor
 
 
 class CommandLimits(AircraftTable):
-    """Limits of the inner loop on its commands.
+    """Limits of the inner loop on its commands."""
 
-    Attributes
-    ----------
-    phi : tuple of two floats, rad
-        Roll command.
-    phi_rate : float, rad/s
-        Its rate.
-    n_z : tuple of two floats, 1
-        Load-factor command.
-    n_z_rate : float, 1/s
-        Its rate.
-    """
-
-    phi: Angles = Field(alias="phi_deg")
+    phi: Angles = Field(alias="phi_deg")  # rad: roll command
+    # rad/s: rate of the roll command
     phi_rate: Annotated[PositiveRate, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
-    n_z: LoadFactors
-    n_z_rate: PositiveRate = Field(alias="n_z_rate_per_s")
+    n_z: LoadFactors  # load-factor command
+    n_z_rate: PositiveRate = Field(alias="n_z_rate_per_s")  # 1/s: rate of the load-factor command
 
     def limits(self) -> Limits:
         """Return the limits of (phi, n_z) for the controller."""
@@ -129,32 +109,24 @@ class CommandLimits(AircraftTable):
 
 
 class Surface(AircraftTable):
-    """A control surface: how far it is moved, and by which property of the model.
+    """A control surface: how far it is moved, and by which property of the model."""
 
-    Attributes
-    ----------
-    travel : tuple of two floats, rad
-        Stops, positive where the aileron rolls right, the elevator is trailing edge down and the
-        rudder trailing edge left.
-    command : str or None
-        Property of the model that takes the command, by default ``fcs/SURFACE-cmd-norm``. One that
-        ends in ``-rad`` takes the position itself.
-    full : tuple of two floats, rad, or None
-        Positions at the commands -1 and +1, by default `travel`; the first is the larger one where
-        the command acts the other way round.
-    replaces : tuple of str
-        Properties of the model's own flight control that its aerodynamics read, and instead of
-        which they get the position: past a flight control that does not do as it is told.
-    """
-
+    # rad: stops, positive where the aileron rolls right, the elevator is trailing edge down and the
+    # rudder trailing edge left.
     travel: Angles = Field(alias="travel_deg")
+    # Property of the model that takes the command, by default ``fcs/SURFACE-cmd-norm``. One that
+    # ends in ``-rad`` takes the position itself.
     command: PropertyName | None = None
+    # rad: positions at the commands -1 and +1, by default `travel`; the first is larger if the
+    # command has the opposite sense.
     full: (
         Annotated[
             tuple[SurfaceAngle, SurfaceAngle], Field(strict=False), AfterValidator(_through_zero)
         ]
         | None
     ) = Field(alias="full_rad", default=None)
+    # Properties of the model's own flight control that its aerodynamics read, and instead of which
+    # they get the position: this goes past a flight control that would change the position.
     replaces: Annotated[tuple[PropertyName, ...], Field(strict=False, max_length=20)] = ()
 
 
@@ -174,57 +146,37 @@ class Surfaces(AircraftTable):
 
 
 class Engines(AircraftTable):
-    """The engines, which get one throttle command.
+    """The engines, which get one throttle command."""
 
-    Attributes
-    ----------
-    count : int
-        Engines of the model, every one of which must push.
-    settle : float, s
-        Time they take from any state to a steady one; 0 where JSBSim knows the steady state.
-    throttle : tuple of two floats, 1
-        Lowest and highest throttle.
-    command : str
-        Property of the model that takes the throttle of the first engine; the others are indices.
-    """
-
+    # Engines of the model, every one of which must push
     count: Annotated[int, Field(ge=1, le=32)] = 1
+    # s: time they take from any state to a steady one; 0 where JSBSim knows the steady state
     settle: Settling = Field(alias="settle_s", default=0.0)
-    throttle: Throttles = (0.0, 1.0)
+    throttle: Throttles = (0.0, 1.0)  # lowest and highest throttle
+    # Property of the model that takes the throttle of the first engine; the others are indices
     command: PropertyName = "fcs/throttle-cmd-norm"
 
 
 class Design(AircraftTable):
-    """Goals of ``flighttune design`` for the inner loop.
+    """Goals of ``flighttune design`` for the inner loop."""
 
-    Attributes
-    ----------
-    V_a, h : float, m/s and m
-        Steady level flight that the airframe is linearised about.
-    V_a_shown : tuple of float, m/s
-        Airspeeds of the step responses.
-    roll, n_z, speed : float, rad/s
-        Bandwidth of roll, of load factor and of airspeed.
-    roll_error : float, rad/s, or None
-        Natural frequency of the roll error; by default 2.3 times the bandwidth of roll, at most
-        half that of the actuator.
-    roll_t90, n_z_t90 : float, s
-        Longest time to 90 % of the step.
-    roll_overshoot, n_z_overshoot : float, 1
-        Largest overshoot as a share of the step.
-    """
-
+    # `V_a` and `h` (m/s and m): steady level flight that the airframe is linearised about
     V_a: Airspeed = Field(alias="V_a_mps")
     h: Height = Field(alias="h_m")
     V_a_shown: tuple[Airspeed, ...] = Field(
         strict=False, alias="V_a_shown_mps", min_length=1, max_length=20
-    )
+    )  # m/s: airspeeds of the step responses
+    # `roll`, `n_z` and `speed` (rad/s): bandwidth of roll, of load factor and of airspeed
     roll: Bandwidth = Field(alias="roll_rad_s")
     n_z: Bandwidth = Field(alias="n_z_rad_s")
     speed: Bandwidth = Field(alias="speed_rad_s")
+    # rad/s: natural frequency of the roll error; by default 2.3 times the bandwidth of roll, at
+    # most half that of the actuator.
     roll_error: Bandwidth | None = Field(alias="roll_error_rad_s", default=None)
+    # `roll_t90` and `n_z_t90` (s): longest time to 90 % of the step
     roll_t90: TimeConstant = Field(alias="roll_t90_s")
     n_z_t90: TimeConstant = Field(alias="n_z_t90_s")
+    # `roll_overshoot` and `n_z_overshoot`: largest overshoot as a share of the step
     roll_overshoot: Positive
     n_z_overshoot: Positive
 
@@ -233,22 +185,12 @@ GAINS_FILE = "gains.json"
 
 
 class InnerLoopGains(AircraftTable):
-    """Gains of the inner loop, as ``flighttune design`` writes them beside ``aircraft.toml``.
-
-    Attributes
-    ----------
-    format : str
-    made_for : str
-        Hash of the model's files and of the aircraft's surfaces, engines and settings.
-    jsbsim : str
-        Version that computed them.
-    gains : mapping of str to float
-        By the name they have behind ``ft/gains/``; surfaces in rad, rates in rad/s, throttle in 1.
-    """
+    """Gains of the inner loop, as ``flighttune design`` writes them beside ``aircraft.toml``."""
 
     format: Literal["flighttune inner-loop gains 1"] = "flighttune inner-loop gains 1"
-    made_for: str
-    jsbsim: str
+    made_for: str  # hash of the model's files and of the aircraft's surfaces, engines and settings
+    jsbsim: str  # version that computed them
+    # Gains by their names behind ``ft/gains/``; surfaces in rad, rates in rad/s, throttle in 1
     gains: dict[PropertyName, Gain]
 
     @property
@@ -259,36 +201,26 @@ class InnerLoopGains(AircraftTable):
 
 
 class AircraftConfig(AircraftTable):
-    """One aircraft as its ``aircraft.toml`` describes it, in SI and radians.
+    """One aircraft as its ``aircraft.toml`` describes it, in SI and radians."""
 
-    Attributes
-    ----------
-    title, source : str
-        What it is and where its numbers come from.
-    model : str
-        Aircraft of JSBSim's own set by name, or the path of a main file from the folder, which
-        ends in ``.xml``.
-    inner_loop_rate : float, 1/s
-        Samples of the computer that runs the inner loop. JSBSim's steps are this or a whole
-        fraction.
-    settings : mapping of str to float
-        Values of JSBSim properties for the whole flight, in JSBSim's units.
-    declared : mapping of str to float
-        Values of properties that the model refers to and neither it nor JSBSim has: those of
-        another simulator.
-    surfaces, engines, envelope, limits, design
-        Tables of the file.
-    """
-
+    # Description of the aircraft, and source of its numbers
     title: str
     source: str
+    # Aircraft of JSBSim's own set by name, or the path of a main file from the folder, which ends
+    # in ``.xml``.
     model: Annotated[str, Field(pattern=r"^[^\x00-\x1f{}]+$", max_length=500)]
+    # 1/s: samples of the computer that runs the inner loop. JSBSim's steps are this or a whole
+    # fraction.
     inner_loop_rate: Annotated[Finite, Field(ge=20.0, le=2000.0)] = Field(
         alias="inner_loop_rate_hz", default=200.0
     )
+    # `surfaces`, `engines`, `envelope`, `limits` and `design`: tables of the file
     surfaces: Surfaces
     engines: Engines = Engines()
+    # Values of JSBSim properties for the whole flight, in JSBSim's units
     settings: dict[PropertyName, Finite] = Field(default_factory=dict)
+    # Values of properties of another simulator: the model refers to them, and neither it nor JSBSim
+    # has them.
     declared: dict[DeclaredName, Finite] = Field(default_factory=dict)
     envelope: FlightEnvelope
     limits: CommandLimits
@@ -332,7 +264,7 @@ class AircraftConfig(AircraftTable):
 
     @property
     def off_nominal(self) -> OffNominal | None:
-        """How the aircraft differs from its files; None where it does not."""
+        """Differences of the aircraft from its files; None without any."""
         return self._off_nominal
 
     def with_off_nominal(self, off_nominal: OffNominal | None) -> Self:
@@ -344,10 +276,7 @@ class AircraftConfig(AircraftTable):
     def with_throttle_max(self, throttle_max: float) -> Self:
         """Return the aircraft with another upper stop of the throttle.
 
-        Raises
-        ------
-        InputError
-            If it does not lie between the stops of the aircraft.
+        Raises InputError if it does not lie between the stops of the aircraft.
         """
         low, high = self.engines.throttle
         if not low < throttle_max <= high:
@@ -361,17 +290,9 @@ class AircraftConfig(AircraftTable):
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:
     """Return the aircraft of a name, or of a folder that holds an ``aircraft.toml``.
 
-    Parameters
-    ----------
-    aircraft : str or Path
-        Name of a shipped aircraft; a Path, or a str with a separator, is a folder.
-
-    Raises
-    ------
-    InputError
-        If there is no such aircraft.
-    ScenarioError
-        If its ``aircraft.toml`` cannot be used; the message names file and key.
+    `aircraft`: name of a shipped aircraft; a Path, or a str with a separator, is a folder. Raises
+    InputError if there is no such aircraft. Raises ScenarioError if its ``aircraft.toml`` cannot be
+    used; the message names file and key.
     """
     if isinstance(aircraft, str) and Path(aircraft).name == aircraft:
         folder = aircraft_folder(aircraft)
@@ -405,10 +326,7 @@ def _read(folder: Path, stamps: tuple[tuple[int, ...], ...]) -> AircraftConfig:
 def aircraft_from(tables: dict[str, Any], folder: Path) -> AircraftConfig:
     """Return the aircraft that the tables of an ``aircraft.toml`` in `folder` describe.
 
-    Raises
-    ------
-    ScenarioError
-        If they cannot be used; the message names file and key.
+    Raises ScenarioError if they cannot be used; the message names file and key.
     """
     config = _checked(AircraftConfig, tables, folder / "aircraft.toml")
     config._folder = folder
@@ -418,10 +336,7 @@ def aircraft_from(tables: dict[str, Any], folder: Path) -> AircraftConfig:
 def save_gains(gains: InnerLoopGains, folder: Path) -> Path:
     """Write the gains of an inner loop into an aircraft's folder, and return the file.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     file = folder / GAINS_FILE
     text = json.dumps(gains.model_dump(), indent=2, allow_nan=False) + "\n"
@@ -439,16 +354,13 @@ def _checked(model: type[Model], tables: dict[str, Any], file: Path) -> Model:
 def files_hash(aircraft: str) -> str:
     """Hash of the names and contents of an aircraft's files.
 
-    Raises
-    ------
-    InputError
-        If there is no such aircraft.
+    Raises InputError if there is no such aircraft.
     """
     folder = load_aircraft(aircraft).folder
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):
         if file.suffix in (".xml", ".toml", ".json"):
             content = file.read_bytes()
-            found.update(f"{file.relative_to(folder).as_posix()} {len(content)}\n".encode())
-            found.update(content)
-    return found.hexdigest()
+            digest.update(f"{file.relative_to(folder).as_posix()} {len(content)}\n".encode())
+            digest.update(content)
+    return digest.hexdigest()

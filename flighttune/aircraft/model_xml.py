@@ -23,17 +23,7 @@ _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 def read_xml(file: Path, what: str) -> ElementTree.Element:
     """Return the root element of `file`.
 
-    Parameters
-    ----------
-    file : path
-        An XML file.
-    what : str
-        What an error message begins with.
-
-    Raises
-    ------
-    PlantError
-        If it cannot be read.
+    `what` is the beginning of an error message. Raises PlantError if it cannot be read.
     """
     try:
         root = ElementTree.parse(file).getroot()
@@ -60,7 +50,7 @@ def template_of(root: ElementTree.Element) -> str:
 
 def filled(template: str, values: Mapping[str, float]) -> str:
     """Text with `values` in its placeholders, to the last bit."""
-    return _PLACEHOLDER.sub(lambda found: repr(values[found[1]] * float(found[2])), template)
+    return _PLACEHOLDER.sub(lambda match: repr(values[match[1]] * float(match[2])), template)
 
 
 AXES = dict(zip(OffNominal.AXES, ["LIFT", "DRAG", "SIDE", "ROLL", "PITCH", "YAW"], strict=True))
@@ -70,7 +60,7 @@ SURFACE_ACTUATORS = tuple(f"ft/{name}-rad" for name in SURFACES)
 """Names of the actuators of the surfaces."""
 
 COEFFICIENT = "coefficient "
-"""What the placeholder of a factor on a single function begins with."""
+"""Beginning of the placeholder of a factor on a single function."""
 
 _THRUST_OF = {"electric_engine": ("power",), "turbine_engine": ("milthrust", "maxthrust")}
 """Numbers proportional to the thrust of engines that push without a propeller."""
@@ -81,19 +71,8 @@ _NOT_OPERATIONS = ("description", "documentation")
 def scale_axis(root: Element, key: str, file: Path) -> None:
     """Multiply every function of the axis that belongs to `key`.
 
-    Parameters
-    ----------
-    root : Element
-        Main file of the aircraft.
-    key : str
-        One of `AXES`; the factor is its placeholder.
-    file : path
-        Where the main file stands.
-
-    Raises
-    ------
-    InputError
-        If the aircraft has no such axis.
+    `root` is the main file `file` of the aircraft. The placeholder of the factor is `key`, one of
+    `AXES`. Raises InputError if the aircraft has no such axis.
     """
     axes = root.findall("aerodynamics/axis")
     functions = [f for axis in axes if axis.get("name") == AXES[key] for f in axis.iter("function")]
@@ -109,25 +88,16 @@ def scale_axis(root: Element, key: str, file: Path) -> None:
 def scale_coefficient(root: Element, name: str, file: Path) -> None:
     """Multiply the one aerodynamic function, or named part of one, that is called `name`.
 
-    Parameters
-    ----------
-    root : Element
-        Main file of the aircraft.
-    name : str
-        Name in the file, or its part behind the last slash.
-    file : path
-        Where the main file stands.
-
-    Raises
-    ------
-    InputError
-        If no function, or more than one, has that name.
+    `root` is the main file `file` of the aircraft; `name` is the name in it, or the part behind its
+    last slash. Raises InputError if no function, or more than one, has that name.
     """
     named = list(_named(root))
-    found = [one for one in named if name in (one[2], one[2].rpartition("/")[2])]
-    if len(found) != 1:
+    functions = [
+        function for function in named if name in (function[2], function[2].rpartition("/")[2])
+    ]
+    if len(functions) != 1:
         raise InputError(f"`coefficient_factors.{name}` must be {_one_of(name, named, file)}")
-    parent, i, _ = found[0]
+    parent, i, _ = functions[0]
     if parent[i].tag == "function":
         _multiply_function(parent[i], placeholder(f"{COEFFICIENT}{name}"))
     else:
@@ -137,21 +107,9 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
 def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
     """Multiply the thrust of every engine: of its propeller, or of what pushes directly.
 
-    Parameters
-    ----------
-    root : Element
-        Main file of the aircraft; the files of engines and thrusters are put into it.
-    folders : sequence of path
-        Where those are looked for, in this order.
-    file : path
-        Where the main file stands.
-
-    Raises
-    ------
-    InputError
-        If it is not known how.
-    PlantError
-        If the file of an engine or thruster cannot be read.
+    `root` is the main file `file` of the aircraft. The files of engines and thrusters are looked
+    for in `folders`, in this order, and put into it. Raises InputError if it is not known how.
+    Raises PlantError if the file of an engine or thruster cannot be read.
     """
     for engine in root.iterfind("propulsion/engine"):
         motor = _inlined(engine, folders)
@@ -177,10 +135,7 @@ def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
 def slow_actuators(root: Element) -> None:
     """Multiply the time constants of the surface actuators.
 
-    Parameters
-    ----------
-    root : Element
-        Main file of the aircraft, with the systems of `flighttune.aircraft.systems` in it.
+    `root` is the main file of the aircraft with the systems of `flighttune.aircraft.systems` in it.
     """
     for actuator in root.iter("actuator"):
         lag = actuator.find("lag")
@@ -222,7 +177,9 @@ def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
 def found_file(name: str, folders: Sequence[Path]) -> Path:
     """The file that JSBSim finds under a name; in the last of the folders where there is none."""
     paths = [folder / name for folder in folders]
-    paths = [one if one.suffix == ".xml" else one.with_name(f"{one.name}.xml") for one in paths]
+    paths = [
+        path if path.suffix == ".xml" else path.with_name(f"{path.name}.xml") for path in paths
+    ]
     return next((path for path in paths if path.is_file()), paths[-1])
 
 
@@ -272,37 +229,19 @@ class Body:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MassBalance:
-    """The whole aircraft as JSBSim weighs it, and the part of it whose numbers can be set.
+    """The whole aircraft as JSBSim weighs it, and the part of it whose numbers can be set."""
 
-    Attributes
-    ----------
-    whole, empty : body
-        With load and fuel, and without.
-    pounds_per_slug : float, 1
-        As JSBSim has it.
-    """
-
+    # The aircraft with load and fuel, and without
     whole: Body
     empty: Body
-    pounds_per_slug: float
+    pounds_per_slug: float  # lbf of weight in a slug of mass, as JSBSim converts
 
     def values(self, off: OffNominal) -> dict[str, float]:
         """Numbers of the empty aircraft that make the whole one as `off` says.
 
-        Parameters
-        ----------
-        off : OffNominal
-            Factors on the whole aircraft, and the shift of its centre of gravity.
-
-        Returns
-        -------
-        dict of str to float, lbf, in and slug ft^2
-            By the placeholders of `open_mass_balance`, in its units.
-
-        Raises
-        ------
-        InputError
-            If load and fuel alone weigh as much, or no body has such inertias.
+        `off`: factors on the whole aircraft, and the shift of its centre of gravity. The keys are
+        the placeholders of `open_mass_balance`; units are lbf, in and slug ft^2. Raises InputError
+        if load and fuel alone weigh as much, or no body has such inertias.
         """
         weight = off.mass * self.whole.weight
         empty_weight = self.empty.weight + weight - self.whole.weight
@@ -323,9 +262,11 @@ class MassBalance:
         empty_cg = (weight * cg - load_moment) / empty_weight
         inertia = self._inertia(off) + self._offset(weight, cg - nominal) - load_inertia
         inertia = inertia - self._offset(empty_weight, empty_cg - nominal)
-        found = {name: _SIGN[name] * float(inertia[at]) for name, at in INERTIAS.items()}
-        found |= dict(zip(("cg_x", "cg_y", "cg_z"), (empty_cg * _INCHES).tolist(), strict=True))
-        return found | {"emptywt": empty_weight}
+        placeholders = {name: _SIGN[name] * float(inertia[at]) for name, at in INERTIAS.items()}
+        placeholders |= dict(
+            zip(("cg_x", "cg_y", "cg_z"), (empty_cg * _INCHES).tolist(), strict=True)
+        )
+        return placeholders | {"emptywt": empty_weight}
 
     def _offset(self, weight: float, distance: FloatArray) -> FloatArray:
         """Inertia of a point at `distance` (ft: aft, right, up), body axes."""

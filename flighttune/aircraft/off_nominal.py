@@ -1,4 +1,4 @@
-"""How far an aircraft is from its nominal self: factors and a shift of its centre of gravity."""
+"""An off-nominal aircraft: factors on its properties and a shift of its centre of gravity."""
 
 import math
 from dataclasses import dataclass
@@ -9,29 +9,9 @@ from flighttune.errors import InputError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffNominal:
-    """What of an aircraft differs from its files.
+    """Differences of an aircraft from its files.
 
-    Attributes
-    ----------
-    mass : float, 1
-        Factor on the whole mass; the centre of gravity and the inertias stay.
-    cg_shift : tuple of three floats, m
-        Shift of the centre of gravity: aft, right, down.
-    ixx, iyy, izz, ixz : float, 1
-        Factors on the inertias about the centre of gravity, body axes.
-    lift, drag, side_force, roll_moment, pitch_moment, yaw_moment : float, 1
-        Factors on everything the aerodynamics give along and about one axis.
-    coefficients : tuple of (str, float), 1
-        Factors on single aerodynamic functions of the model, by name or last part of it.
-    thrust : float, 1
-        Factor on the thrust at each throttle.
-    actuator_lag : float, 1
-        Factor on the time constants of the surface actuators.
-
-    Raises
-    ------
-    InputError
-        If a factor is not positive, or a shift not finite.
+    Raises InputError if a factor is not positive, or a shift not finite.
     """
 
     INERTIAS: ClassVar[tuple[str, ...]] = ("ixx", "iyy", "izz", "ixz")
@@ -42,21 +22,26 @@ class OffNominal:
     SCALED: ClassVar[tuple[str, ...]] = ("mass", *INERTIAS, *AXES, "thrust", "actuator_lag")
     """Attributes that are factors; the key of each has ``_factor`` at its end."""
 
-    mass: float = 1.0
+    mass: float = 1.0  # factor on the whole mass; the centre of gravity and the inertias stay
+    # m: shift of the centre of gravity: aft, right, down
     cg_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # `ixx`, `iyy`, `izz` and `ixz`: factors on the inertias about the centre of gravity, body axes
     ixx: float = 1.0
     iyy: float = 1.0
     izz: float = 1.0
     ixz: float = 1.0
+    # `lift`, `drag`, `side_force`, `roll_moment`, `pitch_moment` and `yaw_moment`: factors on
+    # everything the aerodynamics give along and about one axis.
     lift: float = 1.0
     drag: float = 1.0
     side_force: float = 1.0
     roll_moment: float = 1.0
     pitch_moment: float = 1.0
     yaw_moment: float = 1.0
+    # Factors on single aerodynamic functions of the model, by name or last part of it
     coefficients: tuple[tuple[str, float], ...] = ()
-    thrust: float = 1.0
-    actuator_lag: float = 1.0
+    thrust: float = 1.0  # factor on the thrust at each throttle
+    actuator_lag: float = 1.0  # factor on the time constants of the surface actuators
 
     def __post_init__(self) -> None:
         factors = {f"{name}_factor": getattr(self, name) for name in self.SCALED}

@@ -15,18 +15,14 @@ SURFACE_LAG, THROTTLE_LAG = 25.0, 5.0
 def put_in_front(root: Element, config: AircraftConfig) -> None:
     """Put the inner loop and the actuators in front of the systems of a model.
 
-    Parameters
-    ----------
-    root : Element
-        Main file of the model. Its aerodynamics are changed where a surface `replaces` what they
-        read.
-    config : AircraftConfig
+    `root`: main file of the model. Its aerodynamics are changed where a surface `replaces` what
+    they read.
     """
     inner_loop = fromstring(INNER_LOOP.read_text(encoding="utf-8"))
     # JSBSim runs the systems in the order of the file, and the flight control after them.
     first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
     root[first:first] = [inner_loop, _actuators(config)]
-    read = {one for _, surface in config.surfaces.named() for one in surface.replaces}
+    read = {variable for _, surface in config.surfaces.named() for variable in surface.replaces}
     for element in root.iterfind("aerodynamics//*"):
         text = (element.text or "").strip()
         if text.lstrip("-") in read:
@@ -86,7 +82,7 @@ def _normed(function: str, name: str, surface: Surface) -> Element:
 
 
 def _read(function: str, name: str, surface: Surface) -> Element:
-    """What the aerodynamics read instead of a position that the flight control commands."""
+    """Variables that the aerodynamics read instead of a position that flight control commands."""
     if function.endswith("-norm"):
         return _normed(function, name, surface)
     low, high = surface.travel if surface.full is None else surface.full

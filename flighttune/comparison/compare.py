@@ -46,35 +46,21 @@ COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
-    """Two runs of one manoeuvre, compared.
+    """Two runs of one manoeuvre, compared."""
 
-    Attributes
-    ----------
-    a, b : Run
-        Cut to the time both flew.
-    source_a, source_b : str
-        Where they come from.
-    durations : tuple of float, s
-        Time that each of the two flew; `a` and `b` have no more than the shorter.
-    max_distance : float, m
-        Largest distance of the two at the same time after the start.
-    t_max_distance : float, s
-        When that was.
-    differs : mapping of str to (value, value)
-        Settings of the two scenarios that are not the same, by dotted key.
-    status : tuple of str
-        How each of the two ended.
-    """
-
+    # `a` and `b`: cut to the time both flew
     a: Run
     b: Run
+    # Names of the sources of `a` and `b`
     source_a: str
     source_b: str
+    # s: time that each of the two flew; `a` and `b` have no more than the shorter
     durations: tuple[float, float]
-    max_distance: float
-    t_max_distance: float
+    max_distance: float  # m: largest distance of the two at the same time after the start
+    t_max_distance: float  # s: when that was
+    # Settings of the two scenarios that are not the same, by dotted key
     differs: dict[str, tuple[Any, Any]]
-    status: tuple[str, str]
+    status: tuple[str, str]  # status at the end of `a` and of `b`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,7 +80,7 @@ class Comparison:
     unpaired : tuple of str
         Runs without a partner, as ``source: label``.
     missing : tuple of str
-        What the sources recorded and cannot give.
+        Runs that the sources recorded and cannot give.
     """
 
     reason: str = ""
@@ -171,16 +157,16 @@ def compare(
     """
     if not others:
         raise InputError("`others` must hold at least one more source, got none.")
-    first, *rest = (_source(one, place) for place, one in enumerate((a, *others)))
+    first, *rest = (_source(runs_of, place) for place, runs_of in enumerate((a, *others)))
     pairs: list[Pair] = []
     unpaired: list[str] = []
     for other in rest:
-        found = paired(first.runs, other.runs)
-        reason = why_not(first, other, found)
+        matched = paired(first.runs, other.runs)
+        reason = why_not(first, other, matched)
         if reason:
             return Comparison(reason=reason)
-        pairs += [_pair(first, other, *two) for two in found]
-        unpaired += _left_over(first, other, found)
+        pairs += [_pair(first, other, *two) for two in matched]
+        unpaired += _left_over(first, other, matched)
     rows: list[Row] = []
     for place, pair in enumerate(pairs):
         names: Row = {"pair": place, "run_a": pair.a.label, "run_b": pair.b.label}
@@ -193,14 +179,14 @@ def compare(
     )
 
 
-def _source(given: str | Path | Run | FlownScenario | Source, place: int) -> Source:
-    if isinstance(given, Source):
-        return given
-    if isinstance(given, Run):
-        return Source(name=f"{chr(ord('A') + place)}: {given.label}", runs=(given,))
-    if isinstance(given, FlownScenario):
-        return Source(name=f"{chr(ord('A') + place)}: {given.scenario.title}", runs=given.runs)
-    return load_source(given)
+def _source(runs_of: str | Path | Run | FlownScenario | Source, place: int) -> Source:
+    if isinstance(runs_of, Source):
+        return runs_of
+    if isinstance(runs_of, Run):
+        return Source(name=f"{chr(ord('A') + place)}: {runs_of.label}", runs=(runs_of,))
+    if isinstance(runs_of, FlownScenario):
+        return Source(name=f"{chr(ord('A') + place)}: {runs_of.scenario.title}", runs=runs_of.runs)
+    return load_source(runs_of)
 
 
 def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
@@ -219,8 +205,8 @@ def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
     )
 
 
-def _left_over(first: Source, second: Source, found: Sequence[tuple[Run, Run]]) -> list[str]:
-    used = {id(run) for pair in found for run in pair}
+def _left_over(first: Source, second: Source, pairs: Sequence[tuple[Run, Run]]) -> list[str]:
+    used = {id(run) for pair in pairs for run in pair}
     return [
         f"{source.name}: {run.label}"
         for source in (first, second)

@@ -10,43 +10,36 @@ from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import Run
 
 
-def write_overlay(found: Comparison, path: str | Path) -> None:
+def write_overlay(comparison: Comparison, path: str | Path) -> None:
     """Write all runs of a comparison to one recording.
 
-    Parameters
-    ----------
-    found : Comparison
-        Comparable; time 0 of every run is the start of its flight.
-    path : path-like
-        A ``.rrd`` file to write or replace.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be written.
+    `comparison`: comparable; time 0 of every run is the start of its flight. `path`: a ``.rrd``
+    file to write or replace. Raises RecordingError if the file cannot be written.
     """
-    runs = overlaid(found)
+    runs = overlaid(comparison)
     scenario = runs[0].provenance.scenario
     title = f"{scenario.get('title', 'Flight')}: comparison"
     metrics, flight = metric_tables(runs)
     page = scenario_page(runs, scenario=scenario, metrics=metrics, flight=flight)
-    compared = comparison_table("Compared", found.metrics).markdown()
+    compared = comparison_table("Compared", comparison.metrics).markdown()
     write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{compared}\n", title=title)
 
 
-def overlaid(found: Comparison) -> list[Run]:
+def overlaid(comparison: Comparison) -> list[Run]:
     """Every run of a comparison once, with a letter for the source if runs share a label.
 
     The first source is A, the next one B and so on.
     """
     sources = list(
-        dict.fromkeys([p.source_a for p in found.pairs] + [p.source_b for p in found.pairs])
+        dict.fromkeys(
+            [p.source_a for p in comparison.pairs] + [p.source_b for p in comparison.pairs]
+        )
     )
     runs: dict[tuple[str, str], Run] = {}
-    for pair in found.pairs:
+    for pair in comparison.pairs:
         for source, run in ((pair.source_a, pair.a), (pair.source_b, pair.b)):
-            known = runs.get((source, run.label))
-            if known is None or known.duration < run.duration:
+            earlier = runs.get((source, run.label))
+            if earlier is None or earlier.duration < run.duration:
                 runs[source, run.label] = run
     labels = [label for _, label in runs]
     return [

@@ -26,7 +26,7 @@ BETTER_IF: dict[str, BetterIf] = {
     **dict.fromkeys(("PT_s", "n_z_min", "n_z_max"), "neither"),
     "MS_rad": "near zero",
 }
-"""What is better, of each metric. A time that is never reached is worse than any that is."""
+"""Better direction of each metric. A time that is never reached is worse than any other."""
 
 NEVER = ("rise_s", "settling_s")
 """Metrics whose missing value means that it was never reached."""
@@ -52,16 +52,9 @@ FEWEST_SAMPLES = 2
 def paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
     """Pair the runs of two sources.
 
-    Parameters
-    ----------
-    a, b : sequence of Run
-
-    Returns
-    -------
-    list of (Run, Run)
-        One run each: those two. Else those of equal label; failing that, those of equal
-        plant if both sides have a single gain set, or of equal gains if both have a single plant.
-        Empty where nothing fits.
+    Returns one run each: those two. Else those of equal label; failing that, those of equal plant
+    if both sides have a single gain set, or of equal gains if both have a single plant. Empty where
+    nothing fits.
     """
     if len(a) == len(b) == 1:
         return [(a[0], b[0])]
@@ -69,9 +62,9 @@ def paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
         if rest and any(len({getattr(r.provenance, rest) for r in side}) > 1 for side in (a, b)):
             continue
         partners = {_key(run, key): run for run in b}
-        found = [(run, partners[_key(run, key)]) for run in a if _key(run, key) in partners]
-        if found:
-            return found
+        matched = [(run, partners[_key(run, key)]) for run in a if _key(run, key) in partners]
+        if matched:
+            return matched
     return []
 
 
@@ -82,29 +75,25 @@ def _key(run: Run, name: str) -> str:
 def why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
     """Why two sources cannot be compared, in one sentence; empty where they can.
 
-    Parameters
-    ----------
-    a, b : Source
-    pairs : sequence of (Run, Run)
-        What `paired` makes of their runs.
+    `pairs` is the result of `paired` for their runs.
     """
     between = f"{a.name} and {b.name}"
-    for one, other in ((a, b), (b, a)):
-        several = not one.chosen and len(one.gain_sets) > 1
-        if several and set(one.gain_sets) != set(other.gain_sets):
-            choices = ", ".join(f"{one.name}@{gains}" for gains in one.gain_sets)
-            return f"{between}: {one.name} has several gain sets, name one of {choices}."
+    for source, other in ((a, b), (b, a)):
+        several = not source.chosen and len(source.gain_sets) > 1
+        if several and set(source.gain_sets) != set(other.gain_sets):
+            choices = ", ".join(f"{source.name}@{gains}" for gains in source.gain_sets)
+            return f"{between}: {source.name} has several gain sets, name one of {choices}."
     if not pairs:
         labels = " | ".join(", ".join(run.label for run in side.runs) for side in (a, b))
         return f"{between}: a run must have a partner of the same plant or gains, got {labels}."
-    for one, other in pairs:
-        for source, run in ((a, one), (b, other)):
+    for pair in pairs:
+        for source, run in zip((a, b), pair, strict=True):
             if len(run.signals) < FEWEST_SAMPLES:
                 return f"{source.name}: {run.label} must have flown, got {run.status}: {run.reason}"
-        aircraft = [run.provenance.aircraft for run in (one, other)]
+        aircraft = [run.provenance.aircraft for run in pair]
         if all(aircraft) and aircraft[0] != aircraft[1]:
             return f"{between}: the aircraft must be the same, got {aircraft[0]} and {aircraft[1]}."
-        flown = [manoeuvre(run) for run in (one, other)]
+        flown = [manoeuvre(run) for run in pair]
         different = _changes(*flown)
         if different:
             key, (value, got) = next(iter(different.items()))
@@ -113,10 +102,10 @@ def why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
 
 
 def manoeuvre(run: Run) -> dict[str, Any]:
-    """What a run was asked to fly: start, length and reference, as in the scenario.
+    """Manoeuvre of a run: start, length and reference, as in the scenario.
 
-    Gains, plant, limits, controller, weather and gravity of the law are not part of it: they are
-    what one compares.
+    Gains, plant, limits, controller, weather and gravity of the law are not part of it: a
+    comparison is about their effect.
     """
     scenario = run.provenance.scenario
     flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
@@ -145,23 +134,16 @@ def until(run: Run, end: float) -> Run:
 def metric_rows(a: Run, b: Run) -> list[Row]:
     """Metrics of two runs side by side.
 
-    Parameters
-    ----------
-    a, b : Run
-        Of at least two samples, flown for the same time.
-
-    Returns
-    -------
-    list of dict
-        ``channel`` (chi, gamma or flight), ``name``, ``unit``, ``a``, ``b``, ``diff`` (b minus a)
-        and ``better`` (a, b, same, or empty where neither direction is better); chi and gamma
-        first. A measure that one plant does not have is left out.
+    Both runs have at least two samples and last equally long. Returns ``channel`` (chi, gamma or
+    flight), ``name``, ``unit``, ``a``, ``b``, ``diff`` (b minus a) and ``better`` (a, b, same, or
+    empty where neither direction is better); chi and gamma first. A measure that one plant does not
+    have is left out.
     """
     rows = []
     both = [channel_metrics(run) for run in (a, b)]
     for channel in both[0].index:
         for name in METRICS:
-            values = [float(one.at[channel, name]) for one in both]
+            values = [float(metrics.at[channel, name]) for metrics in both]
             rows.append(_row(str(channel), name, *values))
     first, second = flight_metrics(a), flight_metrics(b)
     return rows + [
@@ -188,15 +170,8 @@ def better(name: str, a: float, b: float) -> Better:
 def largest_distance(a: Run, b: Run) -> tuple[float, float]:
     """Largest distance of two runs at the same time after the start.
 
-    Parameters
-    ----------
-    a, b : Run
-        With positions.
-
-    Returns
-    -------
-    distance, time : float, m and s
-        Over the time both flew, at the samples of both; positions between samples are linear.
+    `distance`, `time` (m and s): over the time both flew, at the samples of both; positions between
+    samples are linear.
     """
     t_a, t_b = a.t, b.t
     t = np.union1d(t_a, t_b)

@@ -1,4 +1,4 @@
-"""What can be compared: run folders, files of runs, and gains of a scenario, flown now."""
+"""Sources of a comparison: run folders, files of runs, and gains of a scenario, flown now."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,23 +18,12 @@ GAINS_FILES = (".json", ".toml")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Source:
-    """Runs that belong together, under the name the user gave.
+    """Runs that belong together, under the name the user gave."""
 
-    Attributes
-    ----------
-    name : str
-        As given: a path, or ``scenario@gains``.
-    runs : tuple of Run
-        In the order of the scenario where it is known.
-    missing : tuple of str
-        What was recorded and cannot be had.
-    chosen : bool
-        Whether the gains were chosen; False for a scenario flown without an ``@``.
-    """
-
-    name: str
-    runs: tuple[Run, ...]
-    missing: tuple[str, ...] = ()
+    name: str  # the name that the user gave: a path, or ``scenario@gains``
+    runs: tuple[Run, ...]  # in the order of the scenario if it is known
+    missing: tuple[str, ...] = ()  # runs that were recorded and cannot be read
+    # Whether the gains were chosen; False for a scenario flown without an ``@``
     chosen: bool = True
 
     @property
@@ -46,41 +35,30 @@ class Source:
 def load_source(name: str | Path) -> Source:
     """Find the runs of a name.
 
-    Parameters
-    ----------
-    name : str or path-like
-        A run folder of ``flighttune fly``, a Parquet file of one run, a recording (.rrd), or a
-        scenario, which is flown. Behind an ``@`` a gain set, a plant or the label of a run chooses
-        among its runs; of a scenario also a file of gains, or a set it does not list.
-
-    Returns
-    -------
-    Source
-        With at least one run.
-
-    Raises
-    ------
-    RecordingError
-        If a file or folder holds no runs, or none of that choice.
-    ScenarioError
-        If there is no such scenario or gains file.
+    `name`: a run folder of ``flighttune fly``, a Parquet file of one run, a recording (.rrd), or a
+    scenario, which is flown. Behind an ``@`` a gain set, a plant or the label of a run chooses
+    among its runs; of a scenario also a file of gains, or a set it does not list. The source has at
+    least one run. Raises RecordingError if a file or folder holds no runs, or none of that choice.
+    Raises ScenarioError if there is no such scenario or gains file.
     """
     name = str(name)
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     path = Path(place)
     if not (path.is_dir() or path.suffix.lower() in RECORDED):
         return Source(name=name, runs=_flown(place, choice), chosen=bool(choice))
-    found = load_recording(path)
-    return Source(name=name, runs=_chosen(name, found.runs, choice), missing=found.missing)
+    recording = load_recording(path)
+    return Source(name=name, runs=_chosen(name, recording.runs, choice), missing=recording.missing)
 
 
 def _chosen(name: str, runs: Sequence[Run], choice: str) -> tuple[Run, ...]:
     names = [(run.provenance.gains_name, run.provenance.plant, run.label) for run in runs]
-    kept = [run for run, known in zip(runs, names, strict=True) if not choice or choice in known]
+    kept = [
+        run for run, own_names in zip(runs, names, strict=True) if not choice or choice in own_names
+    ]
     if not kept:
-        known = ", ".join(dict.fromkeys(run.label for run in runs)) or "no runs"
+        labels = ", ".join(dict.fromkeys(run.label for run in runs)) or "no runs"
         raise RecordingError(
-            f"{name}: {choice or 'it'!r} must be a gain set, a plant or a run, got {known}."
+            f"{name}: {choice or 'it'!r} must be a gain set, a plant or a run, got {labels}."
         )
     return tuple(kept)
 
@@ -96,8 +74,8 @@ def _flown(place: str, choice: str) -> tuple[Run, ...]:
             law = scenario.law_table(f"{gains.law}:")
         else:
             law, own = scenario.law_table(choice), split_name(choice)[1]
-            given = [g for g in scenario.gains if isinstance(g, GainsTable) and g.name == own]
-            entry = given[0] if given else own
+            tables = [g for g in scenario.gains if isinstance(g, GainsTable) and g.name == own]
+            entry = tables[0] if tables else own
         own = entry if isinstance(entry, str) else entry.name
         expected = [
             table for table in scenario.expect if table.gains in (None, *law.law().names_of([own]))

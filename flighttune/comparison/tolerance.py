@@ -1,4 +1,4 @@
-"""How much a metric may change before it counts: tolerances for regression."""
+"""Tolerances of metrics for regression checks."""
 
 import math
 from collections.abc import Mapping
@@ -20,21 +20,13 @@ STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=Fals
 
 
 class Tolerance(BaseModel):
-    """Largest change ``|b - a|`` of a metric: ``absolute + relative |a|``.
-
-    Attributes
-    ----------
-    absolute : float, unit of the metric
-    relative : float, 1
-    only_worse : bool
-        Whether an improvement may be of any size.
-    """
+    """Largest change ``|b - a|`` of a metric: ``absolute + relative |a|``."""
 
     model_config = STRICT
 
-    absolute: float = Field(default=0.0, ge=0.0)
+    absolute: float = Field(default=0.0, ge=0.0)  # unit of the metric
     relative: float = Field(default=0.0, ge=0.0)
-    only_worse: bool = False
+    only_worse: bool = False  # whether an improvement may be of any size
 
     @model_validator(mode="after")
     def _is_given(self) -> "Tolerance":
@@ -72,24 +64,17 @@ ToleranceFile = _tables(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """One metric that is out of tolerance.
-
-    Attributes
-    ----------
-    run_a, run_b, channel, name : str
-    a, b : float, unit of the metric
-        Zero and the distance for ``max_distance_m``, times flown for ``duration_s``.
-    allowed : float
-        Largest change of it.
-    """
+    """One metric that is out of tolerance."""
 
     run_a: str
     run_b: str
     channel: str
     name: str
+    # `a` and `b` (unit of the metric): zero and the distance for ``max_distance_m``, times flown
+    # for ``duration_s``.
     a: float
     b: float
-    allowed: float
+    allowed: float  # largest change of it
 
     @property
     def sentence(self) -> str:
@@ -103,49 +88,36 @@ class Violation:
 def load_tolerances(path: str | Path) -> dict[str, Tolerance]:
     """Read a tolerance file.
 
-    Parameters
-    ----------
-    path : path-like
-        TOML: a table each metric with ``absolute`` and ``relative`` (they add) and ``only_worse``.
-        A metric stands for all its channels, or inside a table ``[chi]``, ``[gamma]`` or
-        ``[flight]`` for one, which goes before. ``max_distance_m`` takes ``absolute``.
-
-    Returns
-    -------
-    dict
-        Tolerance by metric, or by ``channel.metric``.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a metric or an option is unknown.
+    `path`: TOML: a table each metric with ``absolute`` and ``relative`` (they add) and
+    ``only_worse``. A metric stands for all its channels, or inside a table ``[chi]``, ``[gamma]``
+    or ``[flight]`` for one, which goes before. ``max_distance_m`` takes ``absolute``. Returns
+    tolerance by metric, or by ``channel.metric``. Raises InputError if the file cannot be read, or
+    a metric or an option is unknown.
     """
     path = Path(path)
-    found: dict[str, Tolerance] = {}
+    tolerances: dict[str, Tolerance] = {}
     for key, value in validated(ToleranceFile, toml_tables(path), str(path)):
         if isinstance(value, Tolerance):
-            found[key] = value
+            tolerances[key] = value
         elif value is not None:
-            found |= {f"{key}.{name}": one for name, one in value if one is not None}
-    if not found:
+            tolerances |= {
+                f"{key}.{name}": tolerance for name, tolerance in value if tolerance is not None
+            }
+    if not tolerances:
         raise InputError(
             f"{path}: the file must hold a tolerance for at least one metric, got none."
         )
-    return found
+    return tolerances
 
 
-def violations(found: Comparison, tolerances: Mapping[str, Tolerance]) -> list[Violation]:
+def violations(comparison: Comparison, tolerances: Mapping[str, Tolerance]) -> list[Violation]:
     """Every metric of a comparison that changed by more than its tolerance.
 
-    Parameters
-    ----------
-    found : Comparison
-    tolerances : mapping of str to Tolerance
-        What `load_tolerances` returns; a metric without one is not checked. A run that ended
-        early where the first one was completed violates any tolerance.
+    `tolerances` are those of `load_tolerances`; a metric without one is not checked. A run that
+    ended early where the first one was completed violates any tolerance.
     """
     out = []
-    for row in found.metrics.to_dict(orient="records"):
+    for row in comparison.metrics.to_dict(orient="records"):
         name, channel, a, b = (
             str(row["name"]),
             str(row["channel"]),
@@ -161,7 +133,7 @@ def violations(found: Comparison, tolerances: Mapping[str, Tolerance]) -> list[V
                 )
             )
     apart = tolerances.get(DISTANCE)
-    for pair in found.pairs:
+    for pair in comparison.pairs:
         if pair.status[0] == "completed" != pair.status[1]:
             out.append(_of_flight(pair, DURATION, pair.durations, 0.0))
         if apart is not None and pair.max_distance > apart.absolute:

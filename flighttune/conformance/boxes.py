@@ -27,43 +27,33 @@ LEAST_SHARE = 0.05
 flights learned from agree to the last digit would be left by the next flight."""
 
 LATER_S = 2.0
-"""How much earlier or later than the flights learned from a new one may come in, s: a box of errors
-holds theirs over this time before and after. Otherwise a slow flight leaves the boxes of the time
-when nearly all have come in."""
+"""Time shift allowed between training and new flights, s: each error box covers the errors within
++-LATER_S, so that a flight that settles later stays inside."""
 
 MARGIN = 1.25
 """Widening of boxes learned from too few flights to see a tail."""
 
-TAIL, MOST, FEW = 0.1, 100, 50
+TAIL, MAX_TAIL, MIN_FLIGHTS = 0.1, 100, 50
 """Share of the scores that are the tail, the most that are, and the fewest flights to have one."""
 
 CHANCE = 0.1
 """Probability, by the fitted tail, that any of the fresh flights leaves the boxes."""
 
 SHAPE = 0.15
-"""Of the fitted tail, a generalised Pareto distribution. With 0, an exponential tail, four counts
-in light turbulence failed, each by one flight: in a mixture of winds the extremes have a heavier
-tail than in any one of them."""
+"""Shape of the fitted tail, a generalised Pareto distribution. With 0, an exponential tail, four
+counts in light turbulence failed, each by one flight: in a mixture of winds the extremes
+have a heavier tail than in any one of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Windows:
-    """Windows into which the samples of a flight fall.
+    """Windows into which the samples of a flight fall."""
 
-    Attributes
-    ----------
-    over : "time" or "phase"
-        ``time``: by the time since the start. ``phase``: window 0 while the reference moves, the
-        others by the time since it last moved, or since the start.
-    count : int
-        How many windows.
-    length : float, s
-        Of each.
-    """
-
+    # With ``time``, windows follow each other from the start. With ``phase``, window 0 holds the
+    # samples while the reference moves, and the others count from its last move, or from the start.
     over: Over
-    count: int
-    length: float = WINDOW_S
+    count: int  # number of windows
+    length: float = WINDOW_S  # s: length of a window
 
     def __post_init__(self) -> None:
         if not SHORTEST_S <= self.length < math.inf:
@@ -88,17 +78,9 @@ class Windows:
     ) -> npt.NDArray[np.intp]:
         """The window of each sample.
 
-        Parameters
-        ----------
-        t : ndarray, shape (n,), s
-            Times of the samples from the start.
-        chi_ref, gamma_ref : ndarray, shape (n,), rad
-            The reference.
-
-        Returns
-        -------
-        ndarray of int, shape (n - 1,)
-            Of each sample but the last; later ones than the windows reach are in the last window.
+        `t` (shape (n,), s): times of the samples from the start. `chi_ref`, `gamma_ref` (shape
+        (n,), rad): the reference. The windows, shape (n - 1,), are those of each sample but the
+        last; samples beyond all windows are in the last window.
         """
         since = t[:-1] - t[0]
         first = 0
@@ -114,15 +96,8 @@ class Windows:
     ) -> tuple[FloatArray, FloatArray]:
         """Smallest and largest values in each window.
 
-        Parameters
-        ----------
-        values : ndarray, shape (n, m)
-        window : ndarray of int, shape (n,)
-
-        Returns
-        -------
-        low, high : ndarray, shape (count, m)
-            ``inf`` and ``-inf`` where no sample is.
+        `values` has shape (n, m), `window` (n,). `low` and `high` have shape (count, m), with
+        ``inf`` and ``-inf`` in a window without samples.
         """
         shape = self.count, values.shape[1]
         low, high = (np.full(shape, end) for end in (np.inf, -np.inf))
@@ -133,19 +108,13 @@ class Windows:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualSummary:
-    """What is kept of a flight: the extremes of its residuals and errors in each window.
-
-    Attributes
-    ----------
-    model : ConformantModel
-    windows : Windows
-    """
+    """Summary of a flight: the extremes of its residuals and errors in each window."""
 
     model: ConformantModel
     windows: Windows
 
     def of_flight(self, run: Run, start: FlightCondition) -> tuple[FloatArray, FloatArray]:
-        """`Windows.extremes` of what is `COUNTED` of a flight that began at `start`.
+        """`Windows.extremes` of the quantities `COUNTED` in a flight that began at `start`.
 
         An error belongs to the window of the sample before it and to that of its own.
         """
@@ -175,16 +144,10 @@ class ResidualSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateBoxes:
-    """Bounds on what is `COUNTED` of flights, window by window.
-
-    Attributes
-    ----------
-    windows : Windows
-    low, high : ndarray, shape (count, 6), rad/s and rad
-        Read-only.
-    """
+    """Bounds on the quantities `COUNTED` in flights, window by window."""
 
     windows: Windows
+    # `low` and `high` (shape (count, 6), rad/s and rad): read-only
     low: FloatArray
     high: FloatArray
 
@@ -214,16 +177,8 @@ class RateBoxes:
     ) -> tuple[FloatArray, FloatArray]:
         """The box of every sample of a flight.
 
-        Parameters
-        ----------
-        t : ndarray, shape (n,), s
-        chi_ref, gamma_ref : ndarray, shape (n,), rad
-            The reference of the flight.
-
-        Returns
-        -------
-        low, high : ndarray, shape (n - 1, 6), rad/s and rad
-            From each sample to the next one.
+        `t` (shape (n,), s). `chi_ref`, `gamma_ref` (shape (n,), rad): the reference of the flight.
+        `low`, `high` (shape (n - 1, 6), rad/s and rad): bounds from each sample to the next.
         """
         window = self.windows.of_samples(t, chi_ref, gamma_ref)
         return self.low[window], self.high[window]
@@ -231,14 +186,8 @@ class RateBoxes:
     def hold(self, low: FloatArray, high: FloatArray) -> npt.NDArray[np.bool_]:
         """Whether flights stay in the boxes from start to end.
 
-        Parameters
-        ----------
-        low, high : ndarray, shape (..., count, 6), rad/s and rad
-            As `Windows.extremes` returns them; a flight with NaN does not.
-
-        Returns
-        -------
-        ndarray of bool, shape (...)
+        `low`, `high` (shape (..., count, 6), rad/s and rad): see `Windows.extremes`. The result has
+        shape (...). A flight with NaN does not stay inside.
         """
         return np.all((low >= self.low) & (high <= self.high), axis=(-2, -1))
 
@@ -248,25 +197,9 @@ def fitted_boxes(
 ) -> tuple[RateBoxes, float]:
     """Boxes around the flights learned from, wide enough for fresh ones.
 
-    Parameters
-    ----------
-    windows : Windows
-    lows, highs : ndarray, shape (flights, count, 6), rad/s and rad
-        `Windows.extremes` of each.
-    fresh : int
-        How many flights are to stay inside.
-
-    Returns
-    -------
-    boxes : RateBoxes
-    widened : float, 1
-        Largest ratio of a half width to that of the smallest boxes that hold the flights learned
-        from.
-
-    Raises
-    ------
-    InputError
-        If there is no flight.
+    `lows`, `highs` (shape (flights, count, 6), rad/s and rad): `Windows.extremes` of each. `fresh`:
+    number of flights that are to stay inside. `widened`: largest ratio of a half width to that of
+    the smallest boxes that hold the flights learned from. Raises InputError if there is no flight.
     """
     if not len(lows):
         raise InputError("`lows` must be of at least one flight, got none.")
@@ -278,47 +211,36 @@ def fitted_boxes(
 
 
 def widening(lows: FloatArray, highs: FloatArray, fresh: int, later: int = 0) -> FloatArray:
-    """By how much the boxes of each quantity must be widened for fresh flights to stay inside.
+    """Factor by which the boxes of each quantity must be widened for fresh flights to stay inside.
 
-    Parameters
-    ----------
-    lows, highs : ndarray, shape (flights, count, 6), rad/s and rad
-        Of the flights learned from.
-    fresh : int
-        How many flights are to stay inside.
-    later : int
-        Windows by which a flight may be sooner or later than another.
-
-    Returns
-    -------
-    ndarray, shape (6,), 1
-        Each at least 1.
-
-    Notes
-    -----
     The score of a flight is the widening with which it stays in the smallest boxes around the other
     half of the flights. Its upper `TAIL` is taken as a generalised Pareto distribution (S. Coles,
     *An Introduction to Statistical Modeling of Extreme Values*, chapter 4) of `SHAPE` with the mean
     found. At the values returned one of the fresh flights is outside with a probability of at most
     `CHANCE`, shared by the quantities. What is claimed does not rest on this, only how often a
     count succeeds.
+
+    `lows`, `highs` (shape (flights, count, 6), rad/s and rad): extremes of the flights learned
+    from. `fresh`: number of flights that are to stay inside. `later`: windows by which a flight may
+    be sooner or later than another. The factors, shape (6,), are at least 1.
     """
     flights = len(lows)
-    if flights < FEW:
+    if flights < MIN_FLIGHTS:
         return np.full(lows.shape[2], MARGIN)
     halves = slice(0, None, 2), slice(1, None, 2)
     scores = np.sort(
         np.concatenate(
             [
-                _scores(lows[one], highs[one], *_smallest(lows[other], highs[other], later))
-                for one, other in (halves, halves[::-1])
+                _scores(lows[half], highs[half], *_smallest(lows[other], highs[other], later))
+                for half, other in (halves, halves[::-1])
             ]
         ),
         axis=0,
     )
-    above = min(MOST, round(TAIL * flights))
+    above = min(MAX_TAIL, round(TAIL * flights))
     start = scores[-above - 1]
     excess = (scores[-above:] - start).mean(axis=0)
+    # Quantile of the tail for the chance shared by all flights and quantities.
     rarer = above / flights * fresh * len(start) / CHANCE
     further = (1.0 - SHAPE) / SHAPE * (rarer**SHAPE - 1.0)
     return np.maximum(1.0, start + further * excess)
@@ -331,10 +253,10 @@ def _smallest(lows: FloatArray, highs: FloatArray, later: int) -> tuple[FloatArr
         low[:, column] = _around(low[:, column], later).min(axis=1)
         high[:, column] = -_around(-high[:, column], later).min(axis=1)
     for column in range(low.shape[1]):
-        known = low[:, column] <= high[:, column]
+        seen = low[:, column] <= high[:, column]
         # A window without a flight gets the hull of all the others.
-        low[~known, column] = low[known, column].min()
-        high[~known, column] = high[known, column].max()
+        low[~seen, column] = low[seen, column].min()
+        high[~seen, column] = high[seen, column].max()
     half = 0.5 * (high - low)
     return 0.5 * (low + high), np.maximum(half, LEAST_SHARE * half.max(axis=0))
 

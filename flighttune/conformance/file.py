@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import check_between
@@ -30,13 +30,13 @@ from flighttune.quantities import (
     TimeConstant,
 )
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import PlantTable
+from flighttune.scenario.tables import PlantTable, Table
 from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.table_file import json_tables
 from flighttune.whole_file import whole_file
 
 FORMAT = "flighttune conformance 4"
-"""Readers refuse what they do not know."""
+"""Format of the file; readers refuse any other."""
 
 FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
 """Tables of a scenario that must be those of the flights counted, but for what was dispersed."""
@@ -44,7 +44,7 @@ FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
 AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "plant")
 """Tables that a scenario may leave out; keys that it does have must match those flights."""
 
-NAMED = 5
+MAX_NAMED_KEYS = 5
 """Keys that are drawn and named in the sentence of a claim; all are in the file."""
 
 STARTS = ("flight.chi_deg", "flight.gamma_deg")
@@ -53,10 +53,10 @@ STARTS = ("flight.chi_deg", "flight.gamma_deg")
 BOUNDED = ("uniform", "choice")
 """Distributions whose stated range holds every draw, not all but a few in 1e9."""
 
-ROUNDING = 1e-6
+ROUNDING_DEG = 1e-6
 """Degrees by which the ends of a range may be rounded."""
 
-COVERED = 1e-14
+ROUNDING_RAD = 1e-14
 """Rad by which the ends of a range are rounded where it is added to a start."""
 
 SAME_GAINS = 1e-6
@@ -76,8 +76,8 @@ class Attempt:
 
     __pydantic_config__: ClassVar = STRICT
 
-    learned: Draws  # that the boxes were fitted to
-    counted: Draws  # flown against the boxes; a count that failed ends early
+    learned: Draws  # draws that the boxes were fitted to
+    counted: Draws  # draws flown against the boxes; a count that failed ends early
     outside: Count  # flights counted that left a box or did not reach their end
     # Largest half width of a box over that of the smallest one around the flights learned from.
     widened: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 1.0
@@ -108,28 +108,17 @@ def flights_needed(epsilon: float, confidence: float, attempts: int) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution:
-    """Which flights a count holds for.
-
-    Attributes
-    ----------
-    title : str
-        Of the campaign.
-    air : str
-        ``calm``, ``wind``, or the intensity of the turbulence.
-    fixed : mapping of str to plain value
-        Keys of the scenario that are the same in all flights, by dotted path.
-    dispersed : mapping of str to list
-        The lowest and the highest value of a key that is drawn, or all values where they are words.
-    disperse, correlation : list of mapping
-        How they are drawn: the tables of those names in the campaign.
-    """
+    """Distribution of the flights that a count holds for."""
 
     __pydantic_config__: ClassVar = STRICT
 
-    title: str
-    air: str
-    fixed: dict[str, Any]
+    title: str  # title of the campaign
+    air: str  # ``calm``, ``wind``, or the intensity of the turbulence
+    fixed: dict[str, Any]  # keys of the scenario that are the same in all flights, by dotted path
+    # The lowest and the highest value of a key that is drawn, or all values where they are words
     dispersed: dict[str, Annotated[list[Any], Field(min_length=1)]]
+    # `disperse` and `correlation`: the tables of these names in the campaign, which say how keys
+    # are drawn.
     disperse: list[dict[str, Any]]
     correlation: list[dict[str, Any]]
 
@@ -142,43 +131,36 @@ class Distribution:
     def sentence(self) -> str:
         """The distribution in words."""
         drawn = list(self.dispersed)
-        if len(drawn) > NAMED:
-            drawn[NAMED - 1 :] = [f"{len(drawn) - NAMED + 1} more keys"]
+        if len(drawn) > MAX_NAMED_KEYS:
+            drawn[MAX_NAMED_KEYS - 1 :] = [f"{len(drawn) - MAX_NAMED_KEYS + 1} more keys"]
         keys = ", ".join(drawn) or "nothing"
         air = {"calm": "calm air", "wind": "steady wind"}.get(self.air, f"{self.air} turbulence")
         return f'"{self.title}", drawn at random ({keys}) in {air}'
 
     def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
-        """How far its flights start from a scenario's course and path angle, rad.
+        """Distance of its starts from a scenario's course and path angle, rad.
 
         None unless its flights are those of the scenario in calm air in all but their starts, which
         are drawn within as much to either side in both angles.
         """
         own, drawn = flown_values(scenario, plant), set(self.dispersed)
         alike = drawn <= set(STARTS) and {*own} == {*self.fixed} | drawn and self.air == "calm"
-        if not alike or any(one.get("distribution") not in BOUNDED for one in self.disperse):
+        if not alike or any(table.get("distribution") not in BOUNDED for table in self.disperse):
             return None
         ranges = ((own[key], self.dispersed.get(key, [own[key]])) for key in STARTS)
         away = [abs(end - start) for start, ends in ranges for end in (ends[0], ends[-1])]
-        return math.radians(max(away)) if max(away) - min(away) <= ROUNDING else None
+        return math.radians(max(away)) if max(away) - min(away) <= ROUNDING_DEG else None
 
     def difference(self, scenario: Scenario, plant: PlantTable) -> str | None:
-        """Why no flight of the distribution can be one of this scenario; None if one can.
-
-        Parameters
-        ----------
-        scenario : Scenario
-        plant : PlantTable
-            The aircraft flown.
-        """
+        """Why no flight of the distribution can be one of this scenario; None if one can."""
         own = flown_values(scenario, plant)
         for key in dict.fromkeys([*own, *self.fixed]):
             if key in self.dispersed:
-                known = self.dispersed[key]
-                words = any(isinstance(value, str) for value in known)
-                if own[key] not in known if words else not known[0] <= own[key] <= known[-1]:
-                    known_as = f"one of {known}" if words else f"{known[0]:g} to {known[-1]:g}"
-                    return f"`{key}` must be {known_as}, got {own[key]!r}"
+                drawn = self.dispersed[key]
+                words = any(isinstance(value, str) for value in drawn)
+                if own[key] not in drawn if words else not drawn[0] <= own[key] <= drawn[-1]:
+                    allowed = f"one of {drawn}" if words else f"{drawn[0]:g} to {drawn[-1]:g}"
+                    return f"`{key}` must be {allowed}, got {own[key]!r}"
             elif key.split(".")[0] in FLOWN_ALIKE or key in own:
                 if own.get(key) != self.fixed.get(key):
                     return f"`{key}` must be {self.fixed.get(key)!r}, got {own.get(key)!r}"
@@ -186,13 +168,7 @@ class Distribution:
 
 
 def flown_values(scenario: Scenario, plant: PlantTable) -> dict[str, Any]:
-    """Keys of a scenario that determine a flight, by dotted path; the plant's table is ``plant``.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    plant : PlantTable
-    """
+    """Keys of a scenario that determine a flight, by dotted path; the plant is in ``plant``."""
     tables = scenario.as_dict()
     tables["plant"] = plant.model_dump(mode="json", exclude_none=True, exclude={"name", "aircraft"})
     kept = {name: tables[name] for name in (*FLOWN_ALIKE, *AIR_AND_AIRFRAME) if name in tables}
@@ -212,41 +188,21 @@ def _leaves(value: Any, above: str) -> Iterator[tuple[str, Any]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conformance:
-    """Boxes of the residual rates of one aircraft under one gain set, and what was counted.
+    """Boxes of the residual rates of one aircraft under one gain set, and what was counted."""
 
-    Attributes
-    ----------
-    aircraft : str
-        Name or folder.
-    gains_name : str
-    gains : PIGains
-    model : ConformantModel
-        Model whose rates are subtracted; the same for all flights.
-    boxes : RateBoxes
-    epsilon, confidence : float, 1
-        Of the claim, in (0, 1).
-    planned : int
-        How many attempts share the confidence; fixed before the first.
-    attempts : tuple of Attempt
-        In order; the boxes are those of the last.
-    seed : int
-        Of the campaign: what its draws are, with their numbers.
-    distribution : Distribution
-    sha256 : mapping of str to str
-        Hashes of the ``aircraft`` (its files), the ``identified`` model and the ``campaign``.
-    """
-
-    aircraft: str
+    aircraft: str  # name or folder
     gains_name: str
     gains: PIGains
-    model: ConformantModel
+    model: ConformantModel  # model whose rates are subtracted; the same for all flights
     boxes: RateBoxes
+    # `epsilon` and `confidence`: probability and confidence of the claim, in (0, 1)
     epsilon: float
     confidence: float
-    planned: int
-    attempts: tuple[Attempt, ...]
-    seed: int
+    planned: int  # number of attempts that share the confidence, fixed before the first
+    attempts: tuple[Attempt, ...]  # the boxes are those of the last one
+    seed: int  # seed of the campaign: with their numbers it determines the draws
     distribution: Distribution
+    # Hashes of the ``aircraft`` (its files), the ``identified`` model and the ``campaign``
     sha256: Mapping[str, str]
 
     def __post_init__(self) -> None:
@@ -271,7 +227,7 @@ class Conformance:
 
     @property
     def holds(self) -> bool:
-        """Whether none of the flights of the last attempt left the boxes."""
+        """Whether all flights of the last attempt stayed in the boxes."""
         return self.attempts[-1].outside == 0
 
     @property
@@ -299,7 +255,7 @@ class Conformance:
     def probability(
         self, scenario: Scenario, plant: PlantTable, start: float, *, counted_only: bool
     ) -> CountedProbability:
-        """What the count says of a tube from starts within `start` (rad) of a scenario's.
+        """Probability counted for a tube from starts within `start` (rad) of a scenario's.
 
         It speaks of flights where the tube covers all those counted: their starts are the only
         difference between them and the tube is from all of these, or the bounds are those counted
@@ -311,7 +267,7 @@ class Conformance:
         same = self.boxes.windows.over == "time" or not any(
             key.startswith("reference.") for key in self.distribution.dispersed
         )
-        from_all = starts is not None and start >= starts - COVERED
+        from_all = starts is not None and start >= starts - ROUNDING_RAD
         of = "flight" if from_all or (counted_only and same) else "residual_rates"
         return CountedProbability(of=of, at_most=self.epsilon, confidence=self.confidence)
 
@@ -320,20 +276,9 @@ class Conformance:
     ) -> None:
         """Refuse a scenario whose flights the boxes do not cover.
 
-        Parameters
-        ----------
-        scenario : Scenario
-        plant : PlantTable
-            The aircraft of the scenario that flies.
-        gains : PIGains
-        start : float, rad
-            How far flights start from the scenario's course and path angle.
-
-        Raises
-        ------
-        InputError
-            If aircraft, gains, manoeuvre, limits, controller, starts or air differ; one line that
-            names the key.
+        `plant`: the aircraft of the scenario that flies. `start` (rad): distance of the starts from
+        the scenario's course and path angle. Raises InputError if aircraft, gains, manoeuvre,
+        limits, controller, starts or air differ; one line that names the key.
         """
         if plant.aircraft is None or files_hash(plant.aircraft) != self.sha256["aircraft"]:
             raise InputError(
@@ -353,7 +298,7 @@ class Conformance:
         for key in STARTS if start else ():
             low, *_, high = self.distribution.dispersed.get(key, 2 * [flight[key]])
             most = min(flight[key] - low, high - flight[key])
-            if math.degrees(start) > most + ROUNDING:
+            if math.degrees(start) > most + ROUNDING_DEG:
                 raise InputError(
                     f"conformance: `start` must be at most {most:.4g} deg from `{key}`, as in the "
                     f"flights counted, got {math.degrees(start):.4g} deg."
@@ -373,7 +318,7 @@ class Conformance:
             "confidence": self.confidence,
             "planned": self.planned,
             "seed": self.seed,
-            "attempts": [asdict(one) for one in self.attempts],
+            "attempts": [asdict(attempt) for attempt in self.attempts],
             "boxes": {
                 "over": self.boxes.windows.over,
                 "window_s": self.boxes.windows.length,
@@ -386,11 +331,9 @@ def _pairs(boxes: RateBoxes, column: int) -> list[list[float]]:
     return np.column_stack([boxes.low[:, column], boxes.high[:, column]]).tolist()
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+class LagTable(Table):
+    """An `InnerLag` in a file."""
 
-
-class _Lag(_Table):
     order: Literal[1, 2, 3]
     natural_frequency: Bandwidth
     damping: Damping
@@ -398,17 +341,17 @@ class _Lag(_Table):
     delay: Delay
 
 
-class _Model(_Table):
+class _Model(Table):
     V_a_mps: Airspeed
     g_mps2: Gravity
-    phi: _Lag
-    n_z: _Lag
+    phi: LagTable
+    n_z: LagTable
 
 
 Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
 
 
-class _Boxes(_Table):
+class _Boxes(Table):
     over: Over
     window_s: Annotated[float, Field(ge=SHORTEST_S, allow_inf_nan=False)]
     d_chi_rad_s: list[Pair]
@@ -425,14 +368,15 @@ class _Boxes(_Table):
         return RateBoxes(windows=windows, low=both[:, :, 0].T, high=both[:, :, 1].T)
 
 
-class _Hashes(_Table):
+class _Hashes(Table):
     aircraft: str
     identified: str
     campaign: str
 
 
-class _File(_Table):
+class _File(Table):
     format: Literal["flighttune conformance 4"]
+    sentence: str
     aircraft: str
     sha256: _Hashes
     gains: GainsTable
@@ -444,20 +388,18 @@ class _File(_Table):
     seed: Count
     attempts: Annotated[list[Attempt], Field(min_length=1)]
     boxes: _Boxes
+    seal: str
 
 
 KIND, REMEDY = "conformance file", "make it again with flighttune conform"
 
 
-def save_conformance(found: Conformance, path: str | Path) -> None:
+def save_conformance(conformance: Conformance, path: str | Path) -> None:
     """Write a conformance as JSON with its SHA-256, whole or not at all.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
-    text = json.dumps({**found.as_dict(), "seal": BLANK}, indent=1, ensure_ascii=False)
+    text = json.dumps({**conformance.as_dict(), "seal": BLANK}, indent=1, ensure_ascii=False)
     with whole_file(Path(path)) as part:
         part.write_bytes(seal(f"{text}\n".encode()))
 
@@ -465,11 +407,8 @@ def save_conformance(found: Conformance, path: str | Path) -> None:
 def load_conformance(path: str | Path) -> Conformance:
     """Read a conformance as `save_conformance` writes it.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is not as it was written, does not hold a conformance, or
-        claims more than what was counted supports; the message names file and key.
+    Raises InputError if the file cannot be read, is not as it was written, does not hold a
+    conformance, or claims more than what was counted supports; the message names file and key.
     """
     tables = json_tables(Path(path))
     if tables.get("format") != FORMAT:

@@ -1,4 +1,4 @@
-"""What was counted for the tube of an aircraft, and whether it is said of flights."""
+"""Probability counted for the tube of an aircraft, of flights or of their residual rates."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -10,13 +10,13 @@ from flighttune.present.numbers import number
 class CountedProbability:
     """The probability that a flight of the distribution counted leaves a tube, or its boxes."""
 
-    of: Literal["flight", "residual_rates"]  # that leaves the tube; those that leave their boxes
+    of: Literal["flight", "residual_rates"]  # a flight leaves the tube, or rates their boxes
     at_most: float
     confidence: float
 
     @property
     def sentence(self) -> str:
-        """Who leaves what, and how probably."""
+        """The probability in words."""
         chance = f"probability at most {number(self.at_most)}, confidence {self.confidence:.10g}"
         if self.of == "flight":
             return f"a flight of the distribution counted leaves the tube with {chance}"

@@ -17,13 +17,13 @@ from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.run import Run
 
 RESIDUALS = ("d_chi_rad_s", "d_gamma_rad_s", "roll_rad", "roll_change_rad")
-"""What the model misses; the last two are seen by a feed-forward of the roll flown."""
+"""Parts of a flight that the model misses; a feed-forward of the roll flown sees the last two."""
 
 ERRORS = ("chi_err_rad", "gamma_err_rad")
 """Errors of the flight itself: what stays known of it where the model says nothing."""
 
 COUNTED = (*RESIDUALS, *ERRORS)
-"""What boxes are counted for."""
+"""Quantities that have boxes."""
 
 ITERATIONS = 5
 """Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01
@@ -32,21 +32,11 @@ at 50 Hz: five leave rounding."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConformantModel:
-    """The exact point mass behind the identified lag; commands are constant over a sample.
+    """The exact point mass behind the identified lag; commands are constant over a sample."""
 
-    Attributes
-    ----------
-    V_a : float, m/s
-        Airspeed, positive and constant.
-    g : float, m/s^2
-        Acceleration of gravity.
-    lags : tuple of InnerLag, length 2
-        Of roll and of load factor.
-    """
-
-    V_a: float
-    g: float
-    lags: tuple[InnerLag, InnerLag]
+    V_a: float  # m/s: airspeed, positive and constant
+    g: float  # m/s^2: acceleration of gravity
+    lags: tuple[InnerLag, InnerLag]  # lags of roll and of load factor
 
     def __post_init__(self) -> None:
         check_positive(V_a=self.V_a, g=self.g)
@@ -72,17 +62,15 @@ def residual_rates(
 ) -> FloatArray:
     r"""Disturbance of the two rates under which the model reproduces a flight.
 
-    Parameters
-    ----------
-    model : ConformantModel
-    dt : float, s
-        Sample time of the controller.
-    flown : ndarray, shape (n, 2), rad
-        Course and flight-path angle at the samples; the course may jump by whole turns.
-    commands : ndarray, shape (n, 2), rad and 1
-        Roll and load factor commanded at each sample, held until the next one.
-    start : tuple of two floats, rad and 1
-        Roll and load factor in force before the first sample; the lags are at rest there.
+    Roll and load factor behind the lags are exact at any instant, delays included. Between the
+    instants at which a command takes effect the two rates are integrated by the classical
+    Runge-Kutta rule, with an error below 1e-8 rad/s at 50 Hz.
+
+    `dt` (s): sample time of the controller. `flown` (shape (n, 2), rad): course and flight-path
+    angle at the samples; the course may jump by whole turns. `commands` (shape (n, 2), rad and 1):
+    roll and load factor commanded at each sample, held until the next one. `start` (rad and 1):
+    roll and load factor in force before the first sample; the lags are at rest there. Raises
+    InputError if there are fewer than two samples.
 
     Returns
     -------
@@ -94,17 +82,6 @@ def residual_rates(
 
         lead from the flown course and path angle to those one sample later. At the samples the
         flight therefore *is* one of the model under these disturbances.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two samples.
-
-    Notes
-    -----
-    Roll and load factor behind the lags are exact at any instant, delays included. Between the
-    instants at which a command takes effect the two rates are integrated by the classical
-    Runge-Kutta rule, with an error below 1e-8 rad/s at 50 Hz.
     """
     if len(flown) < 2:
         raise InputError(f"`flown` must have 2 samples, got {len(flown)}.")
@@ -126,8 +103,8 @@ def residual_rates(
 
             def rates(at: float, climbed: FloatArray) -> FloatArray:
                 gamma = flown[:-1, 1] + climbed
-                found = turn_rates(model.V_a, gamma, phi[at], n_z[at], law="exact", g=model.g)
-                return np.column_stack(found) + residual  # noqa: B023
+                turning = turn_rates(model.V_a, gamma, phi[at], n_z[at], law="exact", g=model.g)
+                return np.column_stack(turning) + residual  # noqa: B023
 
             k1 = rates(a, change[:, 1])
             k2 = rates(middle, change[:, 1] + 0.5 * step * k1[:, 1])
@@ -139,21 +116,10 @@ def residual_rates(
 
 
 def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> FloatArray:
-    """What the model misses of a flight: `RESIDUALS` at every sample but the last.
+    """Parts of a flight that the model misses: `RESIDUALS` at every sample but the last.
 
-    Parameters
-    ----------
-    model : ConformantModel
-    run : Run
-        Of at least two samples.
-    start : FlightCondition
-        Where it started.
-
-    Returns
-    -------
-    ndarray, shape (n - 1, 4), rad/s and rad
-        `residual_rates`; roll beyond that behind the lag at the sample, and how much more of it
-        there is at the next one.
+    `run` has at least two samples. Returns `residual_rates`; roll beyond that behind the lag at the
+    sample, and how much more of it there is at the next one (shape (n - 1, 4), rad/s and rad).
     """
     signals = run.signals
     dt = run.duration / (len(signals) - 1)

@@ -24,26 +24,13 @@ def export_c(
 ) -> Path:
     """Write the outer loop of one gain set as a C file.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    name : str
-        Of the gain set, with its law.
-    gains : PIGains
-    folder : Path
-        Made where it does not exist.
-    plant : str, optional
-        Label of the aircraft whose limits hold as well; by default the first, if there is one.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no such aircraft, or the law is another than the paper's.
-    OutputError
-        If the file cannot be written.
+    `name` is that of the gain set with its law. The `folder` is made if there is none. `plant`:
+    label of the aircraft whose limits hold as well; by default the first, if there is one. Raises
+    InputError if the scenario has no such aircraft, or the law is another than the paper's. Raises
+    OutputError if the file cannot be written.
     """
     limits = scenario.limits.limits()
-    if plant is not None or any(one.aircraft is not None for one in scenario.plant):
+    if plant is not None or any(table.aircraft is not None for table in scenario.plant):
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
     law, _ = scenario.law_of(name, gains)
     controller = law.discrete_pi(law_setup(scenario, gains, limits))
@@ -56,12 +43,8 @@ def export_c(
 def c_source(law: MimoPI, *, title: str, gains: str) -> str:
     """The C99 text of a controller, which needs nothing but the C library's ``math.h``.
 
-    Parameters
-    ----------
-    law : MimoPI
-        Two commands, errors of course and path angle.
-    title, gains : str
-        Of the scenario and the gain set, for the comment at the top.
+    The `law` turns the errors of course and path angle into two commands. `title` and `gains` are
+    names of the scenario and the gain set, for the comment at the top.
     """
     values, channels = law.law, law.law.channels
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
@@ -74,10 +57,10 @@ def c_source(law: MimoPI, *, title: str, gains: str) -> str:
         tracking_gain=_number(values.tracking_gain),
         per_speed=_number(values.per_speed),
         feed_forward=int(law.feed_forward),
-        K_P=", ".join(f"{{{_numbers(one.K_P)}}}" for one in channels),
-        K_I_half=", ".join(f"{{{_numbers(one.K_I_half)}}}" for one in channels),
+        K_P=", ".join(f"{{{_numbers(channel.K_P)}}}" for channel in channels),
+        K_I_half=", ".join(f"{{{_numbers(channel.K_I_half)}}}" for channel in channels),
         **{
-            name: _numbers(getattr(one, name) for one in channels)
+            name: _numbers(getattr(channel, name) for channel in channels)
             for name in ("lower", "upper", "step_down", "step_up")
         },
     )

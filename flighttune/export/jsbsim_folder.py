@@ -1,6 +1,7 @@
 """A flight as a folder that JSBSim flies by itself: aircraft, inner and outer loop, script."""
 
 import math
+import shlex
 import shutil
 import sys
 from collections.abc import Iterable, Mapping
@@ -25,7 +26,6 @@ from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import EARTH, weigh
 from flighttune.plants.jsbsim.model_files import ModelFolders, model_folders, not_xml
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
-from flighttune.processes import joined
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.units import FT, G_0
@@ -41,7 +41,9 @@ delays of sensors fill, and filters of the model's own flight control settle.
 STRAIGHT = 1e-15
 """Departure from a straight line above which a sample of a reference has a row of its own."""
 
-_OUTER_LOOP, _SCRIPT = (Path(__file__).with_name(f"{one}.xml") for one in ("outer_loop", "flight"))
+_OUTER_LOOP, _SCRIPT = (
+    Path(__file__).with_name(f"{name}.xml") for name in ("outer_loop", "flight")
+)
 
 _MEASURED = {
     *(f"ft/outer/{name}" for name in ("sample", "chi-rad", "gamma-rad", "gain")),
@@ -55,23 +57,15 @@ MOVED_BY_AIR = "wind", "gust", "turbulence"
 
 @dataclass(frozen=True, slots=True)
 class JSBSimFolder:
-    """A folder as written, and how to fly it.
+    """A folder as written, and how to fly it."""
 
-    Attributes
-    ----------
-    folder, script, csv : Path
-        The folder, the script in it, and the file that JSBSim writes there.
-    command : str
-        Command line that flies it, from any working directory.
-    t_0 : float, s
-        JSBSim's time at the start of the flight; the aircraft is held still before.
-    """
-
+    # `folder`, `script` and `csv`: the folder, the script in it, and the file that JSBSim writes
+    # there.
     folder: Path
     script: Path
     csv: Path
-    command: str
-    t_0: float
+    command: str  # command line that flies it, from any working directory
+    t_0: float  # s: JSBSim's time at the start of the flight; the aircraft is held still before
 
 
 def export_jsbsim(
@@ -79,32 +73,15 @@ def export_jsbsim(
 ) -> JSBSimFolder:
     """Write the flight of one gain set on one aircraft as files that JSBSim flies by itself.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        In still air.
-    name : str
-        Of the gain set, with its law.
-    gains : PIGains
-    folder : Path
-        Made where it does not exist; files of the same names are replaced.
-    plant : str, optional
-        Label of the aircraft; by default the first of the scenario.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no such aircraft or moves the air, or the law is one in Python.
-    TrimError
-        If there is no steady flight to start from.
-    PlantError
-        If the aircraft cannot be built.
-    OutputError
-        If the folder cannot be written.
+    `name` is that of the gain set with its law. The `folder` is made if there is none; files of the
+    same names are replaced. `plant`: label of the aircraft; by default the first of the scenario.
+    Raises InputError if the scenario has no such aircraft or moves the air, or the law is one in
+    Python. Raises TrimError if there is no steady flight to start from. Raises PlantError if the
+    aircraft cannot be built. Raises OutputError if the folder cannot be written.
     """
     table = aircraft_table(scenario, plant)
     if scenario.weather() is not None:
-        moving = [one for one in MOVED_BY_AIR if getattr(scenario, one)] or ["disturbance"]
+        moving = [key for key in MOVED_BY_AIR if getattr(scenario, key)] or ["disturbance"]
         raise InputError(
             f"`{moving[0]}` must be absent from a scenario that is exported: JSBSim's start in "
             "moving air is not that of `fly`."
@@ -126,7 +103,7 @@ def export_jsbsim(
     rate = f"--simulation-rate={flight.rate!r}"  # the command takes no step from a script
     console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
     command = [console, f"--root={folder}", rate, f"--outputpath={folder}", f"--script={SCRIPT}"]
-    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, joined(command), flight.t_0)
+    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, shlex.join(command), flight.t_0)
 
 
 class _Flight:
@@ -213,7 +190,7 @@ class _Flight:
         return values
 
     def _sampled(self) -> dict[str, FloatArray]:
-        """What the law takes at every sample that is not measured, by property."""
+        """Inputs of the law at every sample that are not measured, by property."""
         t, followed = self._t, self._scenario.followed()
         chi, gamma = followed.sampled(t)
         sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
@@ -256,7 +233,7 @@ class _Flight:
         half, end = 0.5 / self.rate, t_0 + float(self._t[-1])
         rates = {f"ic/{axis}-rad_sec": fdm.reader(f"ic/{axis}-rad_sec")() for axis in "pqr"}
         moving = {name: read() for name, (_, read) in fdm.integrators.items()}
-        tanks = [one for one in fdm.names("propulsion/tank") if one.endswith("/contents-lbs")]
+        tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/contents-lbs")]
         at_start = {name: fdm.reader(name)() for name in properties.TRIMS}
         at_start |= {properties.ENGAGED: 1.0, "ft/outer/engaged": 1.0}
         at_start["simulation/output/log_rate_hz"] = 1.0 / self._setup.dt
@@ -316,14 +293,16 @@ def _parsed(file: Path) -> Element:
 
 def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
     """Give the properties that systems declare their values; return their names."""
-    found = set()
-    for system in (one for one in root.iter() if one.tag in ("system", "flight_control")):
+    files = set()
+    for system in (
+        element for element in root.iter() if element.tag in ("system", "flight_control")
+    ):
         for declared in system.iterfind("property"):
             name = (declared.text or "").strip()
             if name in values:
                 declared.set("value", repr(values[name]))
-                found.add(name)
-    return found
+                files.add(name)
+    return files
 
 
 def _copy_shared_parts(root: Element, folders: ModelFolders, folder: Path) -> None:

@@ -17,15 +17,8 @@ class AirPathPlant(WrappedPlant):
     Its controller steers that path, and its errors are errors of it; position stays that over
     ground. ``docs/weather.md`` tells where this makes a wind the same as a rate of the path.
 
-    Parameters
-    ----------
-    plant : Plant
-        A plant that was not flown before and shows ground speed and wind.
-
-    Attributes
-    ----------
-    kind, signals, limits
-        Those of the plant; `signals` has `OVER_GROUND` at its end.
+    `plant`: a plant that was not flown before and shows ground speed and wind. Kind and limits are
+    those of the plant; `signals` has `OVER_GROUND` at its end.
     """
 
     def __init__(self, plant: Plant) -> None:

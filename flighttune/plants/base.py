@@ -1,4 +1,4 @@
-"""What a plant must do: start from a flight condition, show its signals, fly on under a command."""
+"""Protocol of a plant: start from a flight condition, show signals, fly on under a command."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
@@ -43,7 +43,7 @@ class Plant(Protocol):
         Names of what ``observe`` returns; begins with `COMMON_SIGNALS`. A plant that shows ``h``
         and ``wind_north``, ``wind_east``, ``wind_down`` gives them to the controller.
     limits : Limits
-        What the plant itself limits its commands (phi, n_z) to. Anti-windup works only in a
+        Limits of the plant itself on its commands (phi, n_z). Anti-windup works only in a
         controller that knows them.
     """
 
@@ -59,7 +59,7 @@ class Plant(Protocol):
 
     @property
     def limits(self) -> Limits:
-        """What the plant itself limits its commands to."""
+        """Limits of the plant itself on its commands."""
         ...
 
     def start(self, condition: FlightCondition, /) -> None:
@@ -94,17 +94,8 @@ class Plant(Protocol):
 class WrappedPlant:
     """A plant flown as it is, for a subclass that shows further or other signals of it.
 
-    Parameters
-    ----------
-    plant : Plant
-        A plant that was not flown before.
-    further : tuple of str
-        Signals that the subclass shows after those of the plant.
-
-    Attributes
-    ----------
-    kind, signals, limits
-        Those of the plant; `signals` has `further` at its end.
+    `plant` was not flown before. Kind and limits are those of the plant; `signals` has at its end
+    the `further` ones that the subclass shows.
     """
 
     def __init__(self, plant: Plant, further: tuple[str, ...]) -> None:
@@ -114,7 +105,7 @@ class WrappedPlant:
 
     @property
     def limits(self) -> Limits:
-        """What the plant itself limits its commands to."""
+        """Limits of the plant itself on its commands."""
         return self._plant.limits
 
     def start(self, condition: FlightCondition) -> None:

@@ -11,23 +11,9 @@ from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 
 
 class GuardedPlant:
-    """A plant that ends the flight, in one line, where it raises or shows what is no signal.
+    """A plant that ends the flight where it raises or shows a value that is not finite.
 
-    Parameters
-    ----------
-    plant : Plant
-    name : str
-        In messages.
-
-    Attributes
-    ----------
-    kind, signals, limits
-        Those of the plant.
-
-    Raises
-    ------
-    InputError
-        If the signals do not begin with `COMMON_SIGNALS`.
+    Raises InputError if the signals do not begin with `COMMON_SIGNALS`.
     """
 
     def __init__(self, plant: Plant, name: str) -> None:
@@ -43,10 +29,7 @@ class GuardedPlant:
     ) -> "GuardedPlant":
         """A fresh plant of a class of the user's.
 
-        Raises
-        ------
-        ScenarioError
-            If it cannot be made.
+        Raises ScenarioError if it cannot be made.
         """
         name = f"plant {label}"
         if maker is None:
@@ -59,10 +42,7 @@ class GuardedPlant:
     def start(self, condition: FlightCondition) -> None:
         """Start the plant.
 
-        Raises
-        ------
-        TrimError
-            If it cannot, for whatever reason.
+        Raises TrimError if it cannot, for whatever reason.
         """
         self._t, self._stop, self._last = 0.0, None, ()
         try:
@@ -75,10 +55,7 @@ class GuardedPlant:
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals`; the last ones where there are none, and end the flight.
 
-        Raises
-        ------
-        TrimError
-            If there are none at the start.
+        Raises TrimError if there are none at the start.
         """
         try:
             seen = tuple(map(float, self._plant.observe()))

@@ -8,27 +8,14 @@ from flighttune.plants.point_mass import TurnLaw
 
 
 class PlantKind(NamedTuple):
-    """One kind of plant that a scenario can name.
+    """One kind of plant that a scenario can name."""
 
-    Attributes
-    ----------
-    keys : set of str
-        Keys of ``[[plant]]`` that only this kind takes.
-    required : tuple of str
-        Keys that it cannot do without.
-    turn : {"exact", "paper"}
-        How a point mass of the kind turns, as `turn_rates` has it.
-    enclosed : str or None
-        Its model in a tube, in words; None where its flights cannot be enclosed.
-    batched : bool
-        Whether the compiled kernel flies it.
-    """
-
-    keys: frozenset[str] = frozenset()
-    required: tuple[str, ...] = ()
-    turn: TurnLaw = "exact"
+    keys: frozenset[str] = frozenset()  # keys of ``[[plant]]`` that only this kind takes
+    required: tuple[str, ...] = ()  # keys that it cannot do without
+    turn: TurnLaw = "exact"  # how a point mass of the kind turns, as `turn_rates` has it
+    # Its model in a tube, in words; None where its flights cannot be enclosed
     enclosed: str | None = None
-    batched: bool = False
+    batched: bool = False  # whether the compiled kernel flies it
 
 
 _LAGS = tuple(f"{channel}_{key}" for channel in ("roll", "n_z") for key in ("lag_rad_s", "delay_s"))

@@ -1,4 +1,4 @@
-"""What a plant is called in tables, plots and files, and the aircraft behind such a label."""
+"""Labels of plants in tables, plots and files, and the aircraft behind a label."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,18 +10,12 @@ def plant_label(kind: str, aircraft: str | None = None, name: str | None = None)
 
     A plant of the user's is called by its name alone.
 
-    Parameters
-    ----------
-    kind : str
-        Kind of the plant, as in a scenario.
-    aircraft : str, optional
-        Aircraft that flies.
-    name : str, optional
-        What tells it from another plant of the same kind and aircraft.
+    `kind` is that in the scenario; `name` distinguishes the plant from another one of the same kind
+    and aircraft.
     """
     if kind == "python" and name:
         return name
-    return ":".join(part for part in (kind, aircraft and Path(aircraft).name, name) if part)
+    return ":".join(part for part in (kind, Path(aircraft).name if aircraft else "", name) if part)
 
 
 def goes_by(label: str, plant: str | None) -> bool:
@@ -32,12 +26,8 @@ def goes_by(label: str, plant: str | None) -> bool:
 def aircraft_of(label: str, tables: Sequence[Mapping[str, Any]]) -> str | None:
     """The aircraft of a label; None for a plant that is none.
 
-    Parameters
-    ----------
-    label : str
-        As `plant_label` makes it.
-    tables : sequence of mapping
-        The ``[[plant]]`` tables of the scenario flown, as plain values.
+    `label` is one of `plant_label`; `tables` are the ``[[plant]]`` tables of the scenario flown, as
+    plain values.
     """
     for table in tables:
         if label_of(table) == label:

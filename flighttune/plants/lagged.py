@@ -19,7 +19,7 @@ class LaggedPlant(WrappedPlant):
     plant : Plant
         A plant that was not flown before, for which any duration can be flown.
     lags : tuple of InnerLag, length 2
-        Of roll and of load factor.
+        Lags of roll and of load factor.
 
     Notes
     -----
@@ -53,7 +53,7 @@ class LaggedPlant(WrappedPlant):
             pieces = max(1, math.ceil((until - self._t) / PIECE - 1e-9))
             step = (until - self._t) / pieces
             for i in range(pieces):
-                roll, load = (one.at(self._t + (i + 0.5) * step) for one in self._channels)
+                roll, load = (channel.at(self._t + (i + 0.5) * step) for channel in self._channels)
                 stop = super().advance(roll, load, step)
                 if stop is not None:
                     return stop

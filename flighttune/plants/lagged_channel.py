@@ -1,4 +1,4 @@
-"""An inner loop in flight: commands go in, what is flown comes out, without a numerical error."""
+"""An inner loop in flight, from commands to flown values, without a discretisation error."""
 
 import math
 from collections import deque
@@ -14,29 +14,20 @@ from flighttune.control.inner_loop import InnerLag
 RESOLUTION = 12
 """Decimals of a second to which the transitions of a channel are distinguished."""
 
-MOST_TRANSITIONS = 4096
+MAX_TRANSITIONS = 4096
 """Transitions remembered by a channel."""
 
 
 @lru_cache(maxsize=256)  # flights of one aircraft ask for the same few again and again
 def transition(lag: InnerLag, t: float) -> FloatArray:
-    """What `t` seconds under a held command leave of a lag's distance from rest.
+    """Transition matrix ``exp(A t)`` of a lag's distance from rest under a constant command.
 
-    Parameters
-    ----------
-    lag : InnerLag
-        Its delay does not matter here.
-    t : float, s
-        Not negative.
-
-    Returns
-    -------
-    ndarray, shape (order, order)
-        ``exp(A t)``, A of `InnerLag.undelayed`; read-only.
+    A is that of `InnerLag.undelayed`, without the delay. `t` (s) is not negative. The matrix is
+    read-only and has shape (order, order).
     """
-    found = _transition(lag, t)
-    found.flags.writeable = False
-    return found
+    matrix = _transition(lag, t)
+    matrix.flags.writeable = False
+    return matrix
 
 
 def _transition(lag: InnerLag, t: float) -> FloatArray:
@@ -69,11 +60,7 @@ def rest(lag: InnerLag) -> FloatArray:
 class LaggedChannel:
     """One channel: its state between the instants at which commands take effect.
 
-    Parameters
-    ----------
-    lag : InnerLag
-    value : float, unit of the channel
-        Flown and commanded before t = 0.
+    `value` (unit of the channel) is flown and commanded before t = 0.
     """
 
     def __init__(self, lag: InnerLag, value: float) -> None:
@@ -111,7 +98,7 @@ class LaggedChannel:
         """Flown values after 0 to `count` steps (s) from the last move, before the next switch."""
         key = round(step, RESOLUTION), count
         if key not in self._rows:
-            if len(self._rows) == MOST_TRANSITIONS:
+            if len(self._rows) == MAX_TRANSITIONS:
                 self._rows.clear()
             times = (round(i * step, RESOLUTION) for i in range(count + 1))
             self._rows[key] = np.array([transition(self._lag, t)[0] for t in times])
@@ -120,7 +107,7 @@ class LaggedChannel:
     def _transition(self, t: float) -> list[list[float]]:
         since = round(t - self._since, RESOLUTION)
         if since not in self._known:
-            if len(self._known) == MOST_TRANSITIONS:
+            if len(self._known) == MAX_TRANSITIONS:
                 self._known.clear()
             self._known[since] = transition(self._lag, since).tolist()
         return self._known[since]

@@ -108,13 +108,13 @@ class PointMassPlant:
     Parameters
     ----------
     lags : tuple of InnerLag, length 2, optional
-        Of roll and of load factor.
+        Lags of roll and of load factor.
     wind : WindRecord, optional
         Still air by default.
     disturbance : callable, optional
         Disturbance of the two rates over time; none by default.
     law : {"exact", "paper"}
-        How course and climb follow from roll and load factor: see `turn_rates`.
+        Rates of course and climb from roll and load factor: see `turn_rates`.
     g : float, m/s^2
         Acceleration of gravity.
 

@@ -18,7 +18,7 @@ MEASURED = tuple(f"{name}_meas" for name in SENSED)
 _CHI, _GAMMA, _V_A = (COMMON_SIGNALS.index(name) for name in SENSED)
 
 _STREAM = 0x5E45
-"""Of the seed's children, the one sensors draw from: one of its own children a signal."""
+"""Key of the seed's child that sensors draw from, which has one child for each signal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,7 @@ class Sensors:
     noise_sd : tuple of three floats, rad, rad, m/s
         Standard deviation of the noise, not negative.
     time_constant : float, s
-        Of the noise, a first-order Gauss-Markov sequence; 0 for white noise.
+        Time constant of the noise, a first-order Gauss-Markov sequence; 0 for white noise.
     seed : int
         The noise is a function of it alone, the same whatever else is drawn from that seed.
 
@@ -71,10 +71,10 @@ class Sensors:
         ndarray, shape (samples, 3), rad, rad, m/s
             The same bits for the same seed; a longer flight begins as a shorter one does.
         """
-        found = np.empty((samples, len(SENSED)))
+        errors = np.empty((samples, len(SENSED)))
         for j, (bias, sd) in enumerate(zip(self.bias, self.noise_sd, strict=True)):
-            found[:, j] = bias + sd * self._noise(j, samples, dt) if sd else bias
-        return found
+            errors[:, j] = bias + sd * self._noise(j, samples, dt) if sd else bias
+        return errors
 
     def _noise(self, signal: int, samples: int, dt: float) -> FloatArray:
         """Noise of unit variance."""
@@ -94,17 +94,9 @@ class Sensors:
 class SensedPlant(WrappedPlant):
     """A plant that also shows its course, climb and airspeed as sensors have them.
 
-    Parameters
-    ----------
-    plant : Plant
-        A plant that was not flown before.
-    errors : ndarray, shape (n, 3), rad, rad, m/s
-        Measured minus true value at each of the n times it will be observed.
-
-    Attributes
-    ----------
-    kind, signals, limits
-        Those of the plant; `signals` has `MEASURED` at its end.
+    `plant`: a plant that was not flown before. `errors` (shape (n, 3), rad, rad, m/s): measured
+    minus true value at each of the n times it will be observed. Kind and limits are those of the
+    plant; `signals` has `MEASURED` at its end.
     """
 
     def __init__(self, plant: Plant, errors: FloatArray) -> None:

@@ -20,14 +20,10 @@ MOST_SEVERE = 7
 
 @dataclass(frozen=True, slots=True)
 class WindProfile:
-    """Steady wind that changes with height: linear between levels, constant beyond them.
+    """Steady wind that changes with height: linear between levels, constant beyond them."""
 
-    Attributes
-    ----------
-    levels : tuple of (float, (float, float, float)), m above sea level and m/s
-        Heights, rising, and the wind there: air that moves north, east and down.
-    """
-
+    # m above sea level and m/s: heights, rising, and the wind there: air that moves north, east and
+    # down.
     levels: tuple[tuple[float, NED], ...] = ((0.0, CALM),)
 
     def __post_init__(self) -> None:
@@ -57,23 +53,14 @@ class WindProfile:
 class Gust:
     """A 1-cosine gust: up over `rise`, held, and down again.
 
-    Attributes
-    ----------
-    axis : {"ahead", "right", "down"}
-        Body axis at the start of the gust along which the air moves; then fixed to the Earth.
-    peak : float, m/s
-        Largest speed; negative for the opposite direction.
-    start, rise, hold : float, s
-        When it begins; length of each flank; time at the peak.
-
-    Notes
-    -----
     ``peak/2 (1 - cos(pi t/rise))`` on the way up: section 3.7.1.3 of MIL-F-8785C with the gust
     length flown through at constant airspeed.
     """
 
+    # Body axis at the start of the gust along which the air moves; then fixed to the Earth
     axis: GustAxis
-    peak: float
+    peak: float  # m/s: largest speed; negative for the opposite direction
+    # `start`, `rise` and `hold` (s): when it begins; length of each flank; time at the peak
     start: float
     rise: float
     hold: float = 0.0
@@ -88,20 +75,11 @@ class Gust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turbulence:
-    """Dryden turbulence of MIL-F-8785C as JSBSim makes it.
+    """Dryden turbulence of MIL-F-8785C as JSBSim makes it."""
 
-    Attributes
-    ----------
-    severity : int
-        Curve of Fig. 7 of the standard, 1 to 7: strength from 2000 ft above ground on.
-    wind_20ft : float, m/s
-        Wind 20 ft above ground: sets the strength below 1000 ft.
-    model : {"tustin", "milspec"}
-        Filters: the standard's, made discrete by Tustin's rule; or first-order ones.
-    """
-
-    severity: int
-    wind_20ft: float
+    severity: int  # curve of Fig. 7 of the standard, 1 to 7: strength from 2000 ft above ground on.
+    wind_20ft: float  # m/s: wind 20 ft above ground: sets the strength below 1000 ft
+    # Filters: the standard's, made discrete by Tustin's rule; or first-order ones
     model: TurbulenceModel = "tustin"
 
     def __post_init__(self) -> None:
@@ -114,17 +92,11 @@ class Turbulence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OscillatingWind:
-    """Two oscillations of the air, ``a cos(omega_a t) + b sin(omega_b t)``.
+    """Two oscillations of the air, ``a cos(omega_a t) + b sin(omega_b t)``."""
 
-    Attributes
-    ----------
-    cosine, sine : (float, float, float), m/s
-        Amplitudes a and b: north, east and down.
-    cosine_omega, sine_omega : float, rad/s
-        Angular frequencies.
-    """
-
+    # `cosine` and `sine` (m/s): amplitudes a and b: north, east and down
     cosine: NED
+    # `cosine_omega` and `sine_omega` (rad/s): angular frequencies
     cosine_omega: float
     sine: NED
     sine_omega: float
@@ -142,24 +114,12 @@ class OscillatingWind:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weather:
-    """What the air does on a flight; the parts add up.
+    """The weather of a flight; its parts add up."""
 
-    Attributes
-    ----------
-    wind : WindProfile
-        Steady wind over height.
-    gust : Gust or None
-        One gust.
-    turbulence : Turbulence or None
-        From the start of the flight on.
-    oscillation : OscillatingWind or None
-        Wind that swings with time.
-    """
-
-    wind: WindProfile = WindProfile()
-    gust: Gust | None = None
-    turbulence: Turbulence | None = None
-    oscillation: OscillatingWind | None = None
+    wind: WindProfile = WindProfile()  # steady wind over height
+    gust: Gust | None = None  # one gust
+    turbulence: Turbulence | None = None  # from the start of the flight on
+    oscillation: OscillatingWind | None = None  # wind that swings with time
 
     def deterministic(self, t: float, h: float) -> NED:
         """Wind without gust and turbulence at time `t` (s) and height `h` (m), m/s in NED."""

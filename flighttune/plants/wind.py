@@ -21,19 +21,11 @@ WIND = ("wind_north", "wind_east", "wind_down")
 
 @dataclass(frozen=True, slots=True)
 class WindPiece:
-    """Wind that changes at a constant rate: ``w_0 + rate (t - t_0)``.
+    """Wind that changes at a constant rate: ``w_0 + rate (t - t_0)``."""
 
-    Attributes
-    ----------
-    t_0 : float, s
-    w_0 : (float, float, float), m/s
-        North, east and down at `t_0`.
-    rate : (float, float, float), m/s^2
-    """
-
-    t_0: float
-    w_0: NED
-    rate: NED
+    t_0: float  # s
+    w_0: NED  # m/s: north, east and down at `t_0`
+    rate: NED  # m/s^2
 
     def at(self, t: float) -> NED:
         """Wind at time `t` (s), m/s, north, east and down."""
@@ -47,15 +39,10 @@ class WindRecord:
     """Wind met on a flight: linear between its samples, constant before and after them.
 
     Positive components are air that moves north, east and down.
-
-    Attributes
-    ----------
-    t : ndarray, shape (n,), s
-        Times of the samples, rising.
-    north, east, down : ndarray, shape (n,), m/s
     """
 
-    t: FloatArray
+    t: FloatArray  # shape (n,), s: times of the samples, rising
+    # `north`, `east` and `down` (shape (n,), m/s)
     north: FloatArray
     east: FloatArray
     down: FloatArray
@@ -106,10 +93,8 @@ class WindRecord:
 def course_of(velocity: NED) -> tuple[float, float]:
     """Course and flight-path angle of a velocity in north, east, down.
 
-    Returns
-    -------
-    chi, gamma : float, rad
-        Course clockwise from north in (-pi, pi]; angle above the horizon, climb positive.
+    `chi`, `gamma` (rad): course clockwise from north in (-pi, pi]; angle above the horizon, climb
+    positive.
     """
     north, east, down = velocity
     return math.atan2(east, north), math.atan2(-down, math.hypot(north, east))

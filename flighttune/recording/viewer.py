@@ -12,7 +12,6 @@ from pathlib import Path
 from urllib.parse import quote
 
 from flighttune.errors import InputError, RecordingError
-from flighttune.processes import OWN_GROUP
 from flighttune.recording.origin import check_recording
 from flighttune.whole_file import reason_of
 
@@ -101,7 +100,6 @@ class ViewerProcess:
             stdout=self._output,
             stderr=subprocess.STDOUT,
             start_new_session=True,  # Ctrl-C goes to the command that started it, not to the viewer
-            creationflags=OWN_GROUP,
         )
         try:
             self._await(wait_for or port)

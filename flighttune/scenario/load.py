@@ -184,4 +184,4 @@ def validated(model: type[Model], tables: Any, source: str) -> Model:
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        raise ScenarioError(f"{source}: {mistakes(error, model)}") from None
+        raise ScenarioError(f"{source}: {mistakes(error, model, tables)}") from None

@@ -1,4 +1,4 @@
-"""What the tube of a flight depends on, as a hash."""
+"""Hash of everything that the tube of a flight depends on."""
 
 import hashlib
 import json
@@ -8,20 +8,11 @@ from typing import Any
 from flighttune.control.gains import PIGains
 
 WORDS = ("title", "verifies", "source", "seed", "gains", "expect", "tuning", "envelope")
-"""Of a scenario, what a tube does not depend on."""
+"""Tables of a scenario that a tube does not depend on."""
 
 
 def flight_sha256(scenario: Mapping[str, Any], plant: str, gains: PIGains | None) -> str:
-    """Hash of what the tube of a flight depends on.
-
-    Parameters
-    ----------
-    scenario : mapping
-        As written in TOML.
-    plant : str
-        Label of the plant.
-    gains : PIGains or None
-    """
+    """Hash of everything that the tube of a flight depends on."""
     flown = {key: value for key, value in scenario.items() if key not in WORDS}
-    of = {**flown, "label": plant, "gains": gains and gains.as_lists()}
+    of = {**flown, "label": plant, "gains": None if gains is None else gains.as_lists()}
     return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()

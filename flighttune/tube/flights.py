@@ -14,10 +14,7 @@ from flighttune.tube.result import Tube
 def flights_inside(tube: Tube) -> bool:
     """Whether the scenario's own flight and those from the corners of the starts are inside.
 
-    Parameters
-    ----------
-    tube : Tube
-        One that is not bounded is looked at as far as it goes.
+    A tube that is not bounded is compared as far as it goes.
     """
     return all(map(tube.contains, _flights(tube)))
 

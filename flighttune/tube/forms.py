@@ -33,20 +33,11 @@ TINY = 1e-300
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Form:
-    """One quantity in every piece.
+    """One quantity in every piece."""
 
-    Attributes
-    ----------
-    coefficients : ndarray, shape (P, 1 + M)
-        Centre, then the coefficient of every symbol.
-    err : ndarray, shape (P,)
-        Bound on what is not in the coefficients.
-    size : ndarray, shape (P,)
-        At least the sum of the absolute values of coefficients and of `err`.
-    """
-
-    coefficients: FloatArray
-    err: FloatArray
+    coefficients: FloatArray  # shape (P, 1 + M): centre, then the coefficient of every symbol
+    err: FloatArray  # shape (P,): bound on what is not in the coefficients
+    # shape (P,): at least the sum of the absolute values of coefficients and of `err`
     size: FloatArray
 
     def widened(self, radius: Floats) -> "Form":
@@ -118,14 +109,14 @@ class Pieces:
     Attributes
     ----------
     values : ndarray, shape (P, rows + constraints, 1 + M)
-        With room for M symbols.
+        Coefficients, with room for M symbols.
     err : ndarray, shape (P, rows + constraints)
     constrained : ndarray of bool, shape (constraints,)
         Which rows hold a constraint of any piece.
     used : int
         Symbols in use.
     kind : ndarray of int, shape (capacity,)
-        Where a symbol came from: symbols of a kind follow each other in time.
+        Origin of each symbol: symbols of a kind follow each other in time.
     """
 
     def __init__(self, centres: FloatArray, constraints: int, capacity: int) -> None:
@@ -174,7 +165,6 @@ class Pieces:
 
         Parameters
         ----------
-        form : Form
         multipliers : ndarray, shape (P, c)
             Any numbers mu, for the rows of `constrained`: ``F = (F - mu q) + mu q``, and q is
             inside +-1.

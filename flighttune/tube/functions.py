@@ -41,8 +41,8 @@ def secant_change(form: Form, angle: Interval, change: Form, by: Interval) -> Fo
     across = angle.hull(after)
     in_form, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
     at, moved = angle.middle, by.middle
-    one = Interval.point(np.ones_like(at))
-    value = one / cosine(Interval.point(at)) - one / cosine(Interval.point(at) + moved)
+    unity = Interval.point(np.ones_like(at))
+    value = unity / cosine(Interval.point(at)) - unity / cosine(Interval.point(at) + moved)
     a, b = in_form.middle, in_change.middle
     rest = (
         value
@@ -59,7 +59,7 @@ def arctangent(form: Form, a: Interval, other: Form, b: Interval) -> Form:
     at, over = Interval.point(a.middle), Interval.point(b.middle)
     square = _square(at) + _square(over)
     number = np.arctan2(at.low, over.low)
-    # How far the library's is from the true one: the sine of that, over the distance.
+    # Distance of the library's angle from the true one: the sine of that, over the distance.
     angle = Interval.point(number)
     s, c = sine_and_cosine(angle)
     off = (at * c - over * s).largest / np.sqrt(square.low)
@@ -92,10 +92,10 @@ def _square(values: Interval) -> Interval:
     return Interval(np.where(across, 0.0, np.maximum(product.low, 0.0)), product.high)
 
 
-def product(first: Form, one: Interval, second: Form, other: Interval) -> Form:
-    """``F G``, F inside `one` and G inside `other`: ``(F - f)(G - g)`` is the error."""
-    f, g = one.middle, other.middle
-    rest = within((one - f).largest) * within((other - g).largest) - Interval.point(f) * g
+def product(first: Form, a: Interval, second: Form, b: Interval) -> Form:
+    """``F G``, F inside `a` and G inside `b`: ``(F - f)(G - g)`` is the error."""
+    f, g = a.middle, b.middle
+    rest = within((a - f).largest) * within((b - g).largest) - Interval.point(f) * g
     return combined((g, first), (f, second), shift=rest.middle).widened(rest.radius)
 
 
@@ -148,6 +148,6 @@ def _clipped(point: FloatArray, low: float, high: float) -> Interval:
 
 def _hull(intervals: list[Interval]) -> Interval:
     return Interval(
-        np.minimum.reduce([one.low for one in intervals]),
-        np.maximum.reduce([one.high for one in intervals]),
+        np.minimum.reduce([interval.low for interval in intervals]),
+        np.maximum.reduce([interval.high for interval in intervals]),
     )

@@ -28,29 +28,19 @@ SYMBOLS = 300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HandOver:
-    """A set from which flights return into it.
+    """A set from which flights return into it."""
 
-    Attributes
-    ----------
-    sample : int
-        First sample at which every flight is inside.
-    W : ndarray, shape (n, n)
-    centre, size : ndarray, shape (n,)
-        The set is ``|W z - centre| <= size`` for the state z of the loop.
-    samples : int
-        Number N of samples that map the set into itself.
-    bounds : ndarray, shape (4, 2)
-        Lowest and highest errors (rad) and commands (rad, 1) at all times after the last sample.
-    chosen : ndarray, shape (m,), float32
-        Choices of the search, which the check replays.
-    """
-
-    sample: int
-    W: FloatArray
+    sample: int  # first sample at which every flight is inside
+    W: FloatArray  # shape (n, n)
+    # `centre` and `size` (shape (n,)): the set is ``|W z - centre| <= size`` for the state z of the
+    # loop.
     centre: FloatArray
     size: FloatArray
-    samples: int
+    samples: int  # number N of samples that map the set into itself
+    # shape (4, 2): lowest and highest errors (rad) and commands (rad, 1) at all times after the
+    # last sample.
     bounds: FloatArray
+    # shape (m,), float32: choices of the search, which the check replays
     chosen: npt.NDArray[np.float32]
 
 
@@ -61,7 +51,9 @@ def settled(loop: SampledLoop, samples: int) -> SampledLoop:
         return np.repeat(values[-1:], samples + 1, axis=0)
 
     names = ("planned", "chi_ref", "gamma_ref", "d_low", "d_high")
-    inversion = loop.inversion and loop.inversion._replace(rates=last(loop.inversion.rates))
+    inversion = loop.inversion
+    if inversion is not None:
+        inversion = inversion._replace(rates=last(inversion.rates))
     roll = None if loop.roll is None else last(loop.roll)
     still = {name: last(getattr(loop, name)) for name in names}
     return replace(loop, inversion=inversion, roll=roll, **still)
@@ -109,10 +101,10 @@ def hull(pieces: Pieces, W: FloatArray) -> FloatArray:
     return np.stack(ends, axis=1)
 
 
-def inside(found: FloatArray, centre: FloatArray, size: FloatArray) -> bool:
+def inside(ranges: FloatArray, centre: FloatArray, size: FloatArray) -> bool:
     """Whether ranges of ``W z`` are in the set ``|W z - centre| <= size``."""
     low, high = np.nextafter(centre - size, np.inf), np.nextafter(centre + size, -np.inf)
-    return bool(((found[:, 0] >= low) & (found[:, 1] <= high)).all())
+    return bool(((ranges[:, 0] >= low) & (ranges[:, 1] <= high)).all())
 
 
 def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces:
@@ -137,7 +129,7 @@ def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces
     return made
 
 
-def way_round(
+def return_map(
     loop: SampledLoop,
     W: FloatArray,
     centre: FloatArray,
@@ -145,17 +137,15 @@ def way_round(
     samples: int,
     plan: Plan,
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Map the set through the samples of two rounds; None if a limit may act on a command.
+    """Propagate the set through 2 N samples; None if a limit may act on a command.
 
-    The ranges of ``W z`` after the first round, and of errors and commands at every sample. There
-    is no second round if the first does not end inside the set.
+    Returns the ranges of ``W z`` after the first round, and of errors and commands at every sample.
+    There is no second round if the first does not end inside the set.
 
     Parameters
     ----------
-    loop : SampledLoop
     W, centre, size, samples
-        As of `HandOver`.
-    plan : Plan
+        See `HandOver`.
 
     Returns
     -------
@@ -171,10 +161,10 @@ def way_round(
     enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
     passed, after = [], np.zeros((len(W), 2))
     for k in range(1, 2 * samples + 1):
-        found = enclosure.sample(k)
-        if found.held.any():
+        bounds = enclosure.sample(k)
+        if bounds.limited.any():
             return None
-        passed.append(found.ranges)
+        passed.append(bounds.ranges)
         if k == samples:
             after = hull(enclosure.pieces, W)
             if not inside(after, centre, size):
@@ -188,7 +178,7 @@ def for_ever(passed: FloatArray, beyond: int) -> FloatArray:
     Parameters
     ----------
     passed : ndarray, shape (2 N, 4, 2)
-        As of `way_round`.
+        See `return_map`.
     beyond : int
         Number of these samples; more than one round of them change nothing.
     """

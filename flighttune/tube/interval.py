@@ -121,7 +121,7 @@ def sine_and_cosine(angle: Interval) -> tuple[Interval, Interval]:
 
 @cache
 def _divisors(dimensions: int) -> FloatArray:
-    """Of each term, the last first: of cosine, then of sine."""
+    """Coefficients of cosine, then of sine; the last term comes first."""
     k, power = np.arange(SERIES_TERMS, 0, -1.0)[:, np.newaxis], np.array([0.0, 1.0])
     divisors = (2.0 * k + power - 1.0) * (2.0 * k + power)
     return divisors.reshape(SERIES_TERMS, 2, *[1] * dimensions)
@@ -140,5 +140,5 @@ def _hull_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Inte
 
 
 def outward(low: FloatArray, high: FloatArray) -> Interval:
-    """From each lower to each upper end, both rounded to the nearest float, moved out by one."""
+    """Intervals between ends rounded to the nearest float, each moved out by one float."""
     return Interval(np.nextafter(low, LEAST), np.nextafter(high, MOST))

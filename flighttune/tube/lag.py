@@ -39,27 +39,19 @@ REMAINDER = Fraction(1, 10**22)
 class SampledLag:
     """A lag with delay from one sample to the next, n states and m commands in force.
 
-    Attributes
-    ----------
-    A, B : ndarray, shapes (n, n) and (n,)
-        Of the lag; its first state is the response.
-    transition : ndarray, shape (n, n + 2)
-        State after the sample, of state, older and newer command.
-    mean : ndarray, shape (n + 2,)
-        Mean of the response over the sample, of the same.
-    older : int
-        The newer command in force in a sample is the one of so many samples before, the older one
-        of one more.
-
     Notes
     -----
     All entries are the exact ones, rounded once.
     """
 
+    # `A` and `B` (shapes (n, n) and (n,)): matrices of the lag; its first state is the response
     A: FloatArray
     B: FloatArray
+    # shape (n, n + 2): state after the sample, of state, older and newer command
     transition: FloatArray
-    mean: FloatArray
+    mean: FloatArray  # shape (n + 2,): mean of the response over the sample, of the same
+    # Delay in whole samples: the newer command in force was given so many samples before, the older
+    # command one sample earlier.
     older: int
 
     @classmethod
@@ -104,7 +96,7 @@ class SampledLag:
         end : Interval
             The response at the end.
         command : Interval
-            Those in force within the sample.
+            Commands in force within the sample.
         h : float, s
 
         Notes
@@ -115,8 +107,8 @@ class SampledLag:
         times the norm of A is well below 1, so a sample is taken in some steps.
         """
         n = self.order
-        box = np.stack([getattr(one, end) for end in ("low", "high") for one in state])
-        # Of ``B u``, with what the rounding of its products comes to.
+        box = np.stack([getattr(interval, end) for end in ("low", "high") for interval in state])
+        # Values of ``B u``, widened by the rounding of its products.
         B = self.B[:, np.newaxis]
         ends, rounding = (B * command.low, B * command.high), ROUNDING * np.abs(B) * command.largest
         pushed = np.concatenate([np.minimum(*ends) - rounding, np.maximum(*ends) + rounding])
@@ -124,10 +116,10 @@ class SampledLag:
         t = h / steps * (1.0 + ROUNDING)
         slowest, fastest = (np.full(box.shape[1], end) for end in (np.inf, -np.inf))
         for _ in range(steps):
-            found = self._box(box, pushed, t)
-            if found is None:
+            next_box = self._box(box, pushed, t)
+            if next_box is None:
                 return None
-            box = found
+            box = next_box
             rates = self._rates(box, pushed)
             slowest, fastest = np.minimum(slowest, rates[0]), np.maximum(fastest, rates[n])
         margin = 0.25 * h * (fastest - slowest) * (1.0 + ROUNDING)

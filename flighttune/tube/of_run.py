@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flighttune.tube.result import Tube
 
 FOLDER = "tubes"
-"""Where the tubes of the runs in a folder are."""
+"""Subfolder with the tubes of the runs in a folder."""
 
 COUNTED_ONLY = "The model's set is lost, and the bounds are those counted"
 """Said of a tube whose bounds end as `within_counted` has them, before the reason."""
@@ -39,17 +39,19 @@ class RunTube:
     """Bounds that hold for the errors of a run, and what they rest on."""
 
     t: FloatArray  # (k,), s: to where the bounds last
-    bounds: FloatArray  # (k, 4), rad: of `TUBE_SIGNALS`
+    bounds: FloatArray  # (k, 4), rad: columns are `TUBE_SIGNALS`
     about: AboutTube
     file: Path
-    computed: bool = False  # by this very call, not read from a file of an earlier one
-    worst: "WorstOfTube | None" = None  # where `flighttune worst` found one
+    computed: bool = False  # in this call; False for a tube read from its file
+    worst: "WorstOfTube | None" = None  # None unless `flighttune worst` was run
 
     @property
     def half_widths(self) -> FloatArray:
-        """Of course and flight-path-angle error, largest and at the end, shape (2, 2), rad."""
+        """Half widths of course and path-angle error, largest and at the end, shape (2, 2), rad."""
         widths = 0.5 * (self.bounds[:, 1::2] - self.bounds[:, ::2])
-        return np.stack([one.max(axis=0, initial=0.0) for one in (widths, widths[-1:])], axis=1)
+        return np.stack(
+            [values.max(axis=0, initial=0.0) for values in (widths, widths[-1:])], axis=1
+        )
 
     def around(self, run: Run) -> Run:
         """The run with the bounds as signals; NaN where they do not last."""
@@ -72,34 +74,23 @@ def _as_long(values: FloatArray, names: Sequence[str], samples: int) -> dict[str
 class WorstOfTube:
     """The flight found that comes nearest to leaving a tube."""
 
-    errors: FloatArray  # (samples, 2), rad: of course and flight-path angle
+    errors: FloatArray  # (samples, 2), rad: course and flight-path angle
     about: AboutWorst
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunTubes:
-    """Tubes of runs.
+    """Tubes of runs."""
 
-    Attributes
-    ----------
-    runs : tuple of Run
-        With the bounds as signals where there are any.
-    found : mapping of str to RunTube
-        By label of the run.
-    why_not : mapping of str to str
-        Why there is none, of runs for which one was to be made.
-    left : tuple of str
-        Labels of runs that leave the tube made for them, which is not kept.
-    """
-
-    runs: tuple[Run, ...]
-    found: Mapping[str, RunTube]
-    why_not: Mapping[str, str]
+    runs: tuple[Run, ...]  # a run that has a tube has its bounds as signals
+    found: Mapping[str, RunTube]  # by label of the run
+    why_not: Mapping[str, str]  # why there is none, of runs for which one was to be made
+    # Labels of runs that leave the tube made for them, which is not kept
     left: tuple[str, ...] = ()
 
     @property
     def at_a_glance(self) -> tuple[str, ...]:
-        """How far each aircraft can be off and with which probability, a sentence each."""
+        """Largest error of each aircraft and its probability, a sentence each."""
         aircraft = [run.label for run in self.runs if run.provenance.aircraft is not None]
         return tuple(self._glance(label) for label in aircraft if label in self.found)
 
@@ -110,7 +101,7 @@ class RunTubes:
         return f"{self._width(label)}{_probability(about)}.{lost}"
 
     def sentence(self, label: str) -> str:
-        """What the tube of a run says."""
+        """The statement of a run's tube in words."""
         tube = self.found[label]
         about = tube.about
         # Bounds that were counted hold for flights of the distribution, not for all of the model.
@@ -151,7 +142,7 @@ def _probability(about: AboutTube) -> str:
 
 
 def _nearest(tube: RunTube) -> str:
-    """What the worst flight found says of a tube, or how to find one."""
+    """Comparison of a tube with the worst flight inside, or the way to get it."""
     if tube.worst is None:
         return (
             "The worst flight inside is not known yet: "
@@ -179,31 +170,18 @@ def tubes_of(
 ) -> RunTubes:
     """The tubes of runs that are in a folder, and where asked those that are not.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-    folder : Path
-        Its subfolder `FOLDER` is read, and written to.
-    make : bool
-        Make what is not there.
-    conformance : Conformance, optional
-        For runs of its aircraft with its gains.
-    progress : callable, optional
-        Called with the label of the run and the part done.
-
-    Raises
-    ------
-    OutputError
-        If a file cannot be written.
+    `folder`: its subfolder `FOLDER` is read and written. `make`: compute missing tubes.
+    `conformance`: boxes for runs of its aircraft with its gains. `progress`: called with the label
+    of the run and the part done. Raises OutputError if a file cannot be written.
     """
-    known, why_not = _known(folder / FOLDER)
-    found: dict[str, RunTube] = {}
+    files, why_not = _tube_files(folder / FOLDER)
+    tubes: dict[str, RunTube] = {}
     left: list[str] = []
     for run in runs:
         if len(run.signals) < 2:
             continue
         sha256, computed = run_sha256(run), False
-        if sha256 not in known and make:
+        if sha256 not in files and make:
             try:
                 made = _tube(run, conformance, progress)
             except FlightTuneError as error:
@@ -219,15 +197,15 @@ def tubes_of(
             path = folder / FOLDER / f"{sha256[:16]}.parquet"
             write_signals(made, path)
             why_not.pop(str(path), None)  # a damaged file is replaced
-            known[sha256], computed = path, True
-        if sha256 in known:
-            path = known[sha256]
+            files[sha256], computed = path, True
+        if sha256 in files:
+            path = files[sha256]
             try:
-                found[run.label] = replace(read_tube(path, run), computed=computed)
+                tubes[run.label] = replace(read_tube(path, run), computed=computed)
             except InputError as error:
                 why_not[run.label] = str(error)
-    drawn = [found[run.label].around(run) if run.label in found else run for run in runs]
-    return RunTubes(runs=tuple(drawn), found=found, why_not=why_not, left=tuple(left))
+    drawn = [tubes[run.label].around(run) if run.label in tubes else run for run in runs]
+    return RunTubes(runs=tuple(drawn), found=tubes, why_not=why_not, left=tuple(left))
 
 
 def _tube(
@@ -242,9 +220,9 @@ def _tube(
         raise InputError("a law of one's own has no tube.")
     plant = scenario.plant_table(run.provenance.plant)
     counts = None if plant.aircraft is None else conformance
-    # Where only the starts were drawn, the tube is from all of them: then it is of the flights
-    # counted, and not of the one from the scenario's own start.
-    start = counts and counts.distribution.start_range(scenario, plant)
+    # Where only the starts were drawn, the tube begins with all of them: it then holds the flights
+    # counted, and not only the flight from the scenario's own start.
+    start = None if counts is None else counts.distribution.start_range(scenario, plant)
     return tube(
         scenario,
         gains,
@@ -252,21 +230,21 @@ def _tube(
         start=start or 0.0,
         conformance=counts,
         law=run.provenance.law,
-        progress=progress and (lambda part: progress(f"tube {run.label}", part)),
+        progress=None if progress is None else lambda part: progress(f"tube {run.label}", part),
     )
 
 
-def _known(folder: Path) -> tuple[dict[str, Path], dict[str, str]]:
+def _tube_files(folder: Path) -> tuple[dict[str, Path], dict[str, str]]:
     """The tubes in a folder by the hash of their flight, and why the others are not read."""
-    known, refused = {}, {}
+    files, refused = {}, {}
     for path in sorted(folder.glob("[!.]*.parquet")):
         if path.stem.endswith(WORST):
             continue
         try:
-            known[read_sealed(path, AboutTube, TUBE_SIGNALS)[0].run] = path
+            files[read_sealed(path, AboutTube, TUBE_SIGNALS)[0].run] = path
         except InputError as error:
             refused[str(path)] = str(error).removeprefix(f"{path}: ")
-    return known, refused
+    return files, refused
 
 
 def run_sha256(run: Run) -> str:
@@ -278,10 +256,8 @@ def run_sha256(run: Run) -> str:
 def read_tube(path: Path, run: Run) -> RunTube:
     """The bounds in the file of the tube of a run.
 
-    Raises
-    ------
-    InputError
-        If it is no such file, not as it was written, or its bounds are not those of the samples.
+    Raises InputError if it is no such file, not as it was written, or its bounds are not those of
+    the samples.
     """
     from flighttune.tube.problem import sample_times
 

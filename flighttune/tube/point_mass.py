@@ -44,11 +44,13 @@ def _points(*states: tuple[Interval, Interval, Interval]) -> list[Point]:
     """Points at (roll, load factor, path angle), their sines and cosines all at once."""
     angles = [angle for phi, _, gamma in states for angle in (phi, gamma)]
     sines, cosines = sine_and_cosine(
-        Interval(np.array([one.low for one in angles]), np.array([one.high for one in angles]))
+        Interval(
+            np.array([angle.low for angle in angles]), np.array([angle.high for angle in angles])
+        )
     )
     s, c = (
-        [Interval(*ends) for ends in zip(one.low, one.high, strict=True)]
-        for one in (sines, cosines)
+        [Interval(*ends) for ends in zip(interval.low, interval.high, strict=True)]
+        for interval in (sines, cosines)
     )
     return [
         Point(*state, s[i], c[i], s[i + 1], c[i + 1])
@@ -84,7 +86,7 @@ def point_mass_sample(
     -------
     chi, gamma : Form, rad
     spread : ndarray, shape (2,), rad/s
-        How far apart a rate can be within the sample.
+        Largest difference of a rate within the sample.
     """
     phi, n_z = flown
     d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
@@ -93,7 +95,7 @@ def point_mass_sample(
     # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
     path = climb + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
     ranges = phi.values, n_z.values, path
-    middle, mid_load, mid_path = (Interval.point(one.middle) for one in ranges)
+    middle, mid_load, mid_path = (Interval.point(values.middle) for values in ranges)
     values, at = _points(ranges, (middle, mid_load, mid_path))
     rate = _climb_rate(values) * g_over_v + d_gamma
     apart = h * 0.5 * rate.radius * UP
@@ -132,10 +134,10 @@ def _mean_rate(
     """
     rate, slopes, rest = law
     at, values = points
-    middles = [one.low for one in at[:3]]
-    radii = [(one - m).largest for one, m in zip(values[:3], middles, strict=True)]
-    exact_slopes = [one * g_over_v for one in slopes(at)]
-    numbers = [one.middle for one in exact_slopes]
+    middles = [interval.low for interval in at[:3]]
+    radii = [(interval - m).largest for interval, m in zip(values[:3], middles, strict=True)]
+    exact_slopes = [slope * g_over_v for slope in slopes(at)]
+    numbers = [slope.middle for slope in exact_slopes]
     left = rate(at) * g_over_v + rest(values, radii) * g_over_v
     for exact, number, middle, radius in zip(exact_slopes, numbers, middles, radii, strict=True):
         left = left - Interval.point(number) * middle + (exact - number) * within(radius)

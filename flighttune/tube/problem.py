@@ -29,34 +29,19 @@ from flighttune.tube.sample import Inversion, SampledLoop
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AircraftBoxes:
-    """What was counted of an aircraft's flights, at the k samples of one flight.
+    """Boxes counted for an aircraft's flights, at the k samples of one flight."""
 
-    Attributes
-    ----------
-    conformance_sha256 : str
-        Hash of the conformance that the boxes come from.
-    d_low, d_high : ndarray, shape (k, 2), rad/s
-        Bounds on the residual rates of course and flight-path angle, of any shape, from each
-        sample to the next.
-    roll : ndarray, shape (k, 4), rad; or None
-        As of `SampledLoop`, where the feed-forward sees the roll of the aircraft.
-    counted : ndarray, shape (k, 4), rad
-        Lowest and highest error of course and of path angle.
-    lags : tuple of two InnerLag
-        Of roll and load factor, in the model whose rates were subtracted.
-    start_known : bool
-        Whether the path over ground begins where the scenario says.
-    conformance : Conformance or None
-        What they come from; None where they stand in the file of a tube and were not compared.
-    """
-
-    conformance_sha256: str
+    conformance_sha256: str  # hash of the conformance that the boxes come from
+    # `d_low` and `d_high` (shape (k, 2), rad/s): bounds on the residual rates of course and
+    # flight-path angle, of any shape, from each sample to the next.
     d_low: FloatArray
     d_high: FloatArray
+    # shape (k, 4), rad: `SampledLoop.roll`; None unless the feed-forward sees the roll flown
     roll: FloatArray | None
-    counted: FloatArray
-    lags: tuple[InnerLag, ...]
-    start_known: bool
+    counted: FloatArray  # shape (k, 4), rad: lowest and highest error of course and of path angle
+    lags: tuple[InnerLag, ...]  # of roll and load factor, in the model whose rates were subtracted
+    start_known: bool  # whether the path over ground begins where the scenario says
+    # Source of the boxes; None if they come from the file of a tube and were not compared
     conformance: Conformance | None = None
 
     @classmethod
@@ -71,10 +56,7 @@ class AircraftBoxes:
     ) -> "AircraftBoxes":
         """The boxes of a conformance for one scenario.
 
-        Raises
-        ------
-        InputError
-            If the conformance does not cover these flights, or claims nothing.
+        Raises InputError if the conformance does not cover these flights, or claims nothing.
         """
         conformance.check(scenario, plant, gains, start)
         if not conformance.holds:
@@ -124,34 +106,18 @@ def conformance_sha256(conformance: Conformance) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TubeProblem:
-    """All flights of one gain set on one plant of a scenario.
-
-    Attributes
-    ----------
-    scenario : Scenario
-    gains : PIGains
-    plant : str
-        Label of the plant.
-    start : float, rad
-        Course and flight-path angle start within this of the scenario's.
-    disturbance : float or None, rad/s
-        As of `tube_problem`.
-    boxes : AircraftBoxes or None
-        Of an aircraft.
-    law : Law
-        Law that flies the gains.
-    reference : ndarray, shape (k, 6), rad, rad, rad, 1, rad/s, rad/s
-        Course and flight-path angle to follow, the commands planned for them (zeros where none
-        are), and their rates, as `reference_of` makes them.
-    """
+    """All flights of one gain set on one plant of a scenario."""
 
     scenario: Scenario
     gains: PIGains
-    plant: str
-    start: float
-    disturbance: float | None
-    boxes: AircraftBoxes | None
-    law: Law
+    plant: str  # label of the plant
+    start: float  # rad: course and flight-path angle start within this of the scenario's
+    disturbance: float | None  # rad/s: see `tube_problem`
+    boxes: AircraftBoxes | None  # None unless the plant is an aircraft
+    law: Law  # law that flies the gains
+    # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
+    # commands planned for them (zeros where none are), and their rates, as `reference_of` makes
+    # them.
     reference: FloatArray
 
     def __post_init__(self) -> None:
@@ -210,8 +176,8 @@ class TubeProblem:
 
     @property
     def conformance(self) -> Conformance | None:
-        """What the boxes of an aircraft were rebuilt from."""
-        return self.boxes and self.boxes.conformance
+        """Conformance from which the boxes of an aircraft were rebuilt."""
+        return None if self.boxes is None else self.boxes.conformance
 
     @property
     def aircraft_checked(self) -> bool | None:
@@ -235,17 +201,17 @@ class TubeProblem:
 
     @property
     def roll(self) -> FloatArray | None:
-        """As of `AircraftBoxes`."""
-        return self.boxes and self.boxes.roll
+        """See `AircraftBoxes`."""
+        return None if self.boxes is None else self.boxes.roll
 
     @property
     def counted(self) -> FloatArray | None:
-        """As of `AircraftBoxes`."""
-        return self.boxes and self.boxes.counted
+        """See `AircraftBoxes`."""
+        return None if self.boxes is None else self.boxes.counted
 
     @property
     def start_known(self) -> bool:
-        """As of `AircraftBoxes`."""
+        """See `AircraftBoxes`."""
         return self.boxes is None or self.boxes.start_known
 
     @property
@@ -324,33 +290,21 @@ def tube_problem(
 ) -> TubeProblem:
     """The flights of a scenario on one of its plants.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    gains : PIGains
-    plant : str, optional
-        Label of a plant; by default the first aircraft with a conformance, else the first plant
-        that is none.
-    start : float, rad
-        Course and flight-path angle start within this of the scenario's.
-    disturbance : float, rad/s, optional
-        The disturbance of each rate is within this of zero, in any shape; by default within the
-        amplitudes of the scenario's [disturbance], or zero.
-    conformance : Conformance, optional
-        Of an aircraft: its model flies, under every disturbance in its boxes.
-    law : Law, optional
-        Law that flies the gains; by default the first of the scenario that takes them.
-
-    Raises
-    ------
-    InputError
-        If a value cannot be used, or the tube does not know the law.
+    `plant`: label of a plant; by default the first aircraft with a conformance, else the first
+    plant that is none. `start` (rad): course and flight-path angle start within this of the
+    scenario's. `disturbance` (rad/s): the disturbance of each rate is within this of zero, in any
+    shape; by default within the amplitudes of the scenario's [disturbance], or zero. `conformance`: that
+    of an aircraft: its model flies, under every disturbance in its boxes. `law`: law that
+    flies the gains; by default the first of the scenario that takes them. Raises InputError if a
+    value cannot be used, or the tube does not know the law.
     """
     table = _chosen(scenario, plant, aircraft=conformance is not None)
     law = law or scenario.law_for(gains)
     _check_enclosed(scenario, table, gains, law)
     reference = reference_of(scenario)
-    boxes = conformance and AircraftBoxes.of(conformance, scenario, table, gains, start, reference)
+    boxes = None
+    if conformance is not None:
+        boxes = AircraftBoxes.of(conformance, scenario, table, gains, start, reference)
     return TubeProblem(
         scenario=scenario,
         gains=gains,
@@ -364,7 +318,7 @@ def tube_problem(
 
 
 def reference_of(scenario: Scenario) -> FloatArray:
-    """What a scenario asks for at its samples, as `TubeProblem.reference`."""
+    """Reference of a scenario at its samples, as `TubeProblem.reference`."""
     t, reference = sample_times(scenario), scenario.followed()
     followed = np.zeros((len(t), 6))
     followed[:, :2] = np.stack(reference.sampled(t), axis=1)
@@ -409,10 +363,7 @@ def _chosen(scenario: Scenario, plant: str | None, *, aircraft: bool) -> PlantTa
 def sampled(scenario: Scenario, gains: PIGains, limits: Limits, law: Law) -> SampledController:
     """The law as the sets follow it.
 
-    Raises
-    ------
-    InputError
-        If no tube knows the law, or it takes other gains.
+    Raises InputError if no tube knows the law, or it takes other gains.
     """
     if law.inputs != gains.inputs:
         raise InputError(
@@ -441,7 +392,7 @@ def _check_disturbance(scenario: Scenario, disturbance: float | None) -> None:
 
 
 def _check_enclosed(scenario: Scenario, table: PlantTable, gains: PIGains, law: Law) -> None:
-    """Refuse what the sets do not follow."""
+    """Refuse a loop that the sets cannot follow."""
     # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted there.
     moving = table.aircraft is None and scenario.windy
     swings = scenario.disturbance is not None and scenario.disturbance.as_wind

@@ -15,18 +15,12 @@ from pydantic import Field, ValidationError
 
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance import Conformance
+from flighttune.conformance.file import LagTable
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
 from flighttune.mistakes import first_mistake, shown
-from flighttune.quantities import (
-    Bandwidth,
-    Damping,
-    Delay,
-    Finite,
-    GainMatrix,
-    TimeConstant,
-)
+from flighttune.quantities import Finite, GainMatrix
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import Table
@@ -34,7 +28,7 @@ from flighttune.table_file import json_object
 from flighttune.theory.certificate import Check, Verification
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import Pieces
-from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, settled_from, way_round
+from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, return_map, settled_from
 from flighttune.tube.problem import AircraftBoxes, TubeProblem, reference_of, sample_count
 from flighttune.tube.replay import Replay
 from flighttune.tube.result import (
@@ -48,20 +42,20 @@ from flighttune.tube.result import (
 from flighttune.tube.sample import SampledLoop, Unbounded
 from flighttune.whole_file import whole_file
 
-LOOSER = 1e-9
-"""By how much, rad and 1, the bounds in a file are wider than proven: another machine may add up
-in another order."""
+BOUND_MARGIN = 1e-9
+"""Margin, rad and 1, of the bounds in a file over those proven: another machine may add up in
+another order."""
 
 SAME_REFERENCE = 1e-6
 """Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
 reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by up
 to 3e-9 where inputs change by 1e-15. It is 0.00006 deg; tubes are wider than 0.001 deg."""
 
-MOST_BYTES, MOST_COMPRESSED = 128_000_000, 32_000_000
+MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
 """Sizes of all members and of a file above which it is not read: three and five times those of the
 largest tube known, of an aircraft in the paper's step."""
 
-MOST_PIECES, MOST_SYMBOLS, MOST_SAMPLES = 4096, 20000, 10000
+MAX_PIECES, MAX_SYMBOLS, MAX_SAMPLES = 4096, 20000, 10000
 """Numbers in a file above which a proof would only take up time and memory."""
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
@@ -77,13 +71,13 @@ MEMBERS = ALWAYS | REFERENCE | BOXES | ROLL | EVER
 """Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed."""
 
 LIMITLESS = np.array([[-np.inf, np.inf]] * len(QUANTITIES))
-"""Bounds on what nothing is enclosed of."""
+"""Bounds where nothing is enclosed."""
 
 DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, EOFError, tokenize.TokenError, SyntaxError),
     *(ValueError, TypeError, MemoryError, OverflowError, RuntimeError),
 )
-"""What a damaged file makes NumPy and `zipfile` raise."""
+"""Exceptions of NumPy and `zipfile` on a damaged file."""
 
 
 class _Gains(Table):
@@ -94,32 +88,24 @@ class _Gains(Table):
 
 class _Settings(Table):
     sides: Annotated[int, Field(ge=1, le=64)]
-    symbols: Annotated[int, Field(ge=1, le=MOST_SYMBOLS)]
+    symbols: Annotated[int, Field(ge=1, le=MAX_SYMBOLS)]
     tolerance: Finite
-    most: Annotated[int, Field(ge=1, le=MOST_PIECES)]
+    most: Annotated[int, Field(ge=1, le=MAX_PIECES)]
 
 
 class _HandOver(Table):
     sample: int
-    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
-
-
-class _Lag(Table):
-    order: Literal[1, 2, 3]
-    natural_frequency: Bandwidth
-    damping: Damping
-    lag: TimeConstant
-    delay: Delay
+    samples: Annotated[int, Field(ge=1, le=MAX_SAMPLES)]
 
 
 class _Aircraft(Table):
-    lags: Annotated[list[_Lag], Field(min_length=2, max_length=2)]
+    lags: Annotated[list[LagTable], Field(min_length=2, max_length=2)]
     start_known: bool
     conformance_sha256: str
 
 
 class _Claim(Table):
-    """What cannot be rebuilt from the scenario, besides the arrays."""
+    """Values that cannot be rebuilt from the scenario, besides the arrays."""
 
     format: Literal["flighttune tube 4"]
     scenario: dict[str, Any]
@@ -137,18 +123,8 @@ class _Claim(Table):
 def save_tube(tube: Tube, path: str | Path) -> None:
     """Write a bounded tube with its proof.
 
-    Parameters
-    ----------
-    tube : Tube
-    path : path-like
-        File to write or replace.
-
-    Raises
-    ------
-    InputError
-        If the tube is not bounded.
-    OutputError
-        If the file cannot be written.
+    `path`: file to write or replace. Raises InputError if the tube is not bounded. Raises
+    OutputError if the file cannot be written.
     """
     if tube.status != "bounded":
         raise InputError(
@@ -165,15 +141,16 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         "law": problem.law.name,
         "settings": tube.settings._asdict(),
         "lost": tube.lost,
-        "hand_over": ever and {"sample": ever.sample, "samples": ever.samples},
-        "aircraft": boxes
-        and {
+        "hand_over": None if ever is None else {"sample": ever.sample, "samples": ever.samples},
+        "aircraft": None
+        if boxes is None
+        else {
             "lags": [asdict(lag) for lag in boxes.lags],
             "start_known": boxes.start_known,
             "conformance_sha256": boxes.conformance_sha256,
         },
     }
-    looser = np.array([-LOOSER, LOOSER])
+    looser = np.array([-BOUND_MARGIN, BOUND_MARGIN])
     arrays = {
         "claim": np.array(json.dumps(claim)),
         "bounds": tube.bounds + looser,
@@ -204,17 +181,9 @@ def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
     Bounds and choices in it are not trusted before `verify_tube` has checked them. The boxes of an
     aircraft are those of the file, unless there is a conformance to rebuild them from.
 
-    Parameters
-    ----------
-    path : path-like
-    conformance : Conformance, optional
-        The one that the boxes of an aircraft must come from.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is no tube, or has another reference or other boxes than those
-        rebuilt; the message names the file and what is wrong.
+    The boxes of an aircraft must come from `conformance`, if it is there. Raises InputError if the
+    file cannot be read, is no tube, or has another reference or other boxes than those rebuilt; the
+    message names the file and what is wrong.
     """
     try:
         arrays = _members(Path(path))
@@ -230,8 +199,8 @@ def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
 
 def _members(path: Path) -> dict[str, npt.NDArray[Any]]:
     """The arrays of a file; their sizes and names are checked before any of them is unpacked."""
-    if path.stat().st_size > MOST_COMPRESSED:
-        raise InputError(f"the file must have at most {MOST_COMPRESSED} bytes, got more.")
+    if path.stat().st_size > MAX_COMPRESSED:
+        raise InputError(f"the file must have at most {MAX_COMPRESSED} bytes, got more.")
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
@@ -244,9 +213,9 @@ def _members(path: Path) -> dict[str, npt.NDArray[Any]]:
                 if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                     raise InputError(f"`{name}` must be stored or deflated.")
                 # No more than this is ever unpacked: `zipfile` reads up to the size stated.
-                if sum(earlier.file_size for earlier in entries[: i + 1]) > MOST_BYTES:
+                if sum(earlier.file_size for earlier in entries[: i + 1]) > MAX_BYTES:
                     raise InputError(
-                        f"`{name}` must fit into the {MOST_BYTES} bytes of a tube, got "
+                        f"`{name}` must fit into the {MAX_BYTES} bytes of a tube, got "
                         f"{entry.file_size} bytes."
                     )
             arrays = {
@@ -304,7 +273,7 @@ def _tube_from(
         held=arrays["held"],
         settings=Settings(**claim.settings.model_dump()),
         chosen=arrays["chosen"].ravel(),
-        hand_over=claim.hand_over and _hand_over(claim.hand_over, arrays, problem),
+        hand_over=None if claim.hand_over is None else _hand_over(claim.hand_over, arrays, problem),
         lost=claim.lost,
     )
 
@@ -404,25 +373,10 @@ def verify_tube(
 ) -> Verification:
     """Prove every sample of a tube again from the choices in it.
 
-    Parameters
-    ----------
-    tube : Tube or path-like
-        The value, or the file it was written to.
-    conformance : Conformance, optional
-        As of `load_tube`, for a file.
-    progress : callable, optional
-        Called with the part that is checked, 0 to 1.
-
-    Returns
-    -------
-    Verification
-        Valid if at every sample the set proven is inside the bounds; else the reason names the
-        sample and the inequality.
-
-    Raises
-    ------
-    InputError
-        As of `load_tube`.
+    `tube`: the value, or the file it was written to. `conformance`: see `load_tube`, for a file.
+    `progress`: called with the share of samples checked, 0 to 1. The tube is valid if at every
+    sample the set proven is inside the bounds; else the reason names the sample and the inequality.
+    Raises InputError as `load_tube` does.
     """
     if not isinstance(tube, Tube):
         tube = load_tube(tube, conformance)
@@ -431,19 +385,20 @@ def verify_tube(
     margins, ever = np.full(len(QUANTITIES), np.inf), tube.hand_over
     counted = None if tube.lost is None else counted_bounds(problem)
     for k, t in enumerate(problem.t):
-        ranges, held = LIMITLESS, np.ones(2, dtype=bool)
+        ranges, limited = LIMITLESS, np.ones(2, dtype=bool)
         if tube.lost is None or k < tube.lost:
             try:
-                ranges, held = enclosure.sample(k)
+                ranges, limited = enclosure.sample(k)
             except (Unbounded, IndexError, InputError) as error:
                 return _refused(f"sample {k} ({t:.2f} s): {error}")
+        # Errors counted hold at every sample; where the set is lost nothing else does.
         if counted is not None:
             ranges = tightest(ranges, counted[k])
         broken = _broken(ranges, tube.bounds[k])
         if broken:
             return _refused(f"sample {k} ({t:.2f} s): {broken}")
-        if (held & ~tube.held[k]).any():
-            name = ("phi_cmd", "n_z_cmd")[int(np.argmax(held & ~tube.held[k]))]
+        if (limited & ~tube.held[k]).any():
+            name = ("phi_cmd", "n_z_cmd")[int(np.argmax(limited & ~tube.held[k]))]
             return _refused(f"sample {k} ({t:.2f} s): that no limit holds {name} is not proven")
         room = (ranges - tube.bounds[k]) * [1.0, -1.0]
         margins = np.minimum(margins, room.min(axis=1))
@@ -468,14 +423,14 @@ def _reached(pieces: Pieces, ever: HandOver) -> bool:
 
 
 def _not_kept(loop: SampledLoop, ever: HandOver) -> str:
-    """Why the set of a hand-over is not one that flights never leave; empty where it is."""
+    """Reason why flights may leave the set of a hand-over; empty if they never do."""
     try:
-        found = way_round(loop, ever.W, ever.centre, ever.size, ever.samples, Replay(ever.chosen))
+        mapped = return_map(loop, ever.W, ever.centre, ever.size, ever.samples, Replay(ever.chosen))
     except (Unbounded, IndexError, InputError, np.linalg.LinAlgError) as error:
         return str(error)
-    if found is None:
+    if mapped is None:
         return "that no limit holds a command is not proven"
-    after, passed = found
+    after, passed = mapped
     bounds = for_ever(passed, len(loop.chi_ref) - ever.sample)
     return _broken(bounds, ever.bounds) or (
         "" if inside(after, ever.centre, ever.size) else "the set is not proven to be kept"

@@ -10,33 +10,31 @@ from flighttune.tube.forms import Form, Indices, Pieces
 from flighttune.tube.interval import Interval
 from flighttune.tube.sample import Channel, Cut
 
-MOST_NUMBERS = 2**23
-"""In the arrays of a set: four times as many as a search comes to. A split at most doubles them."""
+MAX_NUMBERS = 2**23
+"""Most numbers in the arrays of a set: four times those of a search; a split at most doubles
+them."""
 
 
 class Replay:
     """A `Plan` that reads what a search chose.
 
-    Parameters
-    ----------
-    chosen : ndarray, shape (n,)
-        Finite numbers.
+    `chosen` (shape (n,)) must be finite.
     """
 
     def __init__(self, chosen: npt.NDArray[np.float32]) -> None:
         self._chosen, self._at = chosen, 0
 
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:  # noqa: ARG002
-        """As chosen."""
+        """The choice of the search."""
         return self._next(len(pieces), int(pieces.constrained.sum()))
 
     def slope(self, values: Interval) -> FloatArray:
-        """As chosen."""
+        """The choice of the search."""
         return self._next(len(values.low))
 
     def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
-        """As chosen."""
-        if pieces.values.size > MOST_NUMBERS:
+        """The choice of the search."""
+        if pieces.values.size > MAX_NUMBERS:
             raise IndexError("the choices make the set too large")
         split, i, side = self._next(3)
         if split == 0.0:
@@ -49,7 +47,7 @@ class Replay:
         return Cut(excess, which > 0.0, at, row.astype(np.intp))
 
     def pairs(self, pieces: Pieces) -> Indices:  # noqa: ARG002
-        """As chosen."""
+        """The choice of the search."""
         (count,) = self._next(1)
         return self._next(int(count), 2).astype(np.intp)
 

@@ -1,7 +1,7 @@
 """A tube: the bounds found, and what makes their proof short to check."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,67 +14,38 @@ from flighttune.tube.problem import TubeProblem
 from flighttune.tube.sample import CONSTRAINTS, start_set
 
 QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
-"""What a tube bounds: errors in rad, commands in rad and 1."""
+"""Quantities that a tube bounds: errors in rad, commands in rad and 1."""
 
 
 class Settings(NamedTuple):
-    """How a set is enclosed.
+    """Settings of an enclosure."""
 
-    Attributes
-    ----------
-    sides : int
-        Pieces of the starts along each axis.
-    symbols : int
-        Most symbols of a piece.
-    tolerance : float
-        As of `Search`.
-    most : int
-        Most pieces, as of `Search`.
-    """
-
-    sides: int
-    symbols: int
-    tolerance: float
-    most: int
+    sides: int  # pieces of the starts along each axis
+    symbols: int  # most symbols of a piece
+    tolerance: float  # see `Search`
+    most: int  # most pieces, see `Search`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube:
-    """Bounds that hold for every flight of a problem.
-
-    Attributes
-    ----------
-    problem : TubeProblem
-    status : "bounded" or "unbounded"
-        Whether the bounds last for the whole time.
-    reason : str
-        Time and cause where they do not.
-    t : ndarray, shape (k,), s
-        Times of the samples, up to where the bounds last.
-    bounds : ndarray, shape (k, 4, 2)
-        Lower and upper bound of `QUANTITIES`. The errors stay between the straight lines from
-        sample to sample, measured to the reference that moves straight as well.
-    held : ndarray of bool, shape (k, 2)
-        Whether a limit can hold the command of roll and of load factor.
-    settings : Settings
-    chosen : ndarray, shape (n,), float32
-        What makes the proof short to check: slopes, splits, symbols given up.
-    hand_over : HandOver or None
-        Why the flights stay bounded for ever; None where no reason was found.
-    lost : int or None
-        Sample from which on nothing is enclosed: there the errors are in the boxes counted for
-        them, before it in both. None where the whole time is enclosed.
-    """
+    """Bounds that hold for every flight of a problem."""
 
     problem: TubeProblem
-    status: Literal["bounded", "unbounded"]
-    reason: str
-    t: FloatArray
+    status: Literal["bounded", "unbounded"]  # whether the bounds last for the whole time
+    reason: str  # time and cause where they do not
+    t: FloatArray  # shape (k,), s: times of the samples, up to where the bounds last
+    # shape (k, 4, 2): lower and upper bound of `QUANTITIES`. The errors stay between the straight
+    # lines from sample to sample, measured to the reference that moves straight as well.
     bounds: FloatArray
+    # shape (k, 2): whether a limit can hold the command of roll and of load factor
     held: npt.NDArray[np.bool_]
     settings: Settings
+    # shape (n,), float32: choices that make the proof short: slopes, splits, symbols given up
     chosen: npt.NDArray[np.float32]
+    # Set in which the flights stay for ever; None where no such set was found
     hand_over: HandOver | None = None
+    # Sample from which on nothing is enclosed: there the errors are in the boxes counted for them,
+    # before it in both. None where the whole time is enclosed.
     lost: int | None = None
 
     @property
@@ -90,17 +61,19 @@ class Tube:
 
     @property
     def model(self) -> str:
-        """What flies, in words."""
+        """The model that flies, in words."""
         return self.problem.model
 
     @property
     def probability(self) -> CountedProbability | None:
-        """What was counted for an aircraft, of its flights if all of them are in the tube.
+        """Probability counted for an aircraft, of its flights if all of them are in the tube.
 
         None without a conformance.
         """
         problem = self.problem
-        return problem.conformance and problem.conformance.probability(
+        if problem.conformance is None:
+            return None
+        return problem.conformance.probability(
             problem.scenario,
             problem.scenario.plant_table(problem.plant),
             problem.start,
@@ -112,15 +85,15 @@ class Tube:
         """Half the distance between the bounds, shape (k, 4)."""
         return 0.5 * (self.bounds[:, :, 1] - self.bounds[:, :, 0])
 
-    def contains(self, signals: object) -> bool:
+    def contains(self, signals: Any) -> bool:
         """Whether the flight with these `signals` (a table with `QUANTITIES`) is inside."""
-        flown = np.stack([np.asarray(signals[name]) for name in QUANTITIES], axis=1)  # type: ignore[index]
+        flown = np.stack([np.asarray(signals[name]) for name in QUANTITIES], axis=1)
         n = min(len(flown), len(self.bounds))
         low, high = np.moveaxis(self.bounds[:n], 2, 0)
         return bool(((flown[:n] >= low) & (flown[:n] <= high)).all())
 
     def held_intervals(self, channel: int) -> list[tuple[float, float]]:
-        """From when to when a limit can hold the command of a channel, s."""
+        """Intervals, s, in which a limit can hold the command of a channel."""
         edges = np.diff(np.concatenate([[False], self.held[:, channel], [False]]).astype(int))
         begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
         return [(float(self.t[a]), float(self.t[b])) for a, b in zip(begins, ends, strict=True)]
@@ -132,9 +105,9 @@ def within_counted(tube: Tube) -> Tube:
     counted = counted_bounds(problem)
     bounds = counted.copy()
     bounds[:lost] = tightest(tube.bounds, counted[:lost])
-    held = np.ones((len(counted), 2), dtype=bool)
-    held[:lost] = tube.held
-    return replace(tube, status="bounded", t=problem.t, bounds=bounds, held=held, lost=lost)
+    limited = np.ones((len(counted), 2), dtype=bool)
+    limited[:lost] = tube.held
+    return replace(tube, status="bounded", t=problem.t, bounds=bounds, held=limited, lost=lost)
 
 
 def counted_bounds(problem: TubeProblem) -> FloatArray:
@@ -147,8 +120,8 @@ def counted_bounds(problem: TubeProblem) -> FloatArray:
 
 def tightest(*bounds: FloatArray) -> FloatArray:
     """Bounds, shape (..., 2), that hold where all of these do."""
-    low = np.max([one[..., 0] for one in bounds], axis=0)
-    high = np.min([one[..., 1] for one in bounds], axis=0)
+    low = np.max([limits[..., 0] for limits in bounds], axis=0)
+    high = np.min([limits[..., 1] for limits in bounds], axis=0)
     return np.stack([low, high], axis=-1)
 
 

@@ -21,9 +21,11 @@ The load-factor command is kept as v, what it has beyond the feed-forward
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.control.mimo_pi import ChannelLaw
@@ -47,8 +49,8 @@ command beyond its feed-forward, or, of the exact law, times the cosine of the r
 STATES = 8
 
 N_Z, ROLL_BEYOND = STATES, STATES + 1
-"""Kinds of the symbols of a load-factor command that passes a lag, and of what the controller sees
-of roll beyond that behind the lag."""
+"""Kinds of the symbols of a load-factor command that passes a lag, and of the difference of the
+roll seen from that behind the lag."""
 
 ROLL_KEPT = 0.875
 """Part of that difference that is kept from sample to sample; 1 less it is exact."""
@@ -57,26 +59,25 @@ KINDS = PHI, EXTRA_LIFT
 """Kinds of the symbols of the two commands."""
 
 SPLITS = 4
-"""Splits a piece remembers; with the rows below `CONSTRAINTS`."""
+"""Number of splits that a piece remembers."""
 
 CONSTRAINTS = SPLITS + 2
-"""Rows of constraints: after the splits what limits hold back of each command."""
+"""Rows of constraints: the splits, then for each command the part that limits hold back."""
 
 NARROWEST = 1e-9
-"""Half width of a range, rad and 1, below which it is not remembered: it would say nothing."""
+"""Half width of a range, rad and 1, below which it is not remembered: it excludes nothing."""
 
 FRESH_SYMBOLS = 20
 """Most symbols that a sample adds: of the paper's law 12 for the kinks of four limits, 2 commands,
 2 integrals, course, path angle, and behind lags a load factor and a roll seen. The exact law adds
 7, and one more for every time that pieces are split after its roll command."""
 
-TAKE_UP = 25
-"""Samples after which errors without a symbol get one: until then they only add up, and what the
-loop would take away of them grows."""
+REDUCE_EVERY = 25
+"""Every so many samples accumulated errors become symbols, so that feedback can reduce them."""
 
 COMPUTED = 1e-11
-"""More than a sample of a computed flight differs from the exact one, rad and 1: the classical
-Runge-Kutta rule over 0.02 s and some rounding."""
+"""Bound, rad and 1, on the error of a computed flight in a sample: that of the classical
+Runge-Kutta rule over 0.02 s, and some rounding."""
 
 
 RATE, RANGE = "rate limit", "range"
@@ -84,14 +85,14 @@ RATE, RANGE = "rate limit", "range"
 COMMANDS = ("roll", "the load factor")
 
 SIDES = (("to the right", "to the left"), ("upwards", "downwards"))
-"""Of the limits above and below the two commands."""
+"""Names of the limits above and below the two commands."""
 
 CLIMB = "the flight-path angle"
 
 STEEPEST = math.radians(85.0)
 """Largest flight-path angle of the exact point mass, which has no course at 90 deg."""
 
-ROLLED = f"roll cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg"
+ROLL_UNBOUNDED = f"roll cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg"
 
 
 class Unbounded(Exception):
@@ -100,53 +101,32 @@ class Unbounded(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SampledLoop:
-    """What does not change from flight to flight.
+    """The loop that all flights of a set share."""
 
-    Attributes
-    ----------
-    channels : tuple of ChannelLaw, length 2
-        The controller's own numbers.
-    conditional : bool
-        Whether anti-windup is conditional; it is none otherwise.
-    feed_forward : bool
-        Whether ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command.
-    planned : ndarray, shape (k, 2), rad and 1
-        Further feed-forward of both commands at every sample: that of a feasible reference, or
-        zeros.
-    dt : float, s
-    g_over_v : float, 1/s
-    chi_ref, gamma_ref : ndarray, shape (k,), rad
-        Reference at every sample.
-    d_low, d_high : ndarray, shape (k, 2), rad/s
-        Between which the disturbance of the two rates is from a sample to the next.
-    start : tuple of float, length 4
-        Course, flight-path angle, roll and load factor in the middle of the starts; without a load
-        factor it is that of steady flight at the path angle of each start.
-    exact : bool
-        Whether the point mass turns by its lift, instead of by the paper's law.
-    lags : tuple of SampledLag, length 0 or 2
-        Of roll and load factor; only of the exact point mass.
-    inversion : Inversion or None
-        Of the exact law; None for the paper's.
-    roll : ndarray, shape (k, 4), rad; or None
-        What the feed-forward sees of roll beyond that behind the lag: lowest and highest at every
-        sample, and of its change to the next.
-    """
-
-    channels: tuple[ChannelLaw, ...]
-    conditional: bool
-    feed_forward: bool
+    channels: tuple[ChannelLaw, ...]  # length 2: the numbers of the controller itself
+    conditional: bool  # whether anti-windup is conditional; it is none otherwise
+    feed_forward: bool  # whether ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command
+    # shape (k, 2), rad and 1: further feed-forward of both commands at every sample: that of a
+    # feasible reference, or zeros.
     planned: FloatArray
-    dt: float
-    g_over_v: float
+    dt: float  # s
+    g_over_v: float  # 1/s
+    # `chi_ref` and `gamma_ref` (shape (k,), rad): reference at every sample
     chi_ref: FloatArray
     gamma_ref: FloatArray
+    # `d_low` and `d_high` (shape (k, 2), rad/s): bounds on the disturbance of the two rates from a
+    # sample to the next.
     d_low: FloatArray
     d_high: FloatArray
+    # length 4: course, flight-path angle, roll and load factor in the middle of the starts; without
+    # a load factor it is that of steady flight at the path angle of each start.
     start: tuple[float, float, float, float | None]
-    exact: bool = False
+    exact: bool = False  # whether the point mass turns by its lift, instead of by the paper's law
+    # Length 0 or 2: lags of roll and load factor; the exact point mass alone has them
     lags: tuple[SampledLag, ...] = ()
-    inversion: "Inversion | None" = None
+    inversion: "Inversion | None" = None  # None for the paper's law
+    # shape (k, 4), rad: roll seen by the feed-forward minus that behind the lag: lowest and highest
+    # at every sample, and lowest and highest change to the next. None where they are the same.
     roll: FloatArray | None = None
 
     @property
@@ -154,6 +134,14 @@ class SampledLoop:
         """Rows of the state: `STATES`, then the lags, then the commands still to take effect."""
         rows = STATES + sum(lag.order + lag.older + 1 for lag in self.lags)
         return rows + (self.roll is not None)
+
+    @property
+    def layout(self) -> "Layout":
+        """Rows of the lags and of the commands on their way."""
+        counts = [lag.order for lag in self.lags] + [lag.older + 1 for lag in self.lags]
+        ends = list(accumulate(counts, initial=STATES))
+        rows = [slice(*ends) for ends in pairwise(ends)]
+        return Layout(rows[: len(self.lags)], rows[len(self.lags) :])
 
     @property
     def seen(self) -> int:
@@ -165,29 +153,24 @@ class SampledLoop:
         return math.cos(self.gamma_ref[max(k, 0)]) if self.feed_forward else 0.0
 
 
+class Layout(NamedTuple):
+    """Rows of the state behind the first `STATES`; the last row of all is that of `roll`."""
+
+    lags: list[slice]  # states of each lag
+    queues: list[slice]  # commands of each channel that have yet to take effect, the newest first
+
+
 class Inversion(NamedTuple):
-    """How the exact law turns rates into commands.
+    """Numbers with which the exact law turns rates into commands."""
 
-    Attributes
-    ----------
-    rates : ndarray, shape (k, 2), rad/s
-        Of the reference at every sample.
-    speed : float, s
-        Airspeed over the acceleration of gravity.
-    lift_floor : float
-        In weights.
-    brake : float, 1/s
-        As of `RateLaw`.
-    """
-
-    rates: FloatArray
-    speed: float
-    lift_floor: float
-    brake: float
+    rates: FloatArray  # shape (k, 2), rad/s: rates of the reference at every sample
+    speed: float  # s: airspeed over the acceleration of gravity
+    lift_floor: float  # in weights
+    brake: float  # 1/s: see `RateLaw`
 
 
 class Excess(NamedTuple):
-    """How far a command would be beyond one of its limits: the form Y and its values.
+    """Excess of a command over one of its limits: the form Y and its values.
 
     `limit` says which limits these can be, in words.
     """
@@ -211,7 +194,7 @@ class Channel(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Where to split pieces: by an excess, in the pieces `which`, at the values `at`."""
+    """A split of the pieces `which` by an excess, at its values `at`, into constraint row `row`."""
 
     excess: Excess
     which: Flags
@@ -223,15 +206,15 @@ class Plan(Protocol):
     """The free choices of an enclosure: all of them give one that holds."""
 
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
-        """Of the rows constrained, for the range of a form, shape (P, c)."""
+        """Multipliers of the rows constrained, for the range of a form, shape (P, c)."""
         ...
 
     def slope(self, values: Interval) -> FloatArray:
-        """Of ``max(F, 0)``, shape (P,)."""
+        """Slope of the line that encloses ``max(F, 0)``, shape (P,)."""
         ...
 
     def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
-        """Where to split before the sample is taken; None to go on."""
+        """Next split before the sample is taken; None to go on."""
         ...
 
     def pairs(self, pieces: Pieces) -> Indices:
@@ -240,20 +223,13 @@ class Plan(Protocol):
 
 
 class Bounds(NamedTuple):
-    """What is proven of a sample.
+    """Bounds that are proven at a sample."""
 
-    Attributes
-    ----------
-    ranges : ndarray, shape (4, 2)
-        Lower and upper bound of course error, flight-path-angle error, roll and load-factor
-        command. The errors have a margin, with which they also hold between the samples: on the
-        straight line from the bounds of one to those of the next.
-    held : ndarray of bool, shape (2,)
-        Whether a limit can hold the command.
-    """
-
+    # shape (4, 2): lower and upper bound of course error, flight-path-angle error, roll and
+    # load-factor command. The errors have a margin, with which they also hold between the samples:
+    # on the straight line from the bounds of one to those of the next.
     ranges: FloatArray
-    held: FloatArray
+    limited: npt.NDArray[np.bool_]  # shape (2,): whether a limit can hold the command
 
 
 def start_set(
@@ -262,6 +238,7 @@ def start_set(
     """All starts within `within_start` (rad) of course and flight-path angle, `pieces` squared."""
     chi, gamma, phi, n_z = loop.start
     edges = np.linspace(-within_start, within_start, pieces + 1)
+    # Midpoints and half width of the pieces along one axis.
     middles, radius = 0.5 * (edges[1:] + edges[:-1]), within_start / pieces * UP
     centres = np.zeros((pieces * pieces, loop.rows))
     centres[:, CHI] = chi + np.repeat(middles, pieces)
@@ -269,6 +246,7 @@ def start_set(
     centres[:, PHI] = phi
     made = Pieces(centres, constraints, capacity)
     state = made.forms()
+    # Two symbols span the starts of a piece; everything else follows from them.
     for row in (CHI, GAMMA):
         state[row] = made.fresh(state[row].widened(radius + COMPUTED), row)
     at = Interval.point(np.full(len(centres), phi))
@@ -282,25 +260,21 @@ def start_set(
     state[EXTRA_LIFT] = combined((1.0, load), shift=-feed_forward.middle).widened(
         feed_forward.radius
     )
+    # The row of the exact law is the load factor times the cosine of roll.
     if loop.inversion:
         level = cosine(at)
         state[EXTRA_LIFT] = combined((level.middle, load)).widened(
             level.radius * load.size + COMPUTED
         )
-    at_rest = state[PHI], load
-    row = STATES
-    for lag, value in zip(loop.lags, at_rest, strict=False):
-        for share in lag.rest:
-            state[row] = combined((share, value)).widened(COMPUTED)
-            row += 1
-    for lag, value in zip(loop.lags, at_rest, strict=False):
-        for _ in range(lag.older + 1):
-            state[row] = value
-            row += 1
+    at_rest, layout = (state[PHI], load), loop.layout
+    for rows, lag, value in zip(layout.lags, loop.lags, at_rest, strict=False):
+        state[rows] = [combined((share, value)).widened(COMPUTED) for share in lag.rest]
+    for rows, value in zip(layout.queues, at_rest, strict=False):
+        state[rows] = [value] * (rows.stop - rows.start)
     if loop.roll is not None:
-        box = _one(*loop.roll[0, :2])
+        box = _interval(*loop.roll[0, :2])
         beyond = combined((0.0, state[PHI]), shift=box.middle).widened(box.radius)
-        state[row] = made.fresh(beyond, ROLL_BEYOND)
+        state[-1] = made.fresh(beyond, ROLL_BEYOND)
     made.put(state)
     return made
 
@@ -310,15 +284,13 @@ class Enclosure:
 
     Parameters
     ----------
-    loop : SampledLoop
     pieces : Pieces
         The starts; changed by every sample.
-    plan : Plan
 
     Attributes
     ----------
     overlap : float
-        By how much the halves of a piece overlap.
+        Overlap of the halves of a piece.
     limits : dict of str to (str, int)
         By command and side, which of its limits could act in the last sample, and the sample since
         which some did without a break.
@@ -340,17 +312,18 @@ class Enclosure:
             If an angle leaves the range in which the functions are enclosed.
         """
         pieces, loop = self.pieces, self.loop
-        if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % TAKE_UP == TAKE_UP - 1:
+        if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % REDUCE_EVERY == REDUCE_EVERY - 1:
             pieces.reduce(self.plan.pairs(pieces))
         pieces.make_room(FRESH_SYMBOLS)
-        state, errors, roll, phi, extra, integrals, held = self._controlled(k)
-        # Of this sample, before the rows are overwritten by the next one's.
-        error_ranges = [*map(self._range, errors)]
-        fly = self._point_mass if loop.exact else self._paper_law
-        flown = fly(k, state, phi, extra, roll)
-        pieces.put([flown.chi, flown.gamma, phi, flown.extra, *integrals, *errors, *flown.lags])
+        at = self._controlled(k)
+        # Ranges of the errors of this sample, before its rows are overwritten by the next one's.
+        error_ranges = [*map(self._range, at.errors)]
+        flown = (self._point_mass if loop.exact else self._paper_law)(k, at)
+        pieces.put(
+            [flown.chi, flown.gamma, at.phi, flown.extra, *at.integrals, *at.errors, *flown.lags]
+        )
         ranges = [*map(ordered, (*error_ranges, *flown.commands))]
-        bounds = np.array([(one.low.min(), one.high.max()) for one in ranges])
+        bounds = np.array([(values.low.min(), values.high.max()) for values in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
         # times how far apart its rate can be. The line between the bounds needs that at both of its
         # ends, so a sample takes the larger margin of the interval before it and of the one after.
@@ -358,7 +331,7 @@ class Enclosure:
         margin, self._margin = np.maximum(self._margin, after), after
         bounds[:2, 0] -= margin
         bounds[:2, 1] += margin
-        return Bounds(bounds, np.array(held))
+        return Bounds(bounds, np.array(at.limited))
 
     def _controlled(self, k: int) -> "Controlled":
         """The commands of sample k, in as many pieces as that takes."""
@@ -373,7 +346,7 @@ class Enclosure:
             channels = self._channels(k, state, errors, roll, extra)
             if not self._fewer_or_more(channels):
                 break
-        moves, integrals, held = zip(
+        moves, integrals, limited = zip(
             *(self._limited(i, c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
             strict=True,
         )
@@ -381,7 +354,8 @@ class Enclosure:
         phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
         phi = pieces.fresh(phi, PHI)
         extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
-        return Controlled(state, errors, roll, phi, extra, self._kept(integrals), held)
+        lift = self.loop.lift(k)
+        return Controlled(state, errors, roll, phi, extra, lift, self._kept(integrals), limited)
 
     def _note_limits(self, k: int, channels: Sequence[Channel]) -> None:
         """Write down which limits can act, so that a set that is lost has a cause."""
@@ -430,6 +404,7 @@ class Enclosure:
         return values
 
     def _errors(self, k: int, state: Sequence[Form]) -> list[Form]:
+        # The controller wraps the course error; all flights of a piece must wrap alike.
         chi_err = combined((-1.0, state[CHI]), shift=self.loop.chi_ref[k])
         turns = np.round(chi_err.coefficients[:, 0] / math.tau)
         chi_err = combined((1.0, chi_err), shift=-turns * math.tau)
@@ -444,6 +419,7 @@ class Enclosure:
 
     def _extra_lift(self, k: int, state: Sequence[Form], roll: Interval) -> Form:
         """The load-factor command beyond the feed-forward of this sample's reference."""
+        # The row was kept relative to the reference of the sample before.
         moved = self.loop.lift(k) - self.loop.lift(k - 1)
         if moved == 0.0:
             return state[EXTRA_LIFT]
@@ -465,7 +441,8 @@ class Enclosure:
                 if k == 0
                 else [*zip((*law.K_I_half, *law.K_I_half), (*errors, *before), strict=True)]
             )
-            # The first sample adds nothing: there is no time before it.
+            # The controller's trapezoid begins with the second sample: there is no time before the
+            # first.
             increment = combined(*sums) if sums else combined((0.0, errors[0]))
             force = extra if i else state[PHI]
             x = combined(
@@ -488,8 +465,8 @@ class Enclosure:
         """The command in force and its values."""
         if lift == 0.0:
             return force, self._range(force)
-        one = Interval.point(np.ones_like(roll.low))
-        values = self._range(force) + one / cosine(roll) * lift
+        unity = Interval.point(np.ones_like(roll.low))
+        values = self._range(force) + unity / cosine(roll) * lift
         return combined((1.0, force), (lift, secant(seen, roll))), values
 
     def _excess(
@@ -528,12 +505,14 @@ class Enclosure:
 
     def _split(self, cut: Cut) -> None:
         """Below and above `cut.at`: a flight is in one of the two."""
+        # The lower halves stay in place, the upper ones are appended.
         which, pieces = np.flatnonzero(cut.which), self.pieces
         form, values, _ = cut.excess
         count = len(pieces)
         pieces.split(which)
         both = [
-            np.concatenate([one, one[which]]) for one in (form.coefficients, form.err, form.size)
+            np.concatenate([array, array[which]])
+            for array in (form.coefficients, form.err, form.size)
         ]
         at = np.where(cut.which, cut.at, values.high)
         to = Interval(
@@ -551,8 +530,8 @@ class Enclosure:
         for side, excess in ((1.0, channel.above), (-1.0, channel.below)):
             if excess is None or not (excess.values.high > 0.0).any():
                 continue
-            held = self._positive_part(excess.form, excess.values, KINDS[i])
-            rest, values, by = held, excess.values, ordered(channel.by * side)
+            excess_part = self._positive_part(excess.form, excess.values, KINDS[i])
+            rest, values, by = excess_part, excess.values, ordered(channel.by * side)
             if self.loop.conditional and (by.high > 0.0).any():
                 outwards = combined((side, channel.increment))
                 refused = self._positive_part(outwards, by, PHI_INTEGRAL + i)
@@ -561,8 +540,8 @@ class Enclosure:
                 # The increment refused is not negative.
                 values = Interval(values.low, np.minimum(values.high, excess.values.high))
                 rest = self._positive_part(beyond, ordered(values), PHI_INTEGRAL + i)
-                kept += [(-side, held), (side, rest)]
-            moves.append((-side, held))
+                kept += [(-side, excess_part), (side, rest)]
+            moves.append((-side, excess_part))
             left.append((side, rest))
             low, high = (np.maximum(end, 0.0) for end in (values.low, values.high))
             between = between + ordered(Interval(low, high)) * side
@@ -573,22 +552,25 @@ class Enclosure:
     def _positive_part(self, form: Form, values: Interval, kind: int) -> Form:
         """``max(F, 0)``, with a symbol for its error where there is one."""
         part = positive_part(form, ordered(values), self.plan.slope(values))
+        # Where all flights are on one side of the kink, the line is exact and needs no symbol.
         kinked = (values.low < 0.0) & (values.high > 0.0)
         return self.pieces.fresh(part, kind) if kinked.any() else part
 
     def _remember(self, i: int, channel: Channel, left: Form, between: Interval) -> None:
-        """What limits hold back beyond the increment refused, where some flights are limited."""
+        """Constrain the part of the command that limits hold back beyond the increment refused."""
         sides = [excess.values for excess in (channel.above, channel.below) if excess is not None]
-        kinked = np.any([(one.low < 0.0) & (one.high > 0.0) for one in sides], axis=0)
+        kinked = np.any([(values.low < 0.0) & (values.high > 0.0) for values in sides], axis=0)
         which = np.flatnonzero(kinked & (between.radius > NARROWEST))
         if len(which) and len(self.pieces.constrained):
             self.pieces.constrain(which, np.full(len(which), SPLITS + i), left, between)
 
-    def _relative(self, extra: Form, lift: float, seen: Form, roll: Interval, after: Form) -> Form:
-        """What the load factor has beyond the feed-forward of the roll seen next."""
-        if lift:
+    def _relative(self, at: "Controlled", seen: Form, after: Form) -> Form:
+        """The load-factor command beyond the feed-forward of the roll seen next, `after`."""
+        extra = at.extra
+        if at.lift:
             change = combined((1.0, after), (-1.0, seen))
             by = self._range(change)
+            # Without a lag the roll seen next is the command, which its rate limit holds.
             if not self.loop.lags:
                 law = self.loop.channels[0]
                 by = Interval(
@@ -596,26 +578,24 @@ class Enclosure:
                     np.minimum(by.high, law.step_up + COMPUTED),
                 )
             by = ordered(by)
-            if not ((roll + by).largest < LARGEST_ANGLE).all():
-                raise Unbounded(ROLLED)
-            extra = combined((1.0, extra), (lift, secant_change(seen, roll, change, by)))
+            if not ((at.roll + by).largest < LARGEST_ANGLE).all():
+                raise Unbounded(ROLL_UNBOUNDED)
+            extra = combined((1.0, extra), (at.lift, secant_change(seen, at.roll, change, by)))
         return self.pieces.fresh(extra, EXTRA_LIFT)
 
-    def _load(self, extra: Form, lift: float, seen: Form, roll: Interval, phi: Form) -> Form:  # noqa: ARG002
+    def _load(self, at: "Controlled") -> Form:
         """The load-factor command."""
-        return combined((1.0, extra), (lift, secant(seen, roll))) if lift else extra
+        if at.lift == 0.0:
+            return at.extra
+        return combined((1.0, at.extra), (at.lift, secant(self._seen(at.state), at.roll)))
 
-    def _lifted(self, extra: Form, values: Interval, phi: Form, roll: Interval) -> Form:
-        """What the load factor has beyond its feed-forward, times the cosine of roll."""
-        return product(extra, values, cosine_of(phi, roll), cosine(roll))
+    def _lift_and_load(self, at: "Controlled") -> tuple[Form, Interval]:
+        """The row `EXTRA_LIFT` times the cosine of roll, and the values of the command."""
+        values, cos_phi = ordered(self._range(at.extra)), cosine(at.roll)
+        lifted = product(at.extra, values, cosine_of(at.phi, at.roll), cos_phi)
+        return lifted, values + Interval.point(np.full_like(at.roll.low, at.lift)) / cos_phi
 
-    def _command_range(self, extra: Interval, lift: float, roll: Interval) -> Interval:
-        """Values of the load-factor command."""
-        return extra + Interval.point(np.full_like(roll.low, lift)) / cosine(roll)
-
-    def _paper_law(
-        self, k: int, state: Sequence[Form], phi: Form, extra: Form, roll: Interval
-    ) -> "Flown":
+    def _paper_law(self, k: int, at: "Controlled") -> "Flown":
         r"""The paper's law over a sample; docs/tube.md derives the remainder.
 
         With y = gamma(t) - gamma and ``f = (g/V)(n_z cos(phi) - cos(gamma)) + d``, d the middle of
@@ -623,24 +603,25 @@ class Enclosure:
         ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``.
         """
         pieces, loop, h, rate = self.pieces, self.loop, self.loop.dt, self.loop.g_over_v
-        lift = loop.lift(k)
-        extra = self._relative(extra, lift, state[PHI], roll, phi)
+        state, phi = at.state, at.phi
+        extra = self._relative(at, state[PHI], phi)
         roll, climb = self._angle(phi, "roll"), self._angle(state[GAMMA], CLIMB)
         d = Interval(loop.d_low[k], loop.d_high[k])
         d_middle, d_radius = d.middle, d.radius
         chi = combined(
             (1.0, state[CHI]), (h * rate, tangent(phi, roll)), shift=h * d_middle[0]
         ).widened(h * d_radius[0] * UP + COMPUTED)
-        extra_range = ordered(self._range(extra))
-        lifted = self._lifted(extra, extra_range, phi, roll)
+        lifted, load = self._lift_and_load(at._replace(extra=extra, roll=roll))
         f = combined(
             (rate, lifted),
             (-rate, cosine_of(state[GAMMA], climb)),
-            shift=rate * lift + d_middle[1],
+            shift=rate * at.lift + d_middle[1],
         )
         f_range = ordered(self._range(f))
         fastest = f_range.largest + d_radius[1]
+        # Gronwall: f grows with y by at most g/V.
         farthest = h * fastest * math.exp(rate * h) * UP
+        # d(cos gamma) = -sin(gamma) d gamma: the slope of f in gamma, taken at its middle.
         slope = sine(climb)
         bend = 0.5 * h * h * rate
         rest = (
@@ -658,25 +639,23 @@ class Enclosure:
             gamma=pieces.fresh(gamma, GAMMA),
             extra=extra,
             lags=[],
-            commands=[roll, self._command_range(extra_range, lift, roll)],
+            commands=[roll, load],
             spread=spread,
         )
 
-    def _point_mass(
-        self, k: int, state: Sequence[Form], phi: Form, extra: Form, roll: Interval
-    ) -> "Flown":
+    def _point_mass(self, k: int, at: "Controlled") -> "Flown":
         """The exact point mass, behind lags if there are any."""
-        pieces, loop, lift = self.pieces, self.loop, self.loop.lift(k)
-        seen = self._seen(state)
-        n_z = self._load(extra, lift, seen, roll, phi)
+        pieces, loop, state, phi = self.pieces, self.loop, at.state, at.phi
+        n_z = self._load(at)
+        # A symbol of its own: behind a lag the same error comes back in later samples.
         n_z = pieces.fresh(n_z.widened(COMPUTED), N_Z)
-        commands = [ordered(self._range(one)) for one in (phi, n_z)]
-        rolled, loaded = (Moved(*one) for one in zip((phi, n_z), commands, strict=True))
+        commands = [ordered(self._range(command)) for command in (phi, n_z)]
+        rolled, loaded = (Moved(*pair) for pair in zip((phi, n_z), commands, strict=True))
         lags: list[Form] = []
         if loop.lags:
             (rolled, loaded), lags = self._behind_lags(state, (phi, n_z))
         if not (rolled.values.largest < LARGEST_ANGLE).all():
-            raise Unbounded(ROLLED)
+            raise Unbounded(ROLL_UNBOUNDED)
         climb = self._angle(state[GAMMA], CLIMB)
         if not (climb.largest < STEEPEST).all():
             raise Unbounded(f"{CLIMB} cannot be kept inside {math.degrees(STEEPEST):.0f} deg")
@@ -691,21 +670,21 @@ class Enclosure:
         return Flown(
             chi=pieces.fresh(chi.widened(COMPUTED), CHI),
             gamma=pieces.fresh(gamma.widened(COMPUTED), GAMMA),
-            extra=self._relative(extra, lift, seen, roll, after),
+            extra=self._relative(at, self._seen(state), after),
             lags=lags,
             commands=commands,
             spread=spread,
         )
 
     def _roll_beyond(self, k: int, now: Form) -> Form:
-        """What the roll seen is beyond that behind the lag, a sample later.
+        """Difference of the roll seen from that behind the lag, a sample later.
 
         It is a e + w of the e now, w in ``(1 - a)`` times the box of e plus that of its change: so
         the changes stay small, and the sum of all w does not grow with time.
         """
         assert self.loop.roll is not None
         low, high, slowest, fastest = self.loop.roll[k]
-        w = _one(low, high) * (1.0 - ROLL_KEPT) + _one(slowest, fastest)
+        w = _interval(low, high) * (1.0 - ROLL_KEPT) + _interval(slowest, fastest)
         later = combined((ROLL_KEPT, now), shift=w.middle).widened(w.radius)
         return self.pieces.fresh(later, ROLL_BEYOND)
 
@@ -713,41 +692,38 @@ class Enclosure:
         self, state: Sequence[Form], commands: Sequence[Form]
     ) -> tuple[list[Moved], list[Form]]:
         """Roll and load factor flown, and the rows of the lags and of the commands under way."""
-        rows = iter(state[STATES:])
-        lags = self.loop.lags
-        states = [[next(rows) for _ in range(lag.order)] for lag in lags]
-        queues = [[next(rows) for _ in range(lag.older + 1)] for lag in lags]
         flown, after, under_way = [], [], []
-        for lag, y, queue, command in zip(lags, states, queues, commands, strict=True):
-            given = [command, *queue]
-            inputs = [*y, given[lag.older + 1], given[lag.older]]
+        for lag, own, queue, command in zip(
+            self.loop.lags, *self.loop.layout, commands, strict=True
+        ):
+            newest_first = [command, *state[queue]]
+            # An older and a newer command are in force: the delay is no whole number of samples.
+            inputs = [*state[own], newest_first[lag.older + 1], newest_first[lag.older]]
             rows_after = np.vstack([lag.transition, lag.mean])
-            *moved, mean = (one.widened(COMPUTED) for one in transformed(rows_after, inputs))
-            ranges = [ordered(self._range(one)) for one in (*inputs, moved[0])]
+            *moved, mean = (form.widened(COMPUTED) for form in transformed(rows_after, inputs))
+            ranges = [ordered(self._range(form)) for form in (*inputs, moved[0])]
+            # Within the sample either of the two commands may be in force.
             in_force = ranges[lag.order].hull(ranges[lag.order + 1])
             values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
             if values is None:
                 raise Unbounded("a lag moves too far in a sample to be enclosed")
             flown.append(Moved(mean, values))
             after += moved
-            under_way += given[:-1]
+            under_way += newest_first[:-1]
         return flown, [*after, *under_way]
 
 
 class Controlled(NamedTuple):
-    """What the controller does in a sample.
+    """The controller's part of a sample."""
 
-    State and errors, the roll it sees, both commands (the load factor beyond the feed-forward), the
-    integrals, and which commands a limit can hold.
-    """
-
-    state: list[Form]
+    state: list[Form]  # rows before the sample
     errors: list[Form]
-    roll: Interval
-    phi: Form
-    extra: Form
+    roll: Interval  # rad: values of the roll that the controller sees
+    phi: Form  # rad: roll command
+    extra: Form  # load-factor command, as in the row `EXTRA_LIFT`
+    lift: float  # ``cos(gamma_ref)`` of the feed-forward; 0 without one
     integrals: list[Form]
-    held: Sequence[bool]
+    limited: Sequence[bool]  # whether a limit can hold the command
 
 
 class Flown(NamedTuple):
@@ -764,7 +740,7 @@ class Flown(NamedTuple):
     spread: FloatArray
 
 
-def _one(low: float, high: float) -> Interval:
+def _interval(low: float, high: float) -> Interval:
     return Interval(np.array([low]), np.array([high]))
 
 

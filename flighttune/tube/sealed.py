@@ -26,7 +26,7 @@ KIND, REMEDY = "Parquet file of a tube", "delete it and make it again with --tub
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AboutTube:
-    """What stands in the file of a tube beside its bounds."""
+    """Description in the file of a tube, beside its bounds."""
 
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -42,12 +42,12 @@ class AboutTube:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AboutWorst:
-    """What stands in the file of the worst flight found in a tube beside its errors."""
+    """Description in the file of the worst flight in a tube, beside its errors."""
 
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
     tube: str  # SHA-256 in the file of its tube
-    chi: float  # how many times wider the tube is than this flight needs
+    chi: float  # width of the tube over the width that this flight needs
     gamma: float
 
 
@@ -67,13 +67,10 @@ def write_sealed(table: pa.Table, about: AboutTube | AboutWorst, path: Path) -> 
 def read_sealed(
     path: Path, kind: type[A], names: Sequence[str]
 ) -> tuple[A, FloatArray, FloatArray]:
-    """What `write_sealed` wrote: what it is about, the times and the signals of these names.
+    """Read a file of `write_sealed`: its description, the times and the signals of these names.
 
-    Raises
-    ------
-    InputError
-        If the file is not as it was written or is of another kind, if time does not rise, or a
-        value is not finite.
+    Raises InputError if the file is not as it was written or is of another kind, if time does not
+    rise, or a value is not finite.
     """
     data = sealed_bytes(path, KIND, REMEDY)
     try:

@@ -18,7 +18,7 @@ from flighttune.tube.sample import (
     SampledLoop,
 )
 
-SPARE = 70
+REMOVED_AT_ONCE = 70
 """Symbols removed at a time."""
 
 WEIGHT = {EXTRA_LIFT: 0.5, CHI_ERR: 0.1, GAMMA_ERR: 0.1}
@@ -30,14 +30,9 @@ CONSTRAINT_WEIGHT = 0.02
 class Search:
     """A `Plan` that looks for a narrow enclosure and writes down what it chose.
 
-    Parameters
-    ----------
-    loop : SampledLoop
-    tolerance : float
-        Pieces are split where a limit may or may not hold a command, if both sides are larger than
-        twice this part of what the command can move in a sample.
-    most : int
-        Number of pieces at which splitting stops.
+    `tolerance`: pieces are split where a limit may or may not hold a command, if both sides are
+    larger than twice this part of what the command can move in a sample. `most`: number of pieces
+    at which splitting stops.
     """
 
     def __init__(self, loop: SampledLoop, *, tolerance: float, most: int) -> None:
@@ -47,20 +42,22 @@ class Search:
 
     @property
     def choices(self) -> npt.NDArray[np.float32]:
-        """All of them so far, as `Replay` takes them."""
+        """All choices so far, as `Replay` takes them."""
         return np.concatenate([np.zeros(0), *self.chosen]).astype(np.float32)
 
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
-        """By least squares: the part of the form that the constraints explain."""
+        """Multipliers of the constraints that explain the form best, by least squares."""
         rows = pieces.rows + np.flatnonzero(pieces.constrained)
         q, f = pieces.values[:, rows, 1:], form.coefficients[:, 1:]
         square = np.maximum((q * q).sum(axis=2), 1e-20)
         along = (q @ f[:, :, np.newaxis])[:, :, 0]
-        # By one constraint alone, by all of them, or by none: least squares, but the shortest sum.
-        one = (along / square)[:, :, np.newaxis] * np.eye(q.shape[1])
+        # Candidates: each constraint alone, all of them, or none, by least squares. The narrowest
+        # wins.
+        single = (along / square)[:, :, np.newaxis] * np.eye(q.shape[1])
+        # Regularised: constraints of one piece may repeat each other.
         gram = q @ q.transpose(0, 2, 1) + 1e-6 * square[:, :, np.newaxis] * np.eye(q.shape[1])
         every = np.linalg.solve(gram, along[:, :, np.newaxis]).transpose(0, 2, 1)
-        tried = np.concatenate([one, every, np.zeros_like(every)], axis=1)
+        tried = np.concatenate([single, every, np.zeros_like(every)], axis=1)
         left = np.abs(f[:, np.newaxis] - tried @ q).sum(axis=2) + np.abs(tried).sum(axis=2)
         return self._record(tried[np.arange(len(f)), left.argmin(axis=1)])
 
@@ -94,10 +91,12 @@ class Search:
 
     def pairs(self, pieces: Pieces) -> Indices:
         """Symbols to merge: neighbours in time of one kind if they are alike, else small ones."""
-        found = _alike(pieces, pieces.used + SPARE + pieces.values.shape[1] - pieces.capacity)
-        self._record(np.array([float(len(found))]))
-        self._record(found)
-        return found
+        pairs = _alike(
+            pieces, pieces.used + REMOVED_AT_ONCE + pieces.values.shape[1] - pieces.capacity
+        )
+        self._record(np.array([float(len(pairs))]))
+        self._record(pairs)
+        return pairs
 
     def _record(self, values: npt.ArrayLike) -> FloatArray:
         # Single precision: any number will do, so it may as well be a short one.
@@ -128,7 +127,7 @@ def _alike(pieces: Pieces, need: int) -> Indices:
     same = pieces.kind[order[:-1]] == pieces.kind[order[1:]]
     first, second = order[:-1][same], order[1:][same]
     a, b = g[:, :, first], g[:, :, second]
-    apart = np.minimum(*(np.abs(one).sum(axis=1).max(axis=0) for one in (a - b, a + b)))
+    apart = np.minimum(*(np.abs(sums).sum(axis=1).max(axis=0) for sums in (a - b, a + b)))
     costs = np.concatenate([alone, apart])
     partner = np.concatenate([np.full(n, -1), second])
     symbol = np.concatenate([np.arange(n), first])
@@ -139,10 +138,10 @@ def _cheapest(
     costs: FloatArray, symbol: Indices, partner: Indices, need: int
 ) -> Iterator[tuple[int, int]]:
     taken: set[int] = set()
-    for one in np.argsort(costs, kind="stable"):
+    for index in np.argsort(costs, kind="stable"):
         if need <= 0:
             return
-        a, b = int(symbol[one]), int(partner[one])
+        a, b = int(symbol[index]), int(partner[index])
         if a in taken or b in taken:
             continue
         taken.update({a, b} - {-1})

@@ -9,38 +9,37 @@ from scipy.linalg import schur, solve_discrete_lyapunov
 from flighttune.arrays import FloatArray
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import Pieces
-from flighttune.tube.hand_over import SYMBOLS, HandOver, for_ever, inside, settled, way_round
+from flighttune.tube.hand_over import SYMBOLS, HandOver, for_ever, inside, return_map, settled
 from flighttune.tube.sample import (
     CHI,
     EXTRA_LIFT,
     GAMMA,
     N_Z_INTEGRAL,
     PHI,
-    STATES,
     SampledLoop,
     Unbounded,
 )
 from flighttune.tube.search import Search
 
-SMALL = 1e-6
+LINEARISED_SIZE = 1e-6
 """Size of the set by which the loop is linearised."""
 
-LONGEST = 800
-"""Most samples on the way back."""
+MAX_SAMPLES = 800
+"""Largest N."""
 
-LEFT = 0.15
-"""Part of the set that the linear loop leaves of it on its way round, by which N is chosen."""
+CONTRACTION = 0.15
+"""Contraction of the linear loop over N samples, by which N is chosen."""
 
-FAST = 0.5
-"""Eigenvalue below which a mode is gone in some samples."""
+FAST_EIGENVALUE = 0.5
+"""Eigenvalue below which a mode has decayed within a few samples."""
 
-ROOM = 2.0
-"""How many times as large as that of the last sample the set is tried first."""
+FIRST_SIZE = 2.0
+"""Size of the first set that is tried, relative to that of the last sample."""
 
 GROWTH, ROUNDS = 1.3, 6
 
 SLACK = 1e-6
-"""Part of the set that is left free when it is found: another machine may add up otherwise."""
+"""Share of the set left free by the search: another machine may add up in another order."""
 
 
 def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
@@ -51,21 +50,21 @@ def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
     at = _steady(loop)
     n = len(at)
     pieces = Pieces(at[np.newaxis], 0, SYMBOLS)
-    pieces.values[0, :, 1 : 1 + n] = SMALL * np.eye(n)
+    pieces.values[0, :, 1 : 1 + n] = LINEARISED_SIZE * np.eye(n)
     pieces.used = n
     try:
         enclosure_of(settled(loop, 1), pieces, new_search(loop)).sample(1)
     except Unbounded:
         return None
-    A = pieces.values[0, :n, 1 : 1 + n] / SMALL
+    A = pieces.values[0, :n, 1 : 1 + n] / LINEARISED_SIZE
     if not np.abs(np.linalg.eigvals(A)).max() < 1.0:
         return None
     W = np.concatenate([_contracting(A, slow=slow) for slow in (True, False)])
     step = W @ A @ np.linalg.inv(W)
     power = np.eye(n)
-    for samples in range(1, LONGEST + 1):
+    for samples in range(1, MAX_SAMPLES + 1):
         power = power @ step
-        if np.abs(power).sum(axis=1).max() <= LEFT:
+        if np.abs(power).sum(axis=1).max() <= CONTRACTION:
             return W, samples
     return None
 
@@ -78,7 +77,7 @@ def _contracting(A: FloatArray, *, slow: bool) -> FloatArray:
     """
 
     def wanted(re: float, im: float) -> bool:
-        return (np.hypot(re, im) >= FAST) == slow
+        return (np.hypot(re, im) >= FAST_EIGENVALUE) == slow
 
     sorted_modes: Any = schur(A.T, sort=wanted)
     T, Q, count = sorted_modes
@@ -97,13 +96,8 @@ def _steady(loop: SampledLoop) -> FloatArray:
     at[CHI], at[GAMMA], at[PHI] = loop.chi_ref[-1], loop.gamma_ref[-1], phi
     at[EXTRA_LIFT] = n_z - lift
     at[N_Z_INTEGRAL] = 0.0 if loop.inversion else n_z - lift - loop.planned[-1, 1]
-    row = STATES
-    for lag, value in zip(loop.lags, (phi, n_z), strict=False):
-        at[row : row + lag.order] = lag.rest * value
-        row += lag.order
-    for lag, value in zip(loop.lags, (phi, n_z), strict=False):
-        at[row : row + lag.older + 1] = value
-        row += lag.older + 1
+    for own, queue, lag, value in zip(*loop.layout, loop.lags, (phi, n_z), strict=False):
+        at[own], at[queue] = lag.rest * value, value
     if loop.roll is not None:
         at[-1] = loop.roll[-1, :2].mean()
     return at
@@ -122,31 +116,25 @@ def hand_over(
 ) -> HandOver | None:
     """Look for a set that holds the flights of the last samples for ever.
 
-    Parameters
-    ----------
-    loop : SampledLoop
-    W : ndarray, shape (n, n)
-    samples : int
-        As of `coordinates`.
-    hulls : dict of int to ndarray, shape (n, 2)
-        Ranges of ``W z`` at samples in whose future nothing changes, up to the last.
+    `W` (shape (n, n)). `samples`: see `coordinates`. `hulls` (shape (n, 2)): ranges of ``W z`` at
+    samples in whose future nothing changes, up to the last.
     """
     if not hulls:
         return None
     last = max(hulls)
     end = hulls[last]
-    centre, size = end.mean(axis=1), ROOM * 0.5 * np.ptp(end, axis=1) + 1e-9
+    centre, size = end.mean(axis=1), FIRST_SIZE * 0.5 * np.ptp(end, axis=1) + 1e-9
     for _ in range(ROUNDS):
         plan, tight = new_search(loop), (1.0 - SLACK) * size
         try:
-            found = way_round(loop, W, centre, size, samples, plan)
+            mapped = return_map(loop, W, centre, size, samples, plan)
         except Unbounded:
             return None
-        if found is None:
+        if mapped is None:
             return None
-        after, passed = found
+        after, passed = mapped
         if inside(after, centre, tight):
-            reached = [k for k, one in hulls.items() if inside(one, centre, tight)]
+            reached = [k for k, ranges in hulls.items() if inside(ranges, centre, tight)]
             return HandOver(
                 sample=min(reached),
                 W=W,

@@ -17,10 +17,7 @@ def write_signals(tube: Tube, path: Path) -> None:
 
     The metadata have the hash of the flight, by which `flighttune.tube.of_run` finds its tube.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     columns, fields = [pa.array(tube.t)], [pa.field("t", pa.float64(), metadata={"unit": "s"})]
     for i, name in enumerate(QUANTITIES):

@@ -21,7 +21,7 @@ DOUBLING = 0.2
 """Time, s, within which the width of a set that is about to be lost doubles."""
 
 LEAST_DISTURBANCE, MOST_DISTURBANCE = 1e-5, 10.0
-"""Between which the largest disturbance is looked for, rad/s."""
+"""Range in which the largest disturbance is looked for, rad/s."""
 
 UNKNOWN_START = "in wind the path over ground begins elsewhere, and the scenario states no wind"
 
@@ -39,34 +39,15 @@ def tube(
 ) -> Tube:
     """Enclose all flights of a scenario: the controller as it flies, with all its limits.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    gains : PIGains
-    plant : str, optional
-        Label of a plant; by default the first aircraft with a conformance, else the first plant
-        that is none.
-    start : float, rad
-        Course and flight-path angle start within this of the scenario's.
-    disturbance : float, rad/s, optional
-        The disturbance of each rate is within this of zero, in any shape; by default within the
-        amplitudes of the scenario's sinusoid, or zero.
-    conformance : Conformance, optional
-        Of an aircraft: its model flies, under every disturbance in its boxes. Where the set of
-        these flights is lost, the errors are within the boxes that were counted for them.
-    law : Law, optional
-        Law that flies the gains; by default the first of the scenario that takes them.
-    progress : callable, optional
-        Called with the part of the time that is enclosed, 0 to 1.
-
-    Returns
-    -------
-    Tube
-
-    Raises
-    ------
-    InputError
-        If a value cannot be used, or the tube does not know the law.
+    `plant`: label of a plant; by default the first aircraft with a conformance, else the first
+    plant that is none. `start` (rad): course and flight-path angle start within this of the
+    scenario's. `disturbance` (rad/s): the disturbance of each rate is within this of zero, in any
+    shape; by default within the amplitudes of the scenario's sinusoid, or zero. `conformance`: that
+    of an aircraft: its model flies, under every disturbance in its boxes. Where the set of these
+    flights is lost, the errors are within the boxes that were counted for them. `law`: law that
+    flies the gains; by default the first of the scenario that takes them. `progress`: called with
+    the share of time that is enclosed, 0 to 1. Raises InputError if a value cannot be used, or the
+    tube does not know the law.
     """
     problem = tube_problem(
         scenario,
@@ -77,9 +58,9 @@ def tube(
         conformance=conformance,
         law=law,
     )
-    found = enclosed(problem, progress=progress)
-    lost = found.status == "unbounded" and problem.counted is not None
-    return within_counted(found) if lost else found
+    result = enclosed(problem, progress=progress)
+    lost = result.status == "unbounded" and problem.counted is not None
+    return within_counted(result) if lost else result
 
 
 def largest_disturbance(
@@ -93,17 +74,10 @@ def largest_disturbance(
 ) -> list[Tube]:
     """Look for the largest disturbance, to two digits, for which the set is bounded.
 
-    Parameters
-    ----------
-    scenario, gains, plant, start, law, progress
-        As of `tube`.
-
-    Returns
-    -------
-    list of Tube
-        All that were tried, by disturbance. The largest bounded one is known to two digits if one
-        that is larger follows it; the list ends with a bounded one at `MOST_DISTURBANCE`, and has
-        none at all if none down to `LEAST_DISTURBANCE`, or to the scenario's own, is bounded.
+    Parameters are those of `tube`. Returns all tubes that were tried, by disturbance. The largest
+    bounded one is known to two digits if one that is larger follows it; the list ends with a
+    bounded one at `MOST_DISTURBANCE`, and has none at all if none down to `LEAST_DISTURBANCE`, or
+    to the scenario's own, is bounded.
     """
     tried: dict[float, Tube] = {}
     least = max(np.abs(tube_problem(scenario, gains, plant=plant, law=law).d_high).max(), 0.0)
@@ -148,32 +122,25 @@ def enclosed(
 ) -> Tube:
     """The tube of a problem: with few pieces where that is enough, else with many.
 
-    Parameters
-    ----------
-    problem : TubeProblem
-    attempts : sequence of Settings
-        Tried one after the other until the set is bounded; by default two.
-    for_ever : bool
-        Look for a set that holds the flights after the time of the scenario too.
-    progress : callable, optional
-        As of `tube`.
+    `attempts`: tried one after the other until the set is bounded; by default two. `for_ever`: look
+    for a set that holds the flights after the time of the scenario too. `progress`: see `tube`.
     """
     best: Tube | None = None
     for settings in attempts or _attempts(problem):
-        found = _attempt(problem, settings, progress, for_ever=for_ever)
-        if found.status == "bounded":
-            return found
-        if best is None or len(found.t) > len(best.t):
-            best = found
+        result = _attempt(problem, settings, progress, for_ever=for_ever)
+        if result.status == "bounded":
+            return result
+        if best is None or len(result.t) > len(best.t):
+            best = result
     assert best is not None
     return best
 
 
 def _why_lost(
-    stop: str, t: FloatArray, found: Sequence[Bounds], limits: dict[str, tuple[str, int]]
+    stop: str, t: FloatArray, bounds: Sequence[Bounds], limits: dict[str, tuple[str, int]]
 ) -> str:
-    """Where the set is lost, which limits could act before, and since when its width doubles."""
-    lost = len(found)
+    """Time at which the set is lost, limits that could act before, and growth of its width."""
+    lost = len(bounds)
     reason = f"{stop} from t = {t[lost]:.2f} s on"
     acting = [f"the {limit} of {side} from {t[k]:.2f} s on" for side, (limit, k) in limits.items()]
     if acting:
@@ -181,7 +148,7 @@ def _why_lost(
     span = round(DOUBLING / (t[1] - t[0]))
     if lost <= span:
         return reason
-    widths = np.ptp([one.ranges[:2] for one in found], axis=2)
+    widths = np.ptp([sample.ranges[:2] for sample in bounds], axis=2)
     steady = (widths[span:] < 2.0 * widths[:-span]).all(axis=1)
     first = int(np.flatnonzero(steady)[-1]) + 1 if steady.any() else 0
     if first < len(steady):
@@ -211,12 +178,12 @@ def _attempt(
     rows, still, hulls = coordinates(loop) if for_ever else None, settled_from(loop), {}
     search = Search(loop, tolerance=settings.tolerance, most=settings.most)
     enclosure = enclosure_of(loop, first_set(problem, settings), search)
-    found, reason = [], "" if problem.start_known else UNKNOWN_START
+    bounds, reason = [], "" if problem.start_known else UNKNOWN_START
     for k in range(len(t) if problem.start_known else 0):
         try:
-            found.append(enclosure.sample(k))
+            bounds.append(enclosure.sample(k))
         except Unbounded as stop:
-            reason = _why_lost(str(stop), t, found, enclosure.limits)
+            reason = _why_lost(str(stop), t, bounds, enclosure.limits)
             break
         if rows is not None and k >= still:
             hulls[k + 1] = hull(enclosure.pieces, rows[0])
@@ -226,9 +193,9 @@ def _attempt(
         problem=problem,
         status="unbounded" if reason else "bounded",
         reason=reason,
-        t=t[: len(found)],
-        bounds=np.array([one.ranges for one in found]).reshape(-1, len(QUANTITIES), 2),
-        held=np.array([one.held for one in found], dtype=bool).reshape(-1, 2),
+        t=t[: len(bounds)],
+        bounds=np.array([sample.ranges for sample in bounds]).reshape(-1, len(QUANTITIES), 2),
+        held=np.array([sample.limited for sample in bounds], dtype=bool).reshape(-1, 2),
         settings=settings,
         chosen=search.choices,
         hand_over=None if reason or rows is None else hand_over(loop, *rows, hulls),

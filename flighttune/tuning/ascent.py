@@ -25,29 +25,20 @@ FIRST_STEP, SMALLEST_STEP = 0.3, 1e-4
 """Trust region on each gain, relative to it (to one for small ones)."""
 
 ITERATIONS = 60
-ENOUGH = 1e-5
-"""A relative gain of rate below this, twice in a row, ends the ascent."""
+MIN_GAIN = 1e-5
+"""Two steps in a row with a smaller relative gain of rate end the ascent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Point:
-    """Free gains that meet every constraint, with their rates.
+    """Free gains that meet every constraint, with their rates."""
 
-    Attributes
-    ----------
-    k : ndarray, shape (f,)
-    Q : ndarray, shape (n, n), s
-        Common to the vertices.
-    R, R_bound : float, 1/s
-        Rate of Q, and a bound on the rate of any other.
-    R_K, I_K : float, 1/s and s^2
-        At the trim.
-    """
-
-    k: FloatArray
-    Q: FloatArray
+    k: FloatArray  # shape (f,)
+    Q: FloatArray  # shape (n, n), s: common to the vertices
+    # `R` and `R_bound` (1/s): rate of Q, and a bound on the rate of any other
     R: float
     R_bound: float
+    # `R_K` and `I_K` (1/s and s^2): indicators at the trim
     R_K: float
     I_K: float
 
@@ -78,17 +69,7 @@ def point(problem: TuningProblem, models: Sequence[LinearModel], k: FloatArray) 
 def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) -> Point:
     """A local optimum of the common rate, from a point that meets the constraints.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-    models : sequence of LinearModel
-        The vertices.
-    start : Point
-
-    Returns
-    -------
-    Point
-        Never worse than `start`.
+    The result is never worse than `start`.
     """
     step, excess, idle = FIRST_STEP, 0.0, 0
     best = start
@@ -97,9 +78,10 @@ def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) 
         k = program.step(best, step, excess)
         better = None if k is None else point(problem, models, k)
         if better is not None and better.R > best.R:
-            idle = idle + 1 if better.R < (1.0 + ENOUGH) * best.R else 0
+            idle = idle + 1 if better.R < (1.0 + MIN_GAIN) * best.R else 0
             best, step, excess = better, min(2.0 * step, 1.0), excess / 2.0
         else:
+            # Linearised, the bound on I_K may be missed: it is tightened by the excess seen.
             broken = 0.0 if k is None or better is not None else program.excess(k)
             step, excess = step / 2.0, max(excess, broken) if broken > 0.0 else excess / 2.0
         if idle == 2 or step < SMALLEST_STEP:
@@ -123,7 +105,8 @@ class _Linearised:
         self._loops = [parameter(n, n) for _ in models]
         self._Q0 = parameter(n, n, symmetric=True)
         self._lower, self._upper = parameter(f), parameter(f)
-        # the trust region with the bounds on gains, and the input limits
+        # The trust region with the bounds on gains, and the input limits. Q <= I fixes the scale,
+        # so that the rate is R itself.
         constraints = [self._lower <= self._dk, self._dk <= self._upper, Q << np.eye(n)]
         if len(self._space.G):
             self._slack = parameter(len(self._space.G))
@@ -153,7 +136,8 @@ class _Linearised:
         highest, lowest, gram = (
             matrix + combination(self._dk, slopes) for matrix, slopes in self._trim
         )
-        rise, eye = unknown(3), np.eye(n)  # of the three eigenvalues, relative
+        rise, eye = unknown(3), np.eye(n)  # relative changes of the three eigenvalues
+        # I_K has sigma_min(A), the root of the smallest eigenvalue of A'A: hence one half.
         return [
             highest << (1.0 + rise[0]) * eye,
             lowest >> (1.0 + rise[1]) * eye,
@@ -179,7 +163,7 @@ class _Linearised:
         return np.clip(at.k + self._dk.value, space.k_min, space.k_max)
 
     def excess(self, k: FloatArray) -> float:
-        """How far log I_K is above its limit at free gains k; 0 if it is not."""
+        """Excess of log I_K over its limit at free gains k; 0 without any."""
         if not self._limited:
             return 0.0
         I_K = indicators(closed_loops(self._problem.model, self._space.K(k))).I_K

@@ -26,42 +26,27 @@ METHOD = "convex"
 def tune_from_convex_start(problem: TuningProblem) -> TuningResult:
     """Gains of the largest R_K, by the gradient method from gains of a convex problem.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-        Gains on states that its loop does not feed back are left out of the start; with lag or
-        delay it is then a guess, no longer an optimum.
-
-    Returns
-    -------
-    TuningResult
-        Without any random start, so that the seed plays no part; "failed" where no convex start
-        stabilises the loop that is allowed.
+    `problem`: gains on states that its loop does not feed back are left out of the start; with lag
+    or delay it is then a guess, no longer an optimum. There is no random start, so that the seed
+    plays no part. The status is "failed" where no convex start stabilises the loop.
     """
     began = time.perf_counter()
     K = convex_starts(problem)
-    found = tune_by_gradient(problem, starts=0, first=K)
-    return replace(found, method=METHOD, wall_s=time.perf_counter() - began)
+    result = tune_by_gradient(problem, starts=0, first=K)
+    return replace(result, method=METHOD, wall_s=time.perf_counter() - began)
 
 
 def convex_starts(problem: TuningProblem) -> FloatArray:
     """Stacked gains of the convex problem for each of `SIZES`, shape (at most 5, m, 2 p).
 
-    Parameters
-    ----------
-    problem : TuningProblem
-        Model, scaling and the bounds and fixed values of gains are used, the rest is not.
-
-    Returns
-    -------
-    ndarray
-        Empty where the solver found no answer at all.
+    `problem`: model, scaling and the bounds and fixed values of gains are used, the rest is not.
+    The result is empty where the solver found no answer at all.
     """
-    found = [state_feedback(problem.model, problem.scaling, size) for size in SIZES]
+    solutions = [state_feedback(problem.model, problem.scaling, size) for size in SIZES]
     n = len(problem.model.states)
     output = np.linalg.pinv(problem.model.C)
     lower, upper = problem.gain_bounds
-    stacked = [np.hstack([K[:, :n] @ output, K[:, n:]]) for K in found if K is not None]
+    stacked = [np.hstack([K[:, :n] @ output, K[:, n:]]) for K in solutions if K is not None]
     return np.clip(np.array(stacked).reshape(-1, *lower.shape), lower, upper)
 
 
@@ -70,19 +55,9 @@ def state_feedback(
 ) -> FloatArray | None:
     """K of ``u' = K s`` with the largest R_K under ``K W K' <= size^2 I``, or None.
 
-    Parameters
-    ----------
-    model : LinearModel
-        n states, m inputs, p errors.
-    scaling : ndarray, shape (n + p,)
-        Units of the state s = (x', e).
-    size : float
-        Bound on the gains in the norm of the optimal W.
-
-    Returns
-    -------
-    ndarray, shape (m, n + p), or None
-        None where the solver has no answer.
+    `model`: n states, m inputs, p errors. `scaling` (shape (n + p,)): units of the state s = (x',
+    e). `size`: bound on the gains in the norm of the optimal W. Returns None where the solver has
+    no answer (shape (m, n + p)).
     """
     n, m, p = model.shape
     order = n + p

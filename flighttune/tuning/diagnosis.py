@@ -17,91 +17,60 @@ from flighttune.tuning.starts import stabilising_starts
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LimitDiagnosis:
-    """What one input limit, both its sides, does to a problem.
+    """Effect of one input limit, with both its sides, on a problem."""
 
-    Attributes
-    ----------
-    name : str
-        ``<input>`` or ``<input>_rate``.
-    factor_alone : float
-        Smallest factor on this limit alone that makes the problem feasible; inf if none does.
-    smallest_I_K_without : float, s^2
-        Smallest I_K found without this limit: the lower, the more it is worth relaxing.
-    use : float
-        Share of this limit that the gains at the common factor use; above 1 they break it.
-    """
-
-    name: str
+    name: str  # ``<input>`` or ``<input>_rate``
+    # Smallest factor on this limit alone that makes the problem feasible; inf if none does
     factor_alone: float
+    # s^2: smallest I_K found without this limit: the lower, the more it is worth relaxing
     smallest_I_K_without: float
-    use: float
+    use: float  # share of this limit that the gains at the common factor use; above 1 they break it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Diagnosis:
-    """How far a problem is from being feasible, or how far its limits could be tightened.
+    """Distance of a problem from feasibility, or the room to tighten its limits."""
 
-    Attributes
-    ----------
-    smallest_I_K : float, s^2
-        Smallest I_K found within the input limits; inf if no stable gains were.
-    largest_R_K : float, 1/s
-        Largest R_K found within the input limits, whatever I_K; 0 if no stable gains were.
-    common_factor : float
-        Smallest factor on all input limits at once that leaves the problem feasible: above 1 it
-        is infeasible, below 1 the limits could be that much tighter. inf if no factor helps; 0
-        where there are no input limits and the problem is feasible.
-    gains : PIGains or None
-        Gains that are feasible at the common factor.
-    binding : tuple of str
-        Limits that bind there.
-    limits : tuple of LimitDiagnosis
-        One for each finite limit, the most worth relaxing first.
-    """
-
+    # s^2: smallest I_K found within the input limits; inf if no stable gains were
     smallest_I_K: float
+    # 1/s: largest R_K found within the input limits, whatever I_K; 0 if no stable gains were
     largest_R_K: float
+    # Smallest factor on all input limits at once that leaves the problem feasible: above 1 it is
+    # infeasible, below 1 the limits could be that much tighter. inf if no factor helps; 0 where
+    # there are no input limits and the problem is feasible.
     common_factor: float
-    gains: PIGains | None
-    binding: tuple[str, ...]
-    limits: tuple[LimitDiagnosis, ...]
+    gains: PIGains | None  # gains that are feasible at the common factor
+    binding: tuple[str, ...]  # limits that bind there
+    limits: tuple[LimitDiagnosis, ...]  # one for each finite limit, the most worth relaxing first
 
 
 def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:
-    """How far a problem is from being feasible, and which input limit is in the way.
+    """Distance of a problem from feasibility, and the input limit that is in the way.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-    starts : int
-        Searches for each figure.
-
-    Returns
-    -------
-    Diagnosis
-        Of what was found; the problem is not convex, so none of it is a proof.
-
-    Notes
-    -----
     The common factor is a variable of the smooth program: its smallest value is searched for
     directly, by the gradient method, not by trial of factors.
+
+    The problem is not convex: the diagnosis describes the best gains that were found and proves
+    nothing.
     """
     space = search_space(problem)
     k = stabilising_starts(problem, space, starts)
     smallest = smallest_radius(problem, k)
     unlimited = replace(problem, I_star=math.inf)
-    fastest = [one for one in searches(unlimited, k, "R_K") if one.within_limits]
+    fastest = [candidate for candidate in searches(unlimited, k, "R_K") if candidate.within_limits]
     factor, at_factor = _smallest_factor(problem, np.ones(len(space.names), dtype=bool), k)
     groups = dict.fromkeys(_group(name) for name in space.names)
     used = _use(space, at_factor)
     limits = [_limit_diagnosis(problem, name, k, used.get(name, math.nan)) for name in groups]
     return Diagnosis(
         smallest_I_K=smallest.I_K if smallest else math.inf,
-        largest_R_K=max((one.R_K for one in fastest), default=0.0),
+        largest_R_K=max((candidate.R_K for candidate in fastest), default=0.0),
         common_factor=factor,
         gains=problem.gains(at_factor.K) if at_factor else None,
         binding=tuple(name for name in at_factor.active if name != "I_K") if at_factor else (),
-        limits=tuple(sorted(limits, key=lambda one: (one.smallest_I_K_without, one.factor_alone))),
+        limits=tuple(
+            sorted(limits, key=lambda limit: (limit.smallest_I_K_without, limit.factor_alone))
+        ),
     )
 
 
@@ -128,15 +97,15 @@ def _smallest_factor(
     """Smallest factor on the relaxable rows that is feasible, with its gains; inf if none is."""
     space = search_space(problem)
     if not relaxable.any():
-        found = [one for one in searches(problem, k, "R_K") if is_feasible(problem, one)]
-        return (0.0, found[0]) if found else (math.inf, None)
+        ends = [end for end in searches(problem, k, "R_K") if is_feasible(problem, end)]
+        return (0.0, ends[0]) if ends else (math.inf, None)
     task = Program([problem], "factor", relaxable=relaxable)
     best: tuple[float, Assessment | None] = (math.inf, None)
     for gains, factor in zip(*task.descend(k), strict=True):
         relaxed = _with_factor(problem, relaxable, factor)
-        found = assessment(relaxed, space.K(gains))
-        if factor < best[0] and is_feasible(relaxed, found):
-            best = float(factor), found
+        measured = assessment(relaxed, space.K(gains))
+        if factor < best[0] and is_feasible(relaxed, measured):
+            best = float(factor), measured
     return best
 
 
@@ -164,8 +133,8 @@ def _use(space: SearchSpace, gains: Assessment | None) -> dict[str, float]:
     used = space.bound - space.slack(gains.K[space.free])
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(used > 0.0, used / np.maximum(space.bound, 0.0), 0.0)
-    for name, one in zip(space.names, share, strict=True):
-        shares[_group(name)] = max(float(one), shares.get(_group(name), 0.0))
+    for name, value in zip(space.names, share, strict=True):
+        shares[_group(name)] = max(float(value), shares.get(_group(name), 0.0))
     return shares
 
 

@@ -36,7 +36,7 @@ SAMPLES = 41
 """Points of a curve of rates."""
 
 END_SHOWN = 0.995
-"""Of the largest factor: closer to it the rate is lost in the solver's accuracy."""
+"""Accuracy of the largest factor: any closer, the rate is lost in that of the solver."""
 
 GROWTHS = 12
 """Steps in which an envelope is grown towards the required one before giving up."""
@@ -44,79 +44,38 @@ GROWTHS = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LargestEnvelope:
-    """How far an envelope can be scaled about the trim for gains to be certified.
+    """Largest scaling of an envelope about the trim for which gains are certified."""
 
-    Attributes
-    ----------
-    factor : float
-        Largest factor found; 0 if not even the trim is certified, at most `LARGEST_FACTOR`.
-    envelope : Envelope or None
-        The envelope at that factor.
-    R : float, 1/s
-        Rate over it.
-    """
-
+    # Largest factor found; 0 if not even the trim is certified, at most `LARGEST_FACTOR`
     factor: float
-    envelope: Envelope | None
-    R: float
+    envelope: Envelope | None  # the envelope at that factor
+    R: float  # 1/s: rate over it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EnvelopeTuning:
-    """Gains tuned for their rate over an envelope, or why none were found.
+    """Gains tuned for their rate over an envelope, or why none were found."""
 
-    Attributes
-    ----------
-    status : "found", "infeasible" or "failed"
-        Found: a local optimum, the best of the starts. Infeasible: no gains were found that meet
-        the constraints and have a common Q over the whole envelope.
-    reason : str
-        Empty if found.
-    gains : PIGains or None
-        If infeasible: those that reach farthest.
-    R : float, 1/s
-        Rate over the envelope; 0 if infeasible.
-    R_bound : float, 1/s
-        No common Q of these gains has a higher one.
-    R_K, I_K : float, 1/s and s^2
-        At the trim.
-    factor : float
-        Part of the envelope, scaled about the trim, that was reached; 1 if found.
-    wall_s : float
-        Time it took, s.
-    """
-
+    # Found: a local optimum, the best of the starts. Infeasible: no gains were found that meet the
+    # constraints and have a common Q over the whole envelope.
     status: Literal["found", "infeasible", "failed"]
-    reason: str
-    gains: PIGains | None = None
-    R: float = 0.0
-    R_bound: float = math.inf
+    reason: str  # empty if found
+    gains: PIGains | None = None  # if infeasible: those that reach farthest
+    R: float = 0.0  # 1/s: rate over the envelope; 0 if infeasible
+    R_bound: float = math.inf  # 1/s: no common Q of these gains has a higher one
+    # `R_K` and `I_K` (1/s and s^2): indicators at the trim
     R_K: float = 0.0
     I_K: float = math.inf
-    factor: float = 0.0
-    wall_s: float
+    factor: float = 0.0  # part of the envelope, scaled about the trim, that was reached; 1 if found
+    wall_s: float  # time it took, s
 
 
 def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float, hull: Hull = "speed") -> CommonQ:
     """The rate of gains over an envelope of the chi/gamma law, and its common Q.
 
-    Parameters
-    ----------
-    gains : PIGains
-        From (chi, gamma) to (phi, n_z).
-    envelope : Envelope
-    g : float, m/s^2
-    hull : "entries" or "speed"
-        See `jacobian_hull`; with "speed" the rate is never lower.
-
-    Returns
-    -------
-    CommonQ
-
-    Raises
-    ------
-    InputError
-        If `g` is not positive or the channels do not fit.
+    `g` is in m/s^2; `gains` lead from (chi, gamma) to (phi, n_z). `hull`: see `jacobian_hull`; with
+    "speed" the rate is never lower. Raises InputError if `g` is not positive or the channels do not
+    fit.
     """
     return common_Q(vertex_loops(envelope, gains, g=g, hull=hull))
 
@@ -130,24 +89,9 @@ def largest_envelope(
 ) -> LargestEnvelope:
     """The largest scaling of an envelope about the trim over which gains have a common Q.
 
-    Parameters
-    ----------
-    gains : PIGains
-    envelope : Envelope
-        Scaled by the factor; contains the trim.
-    trim : Envelope
-        A single condition, `Envelope.at`.
-    g : float, m/s^2
-
-    Returns
-    -------
-    LargestEnvelope
-        By bisection, to `FACTOR_TOLERANCE`; the scaled envelopes are nested.
-
-    Raises
-    ------
-    InputError
-        If the trim is not inside the envelope.
+    `g` (m/s^2). `envelope`: scaled by the factor; contains the trim. `trim`: a single condition,
+    `Envelope.at`. The factor comes from bisection, to `FACTOR_TOLERANCE`; the scaled envelopes are
+    nested. Raises InputError if the trim is not inside the envelope.
     """
     if not envelope.contains(trim):
         raise InputError(f"`envelope` must contain the trim {trim}, got {envelope}.")
@@ -174,22 +118,13 @@ def largest_envelope(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateCurve:
-    """The certified rate of one set of gains over an envelope scaled about the trim.
-
-    Attributes
-    ----------
-    name : str
-    factors : ndarray, shape (k,)
-        Scaling of the envelope; ends where no common Q is found any more.
-    rates : ndarray, shape (k,), 1/s
-    ends : bool
-        Whether the last point is such an end, and not just where sampling stopped.
-    """
+    """The certified rate of one set of gains over an envelope scaled about the trim."""
 
     name: str
+    # shape (k,): scaling of the envelope; ends where no common Q is found any more
     factors: FloatArray
-    rates: FloatArray
-    ends: bool
+    rates: FloatArray  # shape (k,), 1/s
+    ends: bool  # whether the last point is such an end, and not just where sampling stopped
 
     def __post_init__(self) -> None:
         for name in ("factors", "rates"):
@@ -212,25 +147,9 @@ def rate_curve(
 ) -> RateCurve:
     """The certified rate from the trim alone up to a multiple of an envelope.
 
-    Parameters
-    ----------
-    name : str
-        For the legend.
-    gains : PIGains
-    envelope, trim : Envelope
-        The envelope at factor one, and the condition it is scaled about.
-    g : float, m/s^2
-    up_to : float
-        Largest factor sampled, positive.
-
-    Returns
-    -------
-    RateCurve
-
-    Raises
-    ------
-    InputError
-        If the trim is not inside the envelope or `up_to` is not positive.
+    `g` (m/s^2). `envelope`, `trim`: the envelope at factor one, and the condition it is scaled
+    about. `up_to`: largest factor sampled, positive. Raises InputError if the trim is not inside
+    the envelope or `up_to` is not positive.
     """
     if not up_to > 0.0:
         raise InputError(f"`up_to` must be positive, got {up_to}.")
@@ -246,16 +165,8 @@ def rate_curve(
 def rate_chart(curves: Sequence[RateCurve], envelope: Envelope) -> Chart:
     """Draw certified rates against the size of the envelope.
 
-    Parameters
-    ----------
-    curves : sequence of RateCurve
-    envelope : Envelope
-        At 100 %; the legend has its ranges.
-
-    Returns
-    -------
-    Chart
-        With a cross where a set of gains has no common Q any more.
+    `envelope` is the one at 100 %; the legend has its ranges. A cross marks where a set of gains
+    has no common Q any more.
     """
     chart = Chart(
         title="Rate certified over an envelope",
@@ -292,32 +203,14 @@ def tune_over_envelope(
 ) -> EnvelopeTuning:
     """Gains with the largest rate over an envelope, under the constraints of a tuning problem.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-        Its model is the chi/gamma law's at the trim; I_K (at the trim) and the input limits are
-        constraints as in `tune`. Without state scaling.
-    envelope : Envelope
-        Contains the trim.
-    trim : Envelope
-        A single condition, `Envelope.at`.
-    g : float, m/s^2
-    starts : int
-        Searches from drawn gains, besides the one from the best gains for the trim.
-
-    Returns
-    -------
-    EnvelopeTuning
-
-    Raises
-    ------
-    InputError
-        If the trim is not inside the envelope, or the problem has a state scaling.
-
-    Notes
-    -----
     Where the first gains have no common Q over the whole envelope, they are tuned for the part of
     it (scaled about the trim) that they do reach, which grows with them.
+
+    `g` (m/s^2). `problem`: its model is the chi/gamma law's at the trim; I_K (at the trim) and the
+    input limits are constraints as in `tune`. Without state scaling. `trim`: a single condition,
+    `Envelope.at`. `starts`: searches from drawn gains, besides the one from the best gains for the
+    trim. Raises InputError if the trim is not inside the envelope, or the problem has a state
+    scaling.
     """
     began = time.perf_counter()
     if not envelope.contains(trim):
@@ -335,8 +228,8 @@ def tune_over_envelope(
     firsts = [nominal.gains.K[space.free], *stabilising_starts(problem, space, starts)]
     searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
     factor, best = max(
-        (found for found in searches if found is not None),
-        key=lambda found: (found[0], found[1].R),
+        (search for search in searches if search is not None),
+        key=lambda search: (search[0], search[1].R),
         default=(0.0, None),
     )
     if best is None:
@@ -345,15 +238,15 @@ def tune_over_envelope(
             reason="No gains met the constraints.",
             wall_s=time.perf_counter() - began,
         )
-    found = factor >= 1.0
+    certified = factor >= 1.0
     return EnvelopeTuning(
-        status="found" if found else "infeasible",
+        status="found" if certified else "infeasible",
         reason=""
-        if found
+        if certified
         else f"No common Q was found beyond {factor:.3g} of the envelope about the trim.",
         gains=problem.gains(space.K(best.k)),
-        R=best.R if found else 0.0,
-        R_bound=best.R_bound if found else math.inf,
+        R=best.R if certified else 0.0,
+        R_bound=best.R_bound if certified else math.inf,
         R_K=best.R_K,
         I_K=best.I_K,
         factor=factor,

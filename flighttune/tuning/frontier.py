@@ -1,4 +1,4 @@
-"""How much rate a radius buys: the frontier of R_K against I_K, as a table and as a figure."""
+"""The frontier of R_K against I_K, as a table and as a figure."""
 
 import math
 from collections.abc import Mapping
@@ -38,44 +38,28 @@ def frontier(
 ) -> "pd.DataFrame":
     """The largest R_K for every I_K, and where given gains lie.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-        Its `I_star` plays no part; limits, structure, scaling and seed do.
-    points : int
-        Points of the frontier, at least 2; from the smallest I_K on, closest there.
-    I_max : float, s^2, optional
-        Largest I_K; by default `WIDEST` times the smallest, or the largest marked one if more.
-    marked : mapping of str to PIGains, optional
-        Gains to show next to the frontier.
-    starts : int
-        Searches at each point from drawn gains, besides the one from the gains of the smallest I_K.
-
-    Returns
-    -------
-    DataFrame
-        A row each point and marked set, columns ``name`` (``frontier`` or the mark), ``I_star``
-        (nan for marks), ``I_K``, ``R_K``, ``spectral_abscissa``, ``within_limits``, ``active``
-        (names, separated by spaces) and one for each gain, ``K_P[phi,chi]`` and so on. R_K never
-        falls along the frontier. Marks alone if no stable gains were found within the limits.
-
-    Raises
-    ------
-    InputError
-        If `points` is less than 2.
+    `problem`: its `I_star` plays no part; limits, structure, scaling and seed do. `points`: points
+    of the frontier, at least 2; from the smallest I_K on, closest there. `I_max` (s^2): largest
+    I_K; by default `WIDEST` times the smallest, or the largest marked one if more. `marked`: gains
+    to show next to the frontier. `starts`: searches at each point from drawn gains, besides the one
+    from the gains of the smallest I_K. Returns a row each point and marked set, columns ``name``
+    (``frontier`` or the mark), ``I_star`` (nan for marks), ``I_K``, ``R_K``, ``spectral_abscissa``,
+    ``within_limits``, ``active`` (names, separated by spaces) and one for each gain,
+    ``K_P[phi,chi]`` and so on. R_K never falls along the frontier. Marks alone if no stable gains
+    were found within the limits. Raises InputError if `points` is less than 2.
     """
     import pandas as pd
 
     check_at_least(2, points=points)
     marks = {name: assessment(problem, gains.K) for name, gains in (marked or {}).items()}
-    rows = [_row(problem, name, math.nan, one) for name, one in marks.items()]
+    rows = [_row(problem, name, math.nan, measured) for name, measured in marks.items()]
     space = search_space(problem)
     k = stabilising_starts(problem, space, max(STARTS, starts))
     smallest = smallest_radius(problem, k)
     if smallest is None:
         return pd.DataFrame(rows)
     if I_max is None:
-        finite = [one.I_K for one in marks.values() if math.isfinite(one.I_K)]
+        finite = [measured.I_K for measured in marks.values() if math.isfinite(measured.I_K)]
         I_max = max([WIDEST * smallest.I_K, *finite])
     growth = np.linspace(0.0, 1.0, points) ** 2 * math.log(max(I_max / smallest.I_K, 1.0))
     I_star = smallest.I_K * np.exp(growth)
@@ -87,8 +71,11 @@ def frontier(
     ends = ends.reshape(points - 1, len(first), -1)
     for limit, K in zip(I_star[1:], space.K(ends), strict=True):
         at_limit = replace(problem, I_star=limit)
-        found = [best, *(assessment(at_limit, one) for one in K)]
-        best = max((one for one in found if is_feasible(at_limit, one)), key=lambda one: one.R_K)
+        candidates = [best, *(assessment(at_limit, gains) for gains in K)]
+        best = max(
+            (candidate for candidate in candidates if is_feasible(at_limit, candidate)),
+            key=lambda candidate: candidate.R_K,
+        )
         along.append(_row(problem, "frontier", limit, best))
     return pd.DataFrame(along + rows)
 
@@ -96,22 +83,13 @@ def frontier(
 def frontier_chart(table: "pd.DataFrame", styles: Mapping[str, LineStyle]) -> Chart:
     """Draw the frontier and the marked gains, each with its name.
 
-    Parameters
-    ----------
-    table : DataFrame
-        What `frontier` returns.
-    styles : mapping of str to LineStyle
-        Of gains, as their runs have them elsewhere; others are dark.
-
-    Returns
-    -------
-    Chart
-        Nothing can lie above the curve. A mark that breaks the input limits is hollow, one without
-        a stable loop is left out. I_K is logarithmic where it spans more than one decade.
+    `table` is the result of `frontier`. `styles` are those of the gains in other figures; other
+    gains are dark. Nothing can lie above the curve. A mark that breaks the input limits is hollow,
+    one without a stable loop is left out. I_K is logarithmic where it spans more than one decade.
     """
     along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
     marks = marks[marks["R_K"] > 0.0]
-    radii = np.concatenate([np.asarray(one["I_K"], dtype=float) for one in (along, marks)])
+    radii = np.concatenate([np.asarray(table["I_K"], dtype=float) for table in (along, marks)])
     spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
     chart = Chart(
         title="R_K against I_K: nothing can lie above the curve",
@@ -121,8 +99,8 @@ def frontier_chart(table: "pd.DataFrame", styles: Mapping[str, LineStyle]) -> Ch
     )
     chart.line(along["I_K"], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
     columns = (np.asarray(marks[key]) for key in ("name", "I_K", "R_K", "within_limits"))
-    found = list(zip(*columns, strict=True))
-    for name, I_K, R_K, within in found:
+    points = list(zip(*columns, strict=True))
+    for name, I_K, R_K, within in points:
         tip = f"{name}: R_K {R_K:.4f} 1/s, I_K {I_K:.3f} s²" + (
             "" if within else ", beyond the limits"
         )
@@ -133,24 +111,28 @@ def frontier_chart(table: "pd.DataFrame", styles: Mapping[str, LineStyle]) -> Ch
     side = (right / left) ** ROOM if spread else 1.0
     shift = 0.0 if spread else ROOM * (right - left)
     chart.x_range = (left / side - shift, right * side + shift)
-    chart.label_points([(float(I_K), float(R_K), str(name)) for name, I_K, R_K, _ in found])
+    chart.label_points([(float(I_K), float(R_K), str(name)) for name, I_K, R_K, _ in points])
     return chart
 
 
-def _row(problem: TuningProblem, name: str, I_star: float, one: Assessment) -> dict[str, object]:
+def _row(
+    problem: TuningProblem, name: str, I_star: float, measured: Assessment
+) -> dict[str, object]:
     p = len(problem.model.errors)
     gains = {
-        f"{'K_P' if j < p else 'K_I'}[{channel},{problem.model.errors[j % p]}]": float(one.K[i, j])
+        f"{'K_P' if j < p else 'K_I'}[{channel},{problem.model.errors[j % p]}]": float(
+            measured.K[i, j]
+        )
         for i, channel in enumerate(problem.model.inputs)
         for j in range(2 * p)
     }
     return {
         "name": name,
         "I_star": I_star,
-        "I_K": one.I_K,
-        "R_K": one.R_K,
-        "spectral_abscissa": one.spectral_abscissa,
-        "within_limits": one.within_limits,
-        "active": " ".join(name for name in one.active if name != "I_K"),
+        "I_K": measured.I_K,
+        "R_K": measured.R_K,
+        "spectral_abscissa": measured.spectral_abscissa,
+        "within_limits": measured.within_limits,
+        "active": " ".join(name for name in measured.active if name != "I_K"),
         **gains,
     }

@@ -20,7 +20,7 @@ LARGEST_GAIN = 10.0
 GENERATIONS = 1000
 POPULATION = 15
 UNSTABLE = 1e6
-"""What an unstable loop costs, above its spectral abscissa: more than any stable one."""
+"""Cost of an unstable loop, besides its spectral abscissa: more than that of any stable one."""
 METHOD = "genetic"
 
 
@@ -29,23 +29,11 @@ def tune_by_evolution(
 ) -> TuningResult:
     """Gains of the largest R_K, by SciPy's differential evolution with constraints.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-    largest_gain : float
-        Size of the box searched, inside the problem's own bounds.
-    generations : int
-        Largest number of generations.
-
-    Returns
-    -------
-    TuningResult
-        The same for the same problem.
-
-    Notes
-    -----
     arXiv 2411.13140, section 4, uses a genetic algorithm on the same optimisation model. Whole
     generations are evaluated at once by the batched indicators.
+
+    `largest_gain`: size of the box searched, inside the problem's own bounds. The same problem
+    gives the same result.
     """
     from scipy.optimize import NonlinearConstraint, differential_evolution
 
@@ -53,25 +41,25 @@ def tune_by_evolution(
     space = search_space(problem)
 
     def loops(k: FloatArray) -> IndicatorArrays:
-        """Of a whole generation of free gains, shape (f, members)."""
+        """Indicators of a whole generation of free gains, shape (f, members)."""
         A_K = closed_loops(problem.model, space.K(k.T))
         return indicators_batch(A_K, scaling=problem.scaling)
 
     def lost_rate(k: FloatArray) -> FloatArray:
-        found = loops(k)
-        return np.where(found.stable, -found.R_K, UNSTABLE + found.spectral_abscissa)
+        measured = loops(k)
+        return np.where(measured.stable, -measured.R_K, UNSTABLE + measured.spectral_abscissa)
 
     def log_radius(k: FloatArray) -> FloatArray:
-        found = loops(k)
-        lost = np.log(UNSTABLE) + found.spectral_abscissa
-        return np.where(found.stable, np.log(found.I_K), lost)[None]
+        measured = loops(k)
+        lost = np.log(UNSTABLE) + measured.spectral_abscissa
+        return np.where(measured.stable, np.log(measured.I_K), lost)[None]
 
     constraints = []
     if np.isfinite(problem.I_star):
         constraints.append(NonlinearConstraint(log_radius, -np.inf, np.log(problem.I_star)))
     if space.names:
         constraints.append(NonlinearConstraint(lambda k: space.slack(k.T).T, 0.0, np.inf))
-    found = differential_evolution(
+    evolved = differential_evolution(
         lost_rate,
         np.column_stack(
             [np.maximum(space.k_min, -largest_gain), np.minimum(space.k_max, largest_gain)]
@@ -85,7 +73,7 @@ def tune_by_evolution(
         updating="deferred",
         rng=np.random.default_rng(np.random.SeedSequence(problem.seed)),
     )
-    best = assessment(problem, space.K(found.x))
+    best = assessment(problem, space.K(evolved.x))
     feasible = is_feasible(problem, best)
     return result(
         problem,

@@ -35,33 +35,22 @@ def tune_by_gradient(
 ) -> TuningResult:
     """Gains of the largest R_K, by SLSQP on exact gradients from several starts.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-    starts : int
-        Searches from gains drawn with the problem's seed.
-    first : ndarray, shape (..., m, 2 p), optional
-        Stacked gains to start from as well, before the drawn ones; unstable ones are passed over.
-
-    Returns
-    -------
-    TuningResult
-        The same for the same problem. Infeasible and failed problems are results too. Where I_K
-        does not bind, R_K is that of the slowest channel and leaves the others open: the gains
-        are those of (nearly) that rate with the smallest trace of Q, the mean-square transient.
-
-    Notes
-    -----
     The optimisation model of arXiv 2411.13140, section 4.4. The problem is not convex: that no
     feasible gains were found is no proof that none exist.
+
+    `starts`: searches from gains drawn with the problem's seed. `first` (shape (..., m, 2 p)):
+    stacked gains to start from as well, before the drawn ones; unstable ones are passed over. The
+    same problem gives the same result. Infeasible and failed problems are results too. Where I_K
+    does not bind, R_K is that of the slowest channel and leaves the others open: the gains are
+    those of (nearly) that rate with the smallest trace of Q, the mean-square transient.
     """
     began = time.perf_counter()
     space = search_space(problem)
     k = stabilising_starts(problem, space, starts)
     if first is not None:
-        given = first.reshape(-1, *space.base.shape)[:, space.free]
-        loops = closed_loops(problem.model, space.K(given))
-        k = np.vstack([given[indicators_batch(loops, scaling=problem.scaling).stable], k])
+        first_k = first.reshape(-1, *space.base.shape)[:, space.free]
+        loops = closed_loops(problem.model, space.K(first_k))
+        k = np.vstack([first_k[indicators_batch(loops, scaling=problem.scaling).stable], k])
     if not len(k):
         return TuningResult(
             status="failed",
@@ -114,17 +103,18 @@ def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
 
 
 def _calmest_at_rate(problem: TuningProblem, best: Assessment) -> Assessment:
-    """Of the gains with nearly the best rate, those with the smallest trace of Q."""
+    """Gains with nearly the best rate and the smallest trace of Q."""
+    # The optimum of R_K leaves faster channels open; a little less rate makes them definite.
     rate = (1.0 - RATE_GIVEN_UP) * best.R_K
     k = best.K[search_space(problem).free][None]
-    (found,) = searches(problem, k, "trace", min_R_K=rate)
-    kept = found.R_K >= (1.0 - 2.0 * RATE_GIVEN_UP) * best.R_K
-    return found if kept and is_feasible(problem, found) else best
+    (calmest,) = searches(problem, k, "trace", min_R_K=rate)
+    kept = calmest.R_K >= (1.0 - 2.0 * RATE_GIVEN_UP) * best.R_K
+    return calmest if kept and is_feasible(problem, calmest) else best
 
 
 def searches(
     problem: TuningProblem, k: FloatArray, objective: Objective, *, min_R_K: float = 0.0
 ) -> list[Assessment]:
-    """What is reached for an objective from each of the free gains k, shape (starts, f)."""
+    """Optima of an objective from each of the free gains k, shape (starts, f)."""
     task = Program([problem], objective, min_R_K=min_R_K)
     return [assessment(problem, K) for K in task.space.K(task.descend(k)[0])]

@@ -1,4 +1,4 @@
-"""What is asked of the gains: one problem for every optimiser, and the space it is searched in."""
+"""The tuning problem, one for every optimiser, and the space of its free gains."""
 
 import math
 from dataclasses import dataclass, replace
@@ -43,7 +43,7 @@ class TuningProblem:
     K_fixed : ndarray, shape (m, 2 p), optional
         Gains that must have a value; NaN where a gain is free. All free by default.
     seed : int
-        Of everything random in an optimiser.
+        Seed of everything random in an optimiser.
 
     Notes
     -----
@@ -78,8 +78,8 @@ class TuningProblem:
             ("K_max", LARGEST_GAIN),
             ("K_fixed", math.nan),
         ):
-            given = getattr(self, name)
-            value = np.array(np.full((m, 2 * p), default) if given is None else given, dtype=float)
+            bound = getattr(self, name)
+            value = np.array(np.full((m, 2 * p), default) if bound is None else bound, dtype=float)
             if value.shape != (m, 2 * p):
                 raise ShapeError(f"`{name}` must have shape {(m, 2 * p)}, got {value.shape}.")
             value.flags.writeable = False
@@ -136,27 +136,17 @@ def decoupled(model: LinearModel) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchSpace:
-    """Free gains k, their bounds, and the rows ``G k + offset <= bound`` of the input limits.
+    """Free gains k, their bounds, and the rows ``G k + offset <= bound`` of the input limits."""
 
-    Attributes
-    ----------
-    base : ndarray, shape (m, 2 p)
-        Fixed gains in their places, 0 in the free ones.
-    free : ndarray of bool, shape (m, 2 p)
-        Where a gain is free; k holds these row by row.
-    k_min, k_max : ndarray, shape (f,)
-        Bounds of the f free gains.
-    names : tuple of str, length r
-        Of the rows: ``<input>_max``, ``_min``, ``_rate_max``, ``_rate_min``.
-    G, offset, bound : ndarray, shapes (r, f), (r,), (r,)
-        The finite input limits; `offset` comes from the fixed gains.
-    """
-
-    base: FloatArray
-    free: npt.NDArray[np.bool_]
+    base: FloatArray  # shape (m, 2 p): fixed gains in their places, 0 in the free ones
+    free: npt.NDArray[np.bool_]  # shape (m, 2 p): where a gain is free; k holds these row by row
+    # `k_min` and `k_max` (shape (f,)): bounds of the f free gains
     k_min: FloatArray
     k_max: FloatArray
+    # length r: names of the rows: ``<input>_max``, ``_min``, ``_rate_max``, ``_rate_min``
     names: tuple[str, ...]
+    # `G`, `offset` and `bound` (shapes (r, f), (r,), (r,)): the finite input limits; `offset` comes
+    # from the fixed gains.
     G: FloatArray
     offset: FloatArray
     bound: FloatArray
@@ -168,7 +158,7 @@ class SearchSpace:
         return K
 
     def slack(self, k: FloatArray) -> FloatArray:
-        """What the input limits leave, shape (..., r); negative where one is broken."""
+        """Slack of the input limits, shape (..., r); negative where a limit is exceeded."""
         return self.bound - self.offset - k @ self.G.T
 
 

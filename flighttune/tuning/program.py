@@ -24,14 +24,14 @@ COSTS = {
 """Cost of (top, bottom, sigma_floor, factor) for each objective."""
 
 SMALLEST_FACTOR = 1e-6
-ACCURACY, ITERATIONS, RUNS = 1e-10, 100, 3
+ACCURACY, MAX_ITERATIONS, MAX_RUNS = 1e-10, 100, 3
 """SLSQP is started again where its iterations ended: a fresh estimate of the curvature often gets
 further."""
 
 OUT_OF_ITERATIONS = 9
 """Status of SLSQP."""
 
-INSIDE = 1e-9
+MARGIN = 1e-9
 """Relative distance from every limit. SLSQP meets a constraint to about 1e-10, and gains must not
 break a limit by that."""
 
@@ -79,14 +79,18 @@ class Program:
         self._objective: Objective = objective
         self._loops = [_affine_loops(model) for model in problems]
         self._I_star = math.inf if objective == "I_K" else problem.I_star
-        f, bound = len(space.k_min), space.bound - INSIDE * np.abs(space.bound)
+        # Limits read ``G k + offset <= bound``; a row that the factor relaxes has its bound times
+        # the factor, which is linear in z as well.
+        f, bound = len(space.k_min), space.bound - MARGIN * np.abs(space.bound)
         relaxed = np.zeros(len(bound), dtype=bool) if relaxable is None else relaxable
         self._fixed_slack = np.where(relaxed, 0.0, bound) - space.offset
         limits = [-space.G, np.zeros((len(bound), 3)), np.where(relaxed, bound, 0.0)[:, None]]
+        # log I_K = 2 top - bottom - sigma_floor <= log I_star, written as a slack.
         radius = [*np.zeros(f), -2.0, 1.0, 1.0, 0.0]
         rows = np.hstack(limits)
         self._rows = np.vstack([rows, radius]) if math.isfinite(self._I_star) else rows
         varies = objective == "factor"
+        # R_K = exp(-top): a least rate is an upper bound on top.
         slowest = -math.log(min_R_K) if min_R_K else math.inf
         lower = [*space.k_min, *[-math.inf] * 3, SMALLEST_FACTOR if varies else 1.0]
         upper = [*space.k_max, slowest, math.inf, math.inf, math.inf if varies else 1.0]
@@ -102,9 +106,9 @@ class Program:
         Parameters
         ----------
         k : ndarray, shape (N, f)
-            Of stable loops.
+            Free gains of stable loops.
         I_star : ndarray, shape (N,), s^2, optional
-            In place of a finite one of the problem.
+            Bounds on I_K of each start, in place of a finite one of the problem.
 
         Returns
         -------
@@ -115,6 +119,7 @@ class Program:
             return k, np.ones(len(k))
         limits = np.full(len(k), self._I_star) if I_star is None else I_star
         z = np.array([self._minimum(*start) for start in zip(k, limits, strict=True)])
+        # SLSQP may leave the bounds by rounding; gains must not.
         return np.clip(z[:, :-4], self.space.k_min, self.space.k_max), z[:, -1]
 
     def _minimum(self, k: FloatArray, I_star: float) -> FloatArray:
@@ -122,7 +127,8 @@ class Program:
 
         constant = self._fixed_slack
         if math.isfinite(I_star):
-            constant = np.append(constant, math.log(I_star) - INSIDE)
+            constant = np.append(constant, math.log(I_star) - MARGIN)
+        # The bounds begin at the spectra themselves, so that the start is feasible but for limits.
         top, bottom, sigma = self._spectra(k)[0]
         z = np.array([*k, top.max(), bottom.min(), sigma.min(), 1.0])
         constraints = {
@@ -130,7 +136,7 @@ class Program:
             "fun": lambda z: np.concatenate([self.room(z), constant + self._rows @ z]),
             "jac": lambda z: np.vstack([self.room_slopes(z), self._rows]),
         }
-        for _ in range(RUNS):
+        for _ in range(MAX_RUNS):
             run = minimize(
                 self._goal,
                 z,
@@ -138,7 +144,7 @@ class Program:
                 method="SLSQP",
                 bounds=self._bounds,
                 constraints=constraints,
-                options={"maxiter": ITERATIONS, "ftol": ACCURACY},
+                options={"maxiter": MAX_ITERATIONS, "ftol": ACCURACY},
             )
             z = run.x
             if run.status != OUT_OF_ITERATIONS:
@@ -150,8 +156,10 @@ class Program:
         slope = np.array([*np.zeros(len(z) - 4), *COSTS[self._objective]])
         if self._objective != "trace":
             return float(slope @ z), slope
+        # Its logarithm, which has the same minimum and a scale that SLSQP can work with.
         logs, slopes = self._spectra(z[:-4])
         eigenvalues = np.exp(logs[0])
+        # slopes are those of log(lambda_i): d(sum lambda) = sum lambda_i d(log lambda_i).
         slope[:-4] = eigenvalues @ slopes[0] / eigenvalues.sum()
         return math.log(eigenvalues.sum()), slope
 
@@ -163,6 +171,7 @@ class Program:
         """Jacobian of `room`, shape (3 n, f + 4)."""
         slopes = -SIGNS[:, :, None] * self._spectra(z[:-4])[1]
         n = slopes.shape[1]
+        # In (top, bottom, sigma_floor) each block of n rows has its own sign and nothing else.
         own = np.repeat(np.diag(SIGNS[:, 0]), n, axis=0)
         return np.hstack([slopes.reshape(3 * n, -1), own, np.zeros((3 * n, 1))])
 
@@ -193,6 +202,7 @@ def _log_spectra(A: FloatArray, in_k: FloatArray) -> tuple[FloatArray, FloatArra
     try:
         Q = solution_of_checked(A, np.eye(len(A)))
         values, vectors = np.linalg.eigh(Q)
+        # One Lyapunov equation of the transposed loop for each eigenvector.
         loads = vectors.T[:, :, None] * vectors.T[:, None, :]
         X = solution_of_checked(np.broadcast_to(A.T, loads.shape), loads)
     except np.linalg.LinAlgError:  # so near to instability that rounding decides
@@ -202,6 +212,7 @@ def _log_spectra(A: FloatArray, in_k: FloatArray) -> tuple[FloatArray, FloatArra
     left, sigma, right = np.linalg.svd(A)
     slopes = 2.0 * np.tensordot(Q @ X, in_k, ((1, 2), (1, 2))) / values[:, None]
     sigma_slopes = np.tensordot(left.T[:, :, None] * right[:, None, :], in_k, ((1, 2), (1, 2)))
+    # The spectrum of Q twice: bounded from above by `top` and from below by `bottom`.
     return (
         np.stack([np.log(values), np.log(values), np.log(sigma)]),
         np.stack([slopes, slopes, sigma_slopes / sigma[:, None]]),
@@ -212,6 +223,7 @@ def _affine_loops(problem: TuningProblem) -> tuple[FloatArray, FloatArray]:
     """A_K without gains and its slopes in the free gains, shapes (n, n) and (f, n, n)."""
     space = search_space(problem)
     f = len(space.k_min)
+    # A_K is affine in the gains: its values at zero and at each unit gain give all of it.
     loops = closed_loops(problem.model, space.K(np.vstack([np.zeros(f), np.eye(f)])))
     loops = scaled(loops, np.asarray(problem.scaling))
     return loops[0], loops[1:] - loops[0]

@@ -1,4 +1,4 @@
-"""What an optimiser found, checked against the problem without trusting the optimiser."""
+"""Results of an optimiser, checked against the problem without trusting the optimiser."""
 
 import math
 from dataclasses import dataclass
@@ -24,26 +24,16 @@ BINDING = 1e-5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Assessment:
-    """Gains measured against a problem.
+    """Gains measured against a problem."""
 
-    Attributes
-    ----------
-    K : ndarray, shape (m, 2 p)
-        The stacked gains assessed.
-    R_K, I_K, spectral_abscissa : float
-        As in `flighttune.theory.indicators.Indicators`.
-    within_limits : bool
-        Whether input limits and gain bounds hold, whatever I_K.
-    active : tuple of str
-        Constraints that bind, and limits that are exceeded: ``I_K``, ``<input>_max``,
-        ``<input>_rate_min``, ``K_P[<input>,<error>]_max`` and the like.
-    """
-
-    K: FloatArray
+    K: FloatArray  # shape (m, 2 p): the stacked gains assessed
+    # Indicators as in `flighttune.theory.indicators.Indicators`
     R_K: float
     I_K: float
     spectral_abscissa: float
-    within_limits: bool
+    within_limits: bool  # whether input limits and gain bounds hold, whatever I_K
+    # Constraints that bind, and limits that are exceeded: ``I_K``, ``<input>_max``,
+    # ``<input>_rate_min``, ``K_P[<input>,<error>]_max`` and the like.
     active: tuple[str, ...]
 
 
@@ -63,7 +53,7 @@ class TuningResult:
     gains : PIGains or None
         The best ones; if infeasible those of the smallest I_K; None if failed.
     R_K, I_K, spectral_abscissa : float
-        Of `gains`, computed anew from them; 0, inf and nan without gains.
+        Indicators of `gains`, computed anew from them; 0, inf and nan without gains.
     active : tuple of str
         Names of the constraints that bind at `gains`.
     smallest_I_K : float or None
@@ -104,23 +94,23 @@ class TuningResult:
 
 def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
     """The stacked gains K, shape (m, 2 p), measured against `problem`."""
-    found = indicators(closed_loops(problem.model, K), scaling=problem.scaling)
+    measured = indicators(closed_loops(problem.model, K), scaling=problem.scaling)
     space = search_space(problem)
     k = K[space.free]
     slack, size = space.slack(k), np.abs(space.bound)
     lower, upper = problem.gain_bounds
-    binding = abs(found.I_K - problem.I_star) <= BINDING * problem.I_star < math.inf
+    binding = abs(measured.I_K - problem.I_star) <= BINDING * problem.I_star < math.inf
     active = ["I_K"] if binding else []
     active += [name for name, low in zip(space.names, slack <= BINDING * size, strict=True) if low]
     active += _active_bounds(problem, K, space.free)
     within = bool((slack >= -ROUNDING * size).all() and (lower <= K).all() and (K <= upper).all())
     return Assessment(
         K=K,
-        R_K=found.R_K,
-        I_K=found.I_K,
-        spectral_abscissa=found.spectral_abscissa,
+        R_K=measured.R_K,
+        I_K=measured.I_K,
+        spectral_abscissa=measured.spectral_abscissa,
         within_limits=within,
-        active=tuple(active) if math.isfinite(found.I_K) else (),
+        active=tuple(active) if math.isfinite(measured.I_K) else (),
     )
 
 

@@ -30,49 +30,26 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Channel:
-    """Inputs, errors and states that act on each other and on nothing else.
+    """Inputs, errors and states that act on each other and on nothing else."""
 
-    Attributes
-    ----------
-    inputs, errors : ndarray of int
-        Their places in the whole model.
-    problem : TuningProblem
-        The problem of these alone.
-    """
-
+    # `inputs` and `errors`: their places in the whole model
     inputs: Indices
     errors: Indices
-    problem: TuningProblem
+    problem: TuningProblem  # the problem of these alone
 
 
 def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) -> TuningResult:
     """Gains whose smallest R_K over several models is largest, channel by channel.
 
-    Parameters
-    ----------
-    problems : sequence of TuningProblem
-        One a model, with the same inputs, errors, bounds, limits and structure, and no bound on
-        I_K. Orders of the models and scalings may differ.
-    starts : int
-        Searches a channel.
-
-    Returns
-    -------
-    TuningResult
-        R_K is the smallest over the models, I_K and the spectral abscissa are the largest. Gains
-        between channels that do not touch each other are 0.
-
-    Raises
-    ------
-    InputError
-        If there is no problem, the problems differ in what they must share, one bounds I_K, or
-        `starts` is not at least 1.
-
-    Notes
-    -----
     One bound on the eigenvalues of Q of all models (`flighttune.tuning.program.Program`): kinks of
     the worst R_K, where models or eigenvalues meet, are no obstacle. R_K of a loop is the smallest
     of its channels'; each channel is solved by itself.
+
+    `problems`: one a model, with the same inputs, errors, bounds, limits and structure, and no
+    bound on I_K. Orders of the models and scalings may differ. R_K of the result is the smallest
+    over the models, I_K and the spectral abscissa are the largest. Gains between channels that do
+    not touch each other are 0. Raises InputError if there is no problem, the problems differ in
+    what they must share, one bounds I_K, or `starts` is not at least 1.
     """
     began = time.perf_counter()
     _check(problems, starts)
@@ -80,10 +57,10 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     split = [channels(problem) for problem in problems]
     if len({tuple(tuple(c.inputs.tolist()) for c in parts) for parts in split}) > 1:
         raise InputError("`problems` must have the same channels.")
-    found = [_tuned([c.problem for c in same], starts) for same in zip(*split, strict=True)]
-    solved = [one for one in found if one is not None]
+    results = [_tuned([c.problem for c in same], starts) for same in zip(*split, strict=True)]
+    solved = [result for result in results if result is not None]
     tried = sum(searches for _, searches, _ in solved)
-    if len(solved) < len(found):
+    if len(solved) < len(results):
         return TuningResult(
             status="failed",
             reason="No gains were found that stabilise every model.",
@@ -92,7 +69,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
             wall_s=time.perf_counter() - began,
         )
     space = search_space(whole)
-    K = _assembled(split[0], [one for one, _, _ in solved], space.base.shape)
+    K = _assembled(split[0], [gains for gains, _, _ in solved], space.base.shape)
     loops = [
         indicators(closed_loops(problem.model, K), scaling=problem.scaling) for problem in problems
     ]
@@ -104,9 +81,9 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         reason=f"No gains were found inside {', '.join(broken)}." if broken else "",
         method=METHOD,
         gains=whole.gains(K),
-        R_K=min(one.R_K for one in loops),
-        I_K=max(one.I_K for one in loops),
-        spectral_abscissa=max(one.spectral_abscissa for one in loops),
+        R_K=min(loop.R_K for loop in loops),
+        I_K=max(loop.I_K for loop in loops),
+        spectral_abscissa=max(loop.spectral_abscissa for loop in loops),
         active=tuple(broken),
         starts=tried,
         agreeing=min(agreeing for _, _, agreeing in solved),
@@ -158,26 +135,18 @@ def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray
     if (space.slack(k) < -ROUNDING * np.abs(space.bound)).any():
         return 0.0
     return min(
-        indicators(closed_loops(one.model, space.K(k)), scaling=one.scaling).R_K for one in problems
+        indicators(closed_loops(problem.model, space.K(k)), scaling=problem.scaling).R_K
+        for problem in problems
     )
 
 
 def channels(problem: TuningProblem) -> tuple[Channel, ...]:
     """The channels of a problem whose model is decoupled; the whole problem where it is coupled.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-
-    Returns
-    -------
-    tuple of Channel
-        In the order of their first input. The gains between channels are left out: they are 0.
-
-    Notes
-    -----
     R_K of the whole loop is the smallest of the channels', so that the whole problem leaves the
     better channels undetermined. Each channel's own problem does not.
+
+    They are in the order of their first input. The gains between channels are left out: they are 0.
     """
     from scipy.sparse.csgraph import connected_components
 
@@ -215,8 +184,10 @@ def _part(
     n, _, p = model.shape
     columns = np.concatenate([errors, p + errors])
     ends = ("lower", "upper", "rate_lower", "rate_upper")
-    limits = problem.limits and Limits(
-        **{end: getattr(problem.limits, end)[inputs] for end in ends}
+    limits = (
+        None
+        if problem.limits is None
+        else Limits(**{end: getattr(problem.limits, end)[inputs] for end in ends})
     )
     bounds = {
         name: np.asarray(getattr(problem, name))[inputs[:, None], columns]

@@ -22,10 +22,8 @@ def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) 
 
     Parameters
     ----------
-    problem : TuningProblem
     space : SearchSpace
-        Of `problem`.
-    starts : int
+        Search space of `problem`.
 
     Returns
     -------
@@ -38,14 +36,16 @@ def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) 
     shape = (len(regulators), VARIANTS, *space.base.shape)
     size = 10.0 ** rng.uniform(-1.0, 0.3, (*shape[:2], 1, 1))
     disturbed = regulators * size * (1.0 + 0.3 * rng.standard_normal(shape))
+    # Relative changes alone would leave gains of zero at zero.
     coupling = 0.2 * np.abs(regulators).max(axis=(-2, -1), keepdims=True) * size
     disturbed += coupling * rng.standard_normal(shape)
     k = disturbed.reshape(-1, *space.base.shape)[:, space.free]
     k = np.clip(k, space.k_min, space.k_max)
+    # Half of them only: tight limits may leave a shrunk loop without stability.
     k[::2] *= _shrink(k[::2], space)[:, None]
     k = np.clip(k, space.k_min, space.k_max)
-    found = indicators_batch(closed_loops(problem.model, space.K(k)), scaling=problem.scaling)
-    ranking = np.argsort(-found.R_K, kind="stable")[: int(found.stable.sum())]
+    measured = indicators_batch(closed_loops(problem.model, space.K(k)), scaling=problem.scaling)
+    ranking = np.argsort(-measured.R_K, kind="stable")[: int(measured.stable.sum())]
     if not len(ranking):
         return k[:0]
     better_half = ranking[: (len(ranking) + 1) // 2]

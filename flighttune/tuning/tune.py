@@ -28,7 +28,7 @@ def tune(
     Returns
     -------
     TuningResult
-        With status "infeasible" or "failed" where there is no answer.
+        The status is "infeasible" or "failed" where there is no answer.
 
     Raises
     ------

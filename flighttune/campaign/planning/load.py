@@ -201,11 +201,12 @@ def _at_medians(
 ) -> Scenario | str:
     """The scenario, or what is wrong with it."""
     medians = {table.key: table.central for table in disperse}
+    tables = with_drawn(nominal.as_dict(), disperse, places, medians)
     try:
-        scenario = Scenario.model_validate(with_drawn(nominal.as_dict(), disperse, places, medians))
+        scenario = Scenario.model_validate(tables)
         check_aircraft(scenario, "")
     except ValidationError as error:
-        return mistakes(error, Scenario)
+        return mistakes(error, Scenario, tables)
     except ScenarioError as error:
         return str(error).removeprefix(": ")
     return scenario

@@ -256,10 +256,11 @@ def _of_plants(
     refusals: list[str] = []
     for i, table in enumerate(plants):
         place = _walked(steps, table)
+        changed = with_values(table, [(place, value)])
         try:
-            PlantTable.model_validate(with_values(table, [(place, value)]))
+            PlantTable.model_validate(changed)
         except ValidationError as error:
-            refusals.append(mistakes(error, PlantTable))
+            refusals.append(mistakes(error, PlantTable, changed))
         else:
             found.append(("plant", i, *place))
     if not found:

@@ -1,4 +1,4 @@
-"""Weather on a JSBSim aircraft: a windy start from a trim in still air, and what blows after it."""
+"""Weather on a JSBSim aircraft: a start in wind from a trim in still air, and the air after it."""
 
 import math
 from collections.abc import Callable
@@ -20,8 +20,6 @@ _NED = ("north", "east", "down")
 def wind_writer(fdm: Fdm) -> Callable[[NED], None]:
     """Return a function that sets the wind of `fdm` (m/s, north, east, down) for steps to come.
 
-    Notes
-    -----
     It goes into JSBSim's ``gust-*`` properties: ``wind-*`` is reset by every evaluation. Gust and
     turbulence add to it.
     """
@@ -51,19 +49,8 @@ def carry_along(fdm: Fdm, wind: NED) -> None:
 def weather_step(fdm: Fdm, weather: Weather, rate: float) -> Callable[[], bool]:
     """Let `weather` begin, and return a function that flies one integration step in it.
 
-    Parameters
-    ----------
-    fdm : Fdm
-        The aircraft, at the start of its flight.
-    weather : Weather
-        What the air does.
-    rate : float, 1/s
-        Integration rate.
-
-    Returns
-    -------
-    callable returning bool
-        ``fdm.run`` itself where nothing has to be set during the flight.
+    `fdm`: the aircraft, at the start of its flight. `rate` (1/s): integration rate. Returns
+    ``fdm.run`` itself where nothing has to be set during the flight.
     """
     if weather.turbulence is not None:
         _begin_turbulence(fdm, weather.turbulence)
@@ -121,15 +108,16 @@ def _changing(
     """
     north, east, down = (fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED)
     h_ft, wind_at, ground = fdm.reader("position/h-sl-ft"), weather.deterministic, fdm.ground
-    k, left = 0, 0
+    k, left = 0, 0  # number of integration steps planned so far, and of those still to fly
     n, e, d = (component / FT for component in wind_at(0.0, h_ft() * FT + ground))
-    n_step = e_step = d_step = 0.0
+    n_step = e_step = d_step = 0.0  # change of the wind in one integration step, ft/s
     h_last = h_ft()
 
     def step() -> bool:
         nonlocal k, left, n, e, d, n_step, e_step, d_step, h_last
         if not left:
             h = h_ft()
+            # The wind is needed at the end of the next steps, whose height is extrapolated.
             h_ahead, h_last, left = 2.0 * h - h_last, h, _REFRESH
             k += _REFRESH
             ahead = wind_at(k / rate, h_ahead * FT + ground)

@@ -9,45 +9,34 @@ from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import FT, G_0
 
-MOST_EVALUATIONS = 8
-"""Of a state, until the flight control of the model has settled in it."""
+MAX_EVALUATIONS = 8
+"""Most evaluations of one state: the flight control of the model settles in them."""
 
 CONTROLS = ("aileron", "elevator", "rudder", "throttle")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirframeState:
-    """Motion and controls of an aircraft in still air.
+    """Motion and controls of an aircraft in still air."""
 
-    Attributes
-    ----------
-    V_a : float, m/s
-        Airspeed.
-    alpha, beta : float, rad
-        Angle of attack, sideslip.
-    phi, theta, psi : float, rad
-        Roll, pitch attitude, heading.
-    p, q, r : float, rad/s
-        Body rates.
-    aileron, elevator, rudder : float, rad
-        Surface positions: rolls right, trailing edge down, trailing edge left.
-    throttle : float, 1
-        Throttle position.
-    """
-
-    V_a: float
+    V_a: float  # m/s: airspeed
+    # `alpha` and `beta` (rad): angle of attack, sideslip
     alpha: float = 0.0
     beta: float = 0.0
+    # `phi`, `theta` and `psi` (rad): roll, pitch attitude, heading
     phi: float = 0.0
     theta: float = 0.0
     psi: float = 0.0
+    # `p`, `q` and `r` (rad/s): body rates
     p: float = 0.0
     q: float = 0.0
     r: float = 0.0
+    # `aileron`, `elevator` and `rudder` (rad): surface positions: rolls right, trailing edge down,
+    # trailing edge left.
     aileron: float = 0.0
     elevator: float = 0.0
     rudder: float = 0.0
-    throttle: float = 0.0
+    throttle: float = 0.0  # throttle position
 
     @property
     def velocity(self) -> tuple[float, float, float]:
@@ -63,17 +52,12 @@ class AirframeState:
 class Bench:
     """An aircraft at one height, its inner loop disengaged, actuators and engine settled.
 
-    Parameters
-    ----------
-    fdm : Fdm
-        The aircraft; it is left in the state measured last.
-    h : float, m
-        Height above sea level.
+    `fdm`: the aircraft; it is left in the state measured last. `h` (m): height above sea level.
     """
 
     def __init__(self, fdm: Fdm, h: float) -> None:
         self._fdm = fdm
-        self._evaluations = MOST_EVALUATIONS if fdm.own_flight_control else 1
+        self._evaluations = MAX_EVALUATIONS if fdm.own_flight_control else 1
         fdm.writer(properties.ENGAGED)(0.0)
         fdm.writer("ic/h-sl-ft")((h - fdm.ground) / FT)
         self._velocity = [fdm.writer(f"ic/{axis}-fps") for axis in "uvw"]
@@ -84,16 +68,14 @@ class Bench:
         self._angular = [fdm.reader(f"accelerations/{axis}dot-rad_sec2") for axis in "pqr"]
         self._forces = [fdm.reader(f"forces/fb{axis}-total-lbs") for axis in "xyz"]
         self._weight_lbf = fdm.reader("inertia/mass-slugs")() * G_0 / FT
+        # NaN equals nothing: the first state always settles the engine.
         self._settled_for = (math.nan, math.nan)
 
     def accelerations(self, state: AirframeState) -> dict[str, float]:
         """Put the aircraft into `state` and measure.
 
-        Returns
-        -------
-        dict of str to float
-            ``u_dot``, ``v_dot``, ``w_dot`` (m/s^2), ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2),
-            ``n_y`` and ``n_z`` (1): load factors along the right wing and the lift axis.
+        Returns ``u_dot``, ``v_dot``, ``w_dot`` (m/s^2), ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2),
+        ``n_y`` and ``n_z`` (1): load factors along the right wing and the lift axis.
         """
         # JSBSim takes headings from 0 to 2 pi only.
         attitude = state.phi, state.theta, state.psi % math.tau
@@ -108,6 +90,7 @@ class Bench:
             for write, value in zip(writers, values, strict=True):
                 write(value)
         self._fdm.evaluate()
+        # Settling takes seconds of engine time and depends on airspeed and throttle alone.
         if (state.V_a, state.throttle) != self._settled_for:
             self._settled_for = state.V_a, state.throttle
             self._fdm.settle_engine()
@@ -145,13 +128,13 @@ def slopes(
 ) -> dict[str, FloatArray]:
     """Central differences of `measure` about `at` by each attribute of `half_widths`, in turn.
 
-    What the engine follows (airspeed and throttle) must come last: all others are then taken with
-    the engine settled at `at`.
+    Airspeed and throttle, which the engine follows, must come last: all other slopes are then taken
+    with the engine settled at `at`.
     """
-    found = {}
+    derivatives = {}
     for name, half in half_widths.items():
         above, below = (
             measure(replace(at, **{name: getattr(at, name) + by})) for by in (half, -half)
         )
-        found[name] = (above - below) / (2.0 * half)
-    return found
+        derivatives[name] = (above - below) / (2.0 * half)
+    return derivatives

@@ -34,18 +34,18 @@ _PSF = 47.880259
 
 _INCHES = 12.0
 _LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
-"""Properties that are 0 in an empty aircraft."""
+"""Properties that are 0 in an empty aircraft: point masses and fuel."""
 
-_LONG_STEPS, _SETTLING_RATE = 10.0, 50.0
-"""Integration steps a second while an engine settles. Long ones bring it to the same steady state
-with a fifth of the work; what they might upset, the short ones settle after them.
+_LONG_STEP_RATE, _SETTLING_RATE = 10.0, 50.0
+"""Integration steps a second while an engine settles. Long steps bring it to the same steady state
+with a fifth of the work; short steps after them settle what the long ones upset.
 """
 
-_STILL = 1e-10
+_SETTLED_CHANGE = 1e-10
 """Change of thrust in a sample, as a share of it, that ends the settling."""
 
-_MOST_SETTLINGS, _STEADY = 5, 1e-13
-"""Times to wait for a steady thrust, and the change of it that counts as none."""
+_MAX_SETTLINGS, _STEADY = 5, 1e-13
+"""Number of waits for a steady thrust, and its relative change that counts as none."""
 
 MOTIONS = [
     f"simulation/integrator/{of}/{motion}"
@@ -67,43 +67,20 @@ def _well_formed(name: str) -> bool:
 class Fdm:
     """A loaded aircraft over a flat Earth at rest; property nodes only by names that exist.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-        The aircraft.
-    steps : int
-        Integration steps in one sample of the inner loop's computer.
-    ground : float, m
-        Height of the ground above sea level. JSBSim's sea level is laid there, with the air of
-        that height: its turbulence, which takes heights above sea level for heights above ground,
-        is then right.
-
-    Raises
-    ------
-    PlantError
-        If JSBSim cannot load the aircraft; the message holds what JSBSim says.
-
-    Attributes
-    ----------
-    rate : float, 1/s
-        Integration steps a second.
-    own_flight_control : bool
-        Whether the model has systems of its own, which may have a memory.
-    complaint : str
-        What JSBSim has against the files that it loaded all the same; empty for nothing.
-    steps : int
-        Those in one sample of the inner loop's computer.
-    settings : mapping of str to float
-        Properties set for the whole flight, in JSBSim's units.
+    `steps` is the number of integration steps in one sample of the inner loop's computer. JSBSim's
+    sea level is laid at the `ground` (m above sea level), with the air of that height: turbulence
+    of JSBSim, which takes heights above sea level for heights above ground, is then right. Raises
+    PlantError, with the words of JSBSim, if it cannot load the aircraft.
     """
 
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
         check_loads(config)
         self.config = config
+        # Systems of the model itself may have a memory.
         self.own_flight_control = has_flight_control(config)
         self.ground = ground
         self.steps = steps
-        self.rate = config.inner_loop_rate * steps
+        self.rate = config.inner_loop_rate * steps  # integration steps a second
         with quiet():
             self._exec = jsbsim.FGFDMExec(str(config.folder))
         with (
@@ -124,7 +101,7 @@ class Fdm:
                 raise PlantError(
                     f"{self._model}: must load in JSBSim, got: {log.text or 'no reason'}."
                 )
-            self.complaint = log.text
+            self.complaint = log.text  # JSBSim's complaints about files that it loaded all the same
             # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
             # flight would drift off its course by 0.006 deg/s.
             if not self._exec.load_planet(str(EARTH), False):
@@ -135,6 +112,7 @@ class Fdm:
         engines = range(config.engines.count)
         self._thrust = self.reader("propulsion/engine/thrust-lbs")
         self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
+        # Properties set for the whole flight, in JSBSim's units.
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
         self.settings = {**config.settings, "propulsion/set-running": -1.0}
         if ground:
@@ -150,14 +128,14 @@ class Fdm:
 
     def names(self, beginning: str) -> list[str]:
         """Names of the properties that begin so."""
-        found = self._exec.query_property_catalog(beginning).splitlines()
-        names = (line.partition(" ")[0] for line in found)
+        lines = self._exec.query_property_catalog(beginning).splitlines()
+        names = (line.partition(" ")[0] for line in lines)
         return [name for name in names if name.startswith(beginning)]
 
     def has(self, name: str) -> bool:
         """Whether there is a property of that name that can be written."""
-        known = _well_formed(name) and self._properties.hasNode(name)
-        node = self._properties.get_node(name) if known else None
+        exists = _well_formed(name) and self._properties.hasNode(name)
+        node = self._properties.get_node(name) if exists else None
         return node is not None and bool(node.get_attribute(jsbsim.Attribute.WRITE))
 
     def start_engines(self) -> None:
@@ -178,20 +156,14 @@ class Fdm:
     def reader(self, name: str) -> Callable[[], float]:
         """Return a function that reads the property `name` (JSBSim's units).
 
-        Raises
-        ------
-        PlantError
-            If the aircraft has no such property.
+        Raises PlantError if the aircraft has no such property.
         """
         return self._node(name).get_double_value
 
     def writer(self, name: str) -> Callable[[float], bool]:
         """Return a function that writes the property `name` (JSBSim's units).
 
-        Raises
-        ------
-        PlantError
-            If the aircraft has no such property or it cannot be written.
+        Raises PlantError if the aircraft has no such property or it cannot be written.
         """
         node = self._node(name)
         if not node.get_attribute(jsbsim.Attribute.WRITE):
@@ -205,10 +177,8 @@ class Fdm:
         JSBSim computes early in a step (``accelerations/N*``, what systems see) is that of the
         evaluation before.
 
-        Raises
-        ------
-        PlantError
-            If JSBSim cannot: for example for want of a property that the aircraft refers to.
+        Raises PlantError if JSBSim cannot: for example for want of a property that the aircraft
+        refers to.
         """
         silence()
         try:
@@ -229,19 +199,14 @@ class Fdm:
         """
         if self.engine_settles:
             self.start_engines()
-            self.hold(self.engine_settles, rate=_LONG_STEPS)
-            self.hold(self.engine_settles, still=_STILL)
+            self.hold(self.engine_settles, rate=_LONG_STEP_RATE)
+            self.hold(self.engine_settles, still=_SETTLED_CHANGE)
 
     def hold(self, duration: float, *, rate: float = _SETTLING_RATE, still: float = 0.0) -> None:
         """Let `duration` (s) pass for engines and flight control while the aircraft stays still.
 
-        Parameters
-        ----------
-        duration : float, s
-        rate : float, 1/s
-            Integration steps a second.
-        still : float, 1
-            A sample that changes the thrust by a smaller share of it ends the wait.
+        `duration` (s). `rate` (1/s): integration steps a second. `still`: a sample that changes the
+        thrust by a smaller share of it ends the wait.
         """
         # Whole samples of the inner loop, so that its next one falls on the start of the flight.
         self._run_still(math.ceil(duration * rate / self.steps), rate, still)
@@ -252,7 +217,7 @@ class Fdm:
         An evaluation leaves a turboprop without power, and a steady state depends on the step.
         """
         now = self._thrust()
-        for _ in range(_MOST_SETTLINGS):
+        for _ in range(_MAX_SETTLINGS):
             before = now
             self._run_still(math.ceil(self.engine_settles * self.config.inner_loop_rate), self.rate)
             now = self._thrust()
@@ -273,10 +238,11 @@ class Fdm:
             before = self._thrust()
             for _ in range(self.steps):
                 self._exec.run()
+            # Strict: a share of 0 never ends the wait early.
             if abs(self._thrust() - before) < still * abs(before):
                 break
         self._exec.set_dt(1.0 / self.rate)
-        self._exec.set_sim_time(0.0)
+        self._exec.set_sim_time(0.0)  # time at rest does not count: the flight begins at t = 0
         for write, value in kept:
             write(value)
 
@@ -289,11 +255,9 @@ class Fdm:
 
     def _unload(self) -> None:
         for name in self.names(""):
-            if "inertia/pointmass-weight" in name or re.search(
-                r"/tank(\[\d+\])?/contents-lbs", name
-            ):
+            if _LOAD.search(name):
                 self.writer(name)(0.0)
-        self.evaluate()
+        self.evaluate()  # JSBSim computes mass and inertia here
 
     def abandon(self) -> None:
         """Keep the broken aircraft until the process ends.
@@ -308,8 +272,8 @@ class Fdm:
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
-        known = _well_formed(name) and self._properties.hasNode(name)
-        node = self._properties.get_node(name) if known else None
+        exists = _well_formed(name) and self._properties.hasNode(name)
+        node = self._properties.get_node(name) if exists else None
         if node is None:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
         return node
@@ -331,6 +295,8 @@ class Fdm:
 
 def _sea_level_at(ground: float) -> dict[str, float]:
     """Settings that shift the standard atmosphere down by `ground` (m), exact below tropopause."""
+    # Pressure and temperature of the standard atmosphere at the ground become those at JSBSim's sea
+    # level, so that every height above it has the air of `ground` plus that height.
     share = 1.0 - LAPSE_RATE * ground / SEA_LEVEL_TEMPERATURE
     return {
         "atmosphere/delta-T": -LAPSE_RATE * ground * _RANKINE,

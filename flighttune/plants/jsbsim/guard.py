@@ -14,15 +14,8 @@ from flighttune.units import DEG, FT, G_0
 class Guard:
     """Checks a flight while it runs, and says why when a check fails.
 
-    Parameters
-    ----------
-    fdm : Fdm
-        The aircraft; its configuration holds the envelope. The ground lies at JSBSim's sea level.
-
-    Attributes
-    ----------
-    inside : callable returning bool
-        Whether the flight may go on; False for anything that is not a number.
+    The envelope is that of the aircraft's configuration; the ground lies at JSBSim's sea level.
+    `inside` returns whether the flight may go on: False for anything that is not a number.
     """
 
     def __init__(self, fdm: Fdm) -> None:
@@ -41,6 +34,7 @@ class Guard:
         self.inside = self._check()
 
     def _check(self) -> Callable[[], bool]:
+        # Local names and JSBSim's units: the check runs every few steps of every flight.
         alpha, theta, V_a_fps, h_ft = self._alpha, self._theta, self._V_a_fps, self._h_ft
         F_x, F_z = self._F_x, self._F_z
         envelope = self._fdm.config.envelope
@@ -51,6 +45,7 @@ class Guard:
 
         def inside() -> bool:
             a = alpha()
+            # Two-sided comparisons are false for NaN, which therefore ends the flight.
             return (
                 alpha_low < a < alpha_high
                 and V_low < V_a_fps() < V_high
@@ -84,10 +79,7 @@ class Guard:
     def diagnosis(self) -> Stop:
         """Return why the flight may not go on.
 
-        Raises
-        ------
-        PlantError
-            If nothing is wrong with the state: JSBSim ended the run by itself.
+        Raises PlantError if nothing is wrong with the state: JSBSim ended the run by itself.
         """
         at = f"t = {self._time():.3f} s"
         alpha, h = self._alpha(), self._h_ft() * FT

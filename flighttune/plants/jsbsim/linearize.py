@@ -14,7 +14,7 @@ from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import trim
 
 STATES = ("V_a", "alpha", "theta", "q", "beta", "phi", "p", "r")
-"""Of the longitudinal motion, then of the lateral one."""
+"""States of the longitudinal motion, then of the lateral one."""
 
 OSCILLATES = 1e-9
 """Share of its size from which an eigenvalue's imaginary part counts: below it is rounding."""
@@ -24,23 +24,17 @@ _HALF_WIDTHS = {
     "V_a": 0.1,
     "throttle": 0.01,
 }
-"""Of the differences: rad, rad/s, m/s and 1."""
+"""Half widths of the central differences: rad, rad/s, m/s and 1. Airspeed and throttle come
+last, because the engine settles anew for them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mode:
-    """A natural motion of the aircraft, controls fixed.
+    """A natural motion of the aircraft, controls fixed."""
 
-    Attributes
-    ----------
-    name : str
-        ``short period``, ``phugoid``, ``dutch roll``, ``roll``, ``spiral``, or what fits best.
-    eigenvalue : complex, 1/s
-        The one with the positive imaginary part of a pair.
-    """
-
+    # ``short period``, ``phugoid``, ``dutch roll``, ``roll``, ``spiral``, or what fits best
     name: str
-    eigenvalue: complex
+    eigenvalue: complex  # 1/s: of a pair the eigenvalue with positive imaginary part
 
     @property
     def natural_frequency(self) -> float:
@@ -56,19 +50,12 @@ class Mode:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RigidBodyModel:
-    """``x' = A x + B u`` of the airframe about a trim, inner loop off, without actuator lags.
+    """``x' = A x + B u`` of the airframe about a trim, inner loop off, without actuator lags."""
 
-    Attributes
-    ----------
-    A, B : ndarray, shapes (8, 8), (8, 4)
-        States `STATES`, inputs `CONTROLS`, SI and rad.
-    modes : tuple of Mode
-        Longitudinal ones first, the fastest of each plane first.
-    """
-
+    # `A` and `B` (shapes (8, 8), (8, 4)): states `STATES`, inputs `CONTROLS`, SI and rad
     A: FloatArray
     B: FloatArray
-    modes: tuple[Mode, ...]
+    modes: tuple[Mode, ...]  # longitudinal ones first, the fastest of each plane first
 
     def __post_init__(self) -> None:
         for name in ("A", "B"):
@@ -78,24 +65,9 @@ class RigidBodyModel:
 def linearize(config: AircraftConfig, condition: FlightCondition) -> RigidBodyModel:
     """Linearise the airframe of an aircraft about steady flight at `condition`.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-    condition : FlightCondition
-
-    Returns
-    -------
-    RigidBodyModel
-        By central differences on the bench, actuators and engine settled.
-
-    Raises
-    ------
-    InputError
-        If `condition` lies outside the aircraft's envelope.
-    PlantError
-        If the aircraft cannot be built.
-    TrimError
-        If there is no steady flight at `condition`.
+    Central differences are taken on the bench, actuators and engine settled. Raises InputError if
+    `condition` lies outside the aircraft's envelope. Raises PlantError if the aircraft cannot be
+    built. Raises TrimError if there is no steady flight at `condition`.
     """
     fdm = Fdm(config)
     at = trim(fdm, condition)
@@ -115,6 +87,7 @@ def _state_rates(state: AirframeState, measured: dict[str, float]) -> FloatArray
     """Rates of `STATES` from the accelerations measured in `state`."""
     u, v, w = state.velocity
     u_dot, v_dot, w_dot = (measured[name] for name in ("u_dot", "v_dot", "w_dot"))
+    # Derivatives of V_a = |(u, v, w)|, alpha = atan2(w, u) and beta = asin(v / V_a).
     V_dot = (u * u_dot + v * v_dot + w * w_dot) / state.V_a
     ahead = math.hypot(u, w)
     sin_phi, cos_phi = math.sin(state.phi), math.cos(state.phi)

@@ -20,15 +20,15 @@ POSITIONS = {
     "elevator": ("fcs/elevator-pos-rad",),
     "rudder": ("fcs/rudder-pos-rad",),
 }
-"""Where a model may show the position of a surface."""
+"""Properties in which a model may show the position of a surface."""
 
-TRAVEL = 0.02
+TRAVEL_TOLERANCE = 0.02
 """Share by which the travel of a model may differ from its file."""
 
-LAST_HALF = 0.1
+MIN_SECOND_HALF = 0.1
 """Share of the effect of half the travel that the other half must have at least."""
 
-SMALL = 1e-6
+NEGLIGIBLE = 1e-6
 """Position (rad) and acceleration (rad/s^2) that count as none."""
 
 ALPHA, HEIGHT, FULL = 3.0 * DEG, 1000.0, 0.95
@@ -38,21 +38,14 @@ ALPHA, HEIGHT, FULL = 3.0 * DEG, 1000.0, 0.95
 def check_moves(config: AircraftConfig) -> None:
     """Refuse an aircraft that does not do what its file says.
 
-    What this process has checked once is not checked again while the files stay.
+    A check that passed or failed is remembered in this process while the files stay the same.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-        With gains that were made for its files as they are.
-
-    Raises
-    ------
-    PlantError
-        If an engine does not run or push, a surface does not move what it should or has no effect
-        over the last half of its travel, or its travel differs from the file.
+    The gains of `config` must have been made for its files as they are. Raises PlantError if an
+    engine does not run or push, a surface does not move what it should or has no effect over the
+    last half of its travel, or its travel differs from the file.
     """
     nominal = config.with_off_nominal(None)
-    fault = _fault(Unchanged(nominal, config.gains and config.gains.made_for))
+    fault = _fault(Unchanged(nominal, config.gains.made_for if config.gains else None))
     if fault:
         raise PlantError(f"{config.file}: {fault}.")
 
@@ -86,7 +79,7 @@ def _engine_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str
 def _surface_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str]:
     for name, surface in fdm.config.surfaces.named():
         what, sign = EFFECTS[name]
-        shown = [fdm.reader(one) for one in POSITIONS[name] if fdm.has(one)]
+        shown = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
         neutral = bench.accelerations(level)[what]
         rest = [read() for read in shown]
         for stop in surface.travel:
@@ -96,18 +89,24 @@ def _surface_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[st
                 (abs(read() - was) for read, was in zip(shown, rest, strict=True)), default=0
             )
             if not math.isfinite(whole):
-                return  # the trim says so
+                return  # forces that are not finite are reported by the trim
             key = f"[surfaces] `{name}`"
-            if not sign * stop * whole > SMALL * abs(stop):
+            if not sign * stop * whole > NEGLIGIBLE * abs(stop):
                 yield (
                     f"{key} must {'raise' if sign * stop > 0.0 else 'lower'} {what} at "
                     f"{stop / DEG:.3g} deg, got {whole:.2g} rad/s2"
                 )
-            if abs(whole) < (1.0 + LAST_HALF) * abs(halfway):
+            # A model that limits its surface below `travel_deg` shows no more effect from there on.
+            if abs(whole) < (1.0 + MIN_SECOND_HALF) * abs(halfway):
                 yield (
                     f"{key} must have an effect up to {stop / DEG:.3g} deg, it is saturated at half"
                 )
-            if not surface.replaces and moved > SMALL and abs(moved / abs(stop) - 1.0) > TRAVEL:
+            # Where the position is replaced, the model's own property does not follow it.
+            if (
+                not surface.replaces
+                and moved > NEGLIGIBLE
+                and abs(moved / abs(stop) - 1.0) > TRAVEL_TOLERANCE
+            ):
                 yield (
                     f"{key} must move to {abs(stop) / DEG:.3g} deg as `travel_deg` says, the model "
                     f"moves it by {moved / DEG:.3g} deg"

@@ -9,7 +9,7 @@ import shutil
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
@@ -46,21 +46,14 @@ Weigh: TypeAlias = Callable[[AircraftConfig], MassBalance]
 
 @dataclass(frozen=True, slots=True)
 class ModelFolders:
-    """Where JSBSim finds an aircraft's main file, its engines and its systems.
+    """Folders in which JSBSim finds an aircraft's main file, its engines and its systems."""
 
-    Attributes
-    ----------
-    model, engines, systems : path
-        Folder of the main file, which may hold its own ``Engines`` and ``Systems``; those that
-        several models share.
-    name : str
-        Of the main file, without ``.xml``.
-    """
-
+    # `model` is the folder of the main file, which may have its own ``Engines`` and ``Systems``;
+    # `engines` and `systems` are folders that models share.
     model: Path
     engines: Path
     systems: Path
-    name: str
+    name: str  # name of the main file, without ``.xml``
 
     @property
     def file(self) -> Path:
@@ -69,13 +62,13 @@ class ModelFolders:
 
     @property
     def parts(self) -> tuple[Path, ...]:
-        """Where a part of the model is looked for, in this order."""
-        own = (self.model / one for one in ("", "Engines", "engines", "Systems", "systems"))
+        """Folders in which a part of the model is looked for, in this order."""
+        own = (self.model / name for name in ("", "Engines", "engines", "Systems", "systems"))
         return (*own, self.engines, self.systems)
 
 
 def source_folders(config: AircraftConfig) -> ModelFolders:
-    """Where the files of an aircraft's model are: in JSBSim's own set, or the user's."""
+    """Folders of an aircraft's model: in JSBSim's own set, or the user's."""
     return _source_folders(config.folder, config.model)
 
 
@@ -84,7 +77,7 @@ def _source_folders(folder: Path, name: str) -> ModelFolders:
     import jsbsim
 
     shipped = Path(jsbsim.get_default_root_dir())
-    if not name.endswith(".xml"):
+    if not name.endswith(".xml"):  # a model of JSBSim's own set
         model = shipped / "aircraft" / name
         return ModelFolders(model, shipped / "engine", shipped / "systems", name)
     file = (folder / name).resolve()
@@ -101,17 +94,14 @@ def models_of_jsbsim() -> list[str]:
     import jsbsim
 
     folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
-    found = [one.name for one in folder.iterdir() if (one / f"{one.name}.xml").is_file()]
-    return sorted(found, key=str.lower)
+    names = [path.name for path in folder.iterdir() if (path / f"{path.name}.xml").is_file()]
+    return sorted(names, key=str.lower)
 
 
 def main_root(config: AircraftConfig) -> Element:
     """The root of a model's main file.
 
-    Raises
-    ------
-    PlantError
-        If it cannot be read.
+    Raises PlantError if it cannot be read.
     """
     where = "a file of JSBSim's" if config.model.endswith(".xml") else "shipped with jsbsim"
     return read_xml(source_folders(config).file, f"{config.file}: `model` must be {where}")
@@ -120,10 +110,7 @@ def main_root(config: AircraftConfig) -> Element:
 def wing_span(config: AircraftConfig) -> float | None:
     """Wing span in a model's main file, m; None if there is none.
 
-    Raises
-    ------
-    PlantError
-        If the file cannot be read.
+    Raises PlantError if the file cannot be read.
     """
     span = main_root(config).find("metrics/wingspan")
     if span is None or not span.text:
@@ -137,32 +124,26 @@ def wing_span(config: AircraftConfig) -> float | None:
 def model_files(config: AircraftConfig) -> tuple[Path, ...]:
     """The main file of an aircraft's model and all the files it is made of.
 
-    Raises
-    ------
-    PlantError
-        If the main file cannot be read.
+    Raises PlantError if the main file cannot be read.
     """
     folders = source_folders(config)
-    found, pending = [], [folders.file]
+    files, pending = [], [folders.file]
     while pending:
         file = pending.pop()
-        if file in found:
+        if file in files:
             continue
-        root = read_xml(file, str(config.file)) if found else main_root(config)
-        found.append(file)
-        names = (one.get("file") for one in root.iter() if one.tag not in CONNECTIONS)
+        root = read_xml(file, str(config.file)) if files else main_root(config)
+        files.append(file)
+        names = (element.get("file") for element in root.iter() if element.tag not in CONNECTIONS)
         parts = (found_file(name, folders.parts) for name in names if name)
         pending += [part for part in parts if part.is_file()]
-    return tuple(found)
+    return tuple(files)
 
 
 def model_hash(config: AircraftConfig) -> str:
     """Hash of an aircraft's model, and of what its file says about surfaces and engines.
 
-    Raises
-    ------
-    PlantError
-        If the main file cannot be read.
+    Raises PlantError if the main file cannot be read.
     """
     return _hash(Unchanged(config, (config.fingerprint, stamps(file_tree(config)))))
 
@@ -180,7 +161,7 @@ def _has_flight_control(what: "Unchanged") -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Unchanged:
-    """An aircraft that is equal to itself while `key` stays: what is known of it stays too."""
+    """An aircraft as the key of a cache: equal to itself while `key` stays the same."""
 
     config: AircraftConfig = field(compare=False)
     key: Hashable
@@ -188,11 +169,11 @@ class Unchanged:
 
 @lru_cache(maxsize=256)
 def _hash(what: Unchanged) -> str:
-    found = hashlib.sha256(what.config.fingerprint.encode())
+    digest = hashlib.sha256(what.config.fingerprint.encode())
     for file in model_files(what.config):
-        found.update(f"{file.name}\n".encode())
-        found.update(file.read_bytes())
-    return found.hexdigest()
+        digest.update(f"{file.name}\n".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def file_tree(config: AircraftConfig) -> set[Path]:
@@ -215,29 +196,19 @@ def stamps(files: set[Path]) -> tuple[tuple[Path, int, int], ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """What a template is made of; equal while the files and what is off the nominal are the same.
-
-    Attributes
-    ----------
-    config : AircraftConfig
-    weigh : callable
-    steps : int
-        Integration steps in a sample of the inner loop.
-    key : tuple
-        Main file, systems, whether mass or inertia differ, names of the factors.
-    stamps : tuple of (path, int, int)
-        Files with the time of their last change and their size.
-    """
+    """Inputs of a template; equal while the files and the off-nominal factors are the same."""
 
     config: AircraftConfig = field(compare=False)
     weigh: Weigh = field(compare=False)
-    steps: int
+    steps: int  # integration steps in a sample of the inner loop
+    # Main file, systems, whether mass or inertia differ, names of the factors
     key: tuple[object, ...]
+    # Files with the time of their last change and their size
     stamps: tuple[tuple[Path, int, int], ...]
 
     @classmethod
     def of(cls, config: AircraftConfig, off: OffNominal, weigh: Weigh, steps: int) -> "_Source":
-        """What the template of an aircraft that is `off` the nominal is made of."""
+        """Source of the template of an aircraft that is `off` the nominal."""
         return cls(
             config,
             weigh,
@@ -256,12 +227,8 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
     for several integration `steps` in a sample of the inner loop. What else is in the folder of
     the model is linked beside it.
 
-    Raises
-    ------
-    PlantError
-        If there is no such model, or no room for the private folder.
-    InputError
-        If the aircraft cannot be off the nominal that way.
+    Raises PlantError if there is no such model, or no room for the private folder. Raises
+    InputError if the aircraft cannot be off the nominal that way.
     """
     folders = source_folders(config)
     text = main_file_text(config, weigh, steps)
@@ -275,6 +242,7 @@ def _private_folder(file: Path, text: str) -> Iterator[Path]:
     with ExitStack() as stack:
         try:
             folder = Path(stack.enter_context(scratch_folder()))
+            # A main file refers to parts beside it; only this file itself is another.
             for beside in file.parent.iterdir():
                 if beside.name != file.name:
                     _link(folder / beside.name, beside)
@@ -287,7 +255,7 @@ def _private_folder(file: Path, text: str) -> Iterator[Path]:
 
 
 def _link(link: Path, target: Path) -> None:
-    """Let `link` stand for a file or folder: a copy where links need a right, as on Windows."""
+    """Let `link` stand for a file or folder; it is a copy where the file system has no links."""
     try:
         link.symlink_to(target, target_is_directory=target.is_dir())
     except OSError:
@@ -298,26 +266,23 @@ def _link(link: Path, target: Path) -> None:
 
 
 def not_xml(folder: str, names: list[str]) -> list[str]:
-    """What JSBSim does not load from a folder of a model, as ``shutil.copytree`` asks for it."""
-    return [one for one in names if not (one.endswith(".xml") or (Path(folder) / one).is_dir())]
+    """Files in a folder of a model that JSBSim does not load, as ``shutil.copytree`` asks."""
+    return [name for name in names if not (name.endswith(".xml") or (Path(folder) / name).is_dir())]
 
 
 def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     """Return the main file that JSBSim shall load.
 
-    Raises
-    ------
-    PlantError, InputError
-        As `model_folders`.
+    Raises PlantError or InputError as `model_folders`.
     """
     off = config.off_nominal or _NOMINAL
+    # Values are filled in behind the cache: dispersed flights share one template.
     template, balance = _template(_Source.of(config, off, weigh, steps))
     factors = {f"{COEFFICIENT}{name}": factor for name, factor in off.scaled_coefficients.items()}
     values = factors | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
     return filled(template, values | balance.values(off) if balance else values)
 
 
-@cache
 @lru_cache(maxsize=32)
 def _template(source: _Source) -> tuple[str, MassBalance | None]:
     """Main file with placeholders where something is off the nominal; what weighs the aircraft."""
@@ -332,6 +297,7 @@ def _template(source: _Source) -> tuple[str, MassBalance | None]:
         _slow_computer(root, source.steps, folders)
     balance = None
     if off.loaded:
+        # Factors and shifts are relative to the nominal aircraft, load and fuel included.
         balance = source.weigh(config.with_off_nominal(None))
         open_mass_balance(root)
     for name in off.scaled_coefficients:
@@ -354,8 +320,10 @@ def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
         name = system.get("file")
         file = found_file(name or "", folders.parts)
         inline = read_xml(file, str(file)) if name and file.is_file() else system
-        channels = [one for one in inline.iter("channel") if one.get("execrate", "").isdigit()]
+        channels = [
+            channel for channel in inline.iter("channel") if channel.get("execrate", "").isdigit()
+        ]
         for channel in channels:
             channel.set("execrate", str(steps * int(channel.attrib["execrate"])))
-        if channels:
+        if channels:  # a system in a file of its own is put in place of the reference to it
             root[i] = inline

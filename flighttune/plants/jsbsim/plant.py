@@ -25,20 +25,19 @@ _AIRFRAME_SIGNALS = (
 )
 
 _STEP_SHARE = 1e-6
-"""How far a duration may lie from a whole number of integration steps: rounding."""
-
+"""Relative deviation of a duration from a whole number of integration steps: rounding."""
 
 _GUARD_INTERVAL = 0.02
 """Longest time between two checks of the state, s."""
 
-MOST_STEPS = 20
-"""Of JSBSim in one sample of the inner loop."""
+MAX_STEPS = 20
+"""Most integration steps of JSBSim in one sample of the inner loop."""
 
 LARGEST_SEED = 2**31 - 1
 """Largest seed that JSBSim takes."""
 
 DEEPEST_GROUND, HIGHEST_GROUND = 500.0, 6000.0
-"""How far below and above sea level the ground may lie, m."""
+"""Largest depth below and height above sea level of the ground, m."""
 
 _N_Z = COMMON_SIGNALS.index("n_z")
 
@@ -55,21 +54,21 @@ class JSBSimPlant:
     seed : int
         Seed of JSBSim's own random numbers (turbulence).
     weather : Weather, optional
-        What the air does; still by default.
+        Weather of the flight; still air by default.
     ground : float, m
         Height of the ground above sea level.
     throttle_max : float, optional
         Upper stop of the throttle, for an engine that gives less than it should; by default that of
         the aircraft.
     off_nominal : OffNominal, optional
-        How the aircraft differs from its files; the gains of its inner loop do not.
+        Differences of the aircraft from its files; the gains of its inner loop do not.
 
     Attributes
     ----------
     config : AircraftConfig
         The aircraft: envelope, limits, gains.
     limits : Limits
-        What the inner loop limits its commands to.
+        Limits of the inner loop on its commands.
     fdm : Fdm or None
         The aircraft in flight; None before the start.
 
@@ -102,8 +101,8 @@ class JSBSimPlant:
         throttle_max: float | None = None,
         off_nominal: OffNominal | None = None,
     ) -> None:
-        if not 1 <= steps <= MOST_STEPS:
-            raise InputError(f"`steps` must lie in 1 to {MOST_STEPS}, got {steps}.")
+        if not 1 <= steps <= MAX_STEPS:
+            raise InputError(f"`steps` must lie in 1 to {MAX_STEPS}, got {steps}.")
         if not 0 <= seed <= LARGEST_SEED:
             raise InputError(f"`seed` must lie in 0 to {LARGEST_SEED}, got {seed}.")
         if not -DEEPEST_GROUND <= ground <= HIGHEST_GROUND:
@@ -129,7 +128,7 @@ class JSBSimPlant:
     def start(self, condition: FlightCondition) -> None:
         """Build a fresh aircraft and trim it: steady, coordinated flight at `condition`.
 
-        In wind `condition` is that of the velocity through the air.
+        In wind, `condition` is that of the velocity through the air.
 
         An `n_z` of its own in `condition` does not change that: an aircraft cannot be held in
         unsteady flight. The inner loop takes up the first command at its own rate limit.
@@ -150,6 +149,7 @@ class JSBSimPlant:
         from flighttune.plants.jsbsim.signal_reader import signal_reader
         from flighttune.plants.jsbsim.trim import trim
 
+        # A start that fails must not leave the plant of an earlier flight behind.
         self._observe = self._write_phi_cmd = _not_started
         settings = inner_loop_settings(self.config)  # refuses gains of another model
         check_moves(self.config)
@@ -158,10 +158,12 @@ class JSBSimPlant:
         point = trim(fdm, condition)
         if self._weather is not None:
             carry_along(fdm, self._weather.deterministic(0.0, condition.h))
+        # After the wind is set: the signals take their origin and first angles from this instant.
         observe = signal_reader(fdm, condition.chi, point.psi)
         self._guard = Guard(fdm)
         self._inside, self._run = self._guard.inside, fdm.run
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
+        # After the inner loop is engaged: turbulence and gusts would disturb its first output.
         if self._weather is not None:
             self._run = weather_step(fdm, self._weather, self._rate)
         self._observe = observe
@@ -206,6 +208,7 @@ class JSBSimPlant:
         self._write_n_z_cmd(n_z_cmd)
         if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
             return self._end(self._guard.bad_command(phi_cmd, n_z_cmd))
+        # `run` is false where JSBSim itself ends the run, as on the ground.
         run, inside = self._run, self._inside
         going = True
         try:
@@ -243,6 +246,7 @@ class JSBSimPlant:
         if fdm.engine_settles:
             fdm.rest()
         for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
+            # The law is added to the trim: its first output must not move the surface.
             trim_value, law = fdm.reader(trim_name)(), fdm.reader(law_name)()
             fdm.writer(trim_name)(trim_value - law)
         fdm.writer(properties.ENGAGED)(1.0)
@@ -260,9 +264,9 @@ class JSBSimPlant:
                 f"`duration` must be a whole number of steps of {1.0 / self._rate:g} s, "
                 f"got {duration:g} s."
             )
-        most = max(1, math.floor(_GUARD_INTERVAL * self._rate))
-        whole, rest = divmod(round(steps), most)
-        chunks = (range(most),) * whole + (range(rest),) * (rest > 0)
+        longest = max(1, math.floor(_GUARD_INTERVAL * self._rate))
+        whole, rest = divmod(round(steps), longest)
+        chunks = (range(longest),) * whole + (range(rest),) * (rest > 0)
         return self._chunks.setdefault(duration, chunks)
 
     def _end(self, stop: Stop) -> Stop:
@@ -273,14 +277,8 @@ class JSBSimPlant:
 def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
     """Limits and gains of an aircraft's inner loop by JSBSim property, in rad, s and 1.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-
-    Raises
-    ------
-    PlantError
-        If it has no gains, or they were made for another state of the model or of its file.
+    Raises PlantError if it has no gains, or they were made for another state of the model or of its
+    file.
     """
     from flighttune.plants.jsbsim.model_files import model_hash
 
@@ -294,7 +292,7 @@ def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
         )
     limits = config.limits
     (phi_min, phi_max), (n_z_min, n_z_max) = limits.phi, limits.n_z
-    found = {
+    command_limits = {
         "phi-min-rad": phi_min,
         "phi-max-rad": phi_max,
         "phi-rate-rad_sec": limits.phi_rate,
@@ -304,49 +302,31 @@ def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
         "throttle-max": config.engines.throttle[1],
     }
     gains = {f"{properties.GAINS}{name}": value for name, value in config.gains.gains.items()}
-    return {f"{properties.LIMITS}{name}": value for name, value in found.items()} | gains
+    return {f"{properties.LIMITS}{name}": value for name, value in command_limits.items()} | gains
 
 
 def steps_for(config: AircraftConfig, rate: float) -> int:
     """Fewest integration steps in a sample of the inner loop that make a sample of the outer whole.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-    rate : float, 1/s
-        Samples of the outer loop.
-
-    Raises
-    ------
-    InputError
-        If no number up to `MOST_STEPS` does.
+    `rate` (1/s): samples of the outer loop. Raises InputError if no number up to `MAX_STEPS` does.
     """
     inner = config.inner_loop_rate
-    for steps in range(1, MOST_STEPS + 1):
+    for steps in range(1, MAX_STEPS + 1):
         ratio = steps * inner / rate
         if round(ratio) >= 1 and abs(ratio - round(ratio)) < _STEP_SHARE * ratio:
             return steps
     raise InputError(
         f"`controller.rate_hz` must divide the {inner:g} Hz of the inner loop, or a multiple of "
-        f"them up to {MOST_STEPS}, got {rate:g}."
+        f"them up to {MAX_STEPS}, got {rate:g}."
     )
 
 
 def check_off_nominal(config: AircraftConfig) -> None:
     """Refuse an aircraft that cannot be off the nominal as `config` says.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-        With its `off_nominal`.
-
-    Raises
-    ------
-    InputError
-        If it lacks what a factor multiplies, or no body has such inertias; the message names the
-        key of the factor.
-    PlantError
-        If its files cannot be read.
+    Raises InputError if the aircraft lacks the property that a factor multiplies, or no body has
+    such inertias; the message names the key of the factor. Raises PlantError if its files cannot be
+    read.
     """
     from flighttune.plants.jsbsim.fdm import weigh
     from flighttune.plants.jsbsim.model_files import main_file_text

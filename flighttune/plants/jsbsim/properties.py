@@ -13,6 +13,6 @@ LAWS = tuple(name.replace("-trim-", "-law-") for name in TRIMS)
 POSITIONS = tuple(f"ft/{name}-rad" for name in SURFACES)
 THROTTLE = "ft/throttle-norm"
 GAINS = "ft/gains/"
-"""What the names of gains begin with."""
+"""Beginning of the names of gains."""
 
 LIMITS = "ft/limits/"

@@ -22,17 +22,9 @@ def thrust_reader(fdm: Fdm) -> Callable[[], float]:
 def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, ...]]:
     """Return a function that reads the signals of `JSBSimPlant` from `fdm`, in their order.
 
-    Parameters
-    ----------
-    fdm : Fdm
-        The aircraft, already at the start of its flight: its position becomes the origin.
-    chi_0, psi_0 : float, rad
-        Course and heading near which the continuous angles begin.
-
-    Raises
-    ------
-    PlantError
-        If the aircraft lacks a property.
+    `fdm`: the aircraft, already at the start of its flight: its position becomes the origin.
+    `chi_0`, `psi_0` (rad): course and heading near which the continuous angles begin. Raises
+    PlantError if the aircraft lacks a property.
     """
     read = fdm.reader
     chi, psi = read("flight-path/psi-gt-rad"), read("attitude/psi-rad")
@@ -57,6 +49,7 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
 
     def observe() -> tuple[float, ...]:
         nonlocal last_chi, last_psi
+        # JSBSim's angles jump at a whole turn; the nearest continuation does not.
         last_chi += remainder(chi() - last_chi, tau)
         last_psi += remainder(psi() - last_psi, tau)
         alpha_now, h = alpha(), h_ft() * FT

@@ -10,19 +10,9 @@ from flighttune.units import DEG
 def start_faults(
     config: AircraftConfig, condition: FlightCondition, ground: float
 ) -> Iterator[tuple[str, str]]:
-    """Give what of a condition lies outside the aircraft's envelope or limits.
+    """Attributes of a condition outside the aircraft's envelope or limits, with the reason.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-    condition : FlightCondition
-    ground : float, m
-        Height of the ground above sea level.
-
-    Yields
-    ------
-    name, fault : str
-        Attribute of `condition`, and what it must be and is, without a full stop.
+    `ground` (m): height of the ground above sea level. A reason has no full stop.
     """
     if not condition.h > ground:
         yield "h", f"must be above the ground at {ground:g} m, got {condition.h:g} m"

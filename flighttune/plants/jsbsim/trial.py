@@ -17,22 +17,20 @@ from flighttune.plants.jsbsim.model_files import (
 from flighttune.processes import crash_of
 from flighttune.shipped import is_trusted
 
-LONGEST_S = 60.0
+TIME_LIMIT_S = 60.0
 """Time that JSBSim may take to load an aircraft; it takes a tenth of a second."""
 
 # JSBSim evaluates an aircraft once more when it frees it, and may end the process then: `_exit`.
 _PROGRAM = """
 import os, sys
-try:
-    import resource
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-except ImportError:
-    pass
+import resource
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 import jsbsim
 try:
     fdm = jsbsim.FGFDMExec(sys.argv[1])
     fdm.set_debug_level(0)
-    fdm.load_model_with_paths(*sys.argv[2:], False) and fdm.run_ic()
+    if fdm.load_model_with_paths(*sys.argv[2:], False):
+        fdm.run_ic()
 except Exception:
     pass
 os._exit(0)
@@ -45,14 +43,7 @@ def check_loads(config: AircraftConfig) -> None:
     Files that this process has not loaded yet are loaded by another one first, which takes about
     0.3 s. Shipped aircraft are known to load.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-
-    Raises
-    ------
-    PlantError
-        If JSBSim ends the process, or does not come to an end.
+    Raises PlantError if JSBSim ends the process, or does not come to an end.
     """
     if is_trusted(config.folder) or not sys.executable:
         return
@@ -63,21 +54,22 @@ def check_loads(config: AircraftConfig) -> None:
 
 @lru_cache(maxsize=256)
 def _end_of_trial(files: Unchanged) -> str:
-    """How the process that loaded the files ended; empty where it ended as it should."""
-    config = files.config.with_off_nominal(None)
+    """Reason why the process that loaded the files failed; empty if it did not."""
+    config = files.config.with_off_nominal(None)  # factors do not decide whether the files load
     with model_folders(config, _unweighed) as folders:
         paths = (config.folder, folders.name, folders.model, folders.engines, folders.systems)
         try:
             code = subprocess.run(
+                # -P: a `jsbsim.py` in the working directory must not be imported.
                 [sys.executable, "-P", "-c", _PROGRAM, *map(str, paths)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
-                timeout=LONGEST_S,
+                timeout=TIME_LIMIT_S,
                 check=False,
             ).returncode
         except subprocess.TimeoutExpired:
-            return f"it did not within {LONGEST_S:g} s"
+            return f"it did not within {TIME_LIMIT_S:g} s"
     if crash := crash_of(code):
         return f"it ended the process that tried: {crash}"
     return f"the process that tried ended with status {code}" if code else ""

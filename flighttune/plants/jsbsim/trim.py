@@ -16,24 +16,24 @@ from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.start_check import start_faults
 from flighttune.units import DEG, G_0
 
-_GAIN, _FAST = 0.5, 0.1
-"""A step must gain the one share; be down to the other for the slopes to serve on."""
+_MIN_GAIN, _FAST_GAIN = 0.5, 0.1
+"""Share by which a step must reduce the residual, and share to which it must for its slopes to be
+used again."""
 
 _ROOM_USED = 0.9
 """Share of the way to a bound that a step takes which would pass it."""
 
-_CLOSE = 1e-9
+_ROUNDING = 1e-9
 """Residual below which a step that gains nothing more has met rounding."""
 
 _HALVINGS = 3
-"""How often a step that gains too little is taken half as long."""
+"""Number of times that a step with too little gain is halved."""
 
 _NEWTON_STEPS = 12
 
-_STUCK = 0.25
-"""Two steps one after the other that can go less than this share of their way end the search, where
-the same bound stands in the way: the root lies behind it, or the slopes mislead.
-"""
+_MIN_ROOM = 0.25
+"""Share of its length that a step must have room for. Two steps in a row with less, before the same
+bound, end the search: the root lies behind the bound, or the slopes mislead."""
 
 
 def interior_root(
@@ -46,28 +46,13 @@ def interior_root(
 ) -> FloatArray | None:
     """Return the root that Newton's method finds from `start`.
 
-    Parameters
-    ----------
-    residuals : callable
-        From n unknowns to n residuals, all of order 1.
-    start : ndarray, shape (n,)
-        Strictly inside the bounds.
-    bounds : tuple of two ndarrays, shape (n,)
-        Lowest and highest value of each unknown.
-    widths : ndarray, shape (n,)
-        Differences of the unknowns that slopes are taken over.
-    enough : float
-        Residual at which the search ends; by default it goes down to rounding.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        None where a step gains too little, as it does where the root lies beyond the bounds.
-
-    Notes
-    -----
     Slopes are one-sided differences; after a step that went well they are brought up to date by
     Broyden's formula instead.
+
+    `residuals` maps n unknowns to n residuals of order 1; `start`, `bounds` (lowest and highest
+    values) and `widths` (differences for the slopes) have shape (n,), and `start` is strictly
+    inside the bounds. The search ends at a residual of `enough`, by default at rounding. The result
+    is None where a step gains too little, as it does where the root lies beyond the bounds.
     """
     lower, upper = bounds
     x, r, slopes, wall = start, residuals(start), None, None
@@ -77,29 +62,34 @@ def interior_root(
             slopes = slopes_within(residuals, x, r, widths, upper)
         try:
             step = np.linalg.solve(slopes, -r)
-        except np.linalg.LinAlgError:
+        except np.linalg.LinAlgError:  # an unknown without effect, as a surface behind its limit
             return None
         with np.errstate(divide="ignore"):
             ways = np.where(step > 0.0, upper - x, x - lower) / np.abs(step)
+        # The bound that the step meets first, and the share of the step that reaches it.
         nearest = int(np.argmin(ways))
         room = float(ways[nearest])
         part = 1.0 if room > 1.0 else _ROOM_USED * room
-        wall_before, wall = wall, (nearest, step[nearest] > 0.0) if room < _STUCK else None
+        wall_before, wall = wall, (nearest, step[nearest] > 0.0) if room < _MIN_ROOM else None
         if wall is not None and wall == wall_before:
             return None
-        for _ in range(1 + _HALVINGS * (fresh and here > _CLOSE)):
+        # Only slopes that are fresh are worth a shorter step: old ones are replaced first.
+        for _ in range(1 + (_HALVINGS if fresh and here > _ROUNDING else 0)):
             moved = part * step
             there = residuals(x + moved)
             now = float(np.abs(there).max())
-            if now < (1.0 - _GAIN * part) * here:
+            if now < (1.0 - _MIN_GAIN * part) * here:
                 break
             part *= 0.5
         else:
-            if here < _CLOSE or fresh:
-                return x if here < _CLOSE else None
+            if here < _ROUNDING or fresh:
+                return x if here < _ROUNDING else None
             slopes = None
             continue
-        slopes = slopes + np.outer(there, moved) / (moved @ moved) if now < _FAST * here else None
+        # Broyden: after a whole step of Newton the correction is the new residual alone.
+        slopes = (
+            slopes + np.outer(there, moved) / (moved @ moved) if now < _FAST_GAIN * here else None
+        )
         x, r = x + moved, there
         if now < enough:
             return x
@@ -143,9 +133,9 @@ its thrust has kinks. The unknown that the engine follows comes last.
 """
 
 _THROTTLES = (0.6, 0.85, 0.45, 0.15)
-"""Where else a search begins, as shares of the way from the closed throttle to the open one."""
+"""Further starts of the search, as shares of the way from the closed throttle to the open one."""
 
-_MOST_STEPS = 60
+_MAX_EVALUATIONS = 60
 """Steps of least squares."""
 
 _TOO_LITTLE = "full throttle has too little thrust"
@@ -161,27 +151,11 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
     accelerations and the lateral load factor to zero: by Newton's method, and where that gets
     stuck, by bounded least squares.
 
-    Parameters
-    ----------
-    fdm : Fdm
-        The aircraft.
-    condition : FlightCondition
-        Airspeed, height, course, flight-path angle and roll; `n_z` follows from them.
-    thrust_short : bool
-        Whether thrust is known to be too little for a shallower climb: the throttle is then tried
-        at its stop at once. The answer is the same.
-
-    Returns
-    -------
-    AirframeState
-        The steady flight the aircraft is left in.
-
-    Raises
-    ------
-    InputError
-        If `condition` lies outside the aircraft's envelope or command limits.
-    TrimError
-        If there is no steady flight; the message says what stands against it.
+    `condition`: airspeed, height, course, flight-path angle and roll; `n_z` follows from them.
+    `thrust_short`: whether thrust is known to be too little for a shallower climb: the throttle is
+    then tried at its stop at once. The answer is the same. Returns the steady flight the aircraft
+    is left in. Raises InputError if `condition` lies outside the aircraft's envelope or command
+    limits. Raises TrimError if there is no steady flight; the message says what stands against it.
     """
     for name, fault in start_faults(fdm.config, condition, fdm.ground):
         raise InputError(f"`{name}` {fault}.")
@@ -213,6 +187,7 @@ class _TrimProblem:
         self._bench = Bench(fdm, condition.h)
         self._condition = condition
         envelope, surfaces = fdm.config.envelope, fdm.config.surfaces
+        # Twice the coordinated turn rate, and something for straight flight.
         turn_rate = 2.0 * G_0 / condition.V_a * (0.1 + abs(math.tan(condition.phi)))
         intervals = (
             envelope.alpha,
@@ -225,6 +200,7 @@ class _TrimProblem:
         self.enough = _SETTLED if fdm.engine_settles else 0.0
         span = self.upper - self.lower
         self.widths = np.array(_STEPS) if fdm.engine_settles else _DIFFERENCE * span
+        # A guess that suits any aeroplane: 3 deg of angle of attack in level flight.
         alpha = 0.05 * math.cos(condition.gamma) / math.cos(condition.phi)
         psi_dot = G_0 / condition.V_a * math.tan(condition.phi)
         guess = np.array([alpha, 0.0, 0.0, 0.0, 0.0, psi_dot, 0.3])
@@ -277,6 +253,7 @@ class _TrimProblem:
         before it grows.
         """
         span = self.upper - self.lower
+        # Residual 0 is u_dot: what is negative at full throttle lacks thrust.
         opened = self.best_at(self.upper[-1], start)
         if self.residuals(opened)[0] < -_RESIDUAL_ALLOWED:
             return opened
@@ -286,9 +263,9 @@ class _TrimProblem:
             throttle = self.lower[-1] + share * span[-1]
             if speeds_up and self.residuals(np.append(closed[:-1], throttle))[0] > 0.0:
                 continue  # no less thrust than with the throttle closed
-            found = self.root(np.append(start[:-1], throttle))
-            if found is not None:
-                return found
+            root = self.root(np.append(start[:-1], throttle))
+            if root is not None:
+                return root
         if speeds_up:
             return closed
 
@@ -303,7 +280,7 @@ class _TrimProblem:
             jac=cast("Any", slopes),  # scipy's annotations only know the names of its own methods
             bounds=(self.lower, self.upper),
             x_scale=span,
-            max_nfev=_MOST_STEPS,
+            max_nfev=_MAX_EVALUATIONS,
             xtol=1e-14,
             ftol=1e-14,
             gtol=1e-14,
@@ -328,7 +305,7 @@ class _TrimProblem:
 
             span = self.upper - self.lower
             six = least_squares(
-                left_over, start[:-1], bounds=bounds, x_scale=span[:-1], max_nfev=_MOST_STEPS
+                left_over, start[:-1], bounds=bounds, x_scale=span[:-1], max_nfev=_MAX_EVALUATIONS
             ).x
         return np.append(six, throttle)
 
@@ -381,19 +358,12 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrimRow:
-    """One flight condition, and its trim or why it has none.
-
-    Attributes
-    ----------
-    condition : FlightCondition
-    point : AirframeState or None
-    reason : str
-        Why there is no trim; empty where there is one. Outside the envelope: the range, and what
-        stands against steady flight there, if anything.
-    """
+    """One flight condition, and its trim or why it has none."""
 
     condition: FlightCondition
     point: AirframeState | None
+    # Why there is no trim; empty where there is one. Outside the envelope: the range, and what
+    # stands against steady flight there, if anything.
     reason: str
 
 
@@ -407,23 +377,10 @@ def trim_table(
 ) -> tuple[TrimRow, ...]:
     """Return the steady flights of an aircraft at every airspeed with every flight-path angle.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-        The aircraft.
-    V_a : sequence of float, m/s, optional
-        Airspeeds; by default `SPEEDS` over the envelope.
-    gamma : sequence of float, rad, optional
-        Flight-path angles; by default `CLIMBS`.
-    phi, h : float, rad and m
-        Bank and height of all of them.
-
-    Raises
-    ------
-    InputError
-        If an airspeed or angle is no number for a flight.
-    PlantError
-        If the aircraft cannot be built.
+    `V_a` (m/s): airspeeds; by default `SPEEDS` over the envelope. `gamma` (rad): flight-path
+    angles; by default `CLIMBS`. `phi`, `h` (rad and m): bank and height of all of them. Raises
+    InputError if an airspeed or angle is no number for a flight. Raises PlantError if the aircraft
+    cannot be built.
     """
     speeds = np.linspace(*config.envelope.V_a, SPEEDS).tolist() if V_a is None else V_a
     rows: list[TrimRow] = []

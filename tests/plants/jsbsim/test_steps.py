@@ -9,7 +9,7 @@ from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim import plant as jsbsim_plant
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import MOST_STEPS, JSBSimPlant, steps_for
+from flighttune.plants.jsbsim.plant import MAX_STEPS, JSBSimPlant, steps_for
 from flighttune.plants.jsbsim.trim import trim
 
 LAST_DIGIT = 0.01
@@ -86,7 +86,7 @@ def test_a_rate_without_whole_steps_is_one_line():
         steps_for(load_aircraft("aerosonde"), 7.3)
 
 
-@pytest.mark.parametrize("steps", [0, -1, MOST_STEPS + 1])
+@pytest.mark.parametrize("steps", [0, -1, MAX_STEPS + 1])
 def test_steps_must_be_few(steps):
     with pytest.raises(InputError, match=r"`steps` must lie in 1 to 20, got"):
         JSBSimPlant(steps=steps)
