@@ -16,7 +16,7 @@ from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
 
-SMALL = 8_000
+SMALL = 10_000
 """Characters of what a value shows of itself."""
 
 LEAST_RECORDING = 100_000

@@ -192,8 +192,14 @@ class LawSetup:
         Acceleration of gravity.
     scenario : mapping
         The scenario as it would be written in TOML.
-    anti_windup, tracking_time, schedule_speed, feed_forward
-        The table ``[controller]``, as `MimoPI` takes it.
+    anti_windup : "conditional", "back_calculation" or "none"
+        As of `MimoPI`, from the table ``[controller]``.
+    tracking_time : float or None, s
+        Of back-calculation.
+    schedule_speed : float or None, m/s
+        Airspeed for which gains were made that follow the airspeed; None without a schedule.
+    feed_forward : bool
+        Whether the load factor of steady flight on the reference is added.
     """
 
     dt: float

@@ -47,12 +47,26 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """A page that was written."""
+    """A page that was written.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    summary : tuple of str
+        Sentences at its top.
+    questions : tuple of Question
+        Questions that it answers, each with its verdict.
+    sections : tuple of str
+        Titles.
+    tables : tuple of Table
+        Tables below the questions.
+    """
 
     path: Path
-    summary: tuple[str, ...]  # sentences at its top
+    summary: tuple[str, ...]
     questions: tuple[Question, ...]
-    sections: tuple[str, ...]  # titles
+    sections: tuple[str, ...]
     tables: tuple[Table, ...]
 
 

@@ -290,13 +290,13 @@ def tube_problem(
 ) -> TubeProblem:
     """The flights of a scenario on one of its plants.
 
-    `plant`: label of a plant; by default the first aircraft with a conformance, else the first
-    plant that is none. `start` (rad): course and flight-path angle start within this of the
-    scenario's. `disturbance` (rad/s): the disturbance of each rate is within this of zero, in any
-    shape; by default within the amplitudes of the scenario's [disturbance], or zero. `conformance`: that
-    of an aircraft: its model flies, under every disturbance in its boxes. `law`: law that
-    flies the gains; by default the first of the scenario that takes them. Raises InputError if a
-    value cannot be used, or the tube does not know the law.
+    `plant` is a label; by default the first aircraft with a conformance, else the first plant that
+    is none. Course and flight-path angle start within `start` (rad) of the scenario's. The
+    disturbance of each rate is within `disturbance` (rad/s) of zero, in any shape; by default
+    within the amplitudes of the scenario's [disturbance], or zero. With the `conformance` of an
+    aircraft its model flies, under every disturbance in its boxes. The `law` is by default the
+    first of the scenario that takes the gains. Raises InputError if a value cannot be used, or the
+    tube does not know the law.
     """
     table = _chosen(scenario, plant, aircraft=conformance is not None)
     law = law or scenario.law_for(gains)

@@ -131,4 +131,5 @@ def test_the_exact_law_is_refused_by_name(tmp_path):
         *("export", "paper", "--gains", "exact:paper", "--format", "c", "--out", tmp_path), status=2
     )
 
-    assert "'exact:paper' of the law 'exact'" in said
+    assert "law paper" in said
+    assert "got the law 'exact'" in said

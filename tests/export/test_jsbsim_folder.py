@@ -110,7 +110,7 @@ def test_a_law_in_python_is_refused_by_name(tmp_path):
     law = {"name": "mine", "kind": "python", "module": __file__, "class": "Path"}
     tables = scenario.as_dict() | {"law": [law], "expect": []}
 
-    with pytest.raises(InputError, match="'mine:paper' of the law 'mine'"):
+    with pytest.raises(InputError, match="got the law 'mine'"):
         export_jsbsim(ft.scenario_from(tables), "mine:paper", gain_set(scenario, "paper"), tmp_path)
 
 
