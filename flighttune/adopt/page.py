@@ -56,7 +56,7 @@ def write_adoption(adoption: Adoption) -> Path:
     )
     runs: dict[str, Run] = dict(zip(names, adoption.turn.runs, strict=True))
     # in the colours of these gains elsewhere, where those tuned on the law are the second of three
-    pairs = [("", one) for one in ("paper", TUNED, TUNED_IDENTIFIED)]
+    pairs = [("", gains) for gains in ("paper", TUNED, TUNED_IDENTIFIED)]
     paper, _, identified = line_styles(pairs).values()
     styles: dict[str, LineStyle] = dict(zip(names, (identified, paper), strict=True))
     page = write_page(
@@ -173,12 +173,12 @@ def _inner_loop(adoption: Adoption) -> Section:
 
 def _check_charts(adoption: Adoption) -> Iterator[Chart]:
     assert adoption.identified is not None
-    one = adoption.identified.conditions[0]
-    t = np.arange(len(one.check.measured)) * DT
+    condition = adoption.identified.conditions[0]
+    t = np.arange(len(condition.check.measured)) * DT
     for i, (title, y, unit) in enumerate((("Roll", "φ [deg]", DEG), ("Load factor", "n_z", 1.0))):
         chart = Chart(title=title, y=y)
         styles = line_styles([("", "flown"), ("", "lag")]).values()
-        columns = one.check.measured[:, i], one.check_model[:, i]
+        columns = condition.check.measured[:, i], condition.check_model[:, i]
         for name, style, values in zip(("flown", "lag"), styles, columns, strict=True):
             chart.line(t, values / unit, style.colour, name=name)
         yield chart

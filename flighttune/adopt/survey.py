@@ -183,7 +183,7 @@ def _check_parts(config: AircraftConfig) -> int:
     parts = {tag: _part(root, tag, folders.parts) for tag in ("aerodynamics", "propulsion")}
     if any(element.find(".//gas_cell") is not None for element in (root, *parts.values())):
         raise Refusal("it is carried by buoyancy (gas cells), not by a wing")
-    axes = {one.get("name", "").upper() for one in parts["aerodynamics"].iter("axis")}
+    axes = {axis.get("name", "").upper() for axis in parts["aerodynamics"].iter("axis")}
     if not axes & {"LIFT", "NORMAL", "Z"}:
         has = ", ".join(sorted(axes)) or "none"
         raise Refusal(f"its aerodynamics have no lift or normal-force axis: {has}")
@@ -410,7 +410,7 @@ def _answers(
 def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
     what, sign = EFFECTS[name]
     surface = getattr(fdm.config.surfaces, name)
-    positions = [fdm.reader(one) for one in POSITIONS[name] if fdm.has(one)]
+    positions = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
 
     def at(command: float) -> tuple[float, list[float]]:
         effect = bench.accelerations(replace(level, **{name: command}))[what]
@@ -459,7 +459,7 @@ def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
 
 def _drift(fdm: Fdm, bench: Bench, level: AirframeState, moved: dict[str, _Moved]) -> str:
     """What a held stick does over time, in a sentence; empty where it does nothing."""
-    for name, one in moved.items():
+    for name, move in moved.items():
         what, _ = EFFECTS[name]
         command = 0.1 * (USUAL_TRAVEL if getattr(fdm.config.surfaces, name).replaces else 1.0)
         read = fdm.reader(f"accelerations/{what[0]}dot-rad_sec2")
@@ -467,13 +467,13 @@ def _drift(fdm: Fdm, bench: Bench, level: AirframeState, moved: dict[str, _Moved
         neutral = bench.accelerations(level)[what]
         bench.accelerations(replace(level, **{name: command}))
         fdm.hold(HELD[0])
-        held = read()
+        earlier = read()
         fdm.hold(HELD[1] - HELD[0])
         later = read()
-        effect = max(abs(at_once - neutral), 0.1 * abs(one.effect))
-        if abs(later - held) > DRIFT * effect:
+        effect = max(abs(at_once - neutral), 0.1 * abs(move.effect))
+        if abs(later - earlier) > DRIFT * effect:
             return f"its flight control drifts while the {name} command is held"
-        if abs(held - at_once) > 2.0 * DRIFT * effect:
+        if abs(earlier - at_once) > 2.0 * DRIFT * effect:
             return f"its flight control moves on after the {name} command"
     return ""
 
@@ -485,7 +485,9 @@ def _past_flight_control(tables: dict[str, Any], folder: Path) -> dict[str, dict
     for file in model_files(config):
         root = read_xml(file, str(file))
         parts = [root] if root.tag == "aerodynamics" else root.findall("aerodynamics")
-        read |= {(one.text or "").strip().lstrip("-") for part in parts for one in part.iter()}
+        read |= {
+            (element.text or "").strip().lstrip("-") for part in parts for element in part.iter()
+        }
     surfaces = {}
     for name in SURFACES:
         own = sorted(_of_surface(name, read))
@@ -497,4 +499,4 @@ def _past_flight_control(tables: dict[str, Any], folder: Path) -> dict[str, dict
 
 def _of_surface(name: str, read: set[str]) -> Iterator[str]:
     pattern = re.compile(rf"fcs/(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
-    return (one for one in read if pattern.fullmatch(one))
+    return (entry for entry in read if pattern.fullmatch(entry))

@@ -60,7 +60,7 @@ def search_bang_bang(
     cost = 1 + 2 * len(blocks) + 2 * len(targets) * len(pushed)
     while budget >= cost:
         budget -= cost
-        flown = errors([about, *(_other(about, *one) for one in product(blocks, (0, 1)))])
+        flown = errors([about, *(_other(about, *changed) for changed in product(blocks, (0, 1)))])
         if flown is None:
             return False
         slopes = _slopes(about, blocks, flown, targets, pushed)
@@ -68,12 +68,12 @@ def search_bang_bang(
             np.where(slope == 0.0, about, sign * np.sign(slope))
             for slope, sign in product(slopes, (1.0, -1.0))
         ]
-        found = values(tried)
-        if found is None:
+        reached = values(tried)
+        if reached is None:
             return False
-        if found.max() <= worst:
+        if reached.max() <= worst:
             break
-        about, worst = tried[int(found.argmax())], found.max()
+        about, worst = tried[int(reached.argmax())], reached.max()
     return True
 
 
@@ -100,9 +100,9 @@ def _slopes(
             slope[i, channel] = (errors - first)[targets] / changed
     rows = np.arange(len(about))
     centres = [block.mean() for block in blocks[1:]]
-    found = []
+    slopes = []
     for target, error in product(range(len(targets)), pushed):
         columns = [np.interp(rows, centres, slope[1:, i, target, error]) for i in (0, 1)]
-        found.append(np.stack(columns, axis=1))
-        found[-1][0] = slope[0, :, target, error]
-    return found
+        slopes.append(np.stack(columns, axis=1))
+        slopes[-1][0] = slope[0, :, target, error]
+    return slopes

@@ -160,9 +160,9 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     windows = learned.residuals.windows
     first, each = learned.runs, settings.flights
     attempts: list[Attempt] = []
-    known = _flown(pool, learned, Span(0, first), "learning")
-    while known is not None:
-        boxes, widened = fitted_boxes(windows, *known.completed, each)
+    training = _flown(pool, learned, Span(0, first), "learning")
+    while training is not None:
+        boxes, widened = fitted_boxes(windows, *training.completed, each)
         counted = _counted(pool, fresh, Span(first, first + each), boxes)
         if counted is None:
             break
@@ -172,12 +172,12 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         if not outside or len(attempts) == settings.attempts:
             return _conformance(fresh, settings, boxes, attempts)
         first = end
-        known = _Residuals.joined([known, counted])
+        training = _Residuals.joined([training, counted])
     return None
 
 
 def recount(
-    source: str, known: Conformance, settings: ConformSettings, pool: WorkerPool
+    source: str, conformance: Conformance, settings: ConformSettings, pool: WorkerPool
 ) -> Attempt | None:
     """Fly as many flights again as were counted, of the same distribution with another seed.
 
@@ -185,7 +185,7 @@ def recount(
     ----------
     source : str
         What the conformance was made of.
-    known : Conformance
+    conformance : Conformance
         Its claim, gains, air and windows replace those of the settings.
     settings : ConformSettings
         With a seed that is not that of the conformance, by default the next one.
@@ -201,37 +201,37 @@ def recount(
     InputError
         If the seed is that of the conformance, or the source is not what it was made of.
     """
-    seed = known.seed + 1 if settings.seed is None else settings.seed
-    if seed == known.seed:
+    seed = conformance.seed + 1 if settings.seed is None else settings.seed
+    if seed == conformance.seed:
         raise InputError(f"`seed` must not be that of the flights counted, got {seed}.")
     settings = replace(
         settings,
-        epsilon=known.epsilon,
-        confidence=known.confidence,
-        attempts=known.planned,
-        gains=known.gains_name,
-        air=known.air,
-        over=known.boxes.windows.over,
-        window=known.boxes.windows.length,
-        seed=known.seed,
+        epsilon=conformance.epsilon,
+        confidence=conformance.confidence,
+        attempts=conformance.planned,
+        gains=conformance.gains_name,
+        air=conformance.air,
+        over=conformance.boxes.windows.over,
+        window=conformance.boxes.windows.length,
+        seed=conformance.seed,
     )
     _, counted = _plans(source, settings)
     # Tuning gives other last digits on another machine, and the hash would be another one.
     counted = counted.with_tuned_gains_of(
-        replace(counted, gain_sets={known.gains_name: known.gains})
+        replace(counted, gain_sets={conformance.gains_name: conformance.gains})
     )
-    if counted.sha256 != known.sha256["campaign"]:
+    if counted.sha256 != conformance.sha256["campaign"]:
         raise InputError(
             f"{source}: must be what the conformance was made of, with its aircraft and the same "
             "--start-deg and --plant, got another hash."
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
-    learned, last = known.attempts[-1].learned, known.attempts[-1].counted
+    learned, last = conformance.attempts[-1].learned, conformance.attempts[-1].counted
     flown = _flown(pool, again, Span(*last), "counting again")
     if flown is None:
         return None
-    outside = int(np.sum(~known.boxes.hold(flown.low, flown.high)))
-    return Attempt(learned, last, outside, known.attempts[-1].widened)
+    outside = int(np.sum(~conformance.boxes.hold(flown.low, flown.high)))
+    return Attempt(learned, last, outside, conformance.attempts[-1].widened)
 
 
 def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan]:
@@ -241,7 +241,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan]:
     campaign = in_air(plan.campaign, settings.air or air_of(plan.campaign.central))
     if settings.seed is not None:
         campaign = campaign.model_copy(update={"seed": settings.seed})
-    drawn = [one for one in at_random(campaign).disperse if not _is_degenerate(one)]
+    drawn = [table for table in at_random(campaign).disperse if not _is_degenerate(table)]
     if not (drawn or campaign.nominal.turbulence or campaign.nominal.sensors):
         raise InputError(
             f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
@@ -271,7 +271,7 @@ def _is_degenerate(table: Dispersion) -> bool:
     if not isinstance(table, Choice):
         return False
     weights = table.weights or [1.0] * len(table.values)
-    return len({value for value, one in zip(table.values, weights, strict=True) if one}) < 2
+    return len({value for value, weight in zip(table.values, weights, strict=True) if weight}) < 2
 
 
 def _counted(pool: WorkerPool, plan: Plan, span: Span, boxes: RateBoxes) -> "_Residuals | None":
@@ -327,16 +327,16 @@ class _Residuals:
     @property
     def completed(self) -> tuple[FloatArray, FloatArray]:
         """Of the flights that were flown to their end."""
-        known = ~np.isnan(self.low).any(axis=(1, 2))
-        if not known.any():
+        completed = ~np.isnan(self.low).any(axis=(1, 2))
+        if not completed.any():
             raise InputError("`flights` must be flown to their end to be learned from, none was.")
-        return self.low[known], self.high[known]
+        return self.low[completed], self.high[completed]
 
     @classmethod
     def joined(cls, parts: "Sequence[_Residuals]") -> "_Residuals":
         """The flights of all parts."""
         return cls(
-            *(np.concatenate([getattr(one, end) for one in parts]) for end in ("low", "high"))
+            *(np.concatenate([getattr(part, end) for part in parts]) for end in ("low", "high"))
         )
 
 
@@ -344,16 +344,16 @@ def _flown(pool: WorkerPool, plan: Plan, span: Span, doing: str) -> _Residuals |
     """The residual rates of the runs of a span; None where it was stopped."""
     assert plan.residuals is not None
     shape = (span.runs, plan.residuals.windows.count, len(COUNTED))
-    found = _Residuals(np.full(shape, np.nan), np.full(shape, np.nan))
+    residuals = _Residuals(np.full(shape, np.nan), np.full(shape, np.nan))
 
     def keep(rows: pa.Table) -> None:
         runs = rows.column("run").to_pylist()
-        for name, into in (("residual_low", found.low), ("residual_high", found.high)):
+        for name, into in (("residual_low", residuals.low), ("residual_high", residuals.high)):
             for run, values in zip(runs, rows.column(name).to_pylist(), strict=True):
                 if values is not None:
                     into[run - span.first] = np.reshape(values, shape[1:])
 
-    return found if pool.fly_rows(plan, [span], keep, doing=doing) else None
+    return residuals if pool.fly_rows(plan, [span], keep, doing=doing) else None
 
 
 def _planned(source: str, settings: ConformSettings) -> Plan:
@@ -412,11 +412,11 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
     """
     keys = [key.split(".")[0] for key in campaign.keys]
     tables, central = campaign.nominal.as_dict(), air_of(campaign.central)
-    known = {CALM, central, *((STEADY_WIND,) if campaign.central.wind else ())}
+    airs = {CALM, central, *((STEADY_WIND,) if campaign.central.wind else ())}
     if campaign.central.turbulence is not None and campaign.central.turbulence.intensity:
-        known |= set(INTENSITIES)
-    if air not in known:
-        raise InputError(f"`air` must be one of {', '.join(sorted(known))}, got {air!r}.")
+        airs |= set(INTENSITIES)
+    if air not in airs:
+        raise InputError(f"`air` must be one of {', '.join(sorted(airs))}, got {air!r}.")
     dropped: tuple[str, ...] = ()
     if air == CALM:
         dropped = AIR
@@ -433,7 +433,9 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
             **campaign.central.model_dump(mode="json", exclude_none=True)["turbulence"],
             "intensity": air,
         }
-    disperse = [one for one, key in zip(campaign.disperse, keys, strict=True) if key not in dropped]
+    disperse = [
+        table for table, key in zip(campaign.disperse, keys, strict=True) if key not in dropped
+    ]
     return _rebuilt(campaign, disperse, scenario_from(tables), campaign.design)
 
 
@@ -446,8 +448,10 @@ def at_random(campaign: Campaign) -> Campaign:
         Of any design; the points of a grid become values that are all equally likely.
     """
     disperse = [
-        Choice(key=one.key, acts=one.acts, values=one.levels) if isinstance(one, Grid) else one
-        for one in campaign.disperse
+        Choice(key=table.key, acts=table.acts, values=table.levels)
+        if isinstance(table, Grid)
+        else table
+        for table in campaign.disperse
     ]
     if campaign.design == "random" and disperse == campaign.disperse:
         return campaign
@@ -457,13 +461,15 @@ def at_random(campaign: Campaign) -> Campaign:
 def _rebuilt(
     campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario, design: Design
 ) -> Campaign:
-    gridded = any(isinstance(one, Grid) for one in disperse)
-    keys = {one.key for one in disperse}
+    gridded = any(isinstance(table, Grid) for table in disperse)
+    keys = {table.key for table in disperse}
     tables = {
         **{name: getattr(campaign, name) for name in CampaignTable.model_fields},
         "design": "random" if design == "grid" and not gridded else design,
         "disperse": disperse,
-        "correlation": [one for one in campaign.correlation if keys >= set(one.keys)],
+        "correlation": [
+            correlation for correlation in campaign.correlation if keys >= set(correlation.keys)
+        ],
     }
     return campaign_on(CampaignTable.model_construct(**tables), nominal, campaign.title)
 

@@ -116,13 +116,13 @@ class Dataset:
         RecordingError
             If two files hold the same run.
         """
-        found = self._matches(RUNS, _PART)
-        parts = sorted(Part(Span(int(one[1]), int(one[2])), one[3]) for one in found)
-        for one, other in pairwise(parts):
-            if other.span.first < one.span.end:
+        names = self._matches(RUNS, _PART)
+        parts = sorted(Part(Span(int(name[1]), int(name[2])), name[3]) for name in names)
+        for part, other in pairwise(parts):
+            if other.span.first < part.span.end:
                 raise RecordingError(
                     f"{self.folder / RUNS}: a run must be in one file, got run {other.span.first} "
-                    f"in {one.name} and {other.name}."
+                    f"in {part.name} and {other.name}."
                 )
         return tuple(parts)
 
@@ -134,7 +134,7 @@ class Dataset:
     @property
     def kept(self) -> tuple[int, ...]:
         """The runs whose signals are there, in order."""
-        return tuple(sorted(int(one[1]) for one in self._matches(SIGNALS, _SIGNALS)))
+        return tuple(sorted(int(name[1]) for name in self._matches(SIGNALS, _SIGNALS)))
 
     def write_plan(self) -> None:
         """Write ``campaign.json``; this and the other methods that write raise OutputError."""
@@ -213,8 +213,8 @@ class Dataset:
     def _matches(self, folder: str, name: re.Pattern[str]) -> Iterator[re.Match[str]]:
         with suppress(FileNotFoundError):
             for path in (self.folder / folder).iterdir():
-                if found := name.fullmatch(path.name):
-                    yield found
+                if match := name.fullmatch(path.name):
+                    yield match
 
     def _write(self, name: str, data: bytes) -> None:
         """Write a file completely or not at all: it gets its name when it is finished."""
@@ -260,12 +260,12 @@ def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
     run = rows.column("run").to_numpy()[flew]
     success = rows.column("success").fill_null(False).to_numpy()[flew]
     measure = rows.column(keep.worst_by).to_numpy()[flew]
-    known = np.flatnonzero(~np.isnan(measure))
-    worst = known[np.argsort(-measure[known], kind="stable")]
+    measured = np.flatnonzero(~np.isnan(measure))
+    worst = measured[np.argsort(-measure[measured], kind="stable")]
     random = np.random.default_rng(np.random.SeedSequence((campaign.seed, len(run))))
     sample = random.choice(run, min(keep.sample, len(run)), replace=False)
     chosen = {*run[~success][: keep.failures], *run[worst][: keep.worst], *sample}
-    return tuple(sorted(int(one) for one in chosen))
+    return tuple(sorted(int(run) for run in chosen))
 
 
 def parquet_bytes(rows: pa.Table) -> bytes:

@@ -48,7 +48,7 @@ def planned(
     """
     if _is_scenario(source):
         scenario = load_scenario(source)
-        labels = [one.label for one in scenario.plant if kind in (None, one.kind)]
+        labels = [table.label for table in scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(labels), None)
         plan = plan_campaign(_about(scenario, Path(source).stem, chosen, start_deg, disturbance))
         return plan.with_runs(draws * len(plan.groups))
@@ -75,7 +75,11 @@ def _about(
     tables = scenario.as_dict()
     if plant in labels:  # another may not stand the disturbance; callers refuse one that is unknown
         tables["plant"] = [tables["plant"][labels.index(plant)]]
-        tables["expect"] = [one for one in tables["expect"] if goes_by(plant, one.get("plant"))]
+        tables["expect"] = [
+            requirement
+            for requirement in tables["expect"]
+            if goes_by(plant, requirement.get("plant"))
+        ]
     ranges: dict[str, tuple[float, float, str]] = {}
     if start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):

@@ -237,10 +237,10 @@ def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstF
     if settings.disturbance and not search.fly_bang_bang():
         return None
     left = settings.budget - search.flights
-    found = search_worst(search.values, search.dimension, budget=left, seed=settings.seed)
-    if found is None:
+    worst = search_worst(search.values, search.dimension, budget=left, seed=settings.seed)
+    if worst is None:
         return None
-    z, _, first = found
+    z, _, first = worst
     plan, row = search.plan_of_worst, search.worst
     value = math.inf if row["value"] >= FAILED else row["value"]
     switched = plan.keys != search.keys
@@ -285,14 +285,14 @@ def rare_miss(
         As `find_worst`.
     """
     search = _Search(source, settings, pool)
-    found = subset_simulation(
+    estimate = subset_simulation(
         search.values,
         search.dimension,
         threshold=threshold,
         budget=settings.budget,
         seed=settings.seed,
     )
-    return found and replace(found, metric=search.metric)
+    return None if estimate is None else replace(estimate, metric=search.metric)
 
 
 def region_radius(dimension: int) -> float:
@@ -333,11 +333,11 @@ def search_worst(
 
     z = inside(rng.standard_normal((POPULATION, dimension)))
     seeds = rng.integers(0, 2**31, POPULATION)
-    found = values(Draws(z, seeds))
-    if found is None:
+    objective = values(Draws(z, seeds))
+    if objective is None:
         return None
-    at = int(np.argmax(found))
-    best, chance, worst, spent = z[at], int(seeds[at]), float(found[at]), POPULATION
+    at = int(np.argmax(objective))
+    best, chance, worst, spent = z[at], int(seeds[at]), float(objective[at]), POPULATION
     first, strategy, generation = worst, None, 0
     while spent + POPULATION <= budget:
         generation += 1
@@ -350,17 +350,17 @@ def search_worst(
                 strategy = cma.CMAEvolutionStrategy(best, SPREAD, settings)
             asked = np.array(strategy.ask())
             z, seeds = inside(asked), np.full(POPULATION, chance)
-        found = values(Draws(z, seeds))
-        if found is None:
+        objective = values(Draws(z, seeds))
+        if objective is None:
             return None
         spent += POPULATION
         if generation % SEEDS_EVERY and strategy is not None:
             # What lies outside is worth as much as its point on the surface, and less the further.
             over = np.linalg.norm(asked - z, axis=1)
-            strategy.tell(list(asked), (-found + (1e-3 + np.std(found)) * over**2).tolist())
-        at = int(np.argmax(found))
-        if found[at] > worst:
-            best, worst = z[at], float(found[at])
+            strategy.tell(list(asked), (-objective + (1e-3 + np.std(objective)) * over**2).tolist())
+        at = int(np.argmax(objective))
+        if objective[at] > worst:
+            best, worst = z[at], float(objective[at])
             if seeds[at] != chance:
                 chance, strategy = int(seeds[at]), None
     return best, chance, first
@@ -400,13 +400,13 @@ def subset_simulation(
     length = size // heads
     size = heads * length
     z, seeds = rng.standard_normal((size, dimension)), rng.integers(0, 2**31, size)
-    found = values(Draws(z, seeds))
+    objective = values(Draws(z, seeds))
     spent, probability, squares, levels = size, 1.0, 0.0, []
     chains = np.arange(size)[:, None]  # each flight its own at first
-    while found is not None:
-        order = np.argsort(-found)
-        begins = min(float(found[order[heads - 1]]), threshold)
-        reached = found >= begins
+    while objective is not None:
+        order = np.argsort(-objective)
+        begins = min(float(objective[order[heads - 1]]), threshold)
+        reached = objective >= begins
         share = float(reached.mean())
         levels.append(begins)
         probability *= share
@@ -415,7 +415,7 @@ def subset_simulation(
             return _rare(probability, math.sqrt(squares), threshold, levels, spent)
         if spent + size - heads > budget:
             return _rare(0.0, math.sqrt(squares), threshold, levels, spent, ceiling=probability)
-        z_now, seeds_now, now = z[order[:heads]], seeds[order[:heads]], found[order[:heads]]
+        z_now, seeds_now, now = z[order[:heads]], seeds[order[:heads]], objective[order[:heads]]
         steps = [(z_now, seeds_now, now)]
         for _ in range(length - 1):
             moved = math.sqrt(1.0 - STRIDE**2) * z_now
@@ -429,7 +429,7 @@ def subset_simulation(
             z_now = np.where(stays[:, None], z_now, moved)
             seeds_now, now = np.where(stays, seeds_now, other), np.where(stays, now, there)
             steps.append((z_now, seeds_now, now))
-        z, seeds, found = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+        z, seeds, objective = (np.concatenate(parts) for parts in zip(*steps, strict=True))
         chains = np.arange(size).reshape(length, heads).T
     return None
 
@@ -514,11 +514,11 @@ class _Search:
             table.key: table.at(u[:, i]).tolist() for i, table in enumerate(campaign.disperse)
         }
         columns[SEED] = draws.seeds.tolist()
-        given = tuple(
+        values_of_draws = tuple(
             dict(zip(columns, values, strict=True))
             for values in zip(*columns.values(), strict=True)
         )
-        return replace(self._plan, given=given, runs=len(given))
+        return replace(self._plan, given=values_of_draws, runs=len(values_of_draws))
 
     def values(self, draws: Draws) -> FloatArray | None:
         """Fly draws; None where the observer stopped it."""
@@ -550,53 +550,53 @@ class _Search:
         tables = self._plan.scenario.as_dict()
         tables.pop("disturbance")
         nominal = scenario_from(tables)
-        given = []
+        draws = []
         for signs in flights:
             drawn: dict[str, Any] = {
                 table.key: self._settings.start_deg * float(sign)
                 for table, sign in zip(starts, signs[0], strict=False)
             }
-            for channel, held in zip(("chi", "gamma"), signs[1:].T, strict=True):
-                switches = (np.flatnonzero(np.diff(held)) + 1) / rate
+            for channel, channel_signs in zip(("chi", "gamma"), signs[1:].T, strict=True):
+                switches = (np.flatnonzero(np.diff(channel_signs)) + 1) / rate
                 drawn[f"disturbance.{channel}_amplitude"] = self._settings.disturbance * float(
-                    held[0]
+                    channel_signs[0]
                 )
                 drawn[f"disturbance.{channel}_switch_s"] = switches.tolist()
-            given.append({**drawn, SEED: nominal.seed})
+            draws.append({**drawn, SEED: nominal.seed})
         changed = {"nominal": nominal, "central": nominal, "disperse": starts}
         campaign = campaign.model_copy(update=changed)
-        return replace(self._plan, campaign=campaign, given=tuple(given), runs=len(given))
+        return replace(self._plan, campaign=campaign, given=tuple(draws), runs=len(draws))
 
     def _errors(self, flights: Sequence[FloatArray]) -> list[FloatArray | None] | None:
         """Errors of flights, None of one that ends early; None where the observer stopped it."""
         plan = self._switched(flights)
-        found: list[FloatArray | None] = [None] * plan.runs
+        errors: list[FloatArray | None] = [None] * plan.runs
 
         def keep(run: int, recording: bytes) -> None:
             table = pq.read_table(pa.BufferReader(recording), columns=list(ERRORS))
             if len(table) == len(flights[run]):  # a sample more than there are intervals
-                found[run] = np.column_stack([column.to_numpy() for column in table.columns])
+                errors[run] = np.column_stack([column.to_numpy() for column in table.columns])
 
         if not self._pool.fly_signals(
             plan, range(plan.runs), keep, tally=Tally(), doing="searching"
         ):
             return None
         self.flights += plan.runs
-        return found
+        return errors
 
     def _fly(self, plan: Plan, channel: int | None = None) -> FloatArray | None:
         """Fly a plan; None where the observer stopped it.
 
         The values are those of the metric, or how far a `channel` reaches in the tube.
         """
-        found = np.full(plan.runs, FAILED)
+        values = np.full(plan.runs, FAILED)
 
         def keep(rows: pa.Table) -> None:
             for row in rows.to_pylist():
                 value = value_of(row, self.metric, self._plan.scenario)
                 value = self._failed if value >= FAILED else value
                 reach = row.get(TUBE_REACH)
-                found[row["run"]] = value if channel is None or not reach else reach[channel]
+                values[row["run"]] = value if channel is None or not reach else reach[channel]
                 if reach:
                     self.reach = np.maximum(self.reach, reach)
                 if value > self.worst["value"]:
@@ -605,7 +605,7 @@ class _Search:
         if not self._pool.fly_rows(plan, [Span(0, plan.runs)], keep, doing="searching"):
             return None
         self.flights += plan.runs
-        return found
+        return values
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
@@ -623,8 +623,8 @@ def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
     if row["status"] != "completed":
         return FAILED
     if metric != MARGIN:
-        found = row[TUBE_SHARE if metric == TUBE else metric]
-        return FAILED if found is None else float(found)
+        value = row[TUBE_SHARE if metric == TUBE else metric]
+        return FAILED if value is None else float(value)
     beyond = [
         sense * (_in_unit_of(name, row[f"{subject}.{in_rad(name)}"]) - bound) / (abs(bound) or 1.0)
         for table in scenario.expect

@@ -48,9 +48,9 @@ class Claim:
 
     def __post_init__(self) -> None:
         check_positive(rate=self.rate, radius=self.radius, L_d=self.L_d, g=self.g)
-        for one, other in (("radius", "L_d"), ("envelope", "g")):
-            if (getattr(self, one) is None) != (getattr(self, other) is None):
-                raise InputError(f"`{one}` and `{other}` must be given together.")
+        for name, other in (("radius", "L_d"), ("envelope", "g")):
+            if (getattr(self, name) is None) != (getattr(self, other) is None):
+                raise InputError(f"`{name}` and `{other}` must be given together.")
         if not all(V_a > 0.0 and math.isfinite(V_a + gamma) for V_a, gamma in self.conditions):
             raise InputError("`conditions` must be positive airspeeds and finite angles.")
         if self.conditions and self.envelope is not None:
@@ -114,8 +114,8 @@ class Certificate:
             if getattr(self, name) is not None:
                 matrix = read_only_matrix(name, getattr(self, name), (n + p, n + p))
                 object.__setattr__(self, name, matrix)
-        given = [self.claim.radius is None, self.W is None, self.multiplier is None]
-        if len(set(given)) > 1:
+        absent = [self.claim.radius is None, self.W is None, self.multiplier is None]
+        if len(set(absent)) > 1:
             raise InputError("`radius`, `W` and `multiplier` must be given together.")
         if self.multiplier is not None and not math.isfinite(self.multiplier):
             raise InputError(f"`multiplier` must be finite, got {self.multiplier}.")
@@ -126,8 +126,8 @@ class Certificate:
                 f"`models` must be one a condition, got {len(self.models)} models and "
                 f"{len(self.claim.conditions)} conditions."
             )
-        for one in self.models:
-            if one.names != self.model.names:
+        for model in self.models:
+            if model.names != self.model.names:
                 raise InputError("`models` must have the states, inputs and errors of `model`.")
         # A plain dict: a read-only view cannot be pickled, and certificates come back from a copy.
         object.__setattr__(self, "made_with", dict(self.made_with))
@@ -138,11 +138,11 @@ class Certificate:
             raise InputError(
                 f"`states` must be at most {MOST_STATES}, got {len(self.model.states)}."
             )
-        for name, given, law in zip(KINDS, self.model.names, LAW_NAMES, strict=True):
-            if self.claim.envelope is not None and given != law:
+        for name, names, law in zip(KINDS, self.model.names, LAW_NAMES, strict=True):
+            if self.claim.envelope is not None and names != law:
                 raise InputError(
                     f"`{name}` must be {', '.join(law)} with an `envelope`, the names of the law, "
-                    f"got {', '.join(given)}."
+                    f"got {', '.join(names)}."
                 )
 
     def _repr_html_(self) -> str:

@@ -195,7 +195,7 @@ def certificate_tables(certificate: Certificate) -> Tables:
             {"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in claim.conditions
         ]
         tables["claim"]["holds"] = claim.place
-        tables["models"] = [_matrices(one) for one in certificate.models]
+        tables["models"] = [_matrices(model) for model in certificate.models]
     return tables
 
 
@@ -211,9 +211,9 @@ def certificate_from(tables: Any) -> Certificate:
     InputError
         If a key is missing, unknown or impossible; the message names it.
     """
-    found = tables.get("format") if isinstance(tables, dict) else None
-    if found != FORMAT:
-        raise InputError(f"`format` must be {FORMAT!r}, got {abridged(found)}.")
+    stated = tables.get("format") if isinstance(tables, dict) else None
+    if stated != FORMAT:
+        raise InputError(f"`format` must be {FORMAT!r}, got {abridged(stated)}.")
     try:
         file = _File.model_validate(tables)
     except ValidationError as error:
@@ -235,7 +235,7 @@ def certificate_from(tables: Any) -> Certificate:
             W=None if evidence.W is None else np.array(evidence.W),
             multiplier=evidence.multiplier_per_s,
             hull=None if evidence.polytope is None else _hull(evidence.polytope),
-            models=tuple(_linear_model(one, file.model) for one in file.models or ()),
+            models=tuple(_linear_model(model, file.model) for model in file.models or ()),
             made_with=file.made_with,
             scenario_sha256=file.scenario_sha256,
         )
@@ -262,7 +262,9 @@ def _claim(table: _Claim) -> Claim:
             n_z=envelope.n_z,
         ),
         g=None if envelope is None else envelope.g_mps2,
-        conditions=tuple((one.V_a_mps, one.gamma_rad) for one in table.conditions or ()),
+        conditions=tuple(
+            (condition.V_a_mps, condition.gamma_rad) for condition in table.conditions or ()
+        ),
     )
     place = claim.place if claim.conditions else None
     if table.holds != place:

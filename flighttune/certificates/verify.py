@@ -40,8 +40,8 @@ def vertex_matrices(
     K_P, K_I = exact(gains.K_P), exact(gains.K_I)
     if hull is None:
         distinct: list[Rationals] = []
-        for one in (model, *models):
-            loop = _closed_loop(exact(one.A), exact(one.B), exact(one.C), K_P, K_I)
+        for linear in (model, *models):
+            loop = _closed_loop(exact(linear.A), exact(linear.B), exact(linear.C), K_P, K_I)
             if not any(np.array_equal(loop, other) for other in distinct):
                 distinct.append(loop)
         return tuple(distinct)

@@ -140,10 +140,10 @@ def design_aircraft(config: AircraftConfig) -> DesignedAircraft:
     design = config.design
     if design is None:
         raise InputError(f"{config.file}: `design` must be given: what to make the gains for.")
-    found = airframe(Fdm(config), FlightCondition(V_a=design.V_a, h=design.h))
+    trimmed = airframe(Fdm(config), FlightCondition(V_a=design.V_a, h=design.h))
     gains = {
         name: float(f"{value:.{DIGITS}g}") if abs(value) > NO_GAIN else 0.0
-        for name, value in inner_loop_gains(found, design).items()
+        for name, value in inner_loop_gains(trimmed, design).items()
     }
     previous = dict(config.gains.gains) if config.gains else {}
     designed = config.with_gains(
@@ -228,8 +228,8 @@ def _pitch(airframe: Airframe, bandwidth: float) -> dict[str, float]:
         return np.append(np.clip(response - goal, -10.0, 10.0), 0.02 * log_gains)
 
     highest = [math.log(LARGEST_DAMPER * ACTUATOR / bandwidth), 2.0, 2.0]
-    found = least_squares(error, np.minimum(0.0, np.array(highest) - 0.1), bounds=(-4.0, highest))
-    k_q, k_p, k_i = (scale * np.exp(found.x)).tolist()
+    fitted = least_squares(error, np.minimum(0.0, np.array(highest) - 0.1), bounds=(-4.0, highest))
+    k_q, k_p, k_i = (scale * np.exp(fitted.x)).tolist()
     return {
         "pitch/model-rad_sec": model,
         "pitch/k_p": k_p,

@@ -104,13 +104,13 @@ def frequency_responses(response: Response) -> tuple[FrequencyResponse, Frequenc
     measured = np.fft.rfft(response.measured[-SAMPLES:], axis=0)
     omegas = [line.astype(np.float64) * (2.0 * math.pi / PERIOD) for line in lines]
     own = [measured[lines[i], i] / commanded[lines[i], i] for i in range(2)]
-    found = []
+    responses = []
     for i, j in ((0, 1), (1, 0)):
         expected = _interpolated(omegas[i], omegas[j], own[j]) * commanded[lines[i], j]
         other = (measured[lines[i], j] - expected) / commanded[lines[i], i]
         hold = np.sinc(omegas[i] * DT / (2.0 * math.pi)) * np.exp(-0.5j * omegas[i] * DT)
-        found.append(FrequencyResponse(omega=omegas[i], own=own[i] / hold, other=other / hold))
-    return found[0], found[1]
+        responses.append(FrequencyResponse(omega=omegas[i], own=own[i] / hold, other=other / hold))
+    return responses[0], responses[1]
 
 
 def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
@@ -132,7 +132,7 @@ def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
     time, are independent of each other.
     """
     fitted = [_fitted(response, order) for order in get_args(Order)]
-    return tuple(sorted(fitted, key=lambda one: one.bic))
+    return tuple(sorted(fitted, key=lambda candidate: candidate.bic))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

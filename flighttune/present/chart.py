@@ -171,7 +171,7 @@ class Chart:
             As of `line`.
         opacity : float
         """
-        xs, lows, highs = (np.asarray(one, dtype=float) for one in (x, low, high))
+        xs, lows, highs = (np.asarray(values, dtype=float) for values in (x, low, high))
         either = np.isnan(lows) | np.isnan(highs)
         lows, highs = np.where(either, np.nan, lows), np.where(either, np.nan, highs)
         kept = peaks(np.column_stack([lows, highs]), most=MOST_DRAWN)
@@ -181,11 +181,11 @@ class Chart:
         def drawn(a: "_Axes") -> str:
             outlines = (
                 _path(
-                    a.sx(np.concatenate([xs[one], xs[one][::-1]])),
-                    a.sy(np.concatenate([lows[one], highs[one][::-1]])),
+                    a.sx(np.concatenate([xs[stretch], xs[stretch][::-1]])),
+                    a.sy(np.concatenate([lows[stretch], highs[stretch][::-1]])),
                 )
                 + "Z"
-                for one in _stretches(xs, lows)
+                for stretch in _stretches(xs, lows)
             )
             fill = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="{opacity}"'
             return f'<path d="{"".join(outlines)}"{fill}{_owner(run)}/>'
@@ -243,7 +243,7 @@ class Chart:
         tips : sequence of str, length n
             What is shown where the pointer rests on a point.
         """
-        xs, ys = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (x, y))
+        xs, ys = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
         self._seen.append((xs, ys))
         full = [filled] * len(xs) if isinstance(filled, bool) else filled
 
@@ -352,7 +352,7 @@ class Chart:
                     (side, y + up) for up in (-24, 12, -40, 28, -56, 44) for side in (right, left)
                 ]
                 boxes = [(u, v, u + wide, v + 12.0) for u, v in places]
-                box = next((one for one in boxes if _free(one, taken, a)), boxes[0])
+                box = next((place for place in boxes if _free(place, taken, a)), boxes[0])
                 taken.append(box)
                 if boxes.index(box) > 3:
                     near = box[0] if box[0] > x else box[2]
@@ -379,7 +379,7 @@ class Chart:
         """The chart as an ``<svg>`` element for a page that has `style`."""
         a = self._axes()
         box = f'viewBox="0 0 {WIDTH:g} {self.height:g}"'
-        ends = " ".join(f"{one:.6g}" for one in (*a.x, *a.y))
+        ends = " ".join(f"{end:.6g}" for end in (*a.x, *a.y))
         data = f' data-axes="{ends} {a.width:g} {a.height:g}" data-log="{self.log}"'
         link = ' data-linked=""' if self.linked else ""
         names = f'data-x="{escape(self.x)}" data-y="{escape(self.y)}"'
@@ -427,8 +427,8 @@ class Chart:
 
     def _axes(self) -> "_Axes":
         width, height = WIDTH - LEFT - RIGHT, self.height - TOP - BOTTOM
-        x = self.x_range or _ends([one for one, _ in self._seen], self.x_room, "x" in self.log)
-        y = self.y_range or _ends([one for _, one in self._seen], ROOM, "y" in self.log)
+        x = self.x_range or _ends([xs for xs, _ in self._seen], self.x_room, "x" in self.log)
+        y = self.y_range or _ends([ys for _, ys in self._seen], ROOM, "y" in self.log)
         if self.equal:
             scale = max((x[1] - x[0]) / width, (y[1] - y[0]) / height)
             x, y = _around(x, 1.04 * scale * width), _around(y, 1.04 * scale * height)
@@ -480,13 +480,14 @@ class Sheet:
             top += LEGEND_ROW * len(_legend_rows(self.legend, width)) + 10.0
         for i in range(0, len(self.charts), self.columns):
             row = self.charts[i : i + self.columns]
-            above = max(_head_height(one) for one in row)
-            for column, one in enumerate(row):
+            above = max(_head_height(chart) for chart in row)
+            for column, chart in enumerate(row):
                 left = column * WIDTH
-                parts.append(f'<g transform="translate({left:g} {top:.1f})">{_head(one)}</g>')
-                at = f'x="{left:g}" y="{top + above:.1f}" width="{WIDTH:g}" height="{one.height:g}"'
-                parts.append(one.svg().replace("<svg ", f"<svg {at} ", 1))
-            top += above + max(one.height for one in row) + 8.0
+                parts.append(f'<g transform="translate({left:g} {top:.1f})">{_head(chart)}</g>')
+                at = f'x="{left:g}" y="{top + above:.1f}"'
+                size = f'width="{WIDTH:g}" height="{chart.height:g}"'
+                parts.append(chart.svg().replace("<svg ", f"<svg {at} {size} ", 1))
+            top += above + max(chart.height for chart in row) + 8.0
         title = f'<text class="title" x="8" y="17">{marked_up(self.title)}</text>'
         # its colours are its own: a notebook puts it into a page with other ones
         own = style().replace(":root", "svg.sheet")
@@ -542,12 +543,15 @@ def ticks(ends: Range, wanted: float, log: bool = False) -> list[tuple[float, st
     """
     low, high = sorted(ends)
     if log:
-        found = _log_ticks(low, high, wanted)
-        if len(found) > 1:
-            return found
+        ticks = _log_ticks(low, high, wanted)
+        if len(ticks) > 1:
+            return ticks
     raw = (high - low) / max(2.0, wanted)
     power = 10.0 ** math.floor(math.log10(raw))
-    step = min((m * power for m in (1.0, 2.0, 5.0, 10.0)), key=lambda one: abs(math.log(one / raw)))
+    step = min(
+        (m * power for m in (1.0, 2.0, 5.0, 10.0)),
+        key=lambda candidate: abs(math.log(candidate / raw)),
+    )
     if math.floor(high / step) - math.ceil(low / step) < 1:
         step /= 2.0 if step / power in (1.0, 2.0, 10.0) else 5.0 / 2.0
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -612,7 +616,7 @@ def _part(value: npt.ArrayLike, ends: Range, log: bool) -> FloatArray:
 
 def _ends(values: Sequence[FloatArray], room: float, log: bool) -> Range:
     """Ends of an axis around all values, with some room."""
-    flat = np.concatenate([np.ravel(one) for one in values]) if values else np.zeros(0)
+    flat = np.concatenate([np.ravel(value) for value in values]) if values else np.zeros(0)
     flat = flat[np.isfinite(flat) & ((flat > 0.0) | (not log))]
     if not len(flat):
         return (0.1, 1.0) if log else (0.0, 1.0)
@@ -632,16 +636,16 @@ def _around(ends: Range, size: float) -> Range:
 
 def _stretches(x: FloatArray, y: FloatArray) -> Iterator[slice]:
     """Stretches without NaN."""
-    known = np.isfinite(x) & np.isfinite(y)
-    edges = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0)).tolist()
+    finite = np.isfinite(x) & np.isfinite(y)
+    edges = np.flatnonzero(np.diff(finite.astype(int), prepend=0, append=0)).tolist()
     for start, end in zip(edges[::2], edges[1::2], strict=True):
         yield slice(start, end)
 
 
 def _path(x: FloatArray, y: FloatArray) -> str:
     parts = []
-    for one in _stretches(x, y):
-        points = np.column_stack([x[one], y[one]])
+    for stretch in _stretches(x, y):
+        points = np.column_stack([x[stretch], y[stretch]])
         # One format of all points takes two thirds of the time of one each.
         parts.append("M" + " ".join(["%.1f,%.1f"] * len(points)) % tuple(points.ravel().tolist()))
     return "".join(parts)
@@ -704,12 +708,12 @@ def _legend_rows(legend: Sequence[LegendEntry], width: float) -> list[list[Legen
     """The names in rows that fit a width."""
     rows: list[list[LegendEntry]] = []
     used = width
-    for one in legend:
-        needed = NEXT_SIGN + LETTER * len(one[0])
+    for entry in legend:
+        needed = NEXT_SIGN + LETTER * len(entry[0])
         if used + needed > width - 8.0:
             rows.append([])
             used = 8.0
-        rows[-1].append(one)
+        rows[-1].append(entry)
         used += needed
     return rows
 

@@ -112,15 +112,15 @@ def line_styles(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], LineS
         }
     strong, light = zip(*HUES, strict=True)
     colours = (*strong, *light, *MORE)
-    found = {}
+    styles = {}
     for order, (plant, name) in enumerate(pairs):
         place = order % len(colours)
         if by_hue:
             place = gains.index(name) + len(strong) * (len(plants) - 1 - plants.index(plant))
         colour, word = colours[place]
         width = 2.2 if place < len(strong) else 1.5
-        found[plant, name] = LineStyle(colour, word, width, colours[place] in light)
-    return found
+        styles[plant, name] = LineStyle(colour, word, width, colours[place] in light)
+    return styles
 
 
 def css_colour(colour: str) -> str:
@@ -133,8 +133,10 @@ def css_variables() -> str:
     """CSS that sets the variables of `css_colour` for a light page, a dark one and print."""
 
     def theme(grounds: dict[str, str]) -> str:
-        known = {name: visible(colour, grounds["paper"]) for colour, name in _VARIABLES.items()}
-        colours = {**known, **grounds}
+        visible_colours = {
+            name: visible(colour, grounds["paper"]) for colour, name in _VARIABLES.items()
+        }
+        colours = {**visible_colours, **grounds}
         return "; ".join(f"--{name}: {colour}" for name, colour in colours.items())
 
     return (
@@ -159,9 +161,9 @@ def visible(colour: str, ground: str) -> str:
     return f"#{red:02X}{green:02X}{blue:02X}"
 
 
-def contrast(one: Iterable[float], other: Iterable[float]) -> float:
+def contrast(colour: Iterable[float], other: Iterable[float]) -> float:
     """Contrast ratio of WCAG 2 between two colours (red, green and blue, 0 to 255), 1 to 21."""
-    dark, light = sorted((_luminance(one), _luminance(other)))
+    dark, light = sorted((_luminance(colour), _luminance(other)))
     return (light + 0.05) / (dark + 0.05)
 
 

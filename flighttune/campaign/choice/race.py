@@ -122,7 +122,7 @@ def race(
     scores: dict[str, FloatArray] = {name: np.empty(0) for name in (*candidates, *baselines)}
     success = {name: np.empty(0, dtype=bool) for name in scores}
     left, dropped, flown = list(candidates), {}, 0
-    found = None
+    analysed = None
     for analysis, end in enumerate(_interim_analyses(draws, q, cycle)):
         tried = fly((*left, *baselines), flown, end)
         if tried is None:
@@ -131,24 +131,24 @@ def race(
             scores[name] = np.concatenate([scores[name], new])
             success[name] = np.concatenate([success[name], good])
         flown = end
-        found = _resampled(
+        analysed = _resampled(
             left, baselines, scores, success, q, least_success, cycle, (seed, analysis)
         )
         if end < draws:
-            worse = [name for name in left if found.as_good[name] < DROPPED_BELOW]
-            dropped |= {name: found.as_good[name] for name in worse}
+            worse = [name for name in left if analysed.as_good[name] < DROPPED_BELOW]
+            dropped |= {name: analysed.as_good[name] for name in worse}
             left = [name for name in left if name not in worse]
-    if found is None:
+    if analysed is None:
         return None
     return Race(
         scores=scores,
         success=success,
         dropped=dropped,
-        best=found.leader,
-        p_best=max(0.0, found.wins[found.leader] - sum(dropped.values())),
-        wins={name: found.wins[name] for name in left},
-        loss=found.loss,
-        differences=found.differences,
+        best=analysed.leader,
+        p_best=max(0.0, analysed.wins[analysed.leader] - sum(dropped.values())),
+        wins={name: analysed.wins[name] for name in left},
+        loss=analysed.loss,
+        differences=analysed.differences,
         finished=flown == draws,
     )
 

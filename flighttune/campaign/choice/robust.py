@@ -221,7 +221,7 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
         )
     planned = plan_campaign(campaign)
     baselines = own_candidates(campaign.nominal, planned.gain_sets)
-    gain_sets = {one.name: one.gains for one in (*candidates, *baselines)}
+    gain_sets = {candidate.name: candidate.gains for candidate in (*candidates, *baselines)}
     draws = planned.draws if settings.draws is None else settings.draws
     early_ends: Counter[str] = Counter()
 
@@ -236,23 +236,24 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
         rows = pa.concat_tables(tables).sort_by("run").to_pandas()
         rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
         early = rows.loc[(rows["status"] != "completed").to_numpy(), ["status", "reason"]]
-        early_ends.update(": ".join(one) for one in early.to_numpy().tolist())
+        early_ends.update(": ".join(ending) for ending in early.to_numpy().tolist())
         return scored(rows, names, settings.metrics)
 
     run = race(
-        [one.name for one in candidates],
+        [candidate.name for candidate in candidates],
         fly,
         draws=draws,
         q=settings.percentile / 100.0,
         least_success=settings.least_success,
-        baselines=[one.name for one in baselines],
+        baselines=[baseline.name for baseline in baselines],
         cycle=planned.cycle,
         seed=campaign.seed,
     )
     if run is None:
         return RobustChoice(status="interrupted", reason="it was stopped before the first draws")
     results = {
-        one.name: _result(one, run, settings, planned.cycle) for one in (*candidates, *baselines)
+        candidate.name: _result(candidate, run, settings, planned.cycle)
+        for candidate in (*candidates, *baselines)
     }
     best = results[run.best]
     status, reason = _status(run, best, settings, early_ends)
@@ -262,8 +263,8 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
         best=best,
         p_best=run.p_best,
         loss=run.loss,
-        candidates=tuple(results[one.name] for one in candidates),
-        baselines=tuple(results[one.name] for one in baselines),
+        candidates=tuple(results[candidate.name] for candidate in candidates),
+        baselines=tuple(results[baseline.name] for baseline in baselines),
         metrics=settings.metrics,
         percentile=settings.percentile,
         draws=best.draws,
@@ -294,7 +295,7 @@ def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]
     """
     problem = tuning_problem(scenario)
     inputs, errors = problem.model.inputs, problem.model.errors
-    found: list[Candidate] = []
+    candidates: list[Candidate] = []
     for row in frontier(problem, points=count).to_dict("records"):
         K_P, K_I = (
             np.array(
@@ -303,10 +304,10 @@ def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]
             for kind in ("K_P", "K_I")
         )
         gains = PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
-        if all(gains != one.gains for one in found):
-            name = f"frontier-{len(found) + 1}"
-            found.append(Candidate(name=name, gains=gains, R_K=row["R_K"], I_K=row["I_K"]))
-    return tuple(found)
+        if all(gains != candidate.gains for candidate in candidates):
+            name = f"frontier-{len(candidates) + 1}"
+            candidates.append(Candidate(name=name, gains=gains, R_K=row["R_K"], I_K=row["I_K"]))
+    return tuple(candidates)
 
 
 def own_candidates(
@@ -317,13 +318,13 @@ def own_candidates(
     Named as ``gains`` lists them, whatever the law.
     """
     problem = tuning_problem(scenario)
-    found = []
+    candidates = []
     for name, gains in gain_sets.items():
         if gains is not None:
-            one = assessment(problem, gains.K)
+            assessed = assessment(problem, gains.K)
             own = split_name(name)[1]
-            found.append(Candidate(name=own, gains=gains, R_K=one.R_K, I_K=one.I_K))
-    return tuple(found)
+            candidates.append(Candidate(name=own, gains=gains, R_K=assessed.R_K, I_K=assessed.I_K))
+    return tuple(candidates)
 
 
 def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
@@ -335,17 +336,23 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
     gains : mapping of str to PIGains
         By name. Requirements on gain sets that are not among them are left out.
     """
-    tables = [GainsTable(name=name, **one.as_lists()) for name, one in gains.items()]
+    tables = [GainsTable(name=name, **gain_set.as_lists()) for name, gain_set in gains.items()]
     names = [name for law in campaign.nominal.laws for name in law.names_of(list(gains))]
 
     def changed(scenario: Scenario) -> Scenario:
-        expect = [one for one in scenario.expect if one.gains in (None, *names)]
+        expect = [
+            requirement for requirement in scenario.expect if requirement.gains in (None, *names)
+        ]
         return scenario.model_copy(update={"gains": tables, "expect": expect})
 
     return campaign.model_copy(
         update={
             "gains": tables,
-            "success": [one for one in campaign.success if one.gains in (None, *names)],
+            "success": [
+                requirement
+                for requirement in campaign.success
+                if requirement.gains in (None, *names)
+            ],
             # with a bound given no flight is needed to measure one; nobody reads this claim
             "certificate": CertificateTable(L_d_rad_s2=1.0),
             "nominal": changed(campaign.nominal),
@@ -430,22 +437,24 @@ def _status(
     return "chosen", ""
 
 
-def _result(one: Candidate, run: Race, settings: RobustSettings, cycle: int) -> CandidateResult:
+def _result(
+    candidate: Candidate, run: Race, settings: RobustSettings, cycle: int
+) -> CandidateResult:
     """The results of a candidate or baseline, with intervals."""
-    values, q = run.scores[one.name], settings.percentile / 100.0
+    values, q = run.scores[candidate.name], settings.percentile / 100.0
     n, clusters = len(values), np.arange(len(values)) // cycle
     value = float(ordered_quantile(values, q))
     lo, hi = quantile_interval(
         values, q, effective=effective_size(not_above(values, value), clusters)
     )
-    dropped = one.name in run.dropped
-    above = run.differences.get(one.name, np.array([np.nan]))
+    dropped = candidate.name in run.dropped
+    above = run.differences.get(candidate.name, np.array([np.nan]))
     median, low, high = (float(ordered_quantile(above, p)) for p in (0.5, 0.025, 0.975))
     return CandidateResult(
-        candidate=one,
+        candidate=candidate,
         percentile=Estimate(value=value, lo=lo, hi=hi, n=n),
-        success=share(run.success[one.name], clusters),
-        p_best=run.dropped[one.name] if dropped else run.wins.get(one.name, np.nan),
+        success=share(run.success[candidate.name], clusters),
+        p_best=run.dropped[candidate.name] if dropped else run.wins.get(candidate.name, np.nan),
         dropped=dropped,
         behind=Estimate(value=median, lo=low, hi=high, n=n),
     )

@@ -176,27 +176,27 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
         dataset = Dataset(out, plan, versions)
         dataset.write_plan()
         return dataset
-    found = open_dataset(out)
+    dataset = open_dataset(out)
     if not resume:
         raise InputError(
-            f"{out}: must not hold a campaign, got one of {found.plan.runs} runs; go on with "
+            f"{out}: must not hold a campaign, got one of {dataset.plan.runs} runs; go on with "
             "it by --resume, or give another --out."
         )
-    plan = plan.with_tuned_gains_of(found.plan)
-    changed = found.plan.with_runs(plan.runs).differences(plan)
+    plan = plan.with_tuned_gains_of(dataset.plan)
+    changed = dataset.plan.with_runs(plan.runs).differences(plan)
     if changed:
         raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
     other = [
-        f"{name}: was {found.versions.get(name, 'absent')}, is {versions.get(name, 'absent')}"
-        for name in (found.versions | versions)
-        if versions.get(name) != found.versions.get(name)
+        f"{name}: was {dataset.versions.get(name, 'absent')}, is {versions.get(name, 'absent')}"
+        for name in (dataset.versions | versions)
+        if versions.get(name) != dataset.versions.get(name)
     ]
     if other:
         raise InputError(
             f"{out}: was flown with other libraries, rows of these would not be the same: "
             f"{'; '.join(other)}."
         )
-    was, now = found.plan.runs, plan.runs
+    was, now = dataset.plan.runs, plan.runs
     if now < was:
         raise InputError(f"{out}: `runs` of a campaign can only grow, was {was}, is {now}.")
     if now > was and not plan.extendable:
@@ -205,9 +205,9 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
             f"{plan.campaign.design} design depend on their number."
         )
     if now > was:
-        found = Dataset(out, plan, versions)
-        found.write_plan()
-    return found
+        dataset = Dataset(out, plan, versions)
+        dataset.write_plan()
+    return dataset
 
 
 def _counted(dataset: Dataset, hear: Callable[[str], None]) -> Tally:

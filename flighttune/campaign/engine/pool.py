@@ -162,7 +162,10 @@ class WorkerPool:
         buffer = _Buffer(plan, gaps, keep)
 
         def done(flown: Iterable[Row | Lost]) -> None:
-            rows = [crashed_row(plan, *one) if isinstance(one, Lost) else one for one in flown]
+            rows = [
+                crashed_row(plan, *outcome) if isinstance(outcome, Lost) else outcome
+                for outcome in flown
+            ]
             buffer.add(rows)
             tally.add([row["status"] for row in rows], [row["success"] for row in rows])
             self.flown += len(rows)

@@ -44,7 +44,7 @@ def scenario_of_run(plan: Plan, run: int) -> Scenario:
     flying = [group] if source is None else [source, group]
     tables = scenario.as_dict()
     labels = [table.label for table in scenario.plant]
-    tables["plant"] = [tables["plant"][labels.index(one.plant)] for one in flying]
+    tables["plant"] = [tables["plant"][labels.index(table.plant)] for table in flying]
     if scenario.law is not None:
         tables["law"] = [scenario.law_table(group.gains).model_dump(exclude_none=True)]
     _, own = split_name(group.gains)

@@ -145,27 +145,28 @@ def _check_disperse(tables: Any, source: str) -> None:
         key, kind = table.get("key"), table.get("distribution")
         where = f"{source}: [[disperse]]" + (f" `{key}`" if isinstance(key, str) else "")
         if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
-            known = ", ".join(DISTRIBUTIONS)
-            raise ScenarioError(f"{where} `distribution` must be one of {known}, got {kind!r}.")
+            kinds = ", ".join(DISTRIBUTIONS)
+            raise ScenarioError(f"{where} `distribution` must be one of {kinds}, got {kind!r}.")
         validated(DISTRIBUTIONS[kind], table, where)
 
 
 def _check_correlations(table: CampaignTable, source: str) -> None:
-    by_key = {one.key: one for one in table.disperse}
+    by_key = {dispersion.key: dispersion for dispersion in table.disperse}
     seen: set[frozenset[str]] = set()
-    for one in table.correlation:
-        for key in one.keys:
+    for correlation in table.correlation:
+        for key in correlation.keys:
             if not isinstance(by_key.get(key), (Normal, LogNormal, Uniform)):
                 got = by_key[key].distribution if key in by_key else "none"
                 raise ScenarioError(
                     f"{source}: [[correlation]] `keys` must be dispersed with normal, log_normal "
                     f"or uniform, got {key!r} with {got}."
                 )
-        if frozenset(one.keys) in seen:
+        if frozenset(correlation.keys) in seen:
             raise ScenarioError(
-                f"{source}: [[correlation]] `keys` must be given once, got {one.keys} twice."
+                f"{source}: [[correlation]] `keys` must be given once, "
+                f"got {correlation.keys} twice."
             )
-        seen.add(frozenset(one.keys))
+        seen.add(frozenset(correlation.keys))
     try:
         copula_factor(table.correlation)
     except InputError as error:
@@ -185,12 +186,12 @@ def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
     if isinstance(central, Scenario):
         return central
     guilty = _guilty(table.disperse, nominal, places)
-    named = ", ".join(f"`{one.key}`" for one in guilty)
+    named = ", ".join(f"`{dispersion.key}`" for dispersion in guilty)
     if "is not a known key" in central:
         raise ScenarioError(
             f"{source}: [[disperse]] {named} must be a key of the scenario: {central}"
         )
-    medians = ", ".join(repr(one.central) for one in guilty)
+    medians = ", ".join(repr(dispersion.central) for dispersion in guilty)
     raise ScenarioError(
         f"{source}: [[disperse]] {named}: the scenario refuses the median {medians}: {central}"
     )
@@ -222,9 +223,9 @@ def _guilty(
     """
 
     def possible_without(guilty: Sequence[Dispersion]) -> bool:
-        rest = [one for one in disperse if one not in guilty]
+        rest = [dispersion for dispersion in disperse if dispersion not in guilty]
         return isinstance(_at_medians(rest, nominal, places), Scenario)
 
-    alone = [one for one in disperse if possible_without([one])]
+    alone = [dispersion for dispersion in disperse if possible_without([dispersion])]
     pairs = () if alone else combinations(disperse, 2)
     return alone or next((pair for pair in pairs if possible_without(pair)), disperse)

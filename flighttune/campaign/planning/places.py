@@ -84,15 +84,15 @@ def value_at(tables: Mapping[str, Any], place: Place) -> Any:
         A scenario, or a table of one, as plain values.
     place : Place
     """
-    found: Any = tables
+    value: Any = tables
     for step in place:
-        if isinstance(found, Mapping):
-            found = found.get(step)
-        elif isinstance(found, list) and isinstance(step, int):
-            found = found[step]
+        if isinstance(value, Mapping):
+            value = value.get(step)
+        elif isinstance(value, list) and isinstance(step, int):
+            value = value[step]
         else:
             return None
-    return found
+    return value
 
 
 def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
@@ -139,7 +139,7 @@ def dispersed_places(
         If a key is nowhere in the scenario, may not be dispersed, or is given twice.
     """
     values = scenario.as_dict()
-    found: dict[str, tuple[Place, ...]] = {}
+    places_by_key: dict[str, tuple[Place, ...]] = {}
     for table in disperse:
         where = f"{source}: [[disperse]] `{table.key}`"
         named = re.sub(r"\[[^\]]*\]", "", table.key)
@@ -150,8 +150,8 @@ def dispersed_places(
         except InputError as error:
             stop = "" if str(error).endswith("?") else "."
             raise ScenarioError(f"{where} {error}{stop}") from None
-        for other, theirs in found.items():
-            if any(_overlap(mine, one) for mine in places for one in theirs):
+        for other, theirs in places_by_key.items():
+            if any(_overlap(mine, their) for mine in places for their in theirs):
                 raise ScenarioError(f"{where} must be dispersed once, but `{other}` means it too.")
         for place in places if table.acts != "sets" else ():
             own = value_at(values, place)
@@ -160,8 +160,8 @@ def dispersed_places(
                     f"{where} must be a number in the scenario for `acts` {table.acts!r}, "
                     f"got {'nothing' if own is None else repr(own)}."
                 )
-        found[table.key] = places
-    return found
+        places_by_key[table.key] = places
+    return places_by_key
 
 
 def with_drawn(
@@ -221,9 +221,9 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
     for step in steps:
         name = step.strip("[]")
         if isinstance(at, list):
-            found = _position(step, name, at, place)
-            place.append(found)
-            at = at[found]
+            position = _position(step, name, at, place)
+            place.append(position)
+            at = at[position]
         elif isinstance(at, Mapping) or at is None:
             place.append(name)
             at = at.get(name) if isinstance(at, Mapping) else None
@@ -235,8 +235,8 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
 def _position(step: str, name: str, array: list[Any], place: list[str | int]) -> int:
     where = spelled(place)
     if not step.startswith("["):
-        known = " to ".join(dict.fromkeys((f"`{where}[0]`", f"`{where}[{len(array) - 1}]`")))
-        raise InputError(f"must say which of `{where}` is meant: {known}")
+        positions = " to ".join(dict.fromkeys((f"`{where}[0]`", f"`{where}[{len(array) - 1}]`")))
+        raise InputError(f"must say which of `{where}` is meant: {positions}")
     if place == ["plant"] and not name.isdigit():
         labels = [PlantTable.model_validate(table).label for table in array]
         if name not in labels:
@@ -252,7 +252,7 @@ def _of_plants(
 ) -> tuple[Place, ...]:
     if not steps:
         raise InputError("must be a key of a plant, got the plants themselves")
-    found: list[Place] = []
+    flyable: list[Place] = []
     refusals: list[str] = []
     for i, table in enumerate(plants):
         place = _walked(steps, table)
@@ -262,10 +262,10 @@ def _of_plants(
         except ValidationError as error:
             refusals.append(mistakes(error, PlantTable, changed))
         else:
-            found.append(("plant", i, *place))
-    if not found:
+            flyable.append(("plant", i, *place))
+    if not flyable:
         raise InputError(f"must be a key of a plant that flies: {refusals[-1].rstrip('.')}")
-    return tuple(found)
+    return tuple(flyable)
 
 
 def spelled(place: Iterable[str | int]) -> str:

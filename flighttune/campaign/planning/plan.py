@@ -170,9 +170,9 @@ class Plan:
         plants = [table.label for table in self.scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(plants), "")
         if chosen not in plants:
-            known = ", ".join(plants) or f"kind {kind}"
+            labels = ", ".join(plants) or f"kind {kind}"
             got = plant or ", ".join(table.label for table in self.scenario.plant)
-            raise InputError(f"`plant` must be one of {known}, got {got}.")
+            raise InputError(f"`plant` must be one of {labels}, got {got}.")
         names = list(self.gain_sets)
         name = gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
         if self.gain_sets.get(name) is None:
@@ -300,7 +300,7 @@ class Plan:
                 "nominal": _plain(self.campaign.nominal),
                 "central": _plain(self.campaign.central),
                 **({"residuals": self.residuals.as_dict()} if self.residuals else {}),
-                **({"given": [dict(one) for one in self.given]} if self.given else {}),
+                **({"given": [dict(values) for values in self.given]} if self.given else {}),
                 **({"tube": self.tube.as_dict()} if self.tube else {}),
             }
         )
@@ -423,14 +423,17 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
     read = validated(_PlanTables, _with_numbers(tables), source)
     campaign = Campaign.of(read.campaign, nominal=read.nominal, central=read.central)
-    groups = tuple(Group(one.plant, one.gains) for one in read.groups)
+    groups = tuple(Group(group.plant, group.gains) for group in read.groups)
     if not groups or not {*groups} <= {*_groups(campaign)}:
         raise ScenarioError(f"{source}: `groups` of a plan must be some of its scenario's.")
     if not {group.gains for group in groups} <= {*read.gains}:
         raise ScenarioError(f"{source}: `gains` of a plan must hold those of its groups.")
     return Plan(
         campaign=campaign,
-        gain_sets={name: None if one is None else one.gains() for name, one in read.gains.items()},
+        gain_sets={
+            name: None if gain_set is None else gain_set.gains()
+            for name, gain_set in read.gains.items()
+        },
         groups=groups,
         runs=read.runs,
         aircraft=read.aircraft,
@@ -453,7 +456,10 @@ def _leaves(plan: Plan) -> dict[str, Any]:
         campaign.pop(name, None)
         scenario.pop(name, None)
     campaign.pop("runs", None)
-    gains = {name: one and one.as_lists() for name, one in plan.gain_sets.items()}
+    gains = {
+        name: None if gain_set is None else gain_set.as_lists()
+        for name, gain_set in plan.gain_sets.items()
+    }
     return {
         "runs": plan.runs,
         **dict(_walk(campaign, "")),

@@ -161,8 +161,8 @@ class Choice(DisperseTable):
     def central(self) -> Value:
         """The likeliest value that is not NaN; the first of several."""
         weights = self.weights or [1.0] * len(self.values)
-        known = [(v, w) for v, w in zip(self.values, weights, strict=True) if v == v]
-        return max(known, key=lambda pair: pair[1], default=(self.values[0], 0.0))[0]
+        numbers = [(v, w) for v, w in zip(self.values, weights, strict=True) if v == v]
+        return max(numbers, key=lambda pair: pair[1], default=(self.values[0], 0.0))[0]
 
     def at(self, u: FloatArray) -> npt.NDArray[np.generic]:
         """Values at points `u` of the open unit interval, shape as `u`."""
@@ -181,13 +181,13 @@ class Grid(DisperseTable):
 
     @model_validator(mode="after")
     def _values_or_range(self) -> "Grid":
-        given = [one is not None for one in (self.lower, self.upper, self.count)]
-        if all(given) == (self.values is not None):
+        range_keys = [key is not None for key in (self.lower, self.upper, self.count)]
+        if all(range_keys) == (self.values is not None):
             raise ValueError(
                 "`values` must be given with distribution grid, or `lower`, `upper` and `count` in "
                 "their place"
             )
-        if self.values is not None and any(given):
+        if self.values is not None and any(range_keys):
             raise ValueError("`lower`, `upper` and `count` must be absent where `values` are given")
         _check_kind(self.levels, self.acts)
         if self.lower is not None and self.upper is not None:
@@ -214,7 +214,7 @@ class Grid(DisperseTable):
 
 Dispersion: TypeAlias = Normal | LogNormal | Uniform | Choice | Grid
 DISTRIBUTIONS: dict[str, type[Dispersion]] = {
-    one.model_fields["distribution"].default: one for one in get_args(Dispersion)
+    member.model_fields["distribution"].default: member for member in get_args(Dispersion)
 }
 
 
@@ -352,8 +352,8 @@ def _check_rising(low: float, high: float) -> None:
 
 def _check_kind(values: list[Value], acts: Acts) -> None:
     kinds = {
-        "boolean" if isinstance(one, bool) else "string" if isinstance(one, str) else "number"
-        for one in values
+        "boolean" if isinstance(value, bool) else "string" if isinstance(value, str) else "number"
+        for value in values
     }
     if len(kinds) > 1:
         raise ValueError(f"`values` must be all numbers, all strings or all booleans, got {values}")

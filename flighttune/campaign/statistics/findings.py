@@ -107,11 +107,11 @@ def findings(
     flights = replace(flights, method=method, confidence=confidence)
     measure = _measure(flights)
     looked_at = [SUCCESS] + ([measure] if measure else [])
-    found, sobol, splits = {}, {}, []
+    by_parameter, sobol, splits = {}, {}, []
     for group, rows in flights.groups():
         independent = flights.independent(rows)
         for name in looked_at:
-            found[group, name] = influences(
+            by_parameter[group, name] = influences(
                 independent.loc[:, flights.keys],
                 values_of(independent, name),
                 confidence=confidence,
@@ -119,7 +119,7 @@ def findings(
             indices = _sobol(flights, rows, name)
             if indices is not None:
                 sobol[group, name] = indices
-        split = _split(flights, group, rows, found[group, SUCCESS])
+        split = _split(flights, group, rows, by_parameter[group, SUCCESS])
         splits += [split] if split is not None else []
     groups = summaries(flights)
     pairs, curves = (), ()
@@ -131,20 +131,20 @@ def findings(
         measure=measure,
         groups=groups,
         paired=pairs,
-        influences=found,
+        influences=by_parameter,
         sobol=sobol,
         splits=tuple(splits),
         convergence=curves,
-        claims=_claims(flights) if any(one.certified for one in groups) else {},
+        claims=_claims(flights) if any(summary.certified for summary in groups) else {},
     )
 
 
 def _claims(flights: Flights) -> dict[Group, UltimateSet]:
     try:
-        found = claims(flights.plan)
+        stated = claims(flights.plan)
     except FlightTuneError:
         return {}
-    return {group: claim for group, claim in found.items() if claim is not None}
+    return {group: claim for group, claim in stated.items() if claim is not None}
 
 
 def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
@@ -157,8 +157,8 @@ def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
 
 def _measure(flights: Flights) -> str | None:
     """What the campaign keeps the worst flights by, or the first measure there is."""
-    known = flights.measures
-    return flights.worst_by if flights.worst_by in known else next(iter(known), None)
+    measures = flights.measures
+    return flights.worst_by if flights.worst_by in measures else next(iter(measures), None)
 
 
 def _sobol(flights: Flights, rows: pd.DataFrame, name: str) -> SobolIndices | None:
@@ -179,10 +179,14 @@ def _sobol(flights: Flights, rows: pd.DataFrame, name: str) -> SobolIndices | No
 
 
 def _split(
-    flights: Flights, group: Group, rows: pd.DataFrame, found: tuple[Influence, ...]
+    flights: Flights, group: Group, rows: pd.DataFrame, influences_on_success: tuple[Influence, ...]
 ) -> Split | None:
     """Success over the parameter that matters most, if any does."""
-    apart = [one.parameter for one in found if one.apart and one.parameter != SEED]
+    apart = [
+        influence.parameter
+        for influence in influences_on_success
+        if influence.apart and influence.parameter != SEED
+    ]
     if not apart:
         return None
     rows = rows.loc[rows[apart[0]].notna().to_numpy()]
@@ -190,15 +194,15 @@ def _split(
     codes, clusters = classes_of(column, SPLIT_INTO), flights.clusters(rows)
     success = rows[SUCCESS].to_numpy(dtype=bool)
     classes = range(int(codes.max()) + 1)
-    values = [column.to_numpy()[codes == one] for one in classes]
+    values = [column.to_numpy()[codes == label] for label in classes]
     numeric = is_number(column)
     return Split(
         group=group,
         parameter=apart[0],
-        labels=_ranges(values) if numeric else tuple(str(one[0]) for one in values),
+        labels=_ranges(values) if numeric else tuple(str(of_class[0]) for of_class in values),
         centres=tuple(
-            float(np.median(one.astype(float))) if numeric else float(place)
-            for place, one in enumerate(values)
+            float(np.median(of_class.astype(float))) if numeric else float(place)
+            for place, of_class in enumerate(values)
         ),
         success=tuple(flights.share(success[codes == i], clusters[codes == i]) for i in classes),
     )
@@ -206,8 +210,8 @@ def _split(
 
 def _ranges(values: list[np.ndarray]) -> tuple[str, ...]:
     """Ranges of neighbouring classes, each ending where the next begins."""
-    if all(one.min() == one.max() for one in values):
-        return tuple(f"{one[0]:.4g}" for one in values)
+    if all(of_class.min() == of_class.max() for of_class in values):
+        return tuple(f"{of_class[0]:.4g}" for of_class in values)
     edges = [values[0].min(), *(0.5 * (a.max() + b.min()) for a, b in pairwise(values))]
     edges.append(values[-1].max())
     return tuple(f"{low:.4g} to {high:.4g}" for low, high in pairwise(edges))

@@ -164,8 +164,8 @@ def worst_first(rows: pd.DataFrame, measure: str, count: int) -> pd.DataFrame:
         A column.
     count : int
     """
-    known = (rows["status"] == "completed").to_numpy() & rows[measure].notna().to_numpy()
-    return rows.loc[known].sort_values([measure, "run"], ascending=[False, True]).head(count)
+    measured = (rows["status"] == "completed").to_numpy() & rows[measure].notna().to_numpy()
+    return rows.loc[measured].sort_values([measure, "run"], ascending=[False, True]).head(count)
 
 
 def failures(rows: pd.DataFrame, count: int) -> pd.DataFrame:

@@ -81,8 +81,8 @@ def paired(
 def scores(rows: pd.DataFrame, measure: str) -> FloatArray:
     """The measure of every flight, infinite where it was not completed or has no value."""
     values = rows[measure].to_numpy(dtype=float)
-    known = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
-    return np.where(known, values, np.inf)
+    measured = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
+    return np.where(measured, values, np.inf)
 
 
 def ordered_quantile(values: FloatArray, q: float) -> FloatArray:

@@ -78,8 +78,8 @@ class Influence:
         To nine digits: two parameters that are drawn together have the same share but for rounding,
         and then stay in the order of the campaign.
         """
-        known = [one for one in (self.share, self.rho**2) if math.isfinite(one)]
-        return round(max(known, default=0.0), 9)
+        strengths = [strength for strength in (self.share, self.rho**2) if math.isfinite(strength)]
+        return round(max(strengths, default=0.0), 9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -153,12 +153,12 @@ def influences(
     shares = [_share(column, ranks) for column in table.values()]
     partial = _partial(table, ranks)
     p = holm([p for _, p in (*correlations, *shares)])
-    found = []
+    tested = []
     for i, name in enumerate(table):
         p_rho, p_share = p[i], p[len(table) + i]
         rho = correlations[i][0]
         lo, hi = _interval(rho, n, confidence)
-        found.append(
+        tested.append(
             Influence(
                 parameter=name,
                 n=n,
@@ -172,7 +172,7 @@ def influences(
                 apart=min(p_rho, p_share) < 1.0 - confidence,
             )
         )
-    return tuple(sorted(found, key=lambda one: -one.strength))
+    return tuple(sorted(tested, key=lambda influence: -influence.strength))
 
 
 def sobol_indices(
@@ -233,19 +233,19 @@ def sobol_indices(
     mean = 0.5 * (f_A.mean() + f_B.mean())
     a, b, ab = f_A - mean, f_B - mean, f_AB - mean
     terms = np.vstack([b * (ab - a), 0.5 * (a - ab) ** 2, 0.5 * (a + b), 0.5 * (a**2 + b**2)])
-    found = _indices(terms.mean(axis=1)[None], d)[0]
+    estimate = _indices(terms.mean(axis=1)[None], d)[0]
     tail = 0.5 - 0.5 * confidence
     resampled = np.vstack(list(_resampled(terms, resamples, seed)))
     ends = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
-    both = np.vstack([found, ends])
+    both = np.vstack([estimate, ends])
     return SobolIndices(n=n, first=both[:, :d], total=both[:, d:])
 
 
 def holm(p: Sequence[float]) -> list[float]:
     """P-values corrected together; those that are NaN take no part and become 1."""
     values = np.array(p, dtype=float)
-    known = np.flatnonzero(~np.isnan(values))
-    order = known[np.argsort(values[known], kind="stable")]
+    tests = np.flatnonzero(~np.isnan(values))
+    order = tests[np.argsort(values[tests], kind="stable")]
     factors = np.arange(len(order), 0, -1)
     corrected = np.ones(len(values))
     corrected[order] = np.minimum(1.0, np.maximum.accumulate(values[order] * factors))
@@ -269,8 +269,8 @@ def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
     """
     from scipy.stats import rankdata
 
-    codes, found = pd.factorize(column, sort=True)
-    few = len(found) <= most and LEAST_IN_CLASS * len(found) <= len(column)
+    codes, distinct = pd.factorize(column, sort=True)
+    few = len(distinct) <= most and LEAST_IN_CLASS * len(distinct) <= len(column)
     if few or not is_number(column):
         return np.asarray(codes)
     count = max(2, min(most, len(column) // LEAST_IN_CLASS))
@@ -283,8 +283,8 @@ def _spearman(column: pd.Series, ranks: FloatArray) -> Test:
 
     if not is_number(column):
         return math.nan, math.nan
-    found: Any = spearmanr(column, ranks)
-    return float(found.statistic), float(found.pvalue)
+    correlation: Any = spearmanr(column, ranks)
+    return float(correlation.statistic), float(correlation.pvalue)
 
 
 def _share(column: pd.Series, ranks: FloatArray) -> Test:
@@ -295,7 +295,7 @@ def _share(column: pd.Series, ranks: FloatArray) -> Test:
     n, k = len(ranks), int(codes.max()) + 1
     if not 1 < k < n:
         return math.nan, math.nan
-    H, p = kruskal(*(ranks[codes == one] for one in range(k)))
+    H, p = kruskal(*(ranks[codes == label] for label in range(k)))
     return (float(H) - k + 1) / (n - k), float(p)
 
 
@@ -308,15 +308,15 @@ def _partial(table: Mapping[str, pd.Series], ranks: FloatArray) -> dict[str, flo
     for name, column in table.items():
         if name not in numbers:
             codes = pd.factorize(column)[0]
-            columns += [(codes == one).astype(float) for one in range(1, codes.max() + 1)]
-    found = dict.fromkeys(table, math.nan)
+            columns += [(codes == label).astype(float) for label in range(1, codes.max() + 1)]
+    partials = dict.fromkeys(table, math.nan)
     correlations = np.corrcoef([*columns, ranks])
     if len(ranks) > len(columns) + 2 and np.linalg.cond(correlations) < COLLINEAR:
         inverse = np.linalg.inv(correlations)
         scale = np.sqrt(np.diag(inverse))
         partial = -inverse[-1] / (scale[-1] * scale)
-        found.update(zip(numbers, partial.tolist(), strict=False))
-    return found
+        partials.update(zip(numbers, partial.tolist(), strict=False))
+    return partials
 
 
 def _interval(rho: float, n: int, confidence: float) -> tuple[float, float]:

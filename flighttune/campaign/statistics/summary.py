@@ -201,7 +201,7 @@ def _summary(group: Group, rows: pd.DataFrame, flights: Flights) -> GroupSummary
 
 
 def _statuses(rows: pd.DataFrame) -> tuple[Status, ...]:
-    found = [
+    statuses = [
         Status(
             status=str(name),
             count=len(own),
@@ -209,7 +209,7 @@ def _statuses(rows: pd.DataFrame) -> tuple[Status, ...]:
         )
         for name, own in rows.groupby("status", sort=False, observed=True)
     ]
-    return tuple(sorted(found, key=lambda one: -one.count))
+    return tuple(sorted(statuses, key=lambda status: -status.count))
 
 
 def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
@@ -219,14 +219,14 @@ def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
         for text, run in zip(failed["missed"].tolist(), failed["run"].tolist(), strict=True)
         for sentence in text.split(BETWEEN_SENTENCES)
     ]
-    found = reasons(*zip(*sentences, strict=True)) if sentences else ()
-    return tuple(replace(one, text=one.text.removesuffix(GOT)) for one in found)
+    missed = reasons(*zip(*sentences, strict=True)) if sentences else ()
+    return tuple(replace(reason, text=reason.text.removesuffix(GOT)) for reason in missed)
 
 
 def _spread(completed: pd.DataFrame, measure: str, flights: Flights) -> Spread:
     values, clusters = completed[measure].to_numpy(dtype=float), flights.clusters(completed)
-    known = ~np.isnan(values)
-    values, clusters = values[known], clusters[known]
+    measured = ~np.isnan(values)
+    values, clusters = values[measured], clusters[measured]
     return Spread(
         n=len(values),
         mean=float(np.mean(values)),
@@ -238,19 +238,19 @@ def _spread(completed: pd.DataFrame, measure: str, flights: Flights) -> Spread:
 
 def _certified(rows: pd.DataFrame, flights: Flights) -> CertifiedCount | None:
     said = rows["certified"].to_numpy(dtype=object)
-    held, broken, outside = (said == word for word in (HELD, BROKEN, NOT_ENTERED))
+    inside, broken, outside = (said == word for word in (HELD, BROKEN, NOT_ENTERED))
     lost = (rows["status"] != "completed").to_numpy()
-    entered = held | broken
+    entered = inside | broken
     if not (entered | outside).any():
         return None
     clusters, all_of = flights.clusters(rows), entered | outside | lost
     return CertifiedCount(
-        held=int(held.sum()),
+        held=int(inside.sum()),
         broken=int(broken.sum()),
         not_entered=int(outside.sum()),
         lost=int(lost.sum()),
-        of_all=flights.share(held[all_of], clusters[all_of]),
-        of_entered=flights.share(held[entered], clusters[entered]),
+        of_all=flights.share(inside[all_of], clusters[all_of]),
+        of_entered=flights.share(inside[entered], clusters[entered]),
     )
 
 
@@ -268,20 +268,20 @@ def convergence(flights: Flights, measure: str) -> tuple[ConvergenceCurve, ...]:
     tuple of ConvergenceCurve
         In the order of the plan, without groups that have no flights.
     """
-    found = []
+    curves = []
     for group, rows in flights.groups():
         clusters, success = flights.clusters(rows), rows["success"].to_numpy(dtype=bool)
         values = rows[measure].to_numpy(dtype=float)
-        known = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
+        measured = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
         counts = prefixes(len(rows))
-        first = [np.flatnonzero(known[:n]) for n in counts]
+        first = [np.flatnonzero(measured[:n]) for n in counts]
         q = PERCENTILES["p95"]
         p95 = tuple(flights.percentile(values[kept], q, clusters[kept]) for kept in first)
         rates = tuple(flights.share(success[:n], clusters[:n]) for n in counts)
-        found.append(
+        curves.append(
             ConvergenceCurve(group=group, n=tuple(counts), success=rates, measure=measure, p95=p95)
         )
-    return tuple(found)
+    return tuple(curves)
 
 
 def prefixes(n: int) -> list[int]:
@@ -301,23 +301,23 @@ def reasons(texts: Sequence[str], runs: Sequence[int]) -> tuple[Reason, ...]:
     runs : sequence of int
         Run of each.
     """
-    found: dict[str, list[int]] = {}
+    places_of: dict[str, list[int]] = {}
     for place, text in enumerate(texts):
         if text:
-            found.setdefault(_NUMBER.sub("…", text), []).append(place)
+            places_of.setdefault(_NUMBER.sub("…", text), []).append(place)
     grouped = [
         Reason(
             text=_shared([texts[place] for place in at]),
             count=len(at),
             run=int(runs[at[0]]),
         )
-        for at in found.values()
+        for at in places_of.values()
     ]
-    return tuple(sorted(grouped, key=lambda one: (-one.count, one.run)))
+    return tuple(sorted(grouped, key=lambda reason: (-reason.count, reason.run)))
 
 
 def _shared(texts: Sequence[str]) -> str:
     """The words of texts that differ in numbers alone, and the numbers that are the same."""
     places = zip(*(_NUMBER.findall(text) for text in texts), strict=True)
-    numbers = iter([one[0] if len(set(one)) == 1 else "…" for one in places])
+    numbers = iter([shown[0] if len(set(shown)) == 1 else "…" for shown in places])
     return _NUMBER.sub(lambda _: next(numbers), texts[0])
