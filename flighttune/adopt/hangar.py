@@ -12,7 +12,7 @@ from typing import Any
 
 from flighttune.present.numbers import number
 
-LONGEST_S = 300.0  # time that one model may take
+MAX_TIME_S = 300.0  # time that one model may take
 
 TABLE = "hangar.md"
 
@@ -54,8 +54,8 @@ def _adopt_alone(adopt: Callable[[str], dict[str, Any]], model: str) -> dict[str
     process.start()
     sender.close()  # else the pipe would stay open here when the process ends
     try:
-        if not receiver.poll(LONGEST_S):
-            return _refused(model, f"it took over {LONGEST_S:g} s")
+        if not receiver.poll(MAX_TIME_S):
+            return _refused(model, f"it took over {MAX_TIME_S:g} s")
         return receiver.recv()
     except EOFError:
         process.join()

@@ -35,18 +35,7 @@ TRIM_COLUMNS = columns("V_a_mps gamma_deg alpha_deg throttle reason")
 
 
 def write_adoption(adoption: Adoption) -> Path:
-    """Write the page of an aircraft into its folder, and return it.
-
-    Parameters
-    ----------
-    found : Adoption
-        With a folder.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
+    """Write the page of an aircraft into its folder, and return it."""
     assert adoption.folder is not None
     assert adoption.turn is not None
     config = load_aircraft(adoption.folder)

@@ -33,12 +33,11 @@ def search_bang_bang(
     Parameters
     ----------
     values : callable
-        How bad flights are, larger is worse; None where the search was stopped.
+        Objective of flights, larger is worse; None where the search was stopped.
     errors : callable
-        Errors of flights, shape (samples + 1, 2), rad, or None of one that ends early.
-    samples : int
+        Errors of flights, shape (samples + 1, 2), rad; None for a flight that ends early.
     budget : int
-        Flights at most. Without enough for a round nothing is flown.
+        Maximum number of flights. Without enough for a round nothing is flown.
     pushed : sequence of int
         Errors that are pushed, 0 of course and 1 of path angle.
 
@@ -78,7 +77,7 @@ def search_bang_bang(
 
 
 def _other(signs: FloatArray, block: Indices, channel: int) -> FloatArray:
-    """The flight with one sign in a block, that which most of it has not."""
+    """The flight with one channel of a block set to the sign that is rarer in it."""
     other = signs.copy()
     other[block, channel] = -1.0 if signs[block, channel].sum() >= 0.0 else 1.0
     return other

@@ -60,7 +60,7 @@ AIR = ("disturbance", "gust", "turbulence", "wind")
 UNIT_ENDS = (1e-9, 1.0 - 1e-9)
 """Points of the unit interval at which a dispersed key counts as lowest and highest."""
 
-LOOKED_AT = 16
+SAMPLED_DRAWS = 16
 """Draws used to decide whether the references of a campaign move at the same instants."""
 
 OWN_FLIGHTS = 500
@@ -72,44 +72,20 @@ PART = 4096
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConformSettings:
-    """What is claimed, and for which flights of a campaign.
+    """The claim, and the flights of a campaign that it is made for."""
 
-    Attributes
-    ----------
-    epsilon : float, 1
-        Largest probability that a flight leaves the boxes, in (0, 1).
-    confidence : float, 1
-        Of that claim, in (0, 1); all attempts share it.
-    attempts : int
-        Largest number of counts, fixed beforehand.
-    gains, plant : str or None
-        Name of the gain set (by default ``tuned_identified`` where the campaign has it, else its
-        first) and label of the aircraft (by default its first).
-    air : str or None
-        ``calm``, ``wind``, ``light``, ``moderate`` or ``severe``; by default the likeliest air of
-        the campaign.
-    over : "time", "phase" or None
-        How boxes are divided; by default by time where all flights follow the same reference, else
-        by phase.
-    window : float, s
-        Length of the windows of the boxes. Shorter ones follow more closely what all flights have
-        in common; differing flights leave them more easily.
-    start_deg : float, deg
-        Of a scenario: how far starts may be off in course and path angle, all equally likely.
-    seed : int or None
-        Of the draws; by default the campaign's.
-    """
-
-    epsilon: float = 0.01
-    confidence: float = 0.999
-    attempts: int = 3
-    gains: str | None = None
-    plant: str | None = None
-    air: str | None = None
+    epsilon: float = 0.01  # 1; largest probability that a flight leaves the boxes
+    confidence: float = 0.999  # 1; confidence of the claim, shared by all attempts
+    attempts: int = 3  # maximum number of counts, fixed beforehand
+    gains: str | None = None  # by default tuned_identified if the campaign has it, else its first
+    plant: str | None = None  # label of an aircraft, by default the first
+    air: str | None = None  # calm, wind, light, moderate or severe; by default the likeliest
+    # by default time where all flights follow the same reference, else phase
     over: Over | None = None
+    # s; shorter windows fit the flights more closely and are left more easily
     window: float = WINDOW_S
-    start_deg: float = 0.0
-    seed: int | None = None
+    start_deg: float = 0.0  # deg; range of the starts of a scenario in course and path angle
+    seed: int | None = None  # seed of the draws, by default the campaign's
 
     @property
     def flights(self) -> int:
@@ -181,25 +157,8 @@ def recount(
 ) -> Attempt | None:
     """Fly as many flights again as were counted, of the same distribution with another seed.
 
-    Parameters
-    ----------
-    source : str
-        What the conformance was made of.
-    conformance : Conformance
-        Its claim, gains, air and windows replace those of the settings.
-    settings : ConformSettings
-        With a seed that is not that of the conformance, by default the next one.
-    pool : WorkerPool
-
-    Returns
-    -------
-    Attempt or None
-        The count against the boxes, with all flights outside; None where the observer stopped it.
-
-    Raises
-    ------
-    InputError
-        If the seed is that of the conformance, or the source is not what it was made of.
+    The claim, gains, air and windows of the conformance replace those of the settings; the seed is
+    by default the next one. The result is None where the observer stopped it.
     """
     seed = conformance.seed + 1 if settings.seed is None else settings.seed
     if seed == conformance.seed:
@@ -326,7 +285,7 @@ class _Residuals:
 
     @property
     def completed(self) -> tuple[FloatArray, FloatArray]:
-        """Of the flights that were flown to their end."""
+        """Lowest and highest residual rates of the completed flights."""
         completed = ~np.isnan(self.low).any(axis=(1, 2))
         if not completed.any():
             raise InputError("`flights` must be flown to their end to be learned from, none was.")
@@ -370,19 +329,7 @@ def _planned(source: str, settings: ConformSettings) -> Plan:
 
 
 def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
-    """The point mass behind the identified lag that a scenario is held against.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    plant : str
-        Label of an aircraft of it.
-
-    Raises
-    ------
-    ScenarioError
-        If the aircraft has no identified model.
-    """
+    """The point mass behind the identified lag against which flights of a scenario are checked."""
     flight = scenario.flight
     identified = load_identified(scenario.plant_table(plant).aircraft or "")
     nearest = identified.nearest(flight.V_a_mps, scenario.followed().initial[1])
@@ -397,19 +344,7 @@ def air_of(scenario: Scenario) -> str:
 
 
 def in_air(campaign: Campaign, air: str) -> Campaign:
-    """A campaign with only the draws that fly in one class of air.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    air : str
-        As `air_of` names it. In calm air the campaign is flown without its wind.
-
-    Raises
-    ------
-    InputError
-        If the campaign has no such air.
-    """
+    """A campaign with only the draws that fly in one class of air; in calm air without its wind."""
     keys = [key.split(".")[0] for key in campaign.keys]
     tables, central = campaign.nominal.as_dict(), air_of(campaign.central)
     airs = {CALM, central, *((STEADY_WIND,) if campaign.central.wind else ())}
@@ -440,13 +375,7 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
 
 
 def at_random(campaign: Campaign) -> Campaign:
-    """The same campaign with independent draws.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        Of any design; the points of a grid become values that are all equally likely.
-    """
+    """The same campaign with independent draws; points of a grid become equally likely values."""
     disperse = [
         Choice(key=table.key, acts=table.acts, values=table.levels)
         if isinstance(table, Grid)
@@ -475,14 +404,7 @@ def _rebuilt(
 
 
 def distribution_of(plan: Plan, plant: str) -> Distribution:
-    """What is the same in all flights of a plan, and between which values the rest is drawn.
-
-    Parameters
-    ----------
-    plan : Plan
-    plant : str
-        Label of the aircraft flown.
-    """
+    """The keys with one value in all flights of a plan, and the distributions of all other keys."""
     position = [table.label for table in plan.scenario.plant].index(plant)
     # A table that is only there because one of its keys is drawn has its other keys too.
     nominal, fixed = (
@@ -527,7 +449,7 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
 def _over(plan: Plan) -> Over:
     """By time where the references of the first draws move at the same instants, else by phase."""
     moving = set()
-    for draw in range(min(plan.draws, LOOKED_AT)):
+    for draw in range(min(plan.draws, SAMPLED_DRAWS)):
         scenario = plan.scenario_of(draw)
         rate = scenario.controller.rate_hz
         t = np.arange(round(scenario.flight.duration_s * rate) + 1) / rate
@@ -540,16 +462,6 @@ def own_campaign(aircraft: str) -> Campaign:
 
     Turns and changes of path angle are ramps of random rate that stay inside the limits, from
     steady flight at the first condition of the identified model.
-
-    Parameters
-    ----------
-    aircraft : str
-        Name or folder.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no such aircraft, or no identified model of it.
     """
     limits = load_aircraft(aircraft).limits
     first = load_identified(aircraft).conditions[0]

@@ -58,17 +58,10 @@ STRIDE = 0.6
 
 
 class Draws(NamedTuple):
-    """Points of the standard normal space, and seeds.
+    """Points of the standard normal space, and seeds."""
 
-    Attributes
-    ----------
-    z : ndarray, shape (n, d), 1
-        Normal scores of the dispersed keys, before correlation.
-    seeds : ndarray of int, shape (n,)
-    """
-
-    z: FloatArray
-    seeds: npt.NDArray[np.int64]
+    z: FloatArray  # (n, d); normal scores of the dispersed keys, before correlation
+    seeds: npt.NDArray[np.int64]  # (n,)
 
 
 Evaluate = Callable[[Draws], FloatArray | None]
@@ -77,37 +70,19 @@ Evaluate = Callable[[Draws], FloatArray | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstSettings:
-    """What is searched, and how long.
+    """Scope and budget of a search."""
 
-    Attributes
-    ----------
-    budget : int
-        Flights at most.
-    metric : str or None
-        Column of a campaign's rows, such as ``chi.ITAE``, or ``margin``; by default the margin
-        where the campaign or scenario has requirements with bounds, else ``chi.ITAE``. With a tube
-        it is ``tube``.
-    tube : TubeBounds or None
-        Tube that flights are to come close to leaving.
-    gains, plant : str or None
-        By default ``tuned_identified`` or the first gain set, and the first plant.
-    completed : bool
-        Consider only flights that reach their end time; else the others count as worse than all.
-    start_deg, disturbance : float, deg and rad/s
-        Of a scenario: how far the start may be off, and the largest disturbance of the two rates.
-    seed : int
-        Of the search.
-    """
-
-    budget: int = 2000
+    budget: int = 2000  # maximum number of flights
+    # A column of the rows, such as chi.ITAE, or margin. By default the margin where there are
+    # requirements with bounds, else chi.ITAE; with a tube it is always tube.
     metric: str | None = None
-    tube: TubeBounds | None = None
-    gains: str | None = None
-    plant: str | None = None
-    completed: bool = False
-    start_deg: float = 0.0
-    disturbance: float = 0.0
-    seed: int = 1
+    tube: TubeBounds | None = None  # the tube that flights are to come close to leaving
+    gains: str | None = None  # by default tuned_identified, or else the first
+    plant: str | None = None  # by default the first
+    completed: bool = False  # consider only completed flights; otherwise lost ones are the worst
+    start_deg: float = 0.0  # deg; range of the starts of a scenario
+    disturbance: float = 0.0  # rad/s; largest disturbance of the two rates of a scenario
+    seed: int = 1  # seed of the search
 
     def __post_init__(self) -> None:
         if self.budget < POPULATION:
@@ -126,78 +101,38 @@ class WorstSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstFlight:
-    """The worst flight found.
-
-    Attributes
-    ----------
-    metric : str
-    value : float
-        Of the metric; infinite where the flight was not flown to its end.
-    first : float
-        The worst of the first generation, which are draws from the distribution.
-    flights : int
-        How many were flown.
-    group : Group
-    family : str or None
-        Of the disturbance: ``bang_bang`` (switched by the sensitivity of an error) or
-        ``square_wave``; None where none was searched.
-    drawn : mapping of str to plain value
-        Dispersed keys and seed of the flight; of a bang-bang disturbance its amplitudes and
-        switching times.
-    distance, radius : float or None, 1
-        Of the flight from the median in the standard normal space, and of the region searched;
-        None of a bang-bang disturbance, which is not drawn.
-    status, missed : str
-        How it ended, and the requirements it does not meet.
-    reach : ndarray, shape (2,), 1; or None
-        Largest distance of any flight of the search from the middle of the tube over the largest
-        half width, course and path angle; None without a tube.
-    scenario : Scenario
-        The flight alone; ``flighttune fly`` flies it.
-    """
+    """The worst flight of a search."""
 
     metric: str
-    value: float
-    first: float
-    flights: int
+    value: float  # of the metric; infinite where the flight ended early
+    first: float  # worst value of the first generation, which are draws from the distribution
+    flights: int  # number of flights of the search
     group: Group
-    family: str | None
+    family: str | None  # of the disturbance: bang_bang or square_wave; None without a disturbance
+    # dispersed keys and seed; of a bang-bang disturbance its amplitudes and switching times
     drawn: Mapping[str, Any]
+    # from the median in the standard normal space; None of a bang-bang disturbance
     distance: float | None
-    radius: float | None
+    radius: float | None  # of the region searched in that space
     status: str
-    missed: str
+    missed: str  # requirements that the flight does not meet
+    # (2,); largest distance from the middle of the tube over the largest half width
     reach: FloatArray | None
-    scenario: Scenario
+    scenario: Scenario  # this flight alone, which ``flighttune fly`` flies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RareMiss:
-    """Probability of a miss by subset simulation.
-
-    Attributes
-    ----------
-    metric : str
-    threshold : float
-        Value from which on a flight is a miss.
-    probability, low, high : float, 1
-        Estimate, and its 95 % interval as a log-normal one; an estimate of 0 has only `high`.
-    variation : float, 1
-        Coefficient of variation of the estimate.
-    levels : tuple of float
-        Values that the levels began at, the threshold last.
-    flights : int
-        How many were flown.
-    """
+    """Probability of a miss by subset simulation."""
 
     metric: str
-    threshold: float
-    probability: float
-    low: float
+    threshold: float  # a flight misses from this value on
+    probability: float  # 1
+    low: float  # 95 % interval as a log-normal one; an estimate of 0 has only an upper end
     high: float
-    variation: float
-    levels: tuple[float, ...]
-    flights: int
+    variation: float  # coefficient of variation of the estimate
+    levels: tuple[float, ...]  # values that the levels began at, the threshold last
+    flights: int  # number of flights of the search
 
 
 def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstFlight | None:
@@ -267,22 +202,8 @@ def rare_miss(
 ) -> RareMiss | None:
     """Probability that a flight of a campaign reaches a threshold, by subset simulation.
 
-    Parameters
-    ----------
-    source, settings, pool
-        As of `find_worst`; a fifth of the budget is flown at each level.
-    threshold : float
-        Value of the metric from which on a flight is a miss: 0 for the margin.
-
-    Returns
-    -------
-    RareMiss or None
-        None where the observer stopped it.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        As `find_worst`.
+    A fifth of the budget is flown at each level. The threshold is a value of the metric: 0 for the
+    margin. The result is None where the observer stopped it.
     """
     search = _Search(source, settings, pool)
     estimate = subset_simulation(
@@ -305,23 +226,8 @@ def search_worst(
 ) -> tuple[FloatArray, int, float] | None:
     """Search the region of a standard normal distribution for the largest value.
 
-    Parameters
-    ----------
-    values : callable
-    dimension : int
-    budget : int
-        Points at most.
-    seed : int
-
-    Returns
-    -------
-    z : ndarray, shape (dimension,)
-        The worst point.
-    seed : int
-        Its seed.
-    first : float
-        The largest value of the first generation.
-
+    The result has the worst point, its seed and the largest value of the first generation; it is
+    None where the observer stopped the search. `budget` is the maximum number of points.
     """
     import cma
 
@@ -355,7 +261,8 @@ def search_worst(
             return None
         spent += POPULATION
         if generation % SEEDS_EVERY and strategy is not None:
-            # What lies outside is worth as much as its point on the surface, and less the further.
+            # A point outside the region scores as its projection, minus a penalty that grows with
+            # distance: the strategy learns to stay inside.
             over = np.linalg.norm(asked - z, axis=1)
             strategy.tell(list(asked), (-objective + (1e-3 + np.std(objective)) * over**2).tolist())
         at = int(np.argmax(objective))
@@ -609,16 +516,9 @@ class _Search:
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
-    """Value of the metric of a row, larger is worse; `FAILED` of a flight that has none.
+    """Value of a metric (a column, ``margin`` or ``tube``) of a row; larger is worse.
 
-    Parameters
-    ----------
-    row : mapping
-        Of a campaign.
-    metric : str
-        A column, ``margin`` or ``tube``.
-    scenario : Scenario
-        With the requirements.
+    A flight without a value has `FAILED`.
     """
     if row["status"] != "completed":
         return FAILED

@@ -14,13 +14,13 @@ from flighttune.present.tables import html
 
 KINDS = "states", "inputs", "errors"
 
-MOST_STATES = 24
+MAX_STATES = 24
 """Of a model: the exact check of one takes seconds, and longer with the fourth power of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """What is claimed of ``s' = A_K s + E v`` with s = (x', e), v the disturbance's derivative.
+    """Claim about ``s' = A_K s + E v`` with s = (x', e), v the disturbance's derivative.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Certificate:
     hull : JacobianHull or None
         Contains the Jacobians of the envelope.
     models : tuple of LinearModel
-        Those of the claim's conditions, in their order.
+        Models of the claim's conditions, in their order.
     made_with : mapping of str to str
         Versions of flighttune and of the solvers.
     scenario_sha256 : str or None
@@ -134,9 +134,9 @@ class Certificate:
 
     def _check_model(self) -> None:
         self.model.check_channels(self.gains)
-        if len(self.model.states) > MOST_STATES:
+        if len(self.model.states) > MAX_STATES:
             raise InputError(
-                f"`states` must be at most {MOST_STATES}, got {len(self.model.states)}."
+                f"`states` must be at most {MAX_STATES}, got {len(self.model.states)}."
             )
         for name, names, law in zip(KINDS, self.model.names, LAW_NAMES, strict=True):
             if self.claim.envelope is not None and names != law:

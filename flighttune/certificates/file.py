@@ -21,7 +21,7 @@ from flighttune.whole_file import write_text
 FORMAT = "flighttune certificate 1"
 """Readers refuse what they do not know."""
 
-MOST_CONDITIONS = 1000
+MAX_CONDITIONS = 1000
 
 UNITS = {
     "rate_per_s": "1/s: decay of s' Q s, s = (rates of the states, errors); its norm: half of it",
@@ -73,7 +73,7 @@ class _Claim(_Table):
     radius: float | None = None
     disturbance_rate_bound: float | None = None
     envelope: _Envelope | None = None
-    conditions: Annotated[list[_Condition], Field(max_length=MOST_CONDITIONS)] | None = None
+    conditions: Annotated[list[_Condition], Field(max_length=MAX_CONDITIONS)] | None = None
     holds: str | None = None
 
 
@@ -204,13 +204,7 @@ def _matrices(model: LinearModel) -> Tables:
 
 
 def certificate_from(tables: Any) -> Certificate:
-    """A certificate from the object of its JSON file.
-
-    Raises
-    ------
-    InputError
-        If a key is missing, unknown or impossible; the message names it.
-    """
+    """A certificate from the object of its JSON file."""
     stated = tables.get("format") if isinstance(tables, dict) else None
     if stated != FORMAT:
         raise InputError(f"`format` must be {FORMAT!r}, got {abridged(stated)}.")

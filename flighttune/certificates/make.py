@@ -28,22 +28,12 @@ Condition = tuple[tuple[float, float], LinearModel]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certification:
-    """A certificate that has been verified, or why it was refused.
-
-    Attributes
-    ----------
-    status : "certified" or "refused"
-    reason : str
-        Why it was refused; empty otherwise.
-    certificate : Certificate or None
-    verification : Verification or None
-        The checks of the certificate.
-    """
+    """A certificate that has been verified, or the reason for which it was refused."""
 
     status: Literal["certified", "refused"]
-    reason: str
+    reason: str  # empty unless refused
     certificate: Certificate | None
-    verification: Verification | None
+    verification: Verification | None  # the checks of the certificate
 
 
 def certify(

@@ -122,7 +122,7 @@ def _inside(name: str, inner: Interval, outer: tuple[float, float]) -> Check:
 
 
 def _model_check(model: LinearModel, hull: JacobianHull) -> Check:
-    """That the model is the chi/gamma law's, with entries in the polytope for some factor."""
+    """Checks that the model is the chi/gamma law's, its entries in the polytope for a factor."""
     name = "trim model inside the polytope"
     A, B = exact(model.A), exact(model.B)
     if model.shape != (2, 2, 2) or not np.array_equal(model.C, np.eye(2)):

@@ -211,7 +211,7 @@ def _check_gains(aircraft: IdentifiedAircraft, path: Path) -> None:
 
 
 def _contradictions(stated: Any, derived: Any, key: str = "") -> Iterator[str]:
-    """What of a file is not as its lags make it: the matrices in it are for other programs."""
+    """Entries of a file that contradict its lags: its matrices are for other programs."""
     if isinstance(stated, dict) and isinstance(derived, dict):
         for name, value in stated.items():
             inside = f"{key}.{name}".removeprefix(".")
@@ -234,12 +234,7 @@ def _same(stated: Any, derived: Any) -> bool:
 
 
 def lag_table(lag: InnerLag) -> dict[str, Any]:
-    """A lag as plain values; None for what its order does not have.
-
-    Parameters
-    ----------
-    lag : InnerLag
-    """
+    """A lag as plain values; None for a parameter that its order does not have."""
     return {**_parameters(lag), "bandwidth_rad_s": lag.bandwidth}
 
 

@@ -59,32 +59,7 @@ def identify(
     *,
     seed: int = 0,
 ) -> Identification:
-    """Identify the inner loop of a plant about a trim.
-
-    Parameters
-    ----------
-    plant_factory : callable
-        Returns a fresh plant.
-    condition : FlightCondition
-        The trim, wings level.
-    limits : Limits
-        Of the commands (phi, n_z), which the excitation keeps inside.
-    seed : int
-        Of the excitation.
-
-    Returns
-    -------
-    Identification
-
-    Raises
-    ------
-    InputError
-        If the limits leave no room about level flight.
-    TrimError
-        If there is no steady flight at `condition`.
-    PlantError
-        If even a small excitation ends the flight.
-    """
+    """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
     sines = multisines(limits, seed=seed)
     repeated = Excitation(commands=np.tile(sines.commands, (PERIODS, 1)), lines=sines.lines)
     frequency = frequency_responses(respond(plant_factory, condition, repeated))
@@ -131,7 +106,7 @@ def identify_aircraft(
     h : float, m
         Height above sea level.
     seed : int
-        Of the excitation.
+        Seed of the excitation.
 
     Returns
     -------
@@ -177,19 +152,9 @@ def identify_aircraft(
 
 
 def of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
-    """Return the same conditions with lags of one order a channel, chosen over all of them.
+    """Return the same conditions with lags of one order a channel, the best over all of them.
 
     Models of one structure can be mixed, and one Lyapunov function can cover them all.
-
-    Parameters
-    ----------
-    found : sequence of Identification
-        Of one aircraft.
-
-    Returns
-    -------
-    tuple of Identification
-        With the order of the lowest sum of information criteria first among the candidates.
     """
     orders = tuple(
         _best_order([identification.candidates[i] for identification in identifications])

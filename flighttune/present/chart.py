@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
-from flighttune.present.thinning import MOST_DRAWN, peaks, thinned
+from flighttune.present.thinning import MAX_DRAWN, peaks, thinned
 from flighttune.whole_file import write_text
 
 Range: TypeAlias = tuple[float, float]
@@ -59,47 +59,23 @@ def style() -> str:
 
 @dataclass(slots=True, kw_only=True)
 class Chart:
-    """One panel, filled by its methods in the order of drawing.
-
-    Attributes
-    ----------
-    title : str
-        What is shown, in words.
-    x, y : str
-        Labels of the axes, with units.
-    height : float
-        Of the whole chart, pixels.
-    log : str
-        Axes that are logarithmic: any of ``x`` and ``y``.
-    x_range, y_range : pair of float, optional
-        Ends of the axes; by default around all that is drawn.
-    x_ticks, y_ticks : sequence of (float, str), optional
-        Labels of an axis and where they stand.
-    x_room : float
-        Part of the width left free at both ends, so that a point there is whole.
-    linked : bool
-        Whether the cursor of a page is at the same x in this chart and the other linked ones.
-    equal : bool
-        Whether a metre is as long to the right as upwards.
-    downwards : bool
-        Whether y grows downwards.
-    """
+    """One panel, filled by its methods in the order of drawing."""
 
     title: str
-    x: str = "t [s]"
+    x: str = "t [s]"  # label of the axis, with unit
     y: str = ""
-    height: float = HEIGHT
-    log: str = ""
-    x_range: Range | None = None
+    height: float = HEIGHT  # of the whole chart, pixels
+    log: str = ""  # the logarithmic axes, any of x and y
+    x_range: Range | None = None  # ends of the axis; by default around all that is drawn
     y_range: Range | None = None
-    x_ticks: Ticks | None = None
+    x_ticks: Ticks | None = None  # labels of the axis and where they stand
     y_ticks: Ticks | None = None
-    x_room: float = 0.0
-    linked: bool = False
-    equal: bool = False
-    downwards: bool = False
+    x_room: float = 0.0  # share of the width left free at both ends, so that a point there is whole
+    linked: bool = False  # its cursor is at the same x as in the other linked charts of a page
+    equal: bool = False  # a metre is as long to the right as upwards
+    downwards: bool = False  # y grows downwards
     legend: list[LegendEntry] = field(default_factory=list)
-    """What is named in the chart alone."""
+    """Entries named in this chart alone."""
     _marks: list["_Mark"] = field(default_factory=list)
     _seen: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 
@@ -113,27 +89,14 @@ class Chart:
         name: str = "",
         dash: str = "",
         width: float = 1.6,
-        most: int = MOST_DRAWN,
+        most: int = MAX_DRAWN,
         hover: bool = True,
     ) -> None:
         """Draw a line through points, broken at NaN.
 
-        Parameters
-        ----------
-        x, y : array_like, shape (n,)
-        colour : str
-            ``#RRGGBB``; one of the palette follows the theme of the page.
-        run : str
-            Label of the run, by which a page hides it and names its value.
-        name : str
-            Name in the legend of this chart, for what is no run.
-        dash : str
-            Lengths of dashes and gaps; empty for a full line.
-        width : float, pixels
-        most : int
-            Points to draw; of more, the lowest and highest of each stretch.
-        hover : bool
-            Whether its value is shown under the pointer.
+        A page hides the line by its `run`; `name` is for the legend of this chart if it is no run.
+        Of more points than `most` only the lowest and highest of each stretch are drawn. The
+        value is shown under the pointer if `hover`.
         """
         xs, ys = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float), most)
         self._seen.append((xs, ys))
@@ -162,19 +125,11 @@ class Chart:
         name: str = "",
         opacity: float = 0.16,
     ) -> None:
-        """Fill between two lines; nothing where either is NaN.
-
-        Parameters
-        ----------
-        x, low, high : array_like, shape (n,)
-        colour, run, name
-            As of `line`.
-        opacity : float
-        """
+        """Fill between two lines; nothing where either is NaN."""
         xs, lows, highs = (np.asarray(values, dtype=float) for values in (x, low, high))
         either = np.isnan(lows) | np.isnan(highs)
         lows, highs = np.where(either, np.nan, lows), np.where(either, np.nan, highs)
-        kept = peaks(np.column_stack([lows, highs]), most=MOST_DRAWN)
+        kept = peaks(np.column_stack([lows, highs]), most=MAX_DRAWN)
         xs, lows, highs = xs[kept], lows[kept], highs[kept]
         self._seen += [(xs, lows), (xs, highs)]
 
@@ -229,19 +184,7 @@ class Chart:
     ) -> None:
         """Draw points.
 
-        Parameters
-        ----------
-        x, y : array_like, shape (n,)
-        colour, run, name
-            As of `line`.
-        shape : {"dot", "cross", "plus"}
-        size : float, pixels
-            Half the width.
-        filled : bool or sequence of bool
-            Whether dots are filled.
-        opacity : float
-        tips : sequence of str, length n
-            What is shown where the pointer rests on a point.
+        `size` is half the width in pixels; `filled` is for dots; `tips` are for the pointer.
         """
         xs, ys = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
         self._seen.append((xs, ys))
@@ -331,13 +274,7 @@ class Chart:
         )
 
     def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
-        """Name points, each where its name covers neither a point nor another name.
-
-        Parameters
-        ----------
-        points : sequence of (float, float, str)
-            x, y and name.
-        """
+        """Name points (x, y, name), each where its name covers neither a point nor another name."""
 
         def drawn(a: "_Axes") -> str:
             at = [(float(a.sx(x)), float(a.sy(y)), name) for x, y, name in points]
@@ -444,31 +381,16 @@ class Sheet:
     """Charts side by side as one picture, each under its title and legend.
 
     A notebook shows it as it is.
-
-    Attributes
-    ----------
-    charts : sequence of Chart
-        Row by row.
-    columns : int
-    title : str
-        Above all.
-    legend : sequence of (str, str, str)
-        What has the same look in several charts, named once above all of them.
     """
 
-    charts: Sequence[Chart]
+    charts: Sequence[Chart]  # row by row
     columns: int = 2
     title: str = ""
+    # entries shared by several charts, drawn once above all of them
     legend: Sequence[LegendEntry] = ()
 
     def save(self, path: str | Path) -> None:
-        """Write an SVG file, under a temporary name until it is whole.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written.
-        """
+        """Write an SVG file, under a temporary name until it is whole."""
         write_text(Path(path), self.svg())
 
     def svg(self) -> str:
@@ -507,16 +429,8 @@ def spark(
 ) -> str:
     """A small chart without axes: lines over time about zero, the second one thin.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-    lines : mapping of str to ndarray, shape (n,)
-        By name.
-    colour : str
-    longest : float
-        Time at the right edge, the same for all that stand together.
-    ends : pair of float
-        Values at the lower and the upper edge, likewise.
+    `longest` is the time at the right edge and `ends` are the values at the lower and upper edge,
+    the same for all charts that stand together.
     """
     low, high = ends if ends[0] < ends[1] else (-1.0, 1.0)
     a = _Axes(x=(0.0, longest or 1.0), y=(low, high), width=120.0, height=36.0)
@@ -531,16 +445,7 @@ def spark(
 
 
 def ticks(ends: Range, wanted: float, log: bool = False) -> list[tuple[float, str]]:
-    """Round values along an axis with their labels, at least two of them.
-
-    Parameters
-    ----------
-    ends : pair of float
-        Of the axis.
-    wanted : float
-        How many, roughly.
-    log : bool
-    """
+    """Round values along an axis with their labels, at least two of them and about `wanted`."""
     low, high = sorted(ends)
     if log:
         ticks = _log_ticks(low, high, wanted)
@@ -666,7 +571,7 @@ def _stroke(colour: str, width: float, dash: str = "") -> str:
 
 
 def _owner(run: str, name: str = "") -> str:
-    """Whose a mark is, and its name where the pointer asks for its value."""
+    """Attributes that tell the run of a mark, and its name for the pointer."""
     owner = f' data-run="{escape(run)}"' if run else ""
     return owner + (f' data-name="{escape(name)}"' if name else "")
 

@@ -41,9 +41,9 @@ LIMIT = "#E0475B"
 """Limit lines."""
 
 INK = "#222222"
-"""What stands out without being a run: sums, the reach of a loop."""
+"""Colour of marks that stand out without being a run: sums, the reach of a loop."""
 
-LEAST_CONTRAST, ON_DARK = 2.5, 3.6
+MIN_CONTRAST, ON_DARK = 2.5, 3.6
 """Of a line against the ground of a page; on a dark one more, or strong shades look like shadows
 of the light ones."""
 
@@ -54,24 +54,12 @@ DARK = {"paper": "#14181C", "ink": "#E6E9EC", "soft": "#A3ADB6", "grid": "#2A313
 
 @dataclass(frozen=True, slots=True)
 class LineStyle:
-    """How one run is drawn.
+    """Style of the line of one run."""
 
-    Attributes
-    ----------
-    colour : str
-        ``#RRGGBB``.
-    name : str
-        The colour in a word or two, for text.
-    width : float, points
-        Line width: the last plant of a scenario is drawn strongest.
-    dashed : bool
-        Whether a figure on white paper should break the line, because the shade is light.
-    """
-
-    colour: str
-    name: str
-    width: float
-    dashed: bool
+    colour: str  # #RRGGBB
+    name: str  # the colour in a word or two, for text
+    width: float  # points; the last plant of a scenario is drawn strongest
+    dashed: bool  # a figure on white paper should break the line, because the shade is light
 
     @property
     def rgb(self) -> tuple[int, int, int]:
@@ -85,20 +73,11 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def line_styles(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], LineStyle]:
-    """Line style of each pair of plant and gain set.
+    """Line style of each pair of plant and gain set, in the order of the scenario.
 
-    Parameters
-    ----------
-    pairs : iterable of (str, str)
-        Plant and gain set of each run, in the order of the scenario.
-
-    Returns
-    -------
-    dict
-        By pair. One gain set on three or four plants has `PLANTS`. With at most two plants and six
-        gain sets the hue stands for the gain set and the shade for the plant: the last plant has
-        the strong one. Otherwise up to eighteen pairs have a colour each in order, and more begin
-        again.
+    A gain set on three or four plants has `PLANTS`. With at most two plants and six gain sets the
+    hue stands for the gain set and the shade for the plant: the last plant has the strong one.
+    Otherwise up to eighteen pairs have a colour each in order, and more begin again.
     """
     pairs = list(dict.fromkeys(pairs))
     plants = list(dict.fromkeys(plant for plant, _ in pairs))
@@ -148,14 +127,11 @@ def css_variables() -> str:
 def visible(colour: str, ground: str) -> str:
     """`colour`, darkened or lightened until a line of it can be seen on a ground.
 
-    Parameters
-    ----------
-    colour, ground : str
-        ``#RRGGBB``. On a light ground the hue stays; on a dark one it fades towards white.
+    On a light ground the hue stays; on a dark one it fades towards white.
     """
     below, channels = rgb(ground), tuple(map(float, rgb(colour)))
     dark = _luminance(below) < 0.2
-    while contrast(channels, below) < (ON_DARK if dark else LEAST_CONTRAST):
+    while contrast(channels, below) < (ON_DARK if dark else MIN_CONTRAST):
         channels = tuple(c + 0.03 * (255.0 - c) if dark else 0.97 * c for c in channels)
     red, green, blue = (round(value) for value in channels)
     return f"#{red:02X}{green:02X}{blue:02X}"

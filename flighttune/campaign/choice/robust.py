@@ -45,49 +45,26 @@ METRICS = ("chi.ITAE",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """Gains with their indicators.
-
-    Attributes
-    ----------
-    name : str
-    gains : PIGains
-    R_K : float, 1/s
-    I_K : float, s^2
-        On the model that the scenario's [tuning] names.
-    """
+    """Gains with their indicators on the model that the scenario's [tuning] names."""
 
     name: str
     gains: PIGains
-    R_K: float
-    I_K: float
+    R_K: float  # 1/s
+    I_K: float  # s^2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateResult:
-    """Score and success of a gain set, with intervals.
-
-    Attributes
-    ----------
-    candidate : Candidate
-    percentile : Estimate
-        Of the score over its draws, with the 95 % interval; infinite where flights were lost.
-    success : Estimate, 1
-        Part of the draws on which it succeeds on every plant, with the 95 % interval.
-    p_best : float, 1
-        Part of the resamples in which it is the best candidate; for a dropped candidate the part in
-        which it was as good as the leader at that time; NaN for a set that cannot be chosen.
-    dropped : bool
-        Whether it was dropped before the last draws.
-    behind : Estimate
-        How far its percentile lies above that of the chosen one: median and 95 % interval over the
-        resamples; NaN if it was dropped.
-    """
+    """Score and success of a gain set, with intervals of 95 %."""
 
     candidate: Candidate
-    percentile: Estimate
-    success: Estimate
+    percentile: Estimate  # percentile of the score; infinite where flights were lost
+    success: Estimate  # share of the draws on which the set succeeds on every plant
+    # 1; share of resamples won. Of a dropped candidate: probability of being as good as the leader
+    # when it was dropped. NaN for a baseline.
     p_best: float
-    dropped: bool
+    dropped: bool  # before the last draws
+    # percentile less that of the chosen set, median over the resamples; NaN if dropped
     behind: Estimate
 
     @property
@@ -98,72 +75,33 @@ class CandidateResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustChoice:
-    """Gains that were chosen by flying them.
+    """Gains that were chosen by flying them."""
 
-    Attributes
-    ----------
-    status : str
-        ``chosen``; ``infeasible`` where there is no frontier; ``too_many_lost`` where so many
-        flights of every candidate were lost that no percentile is finite; ``too_few_succeed`` where
-        no candidate succeeds as often as it must; ``interrupted``.
-    reason : str
-        A sentence where `status` is not ``chosen``.
-    best : CandidateResult or None
-        The best candidate, also where it is not good enough.
-    p_best : float, 1
-        Probability that it is the best candidate on draws like these; NaN without a best one.
-    loss : float
-        What its percentile lies above that of the best, mean over the resamples.
-    candidates : tuple of CandidateResult
-        All of the frontier, I_K rising.
-    baselines : tuple of CandidateResult
-        The campaign's own gain sets, for comparison.
-    metrics : tuple of str
-        What is added up to the score.
-    percentile : float, %
-    draws, flights : int
-        Draws of those at the end, and flights of all.
-    """
-
-    status: Status
-    reason: str
-    best: CandidateResult | None = None
-    p_best: float = float("nan")
-    loss: float = float("nan")
-    candidates: tuple[CandidateResult, ...] = ()
-    baselines: tuple[CandidateResult, ...] = ()
-    metrics: tuple[str, ...] = METRICS
-    percentile: float = PERCENTILE
-    draws: int = 0
-    flights: int = 0
+    status: Status  # infeasible: no frontier; too_many_lost: no finite percentile
+    reason: str  # a sentence unless the status is chosen
+    best: CandidateResult | None = None  # the best candidate, also where it is not good enough
+    p_best: float = float("nan")  # 1; probability that it is the best on draws like these
+    loss: float = float("nan")  # mean over the resamples of its percentile less that of the winner
+    candidates: tuple[CandidateResult, ...] = ()  # the whole frontier, I_K rising
+    baselines: tuple[CandidateResult, ...] = ()  # the campaign's own gain sets
+    metrics: tuple[str, ...] = METRICS  # columns that the score adds up
+    percentile: float = PERCENTILE  # %
+    draws: int = 0  # draws of the candidates that remained to the end
+    flights: int = 0  # flights of all candidates and baselines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustSettings:
-    """How gains are chosen.
+    """How gains are chosen."""
 
-    Attributes
-    ----------
-    metrics : tuple of str
-        Columns of the rows, or with ``_deg`` in place of ``_rad``; their sum is the score, less of
-        which is better. A flight that was not completed, or has no value, is worse than any other.
-    percentile : float, %
-        Of the score that is to be as low as can be.
-    least_success : float, 1
-        Part of the draws on which the chosen gains must succeed.
-    candidates : int
-        Points of the frontier.
-    draws : int or None
-        Draws of those at the end; None for those of the campaign.
-    plants : tuple of str
-        Labels of the plants to fly; empty for all. A draw's score is that of its worst plant.
-    """
-
+    # Columns of the rows, or with _deg in place of _rad. Their sum is the score to minimise; a
+    # flight that was not completed, or has no value, is worse than any other.
     metrics: tuple[str, ...] = METRICS
-    percentile: float = PERCENTILE
-    least_success: float = 0.0
-    candidates: int = CANDIDATES
-    draws: int | None = None
+    percentile: float = PERCENTILE  # %, percentile of the score to minimise
+    least_success: float = 0.0  # 1; minimum success rate of the chosen gains
+    candidates: int = CANDIDATES  # points of the frontier
+    draws: int | None = None  # None for all draws of the campaign
+    # labels of the plants to fly, empty for all; the worst plant scores a draw
     plants: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -184,25 +122,8 @@ class RobustSettings:
 def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) -> RobustChoice:
     """Choose gains of the frontier by flying them on the draws of a campaign.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Its scenario gives the frontier, its draws and plants the flights; its own gain sets are
-        flown as baselines.
-    settings : RobustSettings
-    pool : WorkerPool
-        Flies; its observer may stop it. The choice does not depend on the number of workers.
-
-    Returns
-    -------
-    RobustChoice
-
-    Raises
-    ------
-    InputError
-        If the campaign has no such plant.
-    CampaignError
-        If the cluster is gone.
+    The campaign's own gain sets are flown as baselines. The choice does not depend on the number
+    of workers.
     """
     laws = campaign.nominal.laws
     if len(laws) > 1 or not all(law.by_gains for law in laws):
@@ -273,26 +194,7 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
 
 
 def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]:
-    """Gains of the largest R_K for rising I_K, each once.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Its tuning problem gives the frontier.
-    count : int
-        Points of the frontier.
-
-    Returns
-    -------
-    tuple of Candidate
-        Named ``frontier-1`` and so on, I_K rising; empty where no stable gains lie within the
-        limits of the problem.
-
-    Raises
-    ------
-    InputError
-        If `count` is less than 2.
-    """
+    """Gains of the largest R_K for rising I_K, each once; empty if none is stable."""
     problem = tuning_problem(scenario)
     inputs, errors = problem.model.inputs, problem.model.errors
     candidates: list[Candidate] = []
@@ -328,14 +230,7 @@ def own_candidates(
 
 
 def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
-    """The same campaign for other gain sets, with the same draws.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    gains : mapping of str to PIGains
-        By name. Requirements on gain sets that are not among them are left out.
-    """
+    """The same draws for other gain sets; requirements on sets that are not among them go."""
     tables = [GainsTable(name=name, **gain_set.as_lists()) for name, gain_set in gains.items()]
     names = [name for law in campaign.nominal.laws for name in law.names_of(list(gains))]
 
@@ -362,13 +257,7 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
 
 
 def on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
-    """The same campaign on some of its plants.
-
-    Raises
-    ------
-    InputError
-        If it has no such plant.
-    """
+    """The same campaign on some of its plants."""
     labels = [plant.label for plant in campaign.nominal.plant]
     for wanted in plants:
         if wanted not in labels:
@@ -386,20 +275,8 @@ def on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
 def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> Tried:
     """Scores and success of gain sets on every draw, both of the worst plant.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        Of a campaign, every draw flown by all of `names`.
-    names : sequence of str
-        Gain sets.
-    metrics : sequence of str
-        Added up to the score.
-
-    Returns
-    -------
-    scores : ndarray, shape (names, draws)
-        Infinite where a flight was not completed or has no value.
-    success : ndarray of bool, shape (names, draws)
+    Both have shape (names, draws); a score is infinite where a flight was not completed or has no
+    value. Every draw must have been flown by all of `names`.
     """
     score = sum(
         scores(rows, in_rad(name)) / (DEG if name.endswith("_deg") else 1.0) for name in metrics

@@ -149,7 +149,7 @@ class ClusterWorkers:
         return self._executor.submit(_call, *where, pickle.dumps(arguments))
 
     def failure(self, error: BaseException) -> CampaignError:
-        """What a task raised, or why it was cancelled, as an error of the campaign."""
+        """Error of the campaign for a task that failed or was cancelled."""
         if isinstance(error, (CancelledError, OSError, TimeoutError)):
             return self._gone()
         if type(error).__name__ == "KilledWorker":

@@ -45,7 +45,7 @@ def run_campaign(
     Parameters
     ----------
     plan : Plan
-        What to fly.
+        Flights of the campaign.
     out : str or Path
         Folder of the rows. Only this process writes.
     workers : int, optional
@@ -110,18 +110,7 @@ def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:
     """Numbers of runs at the interim analyses of the success rates; the last is all.
 
     They depend on the plan alone, so that a campaign stops at the same run whoever flies it.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is flown.
-    halfwidth : float or None, 1
-        The half width asked for; None to fly everything without an interim analysis.
-
-    Raises
-    ------
-    InputError
-        If it is not between 0 and 0.5.
+    `halfwidth` is the half width asked for; without it there is no interim analysis.
     """
     if halfwidth is None:
         yield plan.runs
@@ -161,14 +150,7 @@ def _keep_signals(dataset: Dataset, pool: WorkerPool, tally: Tally) -> bool:
 
 
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
-    """The folder of a campaign with its ``campaign.json``, new or to be resumed.
-
-    Raises
-    ------
-    InputError
-        If there is a campaign and it is not to be resumed, or cannot: it is another one, was flown
-        with other libraries, or cannot be made longer.
-    """
+    """The folder of a campaign with its ``campaign.json``, new or to be resumed."""
     folder, versions = Path(out), library_versions()
     if not (folder / CAMPAIGN).exists():
         if (folder / RUNS).is_dir() and any((folder / RUNS).iterdir()):

@@ -46,7 +46,7 @@ class Lost(NamedTuple):
 
 
 class Job(NamedTuple):
-    """What a process is asked for: rows of runs of a draw, or the signals of one run."""
+    """Request to a process: rows of runs of a draw, or the signals of one run."""
 
     draw: Draw
     limit: float  # s, for each flight
@@ -61,7 +61,7 @@ class Flyer:
         self._closed = False
 
     def ask(self, plan: str, job: Job) -> Any:
-        """What a job comes to, or `Lost`; `plan` is the text that `plan_text` makes.
+        """Answer to a job, or `Lost`; `plan` is the text that `plan_text` makes.
 
         PlantError if the process cannot start, or cannot fly this plan.
         """
@@ -187,7 +187,7 @@ def plan_text(plan: "Plan") -> str:
 
 
 def failure(error: BaseException) -> CampaignError:
-    """What a worker raised, as an error of the campaign."""
+    """Error of the campaign for an exception of a worker."""
     if isinstance(error, PlantError):
         return CampaignError(f"a worker cannot fly for this campaign: {error}")
     if isinstance(error, ModuleNotFoundError):

@@ -74,7 +74,7 @@ class CampaignObserver:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignOutcome:
-    """What is there after a campaign was flown or resumed."""
+    """State of a campaign after it was flown or resumed."""
 
     dataset: str  # folder, as it was given
     planned: int  # runs of the plan

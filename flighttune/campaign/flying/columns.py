@@ -59,18 +59,7 @@ TUBE_REACH = "tube_reach"
 
 
 def row_schema(plan: Plan) -> pa.Schema:
-    """The schema of the rows of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-
-    Returns
-    -------
-    Schema
-        A field a column; its metadata has the ``unit`` where there is one (``1`` for a number
-        without).
-    """
+    """The schema of the rows of a plan; a field's metadata has its ``unit`` (``1`` without one)."""
     residuals = RESIDUALS if plan.residuals else ()
     return pa.schema(
         [

@@ -158,7 +158,7 @@ def _fly(
 
 
 def _measured(flights: Flights, batch: BatchResult) -> dict[str, FloatArray]:
-    """What is measured of each flight, by column, shape (N,)."""
+    """Measures of each flight, by column, shape (N,)."""
     N = len(flights)
     n_z_cmd = batch.signal("n_z_cmd").copy()
     n_z_cmd[np.arange(N), batch.samples - 1] = np.nan  # not flown any more

@@ -64,21 +64,7 @@ def load_campaign(path: str | Path) -> Campaign:
 
 
 def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaign:
-    """The campaign of tables about a scenario that has the gains, plants and overrides already.
-
-    Parameters
-    ----------
-    table : CampaignTable
-    nominal : Scenario
-        Undispersed.
-    source : str
-        File of the tables, or what else to call them.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario refuses a median, or keys or correlations cannot be what they say.
-    """
+    """The campaign of tables about a scenario that has the gains, plants and overrides already."""
     _check_correlations(table, source)
     return Campaign.of(table, nominal=nominal, central=_central(table, nominal, source))
 
@@ -174,13 +160,7 @@ def _check_correlations(table: CampaignTable, source: str) -> None:
 
 
 def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
-    """The scenario at the median of everything dispersed.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario refuses a median, or keys or correlations cannot be what they say.
-    """
+    """The scenario at the median of everything dispersed."""
     places = dispersed_places(table.disperse, nominal, source)
     central = _at_medians(table.disperse, nominal, places)
     if isinstance(central, Scenario):

@@ -35,39 +35,18 @@ PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 
 
 def steps_of(key: str) -> tuple[str, ...]:
-    """The steps of a dotted path; what stands in brackets is a step of its own, ``[0]``.
-
-    Raises
-    ------
-    InputError
-        If `key` is not a path.
-    """
+    """The steps of a dotted path; a position in brackets is a step of its own, ``[0]``."""
     if not PATH.fullmatch(key):
         raise InputError("must be names joined by dots, each with [position] or [name] after it")
     return tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
 
 
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
-    """Every place of a scenario that a key means.
+    """Every place of a scenario that a dotted key means.
 
-    Parameters
-    ----------
-    key : str
-        Dotted path. ``name[1]`` is a position in an array, counted from 0; ``plant`` without one
-        is every plant that has the key, ``plant[LABEL]`` the one of that label.
-    tables : mapping
-        The scenario as plain values.
-    value : plain value
-        A value that the key can have.
-
-    Returns
-    -------
-    tuple of Place
-
-    Raises
-    ------
-    InputError
-        If there is no such place; the message says what must hold.
+    ``name[1]`` is a position in an array, counted from 0; ``plant`` without a position is every
+    plant that has the key, ``plant[LABEL]`` the plant of that label. `value` is a value that the
+    key can have: it tells which kinds of plant have the key.
     """
     steps = steps_of(key)
     if steps[0] == "plant" and not (steps[1:] and steps[1].startswith("[")):
@@ -76,14 +55,7 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
 
 
 def value_at(tables: Mapping[str, Any], place: Place) -> Any:
-    """The value at a place; None if the place is empty.
-
-    Parameters
-    ----------
-    tables : mapping
-        A scenario, or a table of one, as plain values.
-    place : Place
-    """
+    """The value at a place; None if the place is empty."""
     value: Any = tables
     for step in place:
         if isinstance(value, Mapping):
@@ -96,14 +68,9 @@ def value_at(tables: Mapping[str, Any], place: Place) -> Any:
 
 
 def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
-    """A copy of `tables` with values put in; what is not on the way to one is shared.
+    """A copy of `tables` with values put in; tables off the way to a value are shared with it.
 
-    Parameters
-    ----------
-    tables : mapping
-        A scenario, or a table of one, as plain values.
-    values : iterable of (Place, value)
-        Tables that a place leads through and that are not there are made.
+    Tables on the way that are missing are made.
     """
     result = dict(tables)
     copied: dict[int, Any] = {id(result): result}
@@ -123,21 +90,7 @@ def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) 
 def dispersed_places(
     disperse: Sequence[Dispersion], scenario: Scenario, source: str
 ) -> dict[str, tuple[Place, ...]]:
-    """Every place that each dispersed key means.
-
-    Parameters
-    ----------
-    disperse : sequence of Dispersion
-    scenario : Scenario
-        The undispersed one.
-    source : str
-        File of the campaign.
-
-    Raises
-    ------
-    ScenarioError
-        If a key is nowhere in the scenario, may not be dispersed, or is given twice.
-    """
+    """Every place that each dispersed key means, in the undispersed scenario."""
     values = scenario.as_dict()
     places_by_key: dict[str, tuple[Place, ...]] = {}
     for table in disperse:
@@ -170,18 +123,7 @@ def with_drawn(
     places: Mapping[str, tuple[Place, ...]],
     drawn: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The tables of a scenario with drawn values put in, added or multiplied by.
-
-    Parameters
-    ----------
-    tables : mapping
-        The undispersed scenario as plain values.
-    disperse : sequence of Dispersion
-    places : mapping of str to tuple of Place
-        Of each dispersed key.
-    drawn : mapping of str to plain value
-        By dispersed key.
-    """
+    """The tables of a scenario with the drawn values of each key set, added or multiplied by."""
     return with_values(
         tables,
         [

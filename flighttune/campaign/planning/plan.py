@@ -47,16 +47,10 @@ BLOCK = 1024
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Flights of one plant with one gain set.
+    """Flights of one plant with one gain set."""
 
-    Attributes
-    ----------
-    plant, gains : str
-        Label of the plant, name of the gain set.
-    """
-
-    plant: str
-    gains: str
+    plant: str  # label
+    gains: str  # name of the gain set
 
     @property
     def label(self) -> str:
@@ -66,7 +60,7 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """What is flown in a campaign; the same plan gives the same draws to the bit anywhere.
+    """Flights of a campaign; the same plan gives the same draws to the bit anywhere.
 
     Run ``r`` is the flight of draw ``r // len(groups)`` by group ``r % len(groups)``: every draw is
     flown by every group, so that groups differ by nothing else.
@@ -76,7 +70,7 @@ class Plan:
     campaign : Campaign
         The file, checked.
     gain_sets : mapping of str to PIGains or None
-        By name; None where tuning found none.
+        Gain sets by name; None where tuning was infeasible.
     groups : tuple of Group
         Plant by plant; in wind aircraft first, as the other plants replay the wind they met.
     runs : int
@@ -153,19 +147,7 @@ class Plan:
     ) -> Group:
         """The group that is asked for: by default the first plant, and the gains tuned on it.
 
-        Parameters
-        ----------
-        plant : str or None
-            Label of a plant.
-        gains : str or None
-            Name of a gain set; by default ``tuned_identified``, else the first.
-        kind : str, optional
-            That the plant must be of.
-
-        Raises
-        ------
-        InputError
-            If the plan has no such plant, or no gains of that name.
+        `kind` restricts the choice to plants of that kind.
         """
         plants = [table.label for table in self.scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(plants), "")
@@ -212,18 +194,10 @@ class Plan:
         return self.groups[run % len(self.groups)]
 
     def parameters(self, first: int = 0, end: int | None = None) -> pd.DataFrame:
-        """What is drawn for draws `first` to `end`.
+        """Drawn values of draws `first` to `end`, which is not among them; by default of all.
 
-        Parameters
-        ----------
-        first, end : int
-            Draws wanted, `end` not among them; by default all.
-
-        Returns
-        -------
-        DataFrame
-            Index ``draw``; a column a dispersed key, in the unit of the key, and ``seed``. A key
-            that ``adds`` or ``multiplies`` has here what is added or multiplied by.
+        The index is ``draw``; the columns are the dispersed keys, in their units, and ``seed``.
+        A key that ``adds`` or ``multiplies`` has here the addend or the factor.
         """
         end = self.draws if end is None else end
         return drawn(self.campaign, first, end, draws=self.draws)
@@ -234,13 +208,7 @@ class Plan:
         return dispersed_places(self.campaign.disperse, self.scenario, self.campaign.title)
 
     def values_of(self, draw: int) -> dict[str, Any]:
-        """What is drawn for one draw, as plain values: by dispersed key, and ``seed``.
-
-        Raises
-        ------
-        InputError
-            If there is no such draw.
-        """
+        """Drawn values of one draw by dispersed key, and its ``seed``, as plain values."""
         if not 0 <= draw < self.draws:
             raise InputError(f"`draw` must be 0 to {self.draws - 1}, got {draw}.")
         if self.given is not None:
@@ -315,18 +283,7 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def differences(self, other: "Plan") -> tuple[str, ...]:
-        """What of this plan is different in a later one, a sentence each.
-
-        Parameters
-        ----------
-        other : Plan
-            The later one.
-
-        Returns
-        -------
-        tuple of str
-            ``key: was X, is Y``; empty where the two plan the same.
-        """
+        """Changes from this plan to a later one, as ``key: was X, is Y``; empty if equal."""
         was, now = _leaves(self), _leaves(other)
         return tuple(
             f"{key}: was {_abridged(was.get(key))}, is {_abridged(now.get(key))}"
@@ -404,20 +361,7 @@ class _PlanTables(Table):
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
-    """The plan that `Plan.as_dict` wrote, with the same bits.
-
-    Parameters
-    ----------
-    tables : mapping
-        As JSON gives them back.
-    source : str
-        The file they come from, or what else to call them.
-
-    Raises
-    ------
-    ScenarioError
-        If they are not a plan, or one of another version of the form.
-    """
+    """The plan that `Plan.as_dict` wrote, with the same bits; `source` names its file in errors."""
     if tables.get("version") != VERSION:
         got = abridged(tables.get("version"))
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
@@ -448,7 +392,7 @@ def _plain(scenario: Scenario) -> dict[str, Any]:
 
 
 def _leaves(plan: Plan) -> dict[str, Any]:
-    """What changes a row of a plan, by name."""
+    """Values of a plan that change its rows, by name."""
     campaign = plan.campaign.as_dict()
     campaign["disperse"] = {table["key"]: table for table in campaign["disperse"]}
     scenario = _plain(plan.scenario)

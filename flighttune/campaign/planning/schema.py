@@ -22,7 +22,7 @@ from flighttune.scenario.tables import (
 )
 
 Value: TypeAlias = bool | int | float | str
-"""What a key of a scenario can be set to."""
+"""Values of a key of a scenario."""
 
 Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
 Key: TypeAlias = Annotated[str, Field(min_length=1)]
@@ -35,12 +35,12 @@ MEASURES = (
     *(f"{channel}.{name}" for channel in ("chi", "gamma") for name in CHANNEL_MEASURES),
     *(f"flight.{name}" for name in FLIGHT_METRICS),
 )
-"""What a run is measured by, as the columns of rows are named."""
+"""Measures of a run, as the columns of rows are named."""
 
-MOST_POINTS = 10_000
+MAX_POINTS = 10_000
 """Values of one grid key."""
 
-MOST_SD = 8.0
+MAX_SD = 8.0
 """How far from the mean the bounds of a truncated normal distribution may begin, in sd."""
 
 
@@ -71,9 +71,9 @@ class Normal(DisperseTable):
     def _something_between_the_bounds(self) -> "Normal":
         low, high = self._bounds
         _check_rising(low, high)
-        if low > self.mean + MOST_SD * self.sd or high < self.mean - MOST_SD * self.sd:
+        if low > self.mean + MAX_SD * self.sd or high < self.mean - MAX_SD * self.sd:
             raise ValueError(
-                f"`mean` must lie within {MOST_SD:g} `sd` of what `lower` and `upper` leave, "
+                f"`mean` must lie within {MAX_SD:g} `sd` of what `lower` and `upper` leave, "
                 f"got {self.mean:g}"
             )
         return self
@@ -177,7 +177,7 @@ class Grid(DisperseTable):
     values: Values | None = None
     lower: Finite | None = None
     upper: Finite | None = None
-    count: Annotated[int, Field(ge=2, le=MOST_POINTS)] | None = None
+    count: Annotated[int, Field(ge=2, le=MAX_POINTS)] | None = None
 
     @model_validator(mode="after")
     def _values_or_range(self) -> "Grid":
@@ -260,7 +260,7 @@ class KeepTable(Table):
 
 
 class CampaignTable(Table):
-    """What a campaign file says, with the defaults filled in."""
+    """Content of a campaign file, with the defaults filled in."""
 
     title: Annotated[str, Field(min_length=1)]
     verifies: str = ""

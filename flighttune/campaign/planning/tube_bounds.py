@@ -19,33 +19,15 @@ NARROWEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TubeBounds:
-    """What the errors of a flight are enclosed by.
+    """Bounds of the errors of a flight."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (n,), s
-    low, high : ndarray, shape (n, 2), rad
-        Of the errors of course and flight-path angle.
-    """
-
-    t: FloatArray
-    low: FloatArray
-    high: FloatArray
+    t: FloatArray  # (n,), s
+    low: FloatArray  # (n, 2), rad; errors of course and flight-path angle
+    high: FloatArray  # (n, 2), rad
 
     @classmethod
     def read(cls, path: str | Path) -> "TubeBounds":
-        """The bounds in the signals of a tube.
-
-        Parameters
-        ----------
-        path : path-like
-            Parquet file that ``flighttune tube`` wrote.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read, is not as it was written, or holds no such bounds.
-        """
+        """The bounds in the Parquet file of signals that ``flighttune tube`` wrote."""
         from flighttune.tube.sealed import AboutTube, read_sealed
 
         names = [f"{name}_{end}" for end in ("low", "high") for name in ERRORS]

@@ -37,73 +37,40 @@ SPLIT_INTO = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Split:
-    """Success rate over the values of one parameter.
-
-    Attributes
-    ----------
-    group : Group
-    parameter : str
-    labels : tuple of str
-        Value or range of each class.
-    centres : tuple of float
-        Median of the parameter in each; counted where it is no number.
-    success : tuple of Estimate
-    """
+    """Success rate over the classes of one parameter."""
 
     group: Group
     parameter: str
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # value or range of each class
+    # median of the parameter in each class; the position of a class that is no number
     centres: tuple[float, ...]
     success: tuple[Estimate, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Findings:
-    """Statistics of a campaign.
-
-    Attributes
-    ----------
-    flights : Flights
-    measure : str or None
-        What flights are ordered and compared by; None where no flight has it.
-    groups : tuple of GroupSummary
-    paired : tuple of Paired
-    influences : mapping of (Group, str) to tuple of Influence
-        By group, and ``success`` or `measure`; empty ones where nothing can be said.
-    sobol : mapping of (Group, str) to SobolIndices
-        By the same, where the design of the campaign allows.
-    splits : tuple of Split
-        Of every group that both succeeded and failed, by the parameter that matters most to it.
-    convergence : tuple of ConvergenceCurve
-    claims : mapping of Group to UltimateSet
-        What the certified set of each group is; empty where no flight was compared with one, or the
-        undispersed flights that it is measured on cannot be flown here.
-    """
+    """Statistics of a campaign."""
 
     flights: Flights
-    measure: str | None
+    measure: str | None  # measure that orders and compares flights; None where no flight has it
     groups: tuple[GroupSummary, ...]
     paired: tuple[Paired, ...]
+    # of success and the measure, by group; empty where nothing can be said
     influences: Mapping[tuple[Group, str], tuple[Influence, ...]]
+    # by the same keys, where the design of the campaign allows
     sobol: Mapping[tuple[Group, str], SobolIndices]
+    # of groups that both succeeded and failed, by the parameter that matters most
     splits: tuple[Split, ...]
     convergence: tuple[ConvergenceCurve, ...]
+    # Certified set of each group; empty where no flight was compared with one, or the undispersed
+    # flights that it is measured on cannot be flown here.
     claims: Mapping[Group, UltimateSet]
 
 
 def findings(
     flights: Flights, *, method: Method = "wilson", confidence: float = CONFIDENCE
 ) -> Findings:
-    """Evaluate the flights of a campaign, finished or not.
-
-    Parameters
-    ----------
-    flights : Flights
-    method : "wilson" or "clopper-pearson"
-        Interval of shares.
-    confidence : float, 1
-        Of all intervals.
-    """
+    """Evaluate the flights of a campaign, finished or not, with all intervals by one method."""
     flights = replace(flights, method=method, confidence=confidence)
     measure = _measure(flights)
     looked_at = [SUCCESS] + ([measure] if measure else [])
@@ -156,7 +123,7 @@ def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
 
 
 def _measure(flights: Flights) -> str | None:
-    """What the campaign keeps the worst flights by, or the first measure there is."""
+    """Measure by which the campaign keeps its worst flights, or else the first measure."""
     measures = flights.measures
     return flights.worst_by if flights.worst_by in measures else next(iter(measures), None)
 

@@ -48,13 +48,7 @@ ITEMS = _described()
 
 
 def chosen(names: Sequence[str]) -> tuple[Item, ...]:
-    """Items by name in the order of the paper; all for no names.
-
-    Raises
-    ------
-    InputError
-        If there is no item of a name.
-    """
+    """Items by name in the order of the paper; all for no names."""
     for name in names:
         if name not in ITEMS:
             names_of_items = ", ".join(ITEMS)
