@@ -342,8 +342,8 @@ def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict
 def elevator_zero(at: Airframe) -> float:
     """Zero in the right half plane from elevator to load factor, rad/s; inf where there is none.
 
-    Of the short period: with n_z held at zero, the elevator is ``-n_alpha/n_e alpha`` and the
-    motion that is left has the roots returned.
+    The zero belongs to the short period: with n_z held at zero, the elevator is
+    ``-n_alpha/n_e alpha`` and the zeros are the roots of the remaining motion.
     """
     n_e = at.of("n_z", "elevator")
     if not n_e > 0.0:
@@ -355,7 +355,7 @@ def elevator_zero(at: Airframe) -> float:
 
 
 def _record(best: Adoption, surveyed: Survey, config: AircraftConfig) -> dict[str, Any]:
-    """What the adoption goes by, with the versions and the hash of the model it was made with."""
+    """Criteria of the adoption, with the versions and the hash of the model it was made with."""
     return {
         "format": "flighttune adoption 1",
         "status": best.status,

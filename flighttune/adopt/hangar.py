@@ -78,7 +78,7 @@ def _refused(model: str, reason: str) -> dict[str, Any]:
 
 
 def counts(answers: Sequence[dict[str, Any]]) -> str:
-    """How many were adopted, fly, and were refused."""
+    """Numbers of models that were adopted, that fly, and that were refused."""
     statuses = [answer["status"] for answer in answers]
     return ", ".join(f"{statuses.count(status)} {status}" for status in STATUSES)
 

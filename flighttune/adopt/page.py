@@ -72,7 +72,7 @@ def write_adoption(adoption: Adoption) -> Path:
 
 
 def flights_of(adoption: Adoption) -> list[dict[str, Any]]:
-    """How each gain set flew the turn."""
+    """Results of the turn by gain set."""
     return [
         {
             "gains": name,
@@ -85,7 +85,7 @@ def flights_of(adoption: Adoption) -> list[dict[str, Any]]:
 
 
 def flights_table(adoption: Adoption) -> Table:
-    """How each gain set flew the turn, as a table."""
+    """Results of the turn by gain set, as a table."""
     return Table(
         title=f"{adoption.name} at {adoption.V_a:.0f} m/s: turn of 20 deg, climb of 3",
         columns=FLIGHT_COLUMNS,

@@ -1,4 +1,4 @@
-"""What a model can do, found by experiment: lift, engines, surfaces, and where it may fly."""
+"""Capabilities of a model, measured by experiment: lift, engines, surfaces, places to fly."""
 
 import math
 import re
@@ -34,7 +34,7 @@ STALL_SHARE = 1.0 / 3.0
 ALPHAS = np.arange(-14.0, 30.5, 1.0) * DEG
 MAX_STALL, MIN_STALL = 18.0 * DEG, -12.0 * DEG
 
-# What counts as an aeroplane: its lift coefficient at the stall, and its airspeeds there, m/s.
+# An aeroplane has at the stall at least this lift coefficient, and an airspeed (m/s) in this range.
 MIN_LIFT = 0.1
 MIN_STALL_SPEED, MAX_STALL_SPEED = 3.0, 300.0
 
@@ -204,7 +204,7 @@ def _loaded(tables: dict[str, Any], folder: Path) -> Fdm:
             return Fdm(aircraft_from(tables, folder))
         except PlantError as error:
             missing = MISSING.search(str(error))
-            name = missing and missing[1].removeprefix("/fdm/jsbsim/")
+            name = missing[1].removeprefix("/fdm/jsbsim/") if missing else ""
             if not name or name in tables["declared"] or name.startswith("ft/"):
                 raise
             tables["declared"][name] = 0.0
@@ -348,7 +348,7 @@ def _settling(
 
 @dataclass(frozen=True, slots=True)
 class _Moved:
-    """How a surface answers: sense of the command, positions at -1 and +1, usable commands."""
+    """Response of a surface: sense of the command, positions at -1 and +1, usable commands."""
 
     effect: float
     position: tuple[float, float]
@@ -392,7 +392,7 @@ def _surfaces(
 def _answers(
     tables: dict[str, Any], folder: Path, level: AirframeState, h: float
 ) -> tuple[dict[str, _Moved], str]:
-    """How each surface answers its command; what is wrong with the flight control, if anything."""
+    """Response of each surface to its command, and the fault of the flight control, if any."""
     fdm = _loaded(tables, folder)
     bench = Bench(fdm, h)
     moved = {name: _moved(fdm, bench, level, name) for name in SURFACES}

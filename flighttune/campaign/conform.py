@@ -278,7 +278,7 @@ def _conformance(
 
 @dataclass(frozen=True, slots=True)
 class _Residuals:
-    """Extremes of what is counted of flights, shapes (n, count, 6), NaN of those not flown."""
+    """Lowest and highest residual rates of flights, shape (n, count, 6) each; NaN if not flown."""
 
     low: FloatArray
     high: FloatArray

@@ -51,7 +51,7 @@ class Span(NamedTuple):
 
     @property
     def runs(self) -> int:
-        """How many there are."""
+        """Number of runs."""
         return self.end - self.first
 
 
@@ -272,7 +272,7 @@ def dataset_hash(folder: str | Path) -> str:
 
 
 def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
-    """Which values are missing, then the values themselves."""
+    """The mask of missing values, then the values themselves."""
     yield np.packbits(column.is_null().to_numpy()).tobytes()
     if not pa.types.is_primitive(column.type):
         for text in column.cast(pa.large_string()).fill_null("").to_pylist():
@@ -283,7 +283,7 @@ def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
 
 
 def _digest_of(tables: Mapping[str, Any]) -> str:
-    """Hash of what ``campaign.json`` says beside it, however it is spaced."""
+    """Hash of ``campaign.json`` without its own hash, whatever its spacing."""
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 

@@ -33,7 +33,7 @@ MARGIN = "margin"
 """Metric: largest excess over a requirement relative to its bound; 0 just meets it."""
 
 TUBE = "tube"
-"""Metric: how near the errors come to leaving a tube; beyond 1 they leave it."""
+"""Metric: share of a tube that the errors use; beyond 1 they leave it."""
 
 REGION = 0.999
 """Share of the stated distribution inside the region searched."""
@@ -247,7 +247,8 @@ def search_worst(
     first, strategy, generation = worst, None, 0
     while spent + POPULATION <= budget:
         generation += 1
-        if generation % SEEDS_EVERY == 0:  # other chance for the worst so far
+        if generation % SEEDS_EVERY == 0:
+            # The worst point so far is flown with other seeds: turbulence may have been kind to it.
             z = asked = np.tile(best, (POPULATION, 1))
             seeds = rng.integers(0, 2**31, POPULATION)
         else:
@@ -269,6 +270,7 @@ def search_worst(
         if objective[at] > worst:
             best, worst = z[at], float(objective[at])
             if seeds[at] != chance:
+                # With another seed the objective is another function: the strategy starts anew.
                 chance, strategy = int(seeds[at]), None
     return best, chance, first
 
@@ -305,13 +307,14 @@ def subset_simulation(
     size = max(budget // 5, 20)
     heads = max(round(LEVEL * size), 2)
     length = size // heads
-    size = heads * length
+    size = heads * length  # whole chains
     z, seeds = rng.standard_normal((size, dimension)), rng.integers(0, 2**31, size)
     objective = values(Draws(z, seeds))
     spent, probability, squares, levels = size, 1.0, 0.0, []
     chains = np.arange(size)[:, None]  # each flight its own at first
     while objective is not None:
         order = np.argsort(-objective)
+        # No level lies beyond the threshold: the last one counts the misses themselves.
         begins = min(float(objective[order[heads - 1]]), threshold)
         reached = objective >= begins
         share = float(reached.mean())
@@ -337,6 +340,7 @@ def subset_simulation(
             seeds_now, now = np.where(stays, seeds_now, other), np.where(stays, now, there)
             steps.append((z_now, seeds_now, now))
         z, seeds, objective = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+        # Points are stored step by step: those of one chain are `heads` apart.
         chains = np.arange(size).reshape(length, heads).T
     return None
 

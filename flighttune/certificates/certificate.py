@@ -15,7 +15,7 @@ from flighttune.present.tables import html
 KINDS = "states", "inputs", "errors"
 
 MAX_STATES = 24
-"""Of a model: the exact check of one takes seconds, and longer with the fourth power of them."""
+"""The exact check takes seconds at this size, and grows with its fourth power."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

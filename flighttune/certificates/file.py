@@ -45,7 +45,7 @@ KEYS = {
     "multiplier": "evidence.multiplier_per_s",
     "hull": "evidence.polytope",
 }
-"""Where a certificate file has what a `Certificate` refuses by its own name."""
+"""Keys of a certificate file by the names that `Certificate` has in its messages."""
 
 Tables = dict[str, Any]
 Ends: TypeAlias = Annotated[tuple[float, float], Field(strict=False)]  # a list in JSON

@@ -58,7 +58,7 @@ def vertex_matrices(
 def coverage_checks(
     model: LinearModel, envelope: Envelope, hull: JacobianHull, *, g: float
 ) -> list[Check]:
-    """That the polytope contains the Jacobian at every condition of the envelope, and the model's.
+    """Check that the polytope contains the Jacobian at every condition, and that of the model.
 
     Parameters
     ----------

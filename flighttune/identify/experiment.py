@@ -15,7 +15,7 @@ from flighttune.plants.base import FlightCondition, Plant
 # Sample time of the commands, s.
 DT = 0.01
 
-# Of the multisines, s: their frequencies are multiples of 2 pi / PERIOD.
+# Period of the multisines, s: their frequencies are multiples of 2 pi / PERIOD.
 PERIOD = 20.0
 
 # Frequencies excited, rad/s.

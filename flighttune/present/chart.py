@@ -46,7 +46,7 @@ LegendEntry: TypeAlias = tuple[str, str, str]
 # A letter with a letter or digit as its index, such as `n_z`; `tuned_identified` is none.
 SYMBOL = re.compile(r"\b([^\W\d_])_(\w)\b")
 
-# What follows a lowered index in SVG stays down unless something lifts it: an empty space does.
+# Text after a lowered index in SVG stays down unless an empty space lifts it.
 SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tspan>'
 
 
@@ -511,7 +511,7 @@ _Mark: TypeAlias = Callable[[_Axes], str]
 
 
 def _part(value: npt.ArrayLike, ends: Range, log: bool) -> FloatArray:
-    """Where values lie between the ends, 0 to 1; far outside of them no further than ten times."""
+    """Positions of values between the ends, 0 to 1, clipped at ten times the length."""
     values = np.asarray(value, dtype=float)
     low, high = ends
     if log:

@@ -1,4 +1,4 @@
-"""What every page is made of: questions, sections with charts and tables, and the frame of HTML."""
+"""Parts of every page: questions, sections with charts and tables, and the frame of HTML."""
 
 import base64
 import hashlib

@@ -109,7 +109,7 @@ QUANTITIES = {
         Column("converges", "converges", good=("yes",)),
     )
 }
-"""How a quantity is written, by the last part of its key, where the key does not say it."""
+"""Label of a quantity by the last part of its key, where the key does not say it."""
 
 
 def columns(keys: str) -> list[Column]:

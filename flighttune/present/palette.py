@@ -44,8 +44,8 @@ INK = "#222222"
 """Colour of marks that stand out without being a run: sums, the reach of a loop."""
 
 MIN_CONTRAST, ON_DARK = 2.5, 3.6
-"""Of a line against the ground of a page; on a dark one more, or strong shades look like shadows
-of the light ones."""
+"""Contrast of a line on the ground of a page. A dark page takes more, or strong shades look like
+shadows of the light ones."""
 
 LIGHT = {"paper": "#FFFFFF", "ink": "#1D2329", "soft": "#56606A", "grid": "#E4E7EA"}
 DARK = {"paper": "#14181C", "ink": "#E6E9EC", "soft": "#A3ADB6", "grid": "#2A3138"}

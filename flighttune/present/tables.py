@@ -23,7 +23,7 @@ BOLD, RED, PLAIN = "\x1b[1m", "\x1b[31m", "\x1b[0m"
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Where a column has its values in a record, and how it writes them."""
+    """Key of a column in a record, and the format of its values."""
 
     key: str  # dots lead into a value: "metrics.chi.ITAE"
     name: str = ""

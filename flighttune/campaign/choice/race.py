@@ -98,6 +98,7 @@ def race(
         success=success,
         dropped=dropped,
         best=analysed.leader,
+        # A union bound: each dropped candidate may be the best with the probability at its drop.
         p_best=max(0.0, analysed.wins[analysed.leader] - sum(dropped.values())),
         wins={name: analysed.wins[name] for name in left},
         loss=analysed.loss,
@@ -134,7 +135,7 @@ def _resampled(
     cycle: int,
     seed: tuple[int, int],
 ) -> _Resampled:
-    """Who leads on the draws flown, and how often who does on draws like them."""
+    """The leader on the draws flown, and the share of resamples that each candidate wins."""
     names = [*left, *baselines]
     values = np.array([scores[name] for name in names])
     good = np.array([success[name] for name in names])
@@ -163,7 +164,7 @@ def _resampled(
 
 
 def _picks(n: int, cycle: int, seed: tuple[int, int]) -> Iterator[npt.NDArray[np.intp]]:
-    """Places of resampled draws, shape (some resamples, whole cycles of n)."""
+    """Indices of resampled draws, shape (some resamples, whole cycles of n)."""
     rng = np.random.default_rng(np.random.SeedSequence(seed[0], spawn_key=(seed[1],)))
     cycles = max(1, n // cycle)
     length = min(cycle, n)

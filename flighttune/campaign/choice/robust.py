@@ -92,7 +92,7 @@ class RobustChoice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustSettings:
-    """How gains are chosen."""
+    """Settings of the choice of gains."""
 
     # Columns of the rows, or with _deg in place of _rad. Their sum is the score to minimise; a
     # flight that was not completed, or has no value, is worse than any other.
@@ -294,7 +294,7 @@ def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> 
 def _status(
     run: Race, best: CandidateResult, settings: RobustSettings, early_ends: Counter[str]
 ) -> tuple[Status, str]:
-    """How the choice ended, and why where nothing is chosen."""
+    """Status of the choice, and the reason where nothing is chosen."""
     if not run.finished:
         return "interrupted", "it was stopped before all draws had been flown"
     if not np.isfinite(best.percentile.value):

@@ -90,7 +90,8 @@ def run_campaign(
             halfwidth = _widest(dataset, runs)
             if halfwidth <= until_halfwidth:
                 break
-        done = done and _keep_signals(dataset, pool, tally)
+        if done:
+            done = _keep_signals(dataset, pool, tally)
         dataset.clean()
     wall = time.perf_counter() - began
     return CampaignOutcome(

@@ -1,4 +1,4 @@
-"""What a worker does, here or on a cluster: it has each draw flown by a process of its own.
+"""The work of a worker, here or on a cluster: each draw is flown by a process of its own.
 
 A crash inside JSBSim therefore costs a row and not the campaign. A draw whose process crashes or is
 stopped at the time limit is flown again run by run, so that only the run to blame loses its row.

@@ -66,7 +66,7 @@ class Threads:
         self.failure = failure
 
     def threads(self) -> int:
-        """How many tasks can run at a time."""
+        """Number of tasks that can run at a time."""
         return self._count
 
     def stop(self) -> None:

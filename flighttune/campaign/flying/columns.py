@@ -52,7 +52,7 @@ RESIDUALS = ("residual_low", "residual_high")
 
 
 TUBE_SHARE = "tube_share"
-"""Column of a plan with a tube: how near the flight comes to leaving it."""
+"""Column of a plan with a tube: share of the tube that the flight uses; it leaves beyond 1."""
 
 TUBE_REACH = "tube_reach"
 """Column of a plan with a tube: largest distance over largest half width, chi and gamma."""
@@ -76,7 +76,7 @@ def row_schema(plan: Plan) -> pa.Schema:
 
 
 def unit_of_key(key: str) -> str:
-    """Unit of a key of a scenario, from how it ends."""
+    """Unit of a key of a scenario, from its ending."""
     name = key.split(".")[-1].split("[")[0]
     return next((unit for end, unit in UNITS_OF_ENDINGS.items() if name.endswith(end)), "1")
 

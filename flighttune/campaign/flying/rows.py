@@ -42,7 +42,7 @@ Row = dict[str, Any]
 """Columns of one run, as in `row_schema`; a column that is not there is null."""
 
 Drawn = Mapping[str, Any]
-"""What is drawn for a draw, as `Plan.values_of` returns it."""
+"""Values of a draw, as `Plan.values_of` returns them."""
 
 
 def fly_runs(plan: Plan, runs: Sequence[int]) -> pa.Table:

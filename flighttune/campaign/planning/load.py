@@ -1,7 +1,6 @@
 """Loading a campaign file, checked against its scenario."""
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -180,7 +179,7 @@ def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
 def _at_medians(
     disperse: Sequence[Dispersion], nominal: Scenario, places: Mapping[str, tuple[Place, ...]]
 ) -> Scenario | str:
-    """The scenario, or what is wrong with it."""
+    """The scenario with the medians, or the mistake in it as text."""
     medians = {table.key: table.central for table in disperse}
     tables = with_drawn(nominal.as_dict(), disperse, places, medians)
     try:
@@ -198,14 +197,12 @@ def _guilty(
 ) -> Sequence[Dispersion]:
     """The tables to blame where the scenario refuses the medians.
 
-    Those without which, each alone, it can be flown; or else a pair; or else all. More than one
-    that alone must go are tables that clash with each other.
+    Each table without which the scenario can be flown is to blame: two of them clash with each
+    other. Where no single one is, all are named.
     """
 
-    def possible_without(guilty: Sequence[Dispersion]) -> bool:
-        rest = [dispersion for dispersion in disperse if dispersion not in guilty]
+    def possible_without(blamed: Dispersion) -> bool:
+        rest = [table for table in disperse if table is not blamed]
         return isinstance(_at_medians(rest, nominal, places), Scenario)
 
-    alone = [dispersion for dispersion in disperse if possible_without([dispersion])]
-    pairs = () if alone else combinations(disperse, 2)
-    return alone or next((pair for pair in pairs if possible_without(pair)), disperse)
+    return [table for table in disperse if possible_without(table)] or disperse

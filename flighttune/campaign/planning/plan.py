@@ -345,7 +345,7 @@ class _MatricesTable(GainsTable):
 
 
 class _PlanTables(Table):
-    """What `Plan.as_dict` writes."""
+    """Form of a plan as `Plan.as_dict` writes it."""
 
     version: int
     runs: int

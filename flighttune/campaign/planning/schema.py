@@ -41,13 +41,13 @@ MAX_POINTS = 10_000
 """Values of one grid key."""
 
 MAX_SD = 8.0
-"""How far from the mean the bounds of a truncated normal distribution may begin, in sd."""
+"""Largest distance from a mean to the truncated range, in standard deviations."""
 
 
 class DisperseTable(Table):
     """``[[disperse]]``: one key of the scenario that differs from draw to draw.
 
-    What is drawn is the key's value, is added to the scenario's own or multiplies it. Each
+    The drawn value replaces the scenario's own, is added to it or multiplies it. Each
     distribution has two members more: ``central`` is the value at which a campaign is checked, the
     median or, of values that have none, the likeliest; ``at(u)`` has the values at points ``u`` of
     the open unit interval. They are inverse CDFs by hand because `scipy.stats` takes 0.4 s to load,

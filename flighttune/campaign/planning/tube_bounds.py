@@ -49,10 +49,11 @@ class TubeBounds:
         )
 
     def share(self, run: Run) -> float:
-        """How near a flight comes to leaving the tube, which it does beyond 1.
+        """Largest share of the tube that a flight uses; it leaves the tube beyond 1.
 
-        Of one that stays inside it is the largest distance from the middle over the largest half
-        width of its channel: at the start, where the tube is narrow, every flight is near.
+        Inside the tube it is the largest distance from the middle over the largest half width of
+        its channel: a share of the width at each time would be large at the start of every
+        flight, where the tube is narrow.
         """
         t = run.signals.index.to_numpy(dtype=float)
         half = 0.5 * (self.high - self.low)

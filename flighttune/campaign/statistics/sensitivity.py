@@ -1,4 +1,4 @@
-"""Which parameters matter to a metric: rank statistics, and Sobol indices of a Saltelli design."""
+"""Influence of parameters on a metric: rank statistics and Sobol indices (Saltelli)."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -88,12 +88,12 @@ def influences(
         Flights without a value, or without one of a parameter, are left out; infinite ones count
         by their rank.
     confidence : float, 1
-        Of intervals and of `Influence.apart`.
+        Confidence of intervals and of `Influence.apart`.
 
     Returns
     -------
     tuple of Influence
-        None of parameters that do not vary. Empty where there are fewer than 10 flights or the
+        Parameters that do not vary are left out. Empty where there are fewer than 10 flights or the
         measure does not vary.
 
     Notes

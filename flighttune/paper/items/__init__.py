@@ -10,7 +10,7 @@ from flighttune.paper.items import gains, histories, oscillator, trends
 from flighttune.paper.items.base import Assumption, Item
 from flighttune.shipped import nearest_name
 
-# What makes each item, in the order of the paper.
+# Maker of each item, in the order of the paper.
 MAKERS = {
     "fig3": oscillator.fig3,
     "gains": gains.gains,
