@@ -51,19 +51,19 @@ RECORD = "adoption.json"
 WRITTEN = ("aircraft.toml", GAINS_FILE, FILE_NAME, TURN)
 
 # Shares of the bandwidths that are tried in turn, until a flight meets the criteria.
-SLOWER = (1.0, 0.7, 0.5)
+BANDWIDTH_SHARES = (1.0, 0.7, 0.5)
 
 # Airspeed over the one chosen that is tried after them.
-FASTER = 1.25
+AIRSPEED_FACTOR = 1.25
 
 # No further try begins after this time, s.
 TIME_LEFT = 40.0
 
 # Bandwidths of roll and load factor, rad/s.
-FASTEST_ROLL, FASTEST_LOAD = 4.0, 8.0
-SLOWEST_ROLL, SLOWEST_LOAD = 0.5, 0.8
+MAX_ROLL_BANDWIDTH, MAX_LOAD_BANDWIDTH = 4.0, 8.0
+MIN_ROLL_BANDWIDTH, MIN_LOAD_BANDWIDTH = 0.5, 0.8
 
-LARGEST_ROLL_RATE = 30.0 * DEG
+MAX_ROLL_RATE = 30.0 * DEG
 
 # Share of the roll rate at full aileron that commands use.
 ROLL_RATE_USED = 0.4
@@ -74,19 +74,19 @@ AILERON_USED = 0.8
 # Share of the lift that the commands use.
 LIFT_USED = 0.85
 
-LARGEST_LOAD_FACTOR, SMALLEST_LOAD_FACTOR = 3.0, -1.0
+MAX_LOAD_FACTOR, MIN_LOAD_FACTOR = 3.0, -1.0
 
 # Load factor that a turn takes at least.
-LEAST_LOAD_FACTOR = 1.5
+MIN_TURN_LOAD_FACTOR = 1.5
 
 # Largest bandwidth of load factor over the zero of the elevator in the right half plane.
 NON_MINIMUM_PHASE = 0.6
-LARGEST_BANK = 45.0
+MAX_BANK = 45.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Adoption:
-    """What became of a model."""
+    """Result of adopting a model."""
 
     name: str
     status: Status
@@ -176,7 +176,9 @@ def _best(
 ) -> Adoption:
     """The best of the tries, whose files are those in the folder."""
     best, files, refused = None, {}, None
-    for share, V_a in [(share, surveyed.V_a) for share in SLOWER] + [(1.0, FASTER * surveyed.V_a)]:
+    for share, V_a in [(share, surveyed.V_a) for share in BANDWIDTH_SHARES] + [
+        (1.0, AIRSPEED_FACTOR * surveyed.V_a)
+    ]:
         if best is not None and time.monotonic() - began > TIME_LEFT:
             break
         say(f"trimming at {V_a:.0f} m/s" + (f", bandwidths times {share:g}" if best else ""))
@@ -287,29 +289,27 @@ def _missed(fits: Mapping[str, float], flights: Mapping[str, Mapping[str, Any]])
 
 
 def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict[str, Any]:
-    """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`.
-
-    Raises
-    ------
-    Refusal
-        If the lift leaves no room for a turn.
-    """
+    """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`."""
     lift = surveyed.lift
     ratio = (surveyed.V_a / lift.V_s) ** 2
-    n_z_max = min(LIFT_USED * ratio, LARGEST_LOAD_FACTOR)
-    if n_z_max < LEAST_LOAD_FACTOR:
+    n_z_max = min(LIFT_USED * ratio, MAX_LOAD_FACTOR)
+    if n_z_max < MIN_TURN_LOAD_FACTOR:
         raise Refusal(
             f"at {surveyed.V_a:.0f} m/s it lifts {ratio:.2f} times its weight, a turn needs "
-            f"{LEAST_LOAD_FACTOR / LIFT_USED:.2f}"
+            f"{MIN_TURN_LOAD_FACTOR / LIFT_USED:.2f}"
         )
     lowest = float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
-    n_z_min = max(min(LIFT_USED * ratio * lowest, 0.4), SMALLEST_LOAD_FACTOR)
+    n_z_min = max(min(LIFT_USED * ratio * lowest, 0.4), MIN_LOAD_FACTOR)
     travel = surveyed.tables["surfaces"]["aileron"]["travel_deg"]
     power = abs(at.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
     damping = max(-at.of("p_dot", "p"), 0.1)
-    rate = min(LARGEST_ROLL_RATE, ROLL_RATE_USED * power / damping)
-    roll = share * float(np.clip(AILERON_USED * power / rate - damping, SLOWEST_ROLL, FASTEST_ROLL))
-    load = share * float(np.clip(NON_MINIMUM_PHASE * elevator_zero(at), SLOWEST_LOAD, FASTEST_LOAD))
+    rate = min(MAX_ROLL_RATE, ROLL_RATE_USED * power / damping)
+    roll = share * float(
+        np.clip(AILERON_USED * power / rate - damping, MIN_ROLL_BANDWIDTH, MAX_ROLL_BANDWIDTH)
+    )
+    load = share * float(
+        np.clip(NON_MINIMUM_PHASE * elevator_zero(at), MIN_LOAD_BANDWIDTH, MAX_LOAD_BANDWIDTH)
+    )
     load_rate = float(np.clip(0.12 * load, 0.3, 1.0))
     return surveyed.tables | {
         "envelope": {
@@ -319,7 +319,7 @@ def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict
             "theta_deg": [-60.0, 60.0],
         },
         "limits": {
-            "phi_deg": [-LARGEST_BANK, LARGEST_BANK],
+            "phi_deg": [-MAX_BANK, MAX_BANK],
             "phi_rate_dps": rate / DEG,
             "n_z": [n_z_min, n_z_max],
             "n_z_rate_per_s": load_rate,
@@ -342,8 +342,8 @@ def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict
 def elevator_zero(at: Airframe) -> float:
     """Zero in the right half plane from elevator to load factor, rad/s; inf where there is none.
 
-    Of the short period: with n_z held at zero, the elevator is ``-n_alpha/n_e alpha`` and the
-    motion that is left has the roots returned.
+    The zero belongs to the short period: with n_z held at zero, the elevator is
+    ``-n_alpha/n_e alpha`` and the zeros are the roots of the remaining motion.
     """
     n_e = at.of("n_z", "elevator")
     if not n_e > 0.0:
@@ -355,7 +355,7 @@ def elevator_zero(at: Airframe) -> float:
 
 
 def _record(best: Adoption, surveyed: Survey, config: AircraftConfig) -> dict[str, Any]:
-    """What the adoption goes by, with the versions and the hash of the model it was made with."""
+    """Criteria of the adoption, with the versions and the hash of the model it was made with."""
     return {
         "format": "flighttune adoption 1",
         "status": best.status,

@@ -12,7 +12,7 @@ from typing import Any
 
 from flighttune.present.numbers import number
 
-LONGEST_S = 300.0  # time that one model may take
+MAX_TIME_S = 300.0  # time that one model may take
 
 TABLE = "hangar.md"
 
@@ -54,8 +54,8 @@ def _adopt_alone(adopt: Callable[[str], dict[str, Any]], model: str) -> dict[str
     process.start()
     sender.close()  # else the pipe would stay open here when the process ends
     try:
-        if not receiver.poll(LONGEST_S):
-            return _refused(model, f"it took over {LONGEST_S:g} s")
+        if not receiver.poll(MAX_TIME_S):
+            return _refused(model, f"it took over {MAX_TIME_S:g} s")
         return receiver.recv()
     except EOFError:
         process.join()
@@ -78,7 +78,7 @@ def _refused(model: str, reason: str) -> dict[str, Any]:
 
 
 def counts(answers: Sequence[dict[str, Any]]) -> str:
-    """How many were adopted, fly, and were refused."""
+    """Numbers of models that were adopted, that fly, and that were refused."""
     statuses = [answer["status"] for answer in answers]
     return ", ".join(f"{statuses.count(status)} {status}" for status in STATUSES)
 

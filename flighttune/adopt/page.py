@@ -35,18 +35,7 @@ TRIM_COLUMNS = columns("V_a_mps gamma_deg alpha_deg throttle reason")
 
 
 def write_adoption(adoption: Adoption) -> Path:
-    """Write the page of an aircraft into its folder, and return it.
-
-    Parameters
-    ----------
-    found : Adoption
-        With a folder.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
+    """Write the page of an aircraft into its folder, and return it."""
     assert adoption.folder is not None
     assert adoption.turn is not None
     config = load_aircraft(adoption.folder)
@@ -56,7 +45,7 @@ def write_adoption(adoption: Adoption) -> Path:
     )
     runs: dict[str, Run] = dict(zip(names, adoption.turn.runs, strict=True))
     # in the colours of these gains elsewhere, where those tuned on the law are the second of three
-    pairs = [("", one) for one in ("paper", TUNED, TUNED_IDENTIFIED)]
+    pairs = [("", gains) for gains in ("paper", TUNED, TUNED_IDENTIFIED)]
     paper, _, identified = line_styles(pairs).values()
     styles: dict[str, LineStyle] = dict(zip(names, (identified, paper), strict=True))
     page = write_page(
@@ -83,7 +72,7 @@ def write_adoption(adoption: Adoption) -> Path:
 
 
 def flights_of(adoption: Adoption) -> list[dict[str, Any]]:
-    """How each gain set flew the turn."""
+    """Results of the turn by gain set."""
     return [
         {
             "gains": name,
@@ -96,7 +85,7 @@ def flights_of(adoption: Adoption) -> list[dict[str, Any]]:
 
 
 def flights_table(adoption: Adoption) -> Table:
-    """How each gain set flew the turn, as a table."""
+    """Results of the turn by gain set, as a table."""
     return Table(
         title=f"{adoption.name} at {adoption.V_a:.0f} m/s: turn of 20 deg, climb of 3",
         columns=FLIGHT_COLUMNS,
@@ -173,12 +162,12 @@ def _inner_loop(adoption: Adoption) -> Section:
 
 def _check_charts(adoption: Adoption) -> Iterator[Chart]:
     assert adoption.identified is not None
-    one = adoption.identified.conditions[0]
-    t = np.arange(len(one.check.measured)) * DT
+    condition = adoption.identified.conditions[0]
+    t = np.arange(len(condition.check.measured)) * DT
     for i, (title, y, unit) in enumerate((("Roll", "φ [deg]", DEG), ("Load factor", "n_z", 1.0))):
         chart = Chart(title=title, y=y)
         styles = line_styles([("", "flown"), ("", "lag")]).values()
-        columns = one.check.measured[:, i], one.check_model[:, i]
+        columns = condition.check.measured[:, i], condition.check_model[:, i]
         for name, style, values in zip(("flown", "lag"), styles, columns, strict=True):
             chart.line(t, values / unit, style.colour, name=name)
         yield chart

@@ -1,4 +1,4 @@
-"""What a model can do, found by experiment: lift, engines, surfaces, and where it may fly."""
+"""Capabilities of a model, measured by experiment: lift, engines, surfaces, places to fly."""
 
 import math
 import re
@@ -22,7 +22,7 @@ from flighttune.plants.jsbsim.model_files import main_root, model_files, source_
 from flighttune.units import DEG, FT, G_0, LBF
 
 # Most properties of another simulator that are declared for a model.
-MOST_DECLARED = 60
+MAX_DECLARED = 60
 
 MISSING = re.compile(
     r"(?:property|node)[^\w/]*([\w/.-]+(?:\[\d+\])?[\w/.-]*)\W+(?:does not|is not)", re.I
@@ -32,11 +32,11 @@ MISSING = re.compile(
 STALL_SHARE = 1.0 / 3.0
 
 ALPHAS = np.arange(-14.0, 30.5, 1.0) * DEG
-STALL_AT_MOST, NEGATIVE_STALL_AT_MOST = 18.0 * DEG, -12.0 * DEG
+MAX_STALL, MIN_STALL = 18.0 * DEG, -12.0 * DEG
 
-# What counts as an aeroplane: its lift coefficient at the stall, and its airspeeds there, m/s.
-LEAST_LIFT = 0.1
-SLOWEST_STALL, FASTEST_STALL = 3.0, 300.0
+# An aeroplane has at the stall at least this lift coefficient, and an airspeed (m/s) in this range.
+MIN_LIFT = 0.1
+MIN_STALL_SPEED, MAX_STALL_SPEED = 3.0, 300.0
 
 # Airspeeds over that of the stall, in the order in which they are preferred.
 SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4, 1.3)
@@ -48,7 +48,7 @@ SPARE_THRUST = 0.08
 SETTLED = 1e-3
 
 PROPELLER_SETTLES = 15.0
-LONGEST_SETTLING = 40.0
+MAX_SETTLING_S = 40.0
 
 COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 
@@ -56,15 +56,15 @@ COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 CLIPPED = 0.2
 
 # Smallest effect of full travel, rad/s^2.
-LEAST_EFFECT = 1e-6
+MIN_EFFECT = 1e-6
 
 # Travel, rad, where no position of the model shows it.
 USUAL_TRAVEL = 0.35
 
-LARGEST_TRAVEL = 60.0 * DEG
+MAX_TRAVEL = 60.0 * DEG
 
 # Times (s) a command is held for: between them a flight control must not drift.
-HELD = 3.0, 4.0
+HOLD_TIMES = 3.0, 4.0
 
 # Share of the effect that may drift, or differ from an evaluation of the state.
 DRIFT = 0.05
@@ -100,7 +100,7 @@ class Lift:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Survey:
-    """What was found out about a model."""
+    """Findings about a model."""
 
     # tables of an ``aircraft.toml`` that commands the model: ``model``, ``surfaces``, ``engines``,
     # ``settings``, ``declared``, and wide ranges elsewhere
@@ -119,15 +119,7 @@ def survey(
     V_a: float | None = None,
     say: Callable[[str], object] = lambda _: None,
 ) -> Survey:
-    """Find out what a model, named as in an ``aircraft.toml`` in `folder`, can do at height h (m).
-
-    Raises
-    ------
-    Refusal
-        If the model is no aeroplane that can be adopted.
-    PlantError
-        If JSBSim cannot load it.
-    """
+    """Find out what a model, named as in an ``aircraft.toml``, can do at height h (m)."""
     tables = wide_tables(model)
     say("reading the model")
     tables["engines"]["count"] = _check_parts(aircraft_from(tables, folder))
@@ -183,7 +175,7 @@ def _check_parts(config: AircraftConfig) -> int:
     parts = {tag: _part(root, tag, folders.parts) for tag in ("aerodynamics", "propulsion")}
     if any(element.find(".//gas_cell") is not None for element in (root, *parts.values())):
         raise Refusal("it is carried by buoyancy (gas cells), not by a wing")
-    axes = {one.get("name", "").upper() for one in parts["aerodynamics"].iter("axis")}
+    axes = {axis.get("name", "").upper() for axis in parts["aerodynamics"].iter("axis")}
     if not axes & {"LIFT", "NORMAL", "Z"}:
         has = ", ".join(sorted(axes)) or "none"
         raise Refusal(f"its aerodynamics have no lift or normal-force axis: {has}")
@@ -207,16 +199,16 @@ def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
 
 def _loaded(tables: dict[str, Any], folder: Path) -> Fdm:
     """The model, loaded; properties that it refers to but nothing defines are declared."""
-    for _ in range(MOST_DECLARED):
+    for _ in range(MAX_DECLARED):
         try:
             return Fdm(aircraft_from(tables, folder))
         except PlantError as error:
             missing = MISSING.search(str(error))
-            name = missing and missing[1].removeprefix("/fdm/jsbsim/")
+            name = missing[1].removeprefix("/fdm/jsbsim/") if missing else ""
             if not name or name in tables["declared"] or name.startswith("ft/"):
                 raise
             tables["declared"][name] = 0.0
-    raise Refusal(f"it refers to more than {MOST_DECLARED} properties that nobody has")
+    raise Refusal(f"it refers to more than {MAX_DECLARED} properties that nobody has")
 
 
 def _levers(tables: dict[str, Any], folder: Path) -> dict[str, float]:
@@ -260,11 +252,11 @@ def _swept(fdm: Fdm, bench: Bench, V_a: float) -> Lift:
         raise Refusal(f"lift does not grow with alpha (slope {slope:.2f} per rad)")
     stall = _end_of_lift(C_L, slope, 1)
     largest = C_L[stall]
-    if not largest > LEAST_LIFT:
+    if not largest > MIN_LIFT:
         raise Refusal(f"it lifts too little: the largest lift coefficient is {largest:.2f}")
     density = pressure() / (V_a / FT) ** 2
     V_s = math.sqrt(weight / (density * area * largest)) * FT
-    if not SLOWEST_STALL < V_s < FASTEST_STALL:
+    if not MIN_STALL_SPEED < V_s < MAX_STALL_SPEED:
         raise Refusal(f"it would stall at {V_s:.0f} m/s")
     return Lift(
         alpha=ALPHAS,
@@ -279,7 +271,7 @@ def _swept(fdm: Fdm, bench: Bench, V_a: float) -> Lift:
 def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
     """Index of the angle of attack at which lift ceases to grow, upwards or downwards."""
     i = int(np.argmin(np.abs(ALPHAS - 2.0 * DEG)))
-    end = int(np.argmin(np.abs(ALPHAS - (STALL_AT_MOST if sense > 0 else NEGATIVE_STALL_AT_MOST))))
+    end = int(np.argmin(np.abs(ALPHAS - (MAX_STALL if sense > 0 else MIN_STALL))))
     step = sense * float(ALPHAS[1] - ALPHAS[0])
     while i != end and (C_L[i + sense] - C_L[i]) / step > STALL_SHARE * slope:
         i += sense
@@ -301,7 +293,7 @@ def _engines(
         alpha = lift.at(V)[0]
         bench.accelerations(_level(V, alpha, throttle))
         fdm.start_engines()
-        fdm.hold(LONGEST_SETTLING if propeller else 1.0)
+        fdm.hold(MAX_SETTLING_S if propeller else 1.0)
         return np.array([read() for read in thrusts])
 
     V = V_a or SPEEDS[0] * lift.V_s
@@ -346,7 +338,7 @@ def _settling(
     """Time the engines take from half to full throttle, s; 0 where they are there at once."""
     bench.accelerations(state)
     history = [sum(read() for read in thrusts)]
-    for _ in range(int(LONGEST_SETTLING)):
+    for _ in range(int(MAX_SETTLING_S)):
         fdm.hold(1.0)
         history.append(sum(read() for read in thrusts))
     off = np.abs(np.array(history) - history[-1]) > SETTLED * abs(history[-1])
@@ -356,7 +348,7 @@ def _settling(
 
 @dataclass(frozen=True, slots=True)
 class _Moved:
-    """How a surface answers: sense of the command, positions at -1 and +1, usable commands."""
+    """Response of a surface: sense of the command, positions at -1 and +1, usable commands."""
 
     effect: float
     position: tuple[float, float]
@@ -400,7 +392,7 @@ def _surfaces(
 def _answers(
     tables: dict[str, Any], folder: Path, level: AirframeState, h: float
 ) -> tuple[dict[str, _Moved], str]:
-    """How each surface answers its command; what is wrong with the flight control, if anything."""
+    """Response of each surface to its command, and the fault of the flight control, if any."""
     fdm = _loaded(tables, folder)
     bench = Bench(fdm, h)
     moved = {name: _moved(fdm, bench, level, name) for name in SURFACES}
@@ -410,7 +402,7 @@ def _answers(
 def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
     what, sign = EFFECTS[name]
     surface = getattr(fdm.config.surfaces, name)
-    positions = [fdm.reader(one) for one in POSITIONS[name] if fdm.has(one)]
+    positions = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
 
     def at(command: float) -> tuple[float, list[float]]:
         effect = bench.accelerations(replace(level, **{name: command}))[what]
@@ -439,7 +431,7 @@ def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
         used = reach[1] / whole if whole else usable
         sides.append((float(effects[-1]), float(whole), float(used)))
     (effect_low, travel_low, usable_low), (effect_high, travel_high, usable_high) = sides
-    if max(abs(effect_low), abs(effect_high)) < LEAST_EFFECT or not (usable_low and usable_high):
+    if max(abs(effect_low), abs(effect_high)) < MIN_EFFECT or not (usable_low and usable_high):
         how = max(abs(effect_low), abs(effect_high))
         command = surface.command or f"fcs/{name}-cmd-norm"
         raise Refusal(
@@ -449,7 +441,7 @@ def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
     sense = math.copysign(1.0, sign * (effect_high - effect_low))
     if surface.replaces:
         travel_low = travel_high = USUAL_TRAVEL
-    travels = [t if 0.01 < t < LARGEST_TRAVEL else USUAL_TRAVEL for t in (travel_low, travel_high)]
+    travels = [t if 0.01 < t < MAX_TRAVEL else USUAL_TRAVEL for t in (travel_low, travel_high)]
     return _Moved(
         effect=(effect_high - effect_low) / 2.0,
         position=(-sense * travels[0], sense * travels[1]),
@@ -458,22 +450,22 @@ def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
 
 
 def _drift(fdm: Fdm, bench: Bench, level: AirframeState, moved: dict[str, _Moved]) -> str:
-    """What a held stick does over time, in a sentence; empty where it does nothing."""
-    for name, one in moved.items():
+    """A sentence about the drift under a constant command; empty where there is none."""
+    for name, move in moved.items():
         what, _ = EFFECTS[name]
         command = 0.1 * (USUAL_TRAVEL if getattr(fdm.config.surfaces, name).replaces else 1.0)
         read = fdm.reader(f"accelerations/{what[0]}dot-rad_sec2")
         at_once = bench.accelerations(replace(level, **{name: command}))[what]
         neutral = bench.accelerations(level)[what]
         bench.accelerations(replace(level, **{name: command}))
-        fdm.hold(HELD[0])
-        held = read()
-        fdm.hold(HELD[1] - HELD[0])
+        fdm.hold(HOLD_TIMES[0])
+        earlier = read()
+        fdm.hold(HOLD_TIMES[1] - HOLD_TIMES[0])
         later = read()
-        effect = max(abs(at_once - neutral), 0.1 * abs(one.effect))
-        if abs(later - held) > DRIFT * effect:
+        effect = max(abs(at_once - neutral), 0.1 * abs(move.effect))
+        if abs(later - earlier) > DRIFT * effect:
             return f"its flight control drifts while the {name} command is held"
-        if abs(held - at_once) > 2.0 * DRIFT * effect:
+        if abs(earlier - at_once) > 2.0 * DRIFT * effect:
             return f"its flight control moves on after the {name} command"
     return ""
 
@@ -485,7 +477,9 @@ def _past_flight_control(tables: dict[str, Any], folder: Path) -> dict[str, dict
     for file in model_files(config):
         root = read_xml(file, str(file))
         parts = [root] if root.tag == "aerodynamics" else root.findall("aerodynamics")
-        read |= {(one.text or "").strip().lstrip("-") for part in parts for one in part.iter()}
+        read |= {
+            (element.text or "").strip().lstrip("-") for part in parts for element in part.iter()
+        }
     surfaces = {}
     for name in SURFACES:
         own = sorted(_of_surface(name, read))
@@ -497,4 +491,4 @@ def _past_flight_control(tables: dict[str, Any], folder: Path) -> dict[str, dict
 
 def _of_surface(name: str, read: set[str]) -> Iterator[str]:
     pattern = re.compile(rf"fcs/(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
-    return (one for one in read if pattern.fullmatch(one))
+    return (entry for entry in read if pattern.fullmatch(entry))

@@ -33,12 +33,11 @@ def search_bang_bang(
     Parameters
     ----------
     values : callable
-        How bad flights are, larger is worse; None where the search was stopped.
+        Objective of flights, larger is worse; None where the search was stopped.
     errors : callable
-        Errors of flights, shape (samples + 1, 2), rad, or None of one that ends early.
-    samples : int
+        Errors of flights, shape (samples + 1, 2), rad; None for a flight that ends early.
     budget : int
-        Flights at most. Without enough for a round nothing is flown.
+        Maximum number of flights. Without enough for a round nothing is flown.
     pushed : sequence of int
         Errors that are pushed, 0 of course and 1 of path angle.
 
@@ -60,7 +59,7 @@ def search_bang_bang(
     cost = 1 + 2 * len(blocks) + 2 * len(targets) * len(pushed)
     while budget >= cost:
         budget -= cost
-        flown = errors([about, *(_other(about, *one) for one in product(blocks, (0, 1)))])
+        flown = errors([about, *(_other(about, *changed) for changed in product(blocks, (0, 1)))])
         if flown is None:
             return False
         slopes = _slopes(about, blocks, flown, targets, pushed)
@@ -68,17 +67,17 @@ def search_bang_bang(
             np.where(slope == 0.0, about, sign * np.sign(slope))
             for slope, sign in product(slopes, (1.0, -1.0))
         ]
-        found = values(tried)
-        if found is None:
+        reached = values(tried)
+        if reached is None:
             return False
-        if found.max() <= worst:
+        if reached.max() <= worst:
             break
-        about, worst = tried[int(found.argmax())], found.max()
+        about, worst = tried[int(reached.argmax())], reached.max()
     return True
 
 
 def _other(signs: FloatArray, block: Indices, channel: int) -> FloatArray:
-    """The flight with one sign in a block, that which most of it has not."""
+    """The flight with one channel of a block set to the sign that is rarer in it."""
     other = signs.copy()
     other[block, channel] = -1.0 if signs[block, channel].sum() >= 0.0 else 1.0
     return other
@@ -100,9 +99,9 @@ def _slopes(
             slope[i, channel] = (errors - first)[targets] / changed
     rows = np.arange(len(about))
     centres = [block.mean() for block in blocks[1:]]
-    found = []
+    slopes = []
     for target, error in product(range(len(targets)), pushed):
         columns = [np.interp(rows, centres, slope[1:, i, target, error]) for i in (0, 1)]
-        found.append(np.stack(columns, axis=1))
-        found[-1][0] = slope[0, :, target, error]
-    return found
+        slopes.append(np.stack(columns, axis=1))
+        slopes[-1][0] = slope[0, :, target, error]
+    return slopes

@@ -60,7 +60,7 @@ AIR = ("disturbance", "gust", "turbulence", "wind")
 UNIT_ENDS = (1e-9, 1.0 - 1e-9)
 """Points of the unit interval at which a dispersed key counts as lowest and highest."""
 
-LOOKED_AT = 16
+SAMPLED_DRAWS = 16
 """Draws used to decide whether the references of a campaign move at the same instants."""
 
 OWN_FLIGHTS = 500
@@ -72,44 +72,20 @@ PART = 4096
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConformSettings:
-    """What is claimed, and for which flights of a campaign.
+    """The claim, and the flights of a campaign that it is made for."""
 
-    Attributes
-    ----------
-    epsilon : float, 1
-        Largest probability that a flight leaves the boxes, in (0, 1).
-    confidence : float, 1
-        Of that claim, in (0, 1); all attempts share it.
-    attempts : int
-        Largest number of counts, fixed beforehand.
-    gains, plant : str or None
-        Name of the gain set (by default ``tuned_identified`` where the campaign has it, else its
-        first) and label of the aircraft (by default its first).
-    air : str or None
-        ``calm``, ``wind``, ``light``, ``moderate`` or ``severe``; by default the likeliest air of
-        the campaign.
-    over : "time", "phase" or None
-        How boxes are divided; by default by time where all flights follow the same reference, else
-        by phase.
-    window : float, s
-        Length of the windows of the boxes. Shorter ones follow more closely what all flights have
-        in common; differing flights leave them more easily.
-    start_deg : float, deg
-        Of a scenario: how far starts may be off in course and path angle, all equally likely.
-    seed : int or None
-        Of the draws; by default the campaign's.
-    """
-
-    epsilon: float = 0.01
-    confidence: float = 0.999
-    attempts: int = 3
-    gains: str | None = None
-    plant: str | None = None
-    air: str | None = None
+    epsilon: float = 0.01  # 1; largest probability that a flight leaves the boxes
+    confidence: float = 0.999  # 1; confidence of the claim, shared by all attempts
+    attempts: int = 3  # maximum number of counts, fixed beforehand
+    gains: str | None = None  # by default tuned_identified if the campaign has it, else its first
+    plant: str | None = None  # label of an aircraft, by default the first
+    air: str | None = None  # calm, wind, light, moderate or severe; by default the likeliest
+    # by default time where all flights follow the same reference, else phase
     over: Over | None = None
+    # s; shorter windows fit the flights more closely and are left more easily
     window: float = WINDOW_S
-    start_deg: float = 0.0
-    seed: int | None = None
+    start_deg: float = 0.0  # deg; range of the starts of a scenario in course and path angle
+    seed: int | None = None  # seed of the draws, by default the campaign's
 
     @property
     def flights(self) -> int:
@@ -160,9 +136,9 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     windows = learned.residuals.windows
     first, each = learned.runs, settings.flights
     attempts: list[Attempt] = []
-    known = _flown(pool, learned, Span(0, first), "learning")
-    while known is not None:
-        boxes, widened = fitted_boxes(windows, *known.completed, each)
+    training = _flown(pool, learned, Span(0, first), "learning")
+    while training is not None:
+        boxes, widened = fitted_boxes(windows, *training.completed, each)
         counted = _counted(pool, fresh, Span(first, first + each), boxes)
         if counted is None:
             break
@@ -172,66 +148,49 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         if not outside or len(attempts) == settings.attempts:
             return _conformance(fresh, settings, boxes, attempts)
         first = end
-        known = _Residuals.joined([known, counted])
+        training = _Residuals.joined([training, counted])
     return None
 
 
 def recount(
-    source: str, known: Conformance, settings: ConformSettings, pool: WorkerPool
+    source: str, conformance: Conformance, settings: ConformSettings, pool: WorkerPool
 ) -> Attempt | None:
     """Fly as many flights again as were counted, of the same distribution with another seed.
 
-    Parameters
-    ----------
-    source : str
-        What the conformance was made of.
-    known : Conformance
-        Its claim, gains, air and windows replace those of the settings.
-    settings : ConformSettings
-        With a seed that is not that of the conformance, by default the next one.
-    pool : WorkerPool
-
-    Returns
-    -------
-    Attempt or None
-        The count against the boxes, with all flights outside; None where the observer stopped it.
-
-    Raises
-    ------
-    InputError
-        If the seed is that of the conformance, or the source is not what it was made of.
+    The claim, gains, air and windows of the conformance replace those of the settings; the seed is
+    by default the next one. The result is None where the observer stopped it.
     """
-    seed = known.seed + 1 if settings.seed is None else settings.seed
-    if seed == known.seed:
+    seed = conformance.seed + 1 if settings.seed is None else settings.seed
+    if seed == conformance.seed:
         raise InputError(f"`seed` must not be that of the flights counted, got {seed}.")
     settings = replace(
         settings,
-        epsilon=known.epsilon,
-        confidence=known.confidence,
-        attempts=known.planned,
-        gains=known.gains_name,
-        air=known.air,
-        over=known.boxes.windows.over,
-        window=known.boxes.windows.length,
-        seed=known.seed,
+        epsilon=conformance.epsilon,
+        confidence=conformance.confidence,
+        attempts=conformance.planned,
+        gains=conformance.gains_name,
+        air=conformance.air,
+        over=conformance.boxes.windows.over,
+        window=conformance.boxes.windows.length,
+        seed=conformance.seed,
     )
     _, counted = _plans(source, settings)
     # Tuning gives other last digits on another machine, and the hash would be another one.
     counted = counted.with_tuned_gains_of(
-        replace(counted, gain_sets={known.gains_name: known.gains})
+        replace(counted, gain_sets={conformance.gains_name: conformance.gains})
     )
-    if counted.sha256 != known.sha256["campaign"]:
+    if counted.sha256 != conformance.sha256["campaign"]:
         raise InputError(
             f"{source}: must be what the conformance was made of, with its aircraft and the same "
             "--start-deg and --plant, got another hash."
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
-    learned, last = known.attempts[-1].learned, known.attempts[-1].counted
+    learned, last = conformance.attempts[-1].learned, conformance.attempts[-1].counted
     flown = _flown(pool, again, Span(*last), "counting again")
     if flown is None:
         return None
-    outside = int(np.sum(~known.boxes.hold(flown.low, flown.high)))
-    return Attempt(learned, last, outside, known.attempts[-1].widened)
+    outside = int(np.sum(~conformance.boxes.hold(flown.low, flown.high)))
+    return Attempt(learned, last, outside, conformance.attempts[-1].widened)
 
 
 def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan]:
@@ -241,7 +200,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan]:
     campaign = in_air(plan.campaign, settings.air or air_of(plan.campaign.central))
     if settings.seed is not None:
         campaign = campaign.model_copy(update={"seed": settings.seed})
-    drawn = [one for one in at_random(campaign).disperse if not _is_degenerate(one)]
+    drawn = [table for table in at_random(campaign).disperse if not _is_degenerate(table)]
     if not (drawn or campaign.nominal.turbulence or campaign.nominal.sensors):
         raise InputError(
             f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
@@ -271,7 +230,7 @@ def _is_degenerate(table: Dispersion) -> bool:
     if not isinstance(table, Choice):
         return False
     weights = table.weights or [1.0] * len(table.values)
-    return len({value for value, one in zip(table.values, weights, strict=True) if one}) < 2
+    return len({value for value, weight in zip(table.values, weights, strict=True) if weight}) < 2
 
 
 def _counted(pool: WorkerPool, plan: Plan, span: Span, boxes: RateBoxes) -> "_Residuals | None":
@@ -319,24 +278,24 @@ def _conformance(
 
 @dataclass(frozen=True, slots=True)
 class _Residuals:
-    """Extremes of what is counted of flights, shapes (n, count, 6), NaN of those not flown."""
+    """Lowest and highest residual rates of flights, shape (n, count, 6) each; NaN if not flown."""
 
     low: FloatArray
     high: FloatArray
 
     @property
     def completed(self) -> tuple[FloatArray, FloatArray]:
-        """Of the flights that were flown to their end."""
-        known = ~np.isnan(self.low).any(axis=(1, 2))
-        if not known.any():
+        """Lowest and highest residual rates of the completed flights."""
+        completed = ~np.isnan(self.low).any(axis=(1, 2))
+        if not completed.any():
             raise InputError("`flights` must be flown to their end to be learned from, none was.")
-        return self.low[known], self.high[known]
+        return self.low[completed], self.high[completed]
 
     @classmethod
     def joined(cls, parts: "Sequence[_Residuals]") -> "_Residuals":
         """The flights of all parts."""
         return cls(
-            *(np.concatenate([getattr(one, end) for one in parts]) for end in ("low", "high"))
+            *(np.concatenate([getattr(part, end) for part in parts]) for end in ("low", "high"))
         )
 
 
@@ -344,16 +303,16 @@ def _flown(pool: WorkerPool, plan: Plan, span: Span, doing: str) -> _Residuals |
     """The residual rates of the runs of a span; None where it was stopped."""
     assert plan.residuals is not None
     shape = (span.runs, plan.residuals.windows.count, len(COUNTED))
-    found = _Residuals(np.full(shape, np.nan), np.full(shape, np.nan))
+    residuals = _Residuals(np.full(shape, np.nan), np.full(shape, np.nan))
 
     def keep(rows: pa.Table) -> None:
         runs = rows.column("run").to_pylist()
-        for name, into in (("residual_low", found.low), ("residual_high", found.high)):
+        for name, into in (("residual_low", residuals.low), ("residual_high", residuals.high)):
             for run, values in zip(runs, rows.column(name).to_pylist(), strict=True):
                 if values is not None:
                     into[run - span.first] = np.reshape(values, shape[1:])
 
-    return found if pool.fly_rows(plan, [span], keep, doing=doing) else None
+    return residuals if pool.fly_rows(plan, [span], keep, doing=doing) else None
 
 
 def _planned(source: str, settings: ConformSettings) -> Plan:
@@ -370,19 +329,7 @@ def _planned(source: str, settings: ConformSettings) -> Plan:
 
 
 def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
-    """The point mass behind the identified lag that a scenario is held against.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    plant : str
-        Label of an aircraft of it.
-
-    Raises
-    ------
-    ScenarioError
-        If the aircraft has no identified model.
-    """
+    """The point mass behind the identified lag against which flights of a scenario are checked."""
     flight = scenario.flight
     identified = load_identified(scenario.plant_table(plant).aircraft or "")
     nearest = identified.nearest(flight.V_a_mps, scenario.followed().initial[1])
@@ -397,26 +344,14 @@ def air_of(scenario: Scenario) -> str:
 
 
 def in_air(campaign: Campaign, air: str) -> Campaign:
-    """A campaign with only the draws that fly in one class of air.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    air : str
-        As `air_of` names it. In calm air the campaign is flown without its wind.
-
-    Raises
-    ------
-    InputError
-        If the campaign has no such air.
-    """
+    """A campaign with only the draws that fly in one class of air; in calm air without its wind."""
     keys = [key.split(".")[0] for key in campaign.keys]
     tables, central = campaign.nominal.as_dict(), air_of(campaign.central)
-    known = {CALM, central, *((STEADY_WIND,) if campaign.central.wind else ())}
+    airs = {CALM, central, *((STEADY_WIND,) if campaign.central.wind else ())}
     if campaign.central.turbulence is not None and campaign.central.turbulence.intensity:
-        known |= set(INTENSITIES)
-    if air not in known:
-        raise InputError(f"`air` must be one of {', '.join(sorted(known))}, got {air!r}.")
+        airs |= set(INTENSITIES)
+    if air not in airs:
+        raise InputError(f"`air` must be one of {', '.join(sorted(airs))}, got {air!r}.")
     dropped: tuple[str, ...] = ()
     if air == CALM:
         dropped = AIR
@@ -433,21 +368,19 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
             **campaign.central.model_dump(mode="json", exclude_none=True)["turbulence"],
             "intensity": air,
         }
-    disperse = [one for one, key in zip(campaign.disperse, keys, strict=True) if key not in dropped]
+    disperse = [
+        table for table, key in zip(campaign.disperse, keys, strict=True) if key not in dropped
+    ]
     return _rebuilt(campaign, disperse, scenario_from(tables), campaign.design)
 
 
 def at_random(campaign: Campaign) -> Campaign:
-    """The same campaign with independent draws.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        Of any design; the points of a grid become values that are all equally likely.
-    """
+    """The same campaign with independent draws; points of a grid become equally likely values."""
     disperse = [
-        Choice(key=one.key, acts=one.acts, values=one.levels) if isinstance(one, Grid) else one
-        for one in campaign.disperse
+        Choice(key=table.key, acts=table.acts, values=table.levels)
+        if isinstance(table, Grid)
+        else table
+        for table in campaign.disperse
     ]
     if campaign.design == "random" and disperse == campaign.disperse:
         return campaign
@@ -457,26 +390,21 @@ def at_random(campaign: Campaign) -> Campaign:
 def _rebuilt(
     campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario, design: Design
 ) -> Campaign:
-    gridded = any(isinstance(one, Grid) for one in disperse)
-    keys = {one.key for one in disperse}
+    gridded = any(isinstance(table, Grid) for table in disperse)
+    keys = {table.key for table in disperse}
     tables = {
         **{name: getattr(campaign, name) for name in CampaignTable.model_fields},
         "design": "random" if design == "grid" and not gridded else design,
         "disperse": disperse,
-        "correlation": [one for one in campaign.correlation if keys >= set(one.keys)],
+        "correlation": [
+            correlation for correlation in campaign.correlation if keys >= set(correlation.keys)
+        ],
     }
     return campaign_on(CampaignTable.model_construct(**tables), nominal, campaign.title)
 
 
 def distribution_of(plan: Plan, plant: str) -> Distribution:
-    """What is the same in all flights of a plan, and between which values the rest is drawn.
-
-    Parameters
-    ----------
-    plan : Plan
-    plant : str
-        Label of the aircraft flown.
-    """
+    """The keys with one value in all flights of a plan, and the distributions of all other keys."""
     position = [table.label for table in plan.scenario.plant].index(plant)
     # A table that is only there because one of its keys is drawn has its other keys too.
     nominal, fixed = (
@@ -521,7 +449,7 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
 def _over(plan: Plan) -> Over:
     """By time where the references of the first draws move at the same instants, else by phase."""
     moving = set()
-    for draw in range(min(plan.draws, LOOKED_AT)):
+    for draw in range(min(plan.draws, SAMPLED_DRAWS)):
         scenario = plan.scenario_of(draw)
         rate = scenario.controller.rate_hz
         t = np.arange(round(scenario.flight.duration_s * rate) + 1) / rate
@@ -534,16 +462,6 @@ def own_campaign(aircraft: str) -> Campaign:
 
     Turns and changes of path angle are ramps of random rate that stay inside the limits, from
     steady flight at the first condition of the identified model.
-
-    Parameters
-    ----------
-    aircraft : str
-        Name or folder.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no such aircraft, or no identified model of it.
     """
     limits = load_aircraft(aircraft).limits
     first = load_identified(aircraft).conditions[0]

@@ -51,23 +51,15 @@ class Span(NamedTuple):
 
     @property
     def runs(self) -> int:
-        """How many there are."""
+        """Number of runs."""
         return self.end - self.first
 
 
 class Part(NamedTuple):
-    """A file of rows, by its name.
-
-    Attributes
-    ----------
-    span : Span
-        The runs in it.
-    digest : str
-        First quarter of the SHA-256 of the file, in hexadecimal digits.
-    """
+    """A file of rows, by its name."""
 
     span: Span
-    digest: str
+    digest: str  # first quarter of the SHA-256 of the file, hexadecimal
 
     @property
     def name(self) -> str:
@@ -93,36 +85,21 @@ def missing(present: Iterable[Span], runs: int) -> tuple[Span, ...]:
 
 
 class Dataset:
-    """The folder of a campaign.
-
-    Parameters
-    ----------
-    folder : str or Path
-    plan : Plan
-        What is flown into it.
-    versions : mapping of str to str
-        Of the libraries that its numbers depend on.
-    """
+    """The folder of a campaign, its plan and the versions of the libraries that shape its rows."""
 
     def __init__(self, folder: str | Path, plan: Plan, versions: Mapping[str, str]) -> None:
         self.folder, self.plan, self.versions = Path(folder), plan, dict(versions)
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """The files of rows that are there, in order of their runs.
-
-        Raises
-        ------
-        RecordingError
-            If two files hold the same run.
-        """
-        found = self._matches(RUNS, _PART)
-        parts = sorted(Part(Span(int(one[1]), int(one[2])), one[3]) for one in found)
-        for one, other in pairwise(parts):
-            if other.span.first < one.span.end:
+        """The files of rows that are there, in order of their runs."""
+        names = self._matches(RUNS, _PART)
+        parts = sorted(Part(Span(int(name[1]), int(name[2])), name[3]) for name in names)
+        for part, other in pairwise(parts):
+            if other.span.first < part.span.end:
                 raise RecordingError(
                     f"{self.folder / RUNS}: a run must be in one file, got run {other.span.first} "
-                    f"in {one.name} and {other.name}."
+                    f"in {part.name} and {other.name}."
                 )
         return tuple(parts)
 
@@ -134,7 +111,7 @@ class Dataset:
     @property
     def kept(self) -> tuple[int, ...]:
         """The runs whose signals are there, in order."""
-        return tuple(sorted(int(one[1]) for one in self._matches(SIGNALS, _SIGNALS)))
+        return tuple(sorted(int(name[1]) for name in self._matches(SIGNALS, _SIGNALS)))
 
     def write_plan(self) -> None:
         """Write ``campaign.json``; this and the other methods that write raise OutputError."""
@@ -149,13 +126,7 @@ class Dataset:
         self._write(f"{RUNS}/{Part.holding(span, data).name}", data)
 
     def read_part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
-        """The rows of one file.
-
-        Raises
-        ------
-        RecordingError
-            If the file is not the one that was written, to the bit.
-        """
+        """The rows of one file; a file that is not as it was written is a `RecordingError`."""
         path = self.folder / RUNS / part.name
         wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
         try:
@@ -175,24 +146,12 @@ class Dataset:
         self._remove(f"{RUNS}/{part.name}")
 
     def tables(self, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
-        """The rows, file by file in order of `run`.
-
-        Raises
-        ------
-        RecordingError
-            If a file is damaged.
-        """
+        """The rows, file by file in order of `run`."""
         for part in self.parts:
             yield self.read_part(part, columns)
 
     def rows(self, columns: Sequence[str] | None = None) -> pa.Table:
-        """All rows that are there, in order of `run`.
-
-        Raises
-        ------
-        RecordingError
-            If no run has been flown, or a file is damaged.
-        """
+        """All rows that are there, in order of `run`."""
         tables = list(self.tables(columns))
         if not tables:
             raise RecordingError(f"{self.folder}: no run has been flown yet.")
@@ -213,8 +172,8 @@ class Dataset:
     def _matches(self, folder: str, name: re.Pattern[str]) -> Iterator[re.Match[str]]:
         with suppress(FileNotFoundError):
             for path in (self.folder / folder).iterdir():
-                if found := name.fullmatch(path.name):
-                    yield found
+                if match := name.fullmatch(path.name):
+                    yield match
 
     def _write(self, name: str, data: bytes) -> None:
         """Write a file completely or not at all: it gets its name when it is finished."""
@@ -240,18 +199,9 @@ class Dataset:
 def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
     """The runs to keep signals of: the first failures, the worst by a measure, and a sample.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        With all its rows: the choice follows from them alone.
-
-    Returns
-    -------
-    tuple of int
-        In order. A failure is a run that does not meet what the campaign calls success; the worst
-        are those with the largest measure, of all groups together; the sample is drawn by the seed
-        of the campaign. Runs without a time history are not among them, and among the worst none
-        that do not have the measure.
+    The choice follows from the rows alone. A failure is a run that does not meet what the campaign
+    calls success; the worst have the largest measure over all groups; the seed of the campaign
+    draws the sample. Runs without a time history, or without the measure, are left out.
     """
     campaign = dataset.plan.campaign
     keep = campaign.keep
@@ -260,12 +210,12 @@ def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
     run = rows.column("run").to_numpy()[flew]
     success = rows.column("success").fill_null(False).to_numpy()[flew]
     measure = rows.column(keep.worst_by).to_numpy()[flew]
-    known = np.flatnonzero(~np.isnan(measure))
-    worst = known[np.argsort(-measure[known], kind="stable")]
+    measured = np.flatnonzero(~np.isnan(measure))
+    worst = measured[np.argsort(-measure[measured], kind="stable")]
     random = np.random.default_rng(np.random.SeedSequence((campaign.seed, len(run))))
     sample = random.choice(run, min(keep.sample, len(run)), replace=False)
     chosen = {*run[~success][: keep.failures], *run[worst][: keep.worst], *sample}
-    return tuple(sorted(int(one) for one in chosen))
+    return tuple(sorted(int(run) for run in chosen))
 
 
 def parquet_bytes(rows: pa.Table) -> bytes:
@@ -283,17 +233,7 @@ class _CampaignFile(Table):
 
 
 def open_dataset(folder: str | Path) -> Dataset:
-    """The campaign in a folder.
-
-    Parameters
-    ----------
-    folder : str or Path
-
-    Raises
-    ------
-    RecordingError
-        If the folder holds no campaign, one that was changed, or one of another layout.
-    """
+    """The campaign in a folder; a `RecordingError` if there is none or it was changed."""
     path = Path(folder) / CAMPAIGN
     if not path.exists():
         raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
@@ -319,16 +259,6 @@ def dataset_hash(folder: str | Path) -> str:
     """Digest of the rows in order of run, of all columns but ``wall_s``.
 
     Two campaigns have the same digest only where every number has the same bits.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Of a campaign.
-
-    Raises
-    ------
-    RecordingError
-        If there is no campaign, or a file of it is damaged.
     """
     rows = open_dataset(folder).rows()
     digest = hashlib.sha256()
@@ -342,7 +272,7 @@ def dataset_hash(folder: str | Path) -> str:
 
 
 def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
-    """Which values are missing, then the values themselves."""
+    """The mask of missing values, then the values themselves."""
     yield np.packbits(column.is_null().to_numpy()).tobytes()
     if not pa.types.is_primitive(column.type):
         for text in column.cast(pa.large_string()).fill_null("").to_pylist():
@@ -353,7 +283,7 @@ def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
 
 
 def _digest_of(tables: Mapping[str, Any]) -> str:
-    """Hash of what ``campaign.json`` says beside it, however it is spaced."""
+    """Hash of ``campaign.json`` without its own hash, whatever its spacing."""
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 

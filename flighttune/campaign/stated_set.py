@@ -28,27 +28,13 @@ def planned(
 ) -> Plan:
     """The plan of a campaign in a folder, of a campaign file, or of flights about a scenario.
 
-    Parameters
-    ----------
-    source : str
-        A folder, a file or the name of a shipped one.
-    plant, kind : str, optional
-        Label of the plant of a scenario; by default its first, or its first of a kind.
-    start_deg : float, deg
-        How far starts of a scenario may be off in course and path angle, all equally likely.
-    disturbance : float, rad/s
-        Largest amplitude of square waves that disturb the two rates of a scenario.
-    draws : int
-        How many flights of each group of a scenario are planned.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no such campaign or scenario, or the scenario cannot be disturbed.
+    About a scenario, starts are off by up to `start_deg` in course and path angle, all equally
+    likely; square waves of up to `disturbance` (rad/s) disturb the two rates, and each group has
+    `draws` flights. Its plant is by default the first one, or the first one of a `kind`.
     """
     if _is_scenario(source):
         scenario = load_scenario(source)
-        labels = [one.label for one in scenario.plant if kind in (None, one.kind)]
+        labels = [table.label for table in scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(labels), None)
         plan = plan_campaign(_about(scenario, Path(source).stem, chosen, start_deg, disturbance))
         return plan.with_runs(draws * len(plan.groups))
@@ -75,7 +61,11 @@ def _about(
     tables = scenario.as_dict()
     if plant in labels:  # another may not stand the disturbance; callers refuse one that is unknown
         tables["plant"] = [tables["plant"][labels.index(plant)]]
-        tables["expect"] = [one for one in tables["expect"] if goes_by(plant, one.get("plant"))]
+        tables["expect"] = [
+            requirement
+            for requirement in tables["expect"]
+            if goes_by(plant, requirement.get("plant"))
+        ]
     ranges: dict[str, tuple[float, float, str]] = {}
     if start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):

@@ -33,7 +33,7 @@ MARGIN = "margin"
 """Metric: largest excess over a requirement relative to its bound; 0 just meets it."""
 
 TUBE = "tube"
-"""Metric: how near the errors come to leaving a tube; beyond 1 they leave it."""
+"""Metric: share of a tube that the errors use; beyond 1 they leave it."""
 
 REGION = 0.999
 """Share of the stated distribution inside the region searched."""
@@ -58,17 +58,10 @@ STRIDE = 0.6
 
 
 class Draws(NamedTuple):
-    """Points of the standard normal space, and seeds.
+    """Points of the standard normal space, and seeds."""
 
-    Attributes
-    ----------
-    z : ndarray, shape (n, d), 1
-        Normal scores of the dispersed keys, before correlation.
-    seeds : ndarray of int, shape (n,)
-    """
-
-    z: FloatArray
-    seeds: npt.NDArray[np.int64]
+    z: FloatArray  # (n, d); normal scores of the dispersed keys, before correlation
+    seeds: npt.NDArray[np.int64]  # (n,)
 
 
 Evaluate = Callable[[Draws], FloatArray | None]
@@ -77,37 +70,19 @@ Evaluate = Callable[[Draws], FloatArray | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstSettings:
-    """What is searched, and how long.
+    """Scope and budget of a search."""
 
-    Attributes
-    ----------
-    budget : int
-        Flights at most.
-    metric : str or None
-        Column of a campaign's rows, such as ``chi.ITAE``, or ``margin``; by default the margin
-        where the campaign or scenario has requirements with bounds, else ``chi.ITAE``. With a tube
-        it is ``tube``.
-    tube : TubeBounds or None
-        Tube that flights are to come close to leaving.
-    gains, plant : str or None
-        By default ``tuned_identified`` or the first gain set, and the first plant.
-    completed : bool
-        Consider only flights that reach their end time; else the others count as worse than all.
-    start_deg, disturbance : float, deg and rad/s
-        Of a scenario: how far the start may be off, and the largest disturbance of the two rates.
-    seed : int
-        Of the search.
-    """
-
-    budget: int = 2000
+    budget: int = 2000  # maximum number of flights
+    # A column of the rows, such as chi.ITAE, or margin. By default the margin where there are
+    # requirements with bounds, else chi.ITAE; with a tube it is always tube.
     metric: str | None = None
-    tube: TubeBounds | None = None
-    gains: str | None = None
-    plant: str | None = None
-    completed: bool = False
-    start_deg: float = 0.0
-    disturbance: float = 0.0
-    seed: int = 1
+    tube: TubeBounds | None = None  # the tube that flights are to come close to leaving
+    gains: str | None = None  # by default tuned_identified, or else the first
+    plant: str | None = None  # by default the first
+    completed: bool = False  # consider only completed flights; otherwise lost ones are the worst
+    start_deg: float = 0.0  # deg; range of the starts of a scenario
+    disturbance: float = 0.0  # rad/s; largest disturbance of the two rates of a scenario
+    seed: int = 1  # seed of the search
 
     def __post_init__(self) -> None:
         if self.budget < POPULATION:
@@ -126,78 +101,38 @@ class WorstSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorstFlight:
-    """The worst flight found.
-
-    Attributes
-    ----------
-    metric : str
-    value : float
-        Of the metric; infinite where the flight was not flown to its end.
-    first : float
-        The worst of the first generation, which are draws from the distribution.
-    flights : int
-        How many were flown.
-    group : Group
-    family : str or None
-        Of the disturbance: ``bang_bang`` (switched by the sensitivity of an error) or
-        ``square_wave``; None where none was searched.
-    drawn : mapping of str to plain value
-        Dispersed keys and seed of the flight; of a bang-bang disturbance its amplitudes and
-        switching times.
-    distance, radius : float or None, 1
-        Of the flight from the median in the standard normal space, and of the region searched;
-        None of a bang-bang disturbance, which is not drawn.
-    status, missed : str
-        How it ended, and the requirements it does not meet.
-    reach : ndarray, shape (2,), 1; or None
-        Largest distance of any flight of the search from the middle of the tube over the largest
-        half width, course and path angle; None without a tube.
-    scenario : Scenario
-        The flight alone; ``flighttune fly`` flies it.
-    """
+    """The worst flight of a search."""
 
     metric: str
-    value: float
-    first: float
-    flights: int
+    value: float  # of the metric; infinite where the flight ended early
+    first: float  # worst value of the first generation, which are draws from the distribution
+    flights: int  # number of flights of the search
     group: Group
-    family: str | None
+    family: str | None  # of the disturbance: bang_bang or square_wave; None without a disturbance
+    # dispersed keys and seed; of a bang-bang disturbance its amplitudes and switching times
     drawn: Mapping[str, Any]
+    # from the median in the standard normal space; None of a bang-bang disturbance
     distance: float | None
-    radius: float | None
+    radius: float | None  # of the region searched in that space
     status: str
-    missed: str
+    missed: str  # requirements that the flight does not meet
+    # (2,); largest distance from the middle of the tube over the largest half width
     reach: FloatArray | None
-    scenario: Scenario
+    scenario: Scenario  # this flight alone, which ``flighttune fly`` flies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RareMiss:
-    """Probability of a miss by subset simulation.
-
-    Attributes
-    ----------
-    metric : str
-    threshold : float
-        Value from which on a flight is a miss.
-    probability, low, high : float, 1
-        Estimate, and its 95 % interval as a log-normal one; an estimate of 0 has only `high`.
-    variation : float, 1
-        Coefficient of variation of the estimate.
-    levels : tuple of float
-        Values that the levels began at, the threshold last.
-    flights : int
-        How many were flown.
-    """
+    """Probability of a miss by subset simulation."""
 
     metric: str
-    threshold: float
-    probability: float
-    low: float
+    threshold: float  # a flight misses from this value on
+    probability: float  # 1
+    low: float  # 95 % interval as a log-normal one; an estimate of 0 has only an upper end
     high: float
-    variation: float
-    levels: tuple[float, ...]
-    flights: int
+    variation: float  # coefficient of variation of the estimate
+    levels: tuple[float, ...]  # values that the levels began at, the threshold last
+    flights: int  # number of flights of the search
 
 
 def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstFlight | None:
@@ -237,10 +172,10 @@ def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstF
     if settings.disturbance and not search.fly_bang_bang():
         return None
     left = settings.budget - search.flights
-    found = search_worst(search.values, search.dimension, budget=left, seed=settings.seed)
-    if found is None:
+    worst = search_worst(search.values, search.dimension, budget=left, seed=settings.seed)
+    if worst is None:
         return None
-    z, _, first = found
+    z, _, first = worst
     plan, row = search.plan_of_worst, search.worst
     value = math.inf if row["value"] >= FAILED else row["value"]
     switched = plan.keys != search.keys
@@ -267,32 +202,18 @@ def rare_miss(
 ) -> RareMiss | None:
     """Probability that a flight of a campaign reaches a threshold, by subset simulation.
 
-    Parameters
-    ----------
-    source, settings, pool
-        As of `find_worst`; a fifth of the budget is flown at each level.
-    threshold : float
-        Value of the metric from which on a flight is a miss: 0 for the margin.
-
-    Returns
-    -------
-    RareMiss or None
-        None where the observer stopped it.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        As `find_worst`.
+    A fifth of the budget is flown at each level. The threshold is a value of the metric: 0 for the
+    margin. The result is None where the observer stopped it.
     """
     search = _Search(source, settings, pool)
-    found = subset_simulation(
+    estimate = subset_simulation(
         search.values,
         search.dimension,
         threshold=threshold,
         budget=settings.budget,
         seed=settings.seed,
     )
-    return found and replace(found, metric=search.metric)
+    return None if estimate is None else replace(estimate, metric=search.metric)
 
 
 def region_radius(dimension: int) -> float:
@@ -305,23 +226,8 @@ def search_worst(
 ) -> tuple[FloatArray, int, float] | None:
     """Search the region of a standard normal distribution for the largest value.
 
-    Parameters
-    ----------
-    values : callable
-    dimension : int
-    budget : int
-        Points at most.
-    seed : int
-
-    Returns
-    -------
-    z : ndarray, shape (dimension,)
-        The worst point.
-    seed : int
-        Its seed.
-    first : float
-        The largest value of the first generation.
-
+    The result has the worst point, its seed and the largest value of the first generation; it is
+    None where the observer stopped the search. `budget` is the maximum number of points.
     """
     import cma
 
@@ -333,15 +239,16 @@ def search_worst(
 
     z = inside(rng.standard_normal((POPULATION, dimension)))
     seeds = rng.integers(0, 2**31, POPULATION)
-    found = values(Draws(z, seeds))
-    if found is None:
+    objective = values(Draws(z, seeds))
+    if objective is None:
         return None
-    at = int(np.argmax(found))
-    best, chance, worst, spent = z[at], int(seeds[at]), float(found[at]), POPULATION
+    at = int(np.argmax(objective))
+    best, chance, worst, spent = z[at], int(seeds[at]), float(objective[at]), POPULATION
     first, strategy, generation = worst, None, 0
     while spent + POPULATION <= budget:
         generation += 1
-        if generation % SEEDS_EVERY == 0:  # other chance for the worst so far
+        if generation % SEEDS_EVERY == 0:
+            # The worst point so far is flown with other seeds: turbulence may have been kind to it.
             z = asked = np.tile(best, (POPULATION, 1))
             seeds = rng.integers(0, 2**31, POPULATION)
         else:
@@ -350,18 +257,20 @@ def search_worst(
                 strategy = cma.CMAEvolutionStrategy(best, SPREAD, settings)
             asked = np.array(strategy.ask())
             z, seeds = inside(asked), np.full(POPULATION, chance)
-        found = values(Draws(z, seeds))
-        if found is None:
+        objective = values(Draws(z, seeds))
+        if objective is None:
             return None
         spent += POPULATION
         if generation % SEEDS_EVERY and strategy is not None:
-            # What lies outside is worth as much as its point on the surface, and less the further.
+            # A point outside the region scores as its projection, minus a penalty that grows with
+            # distance: the strategy learns to stay inside.
             over = np.linalg.norm(asked - z, axis=1)
-            strategy.tell(list(asked), (-found + (1e-3 + np.std(found)) * over**2).tolist())
-        at = int(np.argmax(found))
-        if found[at] > worst:
-            best, worst = z[at], float(found[at])
+            strategy.tell(list(asked), (-objective + (1e-3 + np.std(objective)) * over**2).tolist())
+        at = int(np.argmax(objective))
+        if objective[at] > worst:
+            best, worst = z[at], float(objective[at])
             if seeds[at] != chance:
+                # With another seed the objective is another function: the strategy starts anew.
                 chance, strategy = int(seeds[at]), None
     return best, chance, first
 
@@ -398,15 +307,16 @@ def subset_simulation(
     size = max(budget // 5, 20)
     heads = max(round(LEVEL * size), 2)
     length = size // heads
-    size = heads * length
+    size = heads * length  # whole chains
     z, seeds = rng.standard_normal((size, dimension)), rng.integers(0, 2**31, size)
-    found = values(Draws(z, seeds))
+    objective = values(Draws(z, seeds))
     spent, probability, squares, levels = size, 1.0, 0.0, []
     chains = np.arange(size)[:, None]  # each flight its own at first
-    while found is not None:
-        order = np.argsort(-found)
-        begins = min(float(found[order[heads - 1]]), threshold)
-        reached = found >= begins
+    while objective is not None:
+        order = np.argsort(-objective)
+        # No level lies beyond the threshold: the last one counts the misses themselves.
+        begins = min(float(objective[order[heads - 1]]), threshold)
+        reached = objective >= begins
         share = float(reached.mean())
         levels.append(begins)
         probability *= share
@@ -415,7 +325,7 @@ def subset_simulation(
             return _rare(probability, math.sqrt(squares), threshold, levels, spent)
         if spent + size - heads > budget:
             return _rare(0.0, math.sqrt(squares), threshold, levels, spent, ceiling=probability)
-        z_now, seeds_now, now = z[order[:heads]], seeds[order[:heads]], found[order[:heads]]
+        z_now, seeds_now, now = z[order[:heads]], seeds[order[:heads]], objective[order[:heads]]
         steps = [(z_now, seeds_now, now)]
         for _ in range(length - 1):
             moved = math.sqrt(1.0 - STRIDE**2) * z_now
@@ -429,7 +339,8 @@ def subset_simulation(
             z_now = np.where(stays[:, None], z_now, moved)
             seeds_now, now = np.where(stays, seeds_now, other), np.where(stays, now, there)
             steps.append((z_now, seeds_now, now))
-        z, seeds, found = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+        z, seeds, objective = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+        # Points are stored step by step: those of one chain are `heads` apart.
         chains = np.arange(size).reshape(length, heads).T
     return None
 
@@ -514,11 +425,11 @@ class _Search:
             table.key: table.at(u[:, i]).tolist() for i, table in enumerate(campaign.disperse)
         }
         columns[SEED] = draws.seeds.tolist()
-        given = tuple(
+        values_of_draws = tuple(
             dict(zip(columns, values, strict=True))
             for values in zip(*columns.values(), strict=True)
         )
-        return replace(self._plan, given=given, runs=len(given))
+        return replace(self._plan, given=values_of_draws, runs=len(values_of_draws))
 
     def values(self, draws: Draws) -> FloatArray | None:
         """Fly draws; None where the observer stopped it."""
@@ -550,53 +461,53 @@ class _Search:
         tables = self._plan.scenario.as_dict()
         tables.pop("disturbance")
         nominal = scenario_from(tables)
-        given = []
+        draws = []
         for signs in flights:
             drawn: dict[str, Any] = {
                 table.key: self._settings.start_deg * float(sign)
                 for table, sign in zip(starts, signs[0], strict=False)
             }
-            for channel, held in zip(("chi", "gamma"), signs[1:].T, strict=True):
-                switches = (np.flatnonzero(np.diff(held)) + 1) / rate
+            for channel, channel_signs in zip(("chi", "gamma"), signs[1:].T, strict=True):
+                switches = (np.flatnonzero(np.diff(channel_signs)) + 1) / rate
                 drawn[f"disturbance.{channel}_amplitude"] = self._settings.disturbance * float(
-                    held[0]
+                    channel_signs[0]
                 )
                 drawn[f"disturbance.{channel}_switch_s"] = switches.tolist()
-            given.append({**drawn, SEED: nominal.seed})
+            draws.append({**drawn, SEED: nominal.seed})
         changed = {"nominal": nominal, "central": nominal, "disperse": starts}
         campaign = campaign.model_copy(update=changed)
-        return replace(self._plan, campaign=campaign, given=tuple(given), runs=len(given))
+        return replace(self._plan, campaign=campaign, given=tuple(draws), runs=len(draws))
 
     def _errors(self, flights: Sequence[FloatArray]) -> list[FloatArray | None] | None:
         """Errors of flights, None of one that ends early; None where the observer stopped it."""
         plan = self._switched(flights)
-        found: list[FloatArray | None] = [None] * plan.runs
+        errors: list[FloatArray | None] = [None] * plan.runs
 
         def keep(run: int, recording: bytes) -> None:
             table = pq.read_table(pa.BufferReader(recording), columns=list(ERRORS))
             if len(table) == len(flights[run]):  # a sample more than there are intervals
-                found[run] = np.column_stack([column.to_numpy() for column in table.columns])
+                errors[run] = np.column_stack([column.to_numpy() for column in table.columns])
 
         if not self._pool.fly_signals(
             plan, range(plan.runs), keep, tally=Tally(), doing="searching"
         ):
             return None
         self.flights += plan.runs
-        return found
+        return errors
 
     def _fly(self, plan: Plan, channel: int | None = None) -> FloatArray | None:
         """Fly a plan; None where the observer stopped it.
 
         The values are those of the metric, or how far a `channel` reaches in the tube.
         """
-        found = np.full(plan.runs, FAILED)
+        values = np.full(plan.runs, FAILED)
 
         def keep(rows: pa.Table) -> None:
             for row in rows.to_pylist():
                 value = value_of(row, self.metric, self._plan.scenario)
                 value = self._failed if value >= FAILED else value
                 reach = row.get(TUBE_REACH)
-                found[row["run"]] = value if channel is None or not reach else reach[channel]
+                values[row["run"]] = value if channel is None or not reach else reach[channel]
                 if reach:
                     self.reach = np.maximum(self.reach, reach)
                 if value > self.worst["value"]:
@@ -605,26 +516,19 @@ class _Search:
         if not self._pool.fly_rows(plan, [Span(0, plan.runs)], keep, doing="searching"):
             return None
         self.flights += plan.runs
-        return found
+        return values
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
-    """Value of the metric of a row, larger is worse; `FAILED` of a flight that has none.
+    """Value of a metric (a column, ``margin`` or ``tube``) of a row; larger is worse.
 
-    Parameters
-    ----------
-    row : mapping
-        Of a campaign.
-    metric : str
-        A column, ``margin`` or ``tube``.
-    scenario : Scenario
-        With the requirements.
+    A flight without a value has `FAILED`.
     """
     if row["status"] != "completed":
         return FAILED
     if metric != MARGIN:
-        found = row[TUBE_SHARE if metric == TUBE else metric]
-        return FAILED if found is None else float(found)
+        value = row[TUBE_SHARE if metric == TUBE else metric]
+        return FAILED if value is None else float(value)
     beyond = [
         sense * (_in_unit_of(name, row[f"{subject}.{in_rad(name)}"]) - bound) / (abs(bound) or 1.0)
         for table in scenario.expect

@@ -14,13 +14,13 @@ from flighttune.present.tables import html
 
 KINDS = "states", "inputs", "errors"
 
-MOST_STATES = 24
-"""Of a model: the exact check of one takes seconds, and longer with the fourth power of them."""
+MAX_STATES = 24
+"""The exact check takes seconds at this size, and grows with its fourth power."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """What is claimed of ``s' = A_K s + E v`` with s = (x', e), v the disturbance's derivative.
+    """Claim about ``s' = A_K s + E v`` with s = (x', e), v the disturbance's derivative.
 
     Attributes
     ----------
@@ -48,9 +48,9 @@ class Claim:
 
     def __post_init__(self) -> None:
         check_positive(rate=self.rate, radius=self.radius, L_d=self.L_d, g=self.g)
-        for one, other in (("radius", "L_d"), ("envelope", "g")):
-            if (getattr(self, one) is None) != (getattr(self, other) is None):
-                raise InputError(f"`{one}` and `{other}` must be given together.")
+        for name, other in (("radius", "L_d"), ("envelope", "g")):
+            if (getattr(self, name) is None) != (getattr(self, other) is None):
+                raise InputError(f"`{name}` and `{other}` must be given together.")
         if not all(V_a > 0.0 and math.isfinite(V_a + gamma) for V_a, gamma in self.conditions):
             raise InputError("`conditions` must be positive airspeeds and finite angles.")
         if self.conditions and self.envelope is not None:
@@ -89,7 +89,7 @@ class Certificate:
     hull : JacobianHull or None
         Contains the Jacobians of the envelope.
     models : tuple of LinearModel
-        Those of the claim's conditions, in their order.
+        Models of the claim's conditions, in their order.
     made_with : mapping of str to str
         Versions of flighttune and of the solvers.
     scenario_sha256 : str or None
@@ -114,8 +114,8 @@ class Certificate:
             if getattr(self, name) is not None:
                 matrix = read_only_matrix(name, getattr(self, name), (n + p, n + p))
                 object.__setattr__(self, name, matrix)
-        given = [self.claim.radius is None, self.W is None, self.multiplier is None]
-        if len(set(given)) > 1:
+        absent = [self.claim.radius is None, self.W is None, self.multiplier is None]
+        if len(set(absent)) > 1:
             raise InputError("`radius`, `W` and `multiplier` must be given together.")
         if self.multiplier is not None and not math.isfinite(self.multiplier):
             raise InputError(f"`multiplier` must be finite, got {self.multiplier}.")
@@ -126,23 +126,23 @@ class Certificate:
                 f"`models` must be one a condition, got {len(self.models)} models and "
                 f"{len(self.claim.conditions)} conditions."
             )
-        for one in self.models:
-            if one.names != self.model.names:
+        for model in self.models:
+            if model.names != self.model.names:
                 raise InputError("`models` must have the states, inputs and errors of `model`.")
         # A plain dict: a read-only view cannot be pickled, and certificates come back from a copy.
         object.__setattr__(self, "made_with", dict(self.made_with))
 
     def _check_model(self) -> None:
         self.model.check_channels(self.gains)
-        if len(self.model.states) > MOST_STATES:
+        if len(self.model.states) > MAX_STATES:
             raise InputError(
-                f"`states` must be at most {MOST_STATES}, got {len(self.model.states)}."
+                f"`states` must be at most {MAX_STATES}, got {len(self.model.states)}."
             )
-        for name, given, law in zip(KINDS, self.model.names, LAW_NAMES, strict=True):
-            if self.claim.envelope is not None and given != law:
+        for name, names, law in zip(KINDS, self.model.names, LAW_NAMES, strict=True):
+            if self.claim.envelope is not None and names != law:
                 raise InputError(
                     f"`{name}` must be {', '.join(law)} with an `envelope`, the names of the law, "
-                    f"got {', '.join(given)}."
+                    f"got {', '.join(names)}."
                 )
 
     def _repr_html_(self) -> str:

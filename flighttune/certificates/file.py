@@ -21,7 +21,7 @@ from flighttune.whole_file import write_text
 FORMAT = "flighttune certificate 1"
 """Readers refuse what they do not know."""
 
-MOST_CONDITIONS = 1000
+MAX_CONDITIONS = 1000
 
 UNITS = {
     "rate_per_s": "1/s: decay of s' Q s, s = (rates of the states, errors); its norm: half of it",
@@ -45,7 +45,7 @@ KEYS = {
     "multiplier": "evidence.multiplier_per_s",
     "hull": "evidence.polytope",
 }
-"""Where a certificate file has what a `Certificate` refuses by its own name."""
+"""Keys of a certificate file by the names that `Certificate` has in its messages."""
 
 Tables = dict[str, Any]
 Ends: TypeAlias = Annotated[tuple[float, float], Field(strict=False)]  # a list in JSON
@@ -73,7 +73,7 @@ class _Claim(_Table):
     radius: float | None = None
     disturbance_rate_bound: float | None = None
     envelope: _Envelope | None = None
-    conditions: Annotated[list[_Condition], Field(max_length=MOST_CONDITIONS)] | None = None
+    conditions: Annotated[list[_Condition], Field(max_length=MAX_CONDITIONS)] | None = None
     holds: str | None = None
 
 
@@ -195,7 +195,7 @@ def certificate_tables(certificate: Certificate) -> Tables:
             {"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in claim.conditions
         ]
         tables["claim"]["holds"] = claim.place
-        tables["models"] = [_matrices(one) for one in certificate.models]
+        tables["models"] = [_matrices(model) for model in certificate.models]
     return tables
 
 
@@ -204,16 +204,10 @@ def _matrices(model: LinearModel) -> Tables:
 
 
 def certificate_from(tables: Any) -> Certificate:
-    """A certificate from the object of its JSON file.
-
-    Raises
-    ------
-    InputError
-        If a key is missing, unknown or impossible; the message names it.
-    """
-    found = tables.get("format") if isinstance(tables, dict) else None
-    if found != FORMAT:
-        raise InputError(f"`format` must be {FORMAT!r}, got {abridged(found)}.")
+    """A certificate from the object of its JSON file."""
+    stated = tables.get("format") if isinstance(tables, dict) else None
+    if stated != FORMAT:
+        raise InputError(f"`format` must be {FORMAT!r}, got {abridged(stated)}.")
     try:
         file = _File.model_validate(tables)
     except ValidationError as error:
@@ -235,7 +229,7 @@ def certificate_from(tables: Any) -> Certificate:
             W=None if evidence.W is None else np.array(evidence.W),
             multiplier=evidence.multiplier_per_s,
             hull=None if evidence.polytope is None else _hull(evidence.polytope),
-            models=tuple(_linear_model(one, file.model) for one in file.models or ()),
+            models=tuple(_linear_model(model, file.model) for model in file.models or ()),
             made_with=file.made_with,
             scenario_sha256=file.scenario_sha256,
         )
@@ -262,7 +256,9 @@ def _claim(table: _Claim) -> Claim:
             n_z=envelope.n_z,
         ),
         g=None if envelope is None else envelope.g_mps2,
-        conditions=tuple((one.V_a_mps, one.gamma_rad) for one in table.conditions or ()),
+        conditions=tuple(
+            (condition.V_a_mps, condition.gamma_rad) for condition in table.conditions or ()
+        ),
     )
     place = claim.place if claim.conditions else None
     if table.holds != place:

@@ -28,22 +28,12 @@ Condition = tuple[tuple[float, float], LinearModel]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certification:
-    """A certificate that has been verified, or why it was refused.
-
-    Attributes
-    ----------
-    status : "certified" or "refused"
-    reason : str
-        Why it was refused; empty otherwise.
-    certificate : Certificate or None
-    verification : Verification or None
-        The checks of the certificate.
-    """
+    """A certificate that has been verified, or the reason for which it was refused."""
 
     status: Literal["certified", "refused"]
-    reason: str
+    reason: str  # empty unless refused
     certificate: Certificate | None
-    verification: Verification | None
+    verification: Verification | None  # the checks of the certificate
 
 
 def certify(
@@ -93,11 +83,11 @@ def certify(
     models = tuple(model for _, model in conditions)
     if (envelope is None) != (g is None):
         raise InputError("`envelope` and `g` must be given together.")
-    if any(one.states != model.states for one in models):
+    if any(other.states != model.states for other in models):
         raise InputError("`conditions` must have models with the states of `model`.")
     polytope = None
     if envelope is None or g is None:
-        loops = _distinct([closed_loop(one, gains) for one in (model, *models)])
+        loops = _distinct([closed_loop(linear, gains) for linear in (model, *models)])
     else:
         polytope = jacobian_hull(envelope, g=g, hull=hull)
         loops = vertex_loops(envelope, gains, g=g, hull=hull)
@@ -146,8 +136,8 @@ def _distinct(loops: Sequence[FloatArray]) -> FloatArray:
 
 def _Q(loops: FloatArray) -> tuple[FloatArray | None, str]:
     if len(loops) == 1:
-        found = indicators(loops[0])
-        return found.Q, found.reason
+        figures = indicators(loops[0])
+        return figures.Q, figures.reason
     common = common_Q(loops)
     return common.Q, common.reason
 

@@ -40,8 +40,8 @@ def vertex_matrices(
     K_P, K_I = exact(gains.K_P), exact(gains.K_I)
     if hull is None:
         distinct: list[Rationals] = []
-        for one in (model, *models):
-            loop = _closed_loop(exact(one.A), exact(one.B), exact(one.C), K_P, K_I)
+        for linear in (model, *models):
+            loop = _closed_loop(exact(linear.A), exact(linear.B), exact(linear.C), K_P, K_I)
             if not any(np.array_equal(loop, other) for other in distinct):
                 distinct.append(loop)
         return tuple(distinct)
@@ -58,7 +58,7 @@ def vertex_matrices(
 def coverage_checks(
     model: LinearModel, envelope: Envelope, hull: JacobianHull, *, g: float
 ) -> list[Check]:
-    """That the polytope contains the Jacobian at every condition of the envelope, and the model's.
+    """Check that the polytope contains the Jacobian at every condition, and that of the model.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def _inside(name: str, inner: Interval, outer: tuple[float, float]) -> Check:
 
 
 def _model_check(model: LinearModel, hull: JacobianHull) -> Check:
-    """That the model is the chi/gamma law's, with entries in the polytope for some factor."""
+    """Checks that the model is the chi/gamma law's, its entries in the polytope for a factor."""
     name = "trim model inside the polytope"
     A, B = exact(model.A), exact(model.B)
     if model.shape != (2, 2, 2) or not np.array_equal(model.C, np.eye(2)):

@@ -43,16 +43,16 @@ DUTCH_ROLL_DAMPING = 0.7
 SIDE_FORCE = 1.0
 
 # Yaw acceleration by sideslip that the rudder makes up for, 1/s^2.
-LEAST_WEATHERCOCK = 0.5
+MIN_WEATHERCOCK = 0.5
 
 # Delay of the lateral load factor, s: two samples and half a hold.
 ACCELEROMETER = 0.015
 
 YAW_MARGIN = 1.3  # factor on the gains at which the yaw loop is still stable
-LEAST_YAW_SHARE = 0.02
+MIN_YAW_SHARE = 0.02
 
 # Largest gain from pitch rate to pitch acceleration over the bandwidth of the actuator.
-LARGEST_DAMPER = 0.6
+MAX_DAMPER = 0.6
 
 # Bandwidth of the load-factor model over that of the response asked for, at most 20 rad/s.
 MODEL_LEAD = 2.0
@@ -81,11 +81,6 @@ def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
     """Return the derivatives of `fdm` about wings-level flight at `condition`.
 
     Central differences of evaluations in the trimmed state, actuators and engine settled.
-
-    Raises
-    ------
-    TrimError
-        If there is no steady flight at `condition`.
     """
     at = trim(fdm, condition)
     bench = Bench(fdm, condition.h)
@@ -122,28 +117,15 @@ class DesignedAircraft:
 def design_aircraft(config: AircraftConfig) -> DesignedAircraft:
     """Design the gains of an aircraft's inner loop and fly its step responses.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-        With a ``[design]`` table. The gains it has do not matter: the same file gives the same
-        design.
-
-    Raises
-    ------
-    InputError
-        If there is no such table.
-    PlantError
-        If the aircraft cannot be built, or its surfaces do not act as the inner loop needs.
-    TrimError
-        If there is no steady level flight at one of its airspeeds.
+    The gains it has already do not matter: the same file gives the same design.
     """
     design = config.design
     if design is None:
         raise InputError(f"{config.file}: `design` must be given: what to make the gains for.")
-    found = airframe(Fdm(config), FlightCondition(V_a=design.V_a, h=design.h))
+    trimmed = airframe(Fdm(config), FlightCondition(V_a=design.V_a, h=design.h))
     gains = {
         name: float(f"{value:.{DIGITS}g}") if abs(value) > NO_GAIN else 0.0
-        for name, value in inner_loop_gains(found, design).items()
+        for name, value in inner_loop_gains(trimmed, design).items()
     }
     previous = dict(config.gains.gains) if config.gains else {}
     designed = config.with_gains(
@@ -155,20 +137,6 @@ def design_aircraft(config: AircraftConfig) -> DesignedAircraft:
 def inner_loop_gains(airframe: Airframe, design: Design) -> dict[str, float]:
     """Return the gains by name, SI and rad.
 
-    Parameters
-    ----------
-    airframe : Airframe
-        Derivatives at the design condition.
-    design : Design
-        Bandwidths asked for.
-
-    Raises
-    ------
-    PlantError
-        If a surface or the throttle has no effect, or one of the wrong sign.
-
-    Notes
-    -----
     Roll: the error of the roll model obeys ``e'' + 2 zeta omega e' + omega^2 e = 0``, omega being
     `roll_error` of the design; the integrator is an order slower than the model. Pitch: least
     squares of the linear step response, with actuator, to that of two equal real poles. Yaw:
@@ -227,9 +195,9 @@ def _pitch(airframe: Airframe, bandwidth: float) -> dict[str, float]:
         response = _n_z_step(airframe, model, k_q, k_p, k_i, len(t))
         return np.append(np.clip(response - goal, -10.0, 10.0), 0.02 * log_gains)
 
-    highest = [math.log(LARGEST_DAMPER * ACTUATOR / bandwidth), 2.0, 2.0]
-    found = least_squares(error, np.minimum(0.0, np.array(highest) - 0.1), bounds=(-4.0, highest))
-    k_q, k_p, k_i = (scale * np.exp(found.x)).tolist()
+    highest = [math.log(MAX_DAMPER * ACTUATOR / bandwidth), 2.0, 2.0]
+    fitted = least_squares(error, np.minimum(0.0, np.array(highest) - 0.1), bounds=(-4.0, highest))
+    k_q, k_p, k_i = (scale * np.exp(fitted.x)).tolist()
     return {
         "pitch/model-rad_sec": model,
         "pitch/k_p": k_p,
@@ -280,7 +248,7 @@ def _yaw(airframe: Airframe) -> dict[str, float]:
     side = of("n_y", "beta")
     damping = -of("r_dot", "r") - side * G_0 / airframe.V_a
     # An airframe without weathercock stability gets it from the lateral load factor.
-    lacking = max(0.0, LEAST_WEATHERCOCK - weathercock)
+    lacking = max(0.0, MIN_WEATHERCOCK - weathercock)
     stiffness = weathercock + lacking
     goal = 2.0 * DUTCH_ROLL_DAMPING * math.sqrt(stiffness)
     static = abs(side * effect / stiffness)
@@ -291,7 +259,7 @@ def _yaw(airframe: Airframe) -> dict[str, float]:
     k_p, k_i = 0.75 * SIDE_FORCE / static, SIDE_FORCE / static
     k_p += lacking / abs(side * effect)
     share = 1.0
-    while share > LEAST_YAW_SHARE and not _yaw_is_stable(airframe, k_r, share * k_p, share * k_i):
+    while share > MIN_YAW_SHARE and not _yaw_is_stable(airframe, k_r, share * k_p, share * k_i):
         share *= 0.8
     return {
         "yaw/k_ff": straight / effect - airframe.alpha * k_r,

@@ -15,7 +15,7 @@ from flighttune.plants.base import FlightCondition, Plant
 # Sample time of the commands, s.
 DT = 0.01
 
-# Of the multisines, s: their frequencies are multiples of 2 pi / PERIOD.
+# Period of the multisines, s: their frequencies are multiples of 2 pi / PERIOD.
 PERIOD = 20.0
 
 # Frequencies excited, rad/s.
@@ -61,27 +61,10 @@ class Excitation:
 def multisines(limits: Limits, *, seed: int = 0) -> Excitation:
     """Return one period of multisines inside the limits, no frequency in both channels.
 
-    Parameters
-    ----------
-    limits : Limits
-        Of the commands (phi, n_z); finite.
-    seed : int
-        Of the phases: of many draws the one that lets the sines be largest is taken.
-
-    Returns
-    -------
-    Excitation
-
-    Raises
-    ------
-    InputError
-        If a limit is not finite or leaves no room about steady flight.
-
-    Notes
-    -----
-    R. Pintelon and J. Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed.,
-    Wiley 2012, chapter 5: random-phase multisines on a quasi-logarithmic grid, the channels on
-    interleaved lines so that one experiment shows every path.
+    The seed draws many sets of phases; the set that lets the sines be largest is taken. R. Pintelon
+    and J. Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., Wiley 2012,
+    chapter 5: random-phase multisines on a quasi-logarithmic grid, the channels on interleaved
+    lines so that one experiment shows every path.
     """
     base = 2.0 * math.pi / PERIOD
     wanted = np.geomspace(BAND[0], BAND[1], LINES) / base
@@ -99,23 +82,6 @@ def multisines(limits: Limits, *, seed: int = 0) -> Excitation:
 def check_manoeuvre(limits: Limits) -> Excitation:
     """Return 3-2-1-1 steps of both channels, ramped as fast as the limits allow, for validation.
 
-    Parameters
-    ----------
-    limits : Limits
-        Of the commands (phi, n_z); finite.
-
-    Returns
-    -------
-    Excitation
-        Without lines.
-
-    Raises
-    ------
-    InputError
-        As `multisines`.
-
-    Notes
-    -----
     The pulses of 3, 2, 1 and 1 units are the usual ones of flight test: R. V. Jategaonkar, *Flight
     Vehicle System Identification*, 2nd ed., AIAA 2015, section 2.3.
     """
@@ -130,17 +96,7 @@ def check_manoeuvre(limits: Limits) -> Excitation:
 
 
 def command_room(limits: Limits) -> tuple[FloatArray, FloatArray]:
-    """Return the largest changes of (phi, n_z) about level flight, and of their rates, to use.
-
-    Returns
-    -------
-    peaks, rates : ndarray, shape (2,), rad and 1, and per second
-
-    Raises
-    ------
-    InputError
-        If a limit is not finite or leaves no room.
-    """
+    """Return the largest changes of (phi, n_z) about level flight, and of their rates, to use."""
     level = np.array([0.0, 1.0])
     room = np.minimum(limits.upper - level, level - limits.lower)
     rates = np.minimum(limits.rate_upper, -limits.rate_lower)
@@ -202,25 +158,6 @@ def respond(
 
     The load-factor command is what steady flight at the present attitude needs, plus the
     excitation, so that the path stays near the trim.
-
-    Parameters
-    ----------
-    plant_factory : callable
-        Returns a fresh plant.
-    condition : FlightCondition
-        Where to start, wings level.
-    excitation : Excitation
-
-    Returns
-    -------
-    Response
-
-    Raises
-    ------
-    TrimError
-        If there is no steady flight at `condition`.
-    PlantError
-        If every flight ended early; the message gives the reason of the last.
     """
     reason = ""
     for attempt in range(ATTEMPTS):

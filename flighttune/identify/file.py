@@ -128,7 +128,7 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
         "seed": aircraft.seed,
         **({"gains_sha256": aircraft.gains} if aircraft.gains else {}),
         "units": UNITS,
-        "conditions": [_condition_table(one) for one in aircraft.conditions],
+        "conditions": [_condition_table(condition) for condition in aircraft.conditions],
     }
 
 
@@ -184,14 +184,14 @@ def _read(path: Path, _stamp: tuple[int, ...]) -> IdentifiedAircraft:
     """The identified aircraft of a file, read anew when it was written to."""
     tables = json_tables(path)
     try:
-        found = _File.model_validate(tables)
+        file = _File.model_validate(tables)
     except ValidationError as error:
         raise ScenarioError(f"{path}: {first_mistake(error)}") from error
     aircraft = IdentifiedAircraft(
-        aircraft=found.aircraft,
-        conditions=tuple(one.condition() for one in found.conditions),
-        seed=found.seed,
-        gains=found.gains_sha256,
+        aircraft=file.aircraft,
+        conditions=tuple(condition.condition() for condition in file.conditions),
+        seed=file.seed,
+        gains=file.gains_sha256,
     )
     for fault in _contradictions(tables, identified_tables(aircraft)):
         raise ScenarioError(f"{path}: {fault}.")
@@ -210,36 +210,31 @@ def _check_gains(aircraft: IdentifiedAircraft, path: Path) -> None:
         )
 
 
-def _contradictions(given: Any, derived: Any, key: str = "") -> Iterator[str]:
-    """What of a file is not as its lags make it: the matrices in it are for other programs."""
-    if isinstance(given, dict) and isinstance(derived, dict):
-        for name, value in given.items():
+def _contradictions(stated: Any, derived: Any, key: str = "") -> Iterator[str]:
+    """Entries of a file that contradict its lags: its matrices are for other programs."""
+    if isinstance(stated, dict) and isinstance(derived, dict):
+        for name, value in stated.items():
             inside = f"{key}.{name}".removeprefix(".")
             if name in derived:
                 yield from _contradictions(value, derived[name], inside)
             else:
                 yield f"`{shown(inside)}` is not a known key; known are {', '.join(derived)}"
-    elif isinstance(given, list) and isinstance(derived, list) and len(given) == len(derived):
-        for i, (one, other) in enumerate(zip(given, derived, strict=True)):
-            yield from _contradictions(one, other, f"{key}[{i}]")
-    elif not _same(given, derived):
-        got = abridged(given)
+    elif isinstance(stated, list) and isinstance(derived, list) and len(stated) == len(derived):
+        for i, (entry, other) in enumerate(zip(stated, derived, strict=True)):
+            yield from _contradictions(entry, other, f"{key}[{i}]")
+    elif not _same(stated, derived):
+        got = abridged(stated)
         yield f"`{key}` must be {abridged(derived)}, as the lags of the file make it, got {got}"
 
 
-def _same(given: Any, derived: Any) -> bool:
-    if isinstance(given, float | int) and isinstance(derived, float):
-        return math.isclose(given, derived, rel_tol=ROUNDING, abs_tol=ROUNDING)
-    return given == derived
+def _same(stated: Any, derived: Any) -> bool:
+    if isinstance(stated, float | int) and isinstance(derived, float):
+        return math.isclose(stated, derived, rel_tol=ROUNDING, abs_tol=ROUNDING)
+    return stated == derived
 
 
 def lag_table(lag: InnerLag) -> dict[str, Any]:
-    """A lag as plain values; None for what its order does not have.
-
-    Parameters
-    ----------
-    lag : InnerLag
-    """
+    """A lag as plain values; None for a parameter that its order does not have."""
     return {**_parameters(lag), "bandwidth_rad_s": lag.bandwidth}
 
 

@@ -79,20 +79,8 @@ class LagCandidate:
 def frequency_responses(response: Response) -> tuple[FrequencyResponse, FrequencyResponse]:
     """Return the responses of roll and load factor from the last period of a multisine flight.
 
-    Parameters
-    ----------
-    response : Response
-        Of at least two periods, so that the last one is in the steady state.
-
-    Returns
-    -------
-    tuple of two FrequencyResponse
-        Corrected for the sample-and-hold of the commands.
-
-    Raises
-    ------
-    InputError
-        If the flight was shorter or not periodic.
+    The flight needs two periods, so that the last one is in the steady state. The responses are
+    corrected for the sample-and-hold of the commands.
     """
     lines = response.excitation.lines
     if len(response.measured) < 2 * SAMPLES or not all(len(line) for line in lines):
@@ -104,35 +92,24 @@ def frequency_responses(response: Response) -> tuple[FrequencyResponse, Frequenc
     measured = np.fft.rfft(response.measured[-SAMPLES:], axis=0)
     omegas = [line.astype(np.float64) * (2.0 * math.pi / PERIOD) for line in lines]
     own = [measured[lines[i], i] / commanded[lines[i], i] for i in range(2)]
-    found = []
+    responses = []
     for i, j in ((0, 1), (1, 0)):
         expected = _interpolated(omegas[i], omegas[j], own[j]) * commanded[lines[i], j]
         other = (measured[lines[i], j] - expected) / commanded[lines[i], i]
         hold = np.sinc(omegas[i] * DT / (2.0 * math.pi)) * np.exp(-0.5j * omegas[i] * DT)
-        found.append(FrequencyResponse(omega=omegas[i], own=own[i] / hold, other=other / hold))
-    return found[0], found[1]
+        responses.append(FrequencyResponse(omega=omegas[i], own=own[i] / hold, other=other / hold))
+    return responses[0], responses[1]
 
 
 def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
     """Return the best lag of each order, the lowest information criterion first.
 
-    Parameters
-    ----------
-    response : FrequencyResponse
-
-    Returns
-    -------
-    tuple of LagCandidate
-        One an order.
-
-    Notes
-    -----
     Least squares of the complex error, which is ``N log(rss / N) + k log N`` (G. Schwarz, *Annals
     of Statistics* 6, 1978) for ``N = 2 lines`` numbers and k parameters: lines, not samples of
     time, are independent of each other.
     """
     fitted = [_fitted(response, order) for order in get_args(Order)]
-    return tuple(sorted(fitted, key=lambda one: one.bic))
+    return tuple(sorted(fitted, key=lambda candidate: candidate.bic))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,25 +125,9 @@ class FittedLag:
 def fitted_lag(t: FloatArray, commanded: FloatArray, measured: FloatArray) -> FittedLag:
     """Return the lag whose response to `commanded` is nearest to `measured` in the least squares.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,), s
-        Evenly spaced, n > 10.
-    commanded : ndarray, shape (n,), unit of the channel
-        Held from each sample to the next.
-    measured : ndarray, shape (n,), unit of the channel
-        Response at the samples; the first value is taken as at rest.
-
-    Returns
-    -------
-    FittedLag
-        Of first order, or of second order where that is worth it; `UNEXCITED` where nothing was
-        commanded.
-
-    Raises
-    ------
-    InputError
-        If there are too few samples.
+    The samples are evenly spaced; commands are held from each to the next, and the first measured
+    value is taken as at rest. The lag is of second order where that is worth it, and `UNEXCITED`
+    where nothing was commanded.
     """
     if not len(t) > 10:
         raise InputError(f"`t` must have more than 10 samples, got {len(t)}.")
@@ -203,20 +164,9 @@ def fit_percent(measured: FloatArray, model: FloatArray) -> float:
 
 
 def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
-    """Return the response of a lag to commands that are held over samples of `dt` seconds.
+    """Return the exact response of a lag to commands that are held over samples of `dt` seconds.
 
-    Parameters
-    ----------
-    lag : InnerLag
-    dt : float, s
-    commanded : ndarray, shape (n,), unit of the channel
-    start : float
-        Command and response before the first sample.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        At the samples; exact.
+    `start` is the command and the response before the first sample.
     """
     # The delay is `whole` samples and a fraction: over each sample the command before it acts for
     # `late` seconds still, then the one of the sample. Both enter the state at its end.

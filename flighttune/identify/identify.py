@@ -59,32 +59,7 @@ def identify(
     *,
     seed: int = 0,
 ) -> Identification:
-    """Identify the inner loop of a plant about a trim.
-
-    Parameters
-    ----------
-    plant_factory : callable
-        Returns a fresh plant.
-    condition : FlightCondition
-        The trim, wings level.
-    limits : Limits
-        Of the commands (phi, n_z), which the excitation keeps inside.
-    seed : int
-        Of the excitation.
-
-    Returns
-    -------
-    Identification
-
-    Raises
-    ------
-    InputError
-        If the limits leave no room about level flight.
-    TrimError
-        If there is no steady flight at `condition`.
-    PlantError
-        If even a small excitation ends the flight.
-    """
+    """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
     sines = multisines(limits, seed=seed)
     repeated = Excitation(commands=np.tile(sines.commands, (PERIODS, 1)), lines=sines.lines)
     frequency = frequency_responses(respond(plant_factory, condition, repeated))
@@ -131,7 +106,7 @@ def identify_aircraft(
     h : float, m
         Height above sea level.
     seed : int
-        Of the excitation.
+        Seed of the excitation.
 
     Returns
     -------
@@ -150,23 +125,23 @@ def identify_aircraft(
     """
     plant = JSBSimPlant(aircraft)
     speeds = tuple(V_a) or (design_speed(plant.config),)
-    found, trims, skipped = [], [], []
+    identifications, trims, skipped = [], [], []
     for condition in (FlightCondition(V_a=v, gamma=g, h=h) for v in speeds for g in gamma):
         try:
-            found.append(
+            identifications.append(
                 identify(partial(JSBSimPlant, aircraft), condition, plant.limits, seed=seed)
             )
         except TrimError as error:
             skipped.append(str(error))
         else:
             trims.append(condition)
-    if not found:
+    if not identifications:
         raise TrimError(skipped[0])
-    chosen = of_one_order(found)
+    chosen = of_one_order(identifications)
     return AircraftIdentification(
         identified=IdentifiedAircraft(
             aircraft=plant.config.folder.name,
-            conditions=tuple(one.condition for one in chosen),
+            conditions=tuple(identification.condition for identification in chosen),
             seed=seed,
             gains=plant.config.gains.sha256 if plant.config.gains else "",
         ),
@@ -176,31 +151,28 @@ def identify_aircraft(
     )
 
 
-def of_one_order(found: Sequence[Identification]) -> tuple[Identification, ...]:
-    """Return the same conditions with lags of one order a channel, chosen over all of them.
+def of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
+    """Return the same conditions with lags of one order a channel, the best over all of them.
 
     Models of one structure can be mixed, and one Lyapunov function can cover them all.
-
-    Parameters
-    ----------
-    found : sequence of Identification
-        Of one aircraft.
-
-    Returns
-    -------
-    tuple of Identification
-        With the order of the lowest sum of information criteria first among the candidates.
     """
-    orders = tuple(_best_order([one.candidates[i] for one in found]) for i in range(2))
+    orders = tuple(
+        _best_order([identification.candidates[i] for identification in identifications])
+        for i in range(2)
+    )
     chosen = []
-    for one in found:
+    for identification in identifications:
         fitted = tuple(
             tuple(sorted(of_channel, key=lambda fit: fit.lag.order != order))
-            for of_channel, order in zip(one.candidates, orders, strict=True)
+            for of_channel, order in zip(identification.candidates, orders, strict=True)
         )
-        at = one.condition
+        at = identification.condition
         condition = FlightCondition(V_a=at.V_a, gamma=at.gamma, h=at.h)
-        chosen.append(_identification(condition, one.frequency, (fitted[0], fitted[1]), one.check))
+        chosen.append(
+            _identification(
+                condition, identification.frequency, (fitted[0], fitted[1]), identification.check
+            )
+        )
     return tuple(chosen)
 
 
@@ -246,5 +218,8 @@ def _channel(
         cross=float(np.abs(response.other).max()),
         simpler=best.lag
         if best.lag.order < 3
-        else min((one for one in fitted if one.lag.order < 3), key=lambda one: one.bic).lag,
+        else min(
+            (candidate for candidate in fitted if candidate.lag.order < 3),
+            key=lambda candidate: candidate.bic,
+        ).lag,
     )

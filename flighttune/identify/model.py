@@ -42,7 +42,7 @@ class IdentifiedCondition:
 
     @property
     def lags(self) -> tuple[InnerLag, InnerLag]:
-        """Of roll and load factor."""
+        """Lags of roll and load factor."""
         return self.phi.lag, self.n_z.lag
 
 
@@ -126,26 +126,16 @@ def design_model(
     ----------
     condition : IdentifiedCondition
     g : float, m/s^2
-        Acceleration of gravity.
     V_a, gamma : float, m/s and rad, optional
-        Of the law; by default those of `condition`.
+        Condition of the law, by default `condition`.
     hold : float, s
         Delay added to both channels: half the sample time of the controller.
     schedule_speed : float, m/s, optional
-        Airspeed for which gains that grow with airspeed are given: the inputs of the law are then
+        Airspeed for which gains that grow with airspeed are stated: the inputs of the law are then
         scaled by ``V_a / schedule_speed``, which is the same loop.
     law : Law, optional
-        Whose error dynamics stand behind the lags of roll and of load factor; by default the
+        Law whose error dynamics stand behind the lags of roll and of load factor; by default the
         paper's.
-
-    Returns
-    -------
-    DesignModel
-
-    Raises
-    ------
-    InputError
-        If a value cannot be used.
     """
     V_a = condition.V_a if V_a is None else V_a
     gamma = condition.gamma if gamma is None else gamma

@@ -17,20 +17,7 @@ FILE_NAME = "step_responses.svg"
 
 
 def step_figure(config: AircraftConfig, checks: Sequence[StepCheck]) -> Sheet:
-    """Return the figure of the step responses.
-
-    Parameters
-    ----------
-    config : AircraftConfig
-        The aircraft, with a ``[design]`` table.
-    checks : sequence of StepCheck
-        From `check_steps`.
-
-    Raises
-    ------
-    TrimError
-        If there is no steady level flight at one of the airspeeds.
-    """
+    """Return the figure of the step responses that `check_steps` flew."""
     roll = Chart(title="Roll, step of 30°", y="φ [deg]")
     load = Chart(title="Load factor, steps of 0.5", y="n_z [1]")
     lateral = Chart(title="Lateral load factor in the roll step", y="n_y [1]")

@@ -66,23 +66,7 @@ def fly_step(
 ) -> StepResponse:
     """Fly a step of roll, at a load factor that holds the climb angle, or one of load factor.
 
-    Parameters
-    ----------
-    config : AircraftConfig
-        The aircraft, with the gains to fly.
-    channel : {"phi", "n_z"}
-        The commanded channel.
-    size : float, rad or 1
-        Step of the command.
-    V_a, h : float, m/s and m
-        Steady level flight at the start.
-    duration : float, s
-        Duration of the flight.
-
-    Raises
-    ------
-    TrimError
-        If there is no steady flight there.
+    `size` is in rad or 1; the flight begins in steady level flight.
     """
     plant = JSBSimPlant(config)
     plant.start(FlightCondition(V_a=V_a, h=h))
@@ -128,13 +112,7 @@ class StepCheck:
 
 
 def check_steps(config: AircraftConfig) -> tuple[StepCheck, ...]:
-    """Fly the steps of an aircraft's ``[design]`` at its airspeeds; none without such a table.
-
-    Raises
-    ------
-    TrimError
-        If there is no steady level flight at one of the airspeeds.
-    """
+    """Fly the steps of an aircraft's ``[design]`` at its airspeeds; none without such a table."""
     design = config.design
     if design is None:
         return ()

@@ -18,7 +18,7 @@ from flighttune.simulate.disturbance import Sinusoid
 TOLERANCE = 1e-12
 
 # Longest step where a switch could be missed, s: events are looked for at the ends of steps.
-LOOK_EVERY = 0.01
+MAX_STEP_S = 0.01
 
 REFERENCE = np.array([printed.CHI_C, printed.GAMMA_C])
 
@@ -117,7 +117,7 @@ class ContinuousLoop:
         return np.concatenate([-s.e_dot, z_dot, u_dot])
 
     def margins(self, i: int, t: float, y: FloatArray) -> tuple[float, float]:
-        """What is left until command `i` switches: of its range, and of anything else."""
+        """Margins of command `i` before it switches: to its range, and to any other limit."""
         s, limits, moving = self.signals(t, y), self._limits, self._moving[i]
         u, v, a, b = s.u[i], s.v[i], s.a[i], s.b[i]
         if moving is None:
@@ -203,7 +203,7 @@ def integrate(loop: ContinuousLoop, times: FloatArray) -> tuple[FloatArray, str]
             events=events,
             rtol=TOLERANCE,
             atol=TOLERANCE,
-            max_step=LOOK_EVERY if loop.rate_limited else math.inf,
+            max_step=MAX_STEP_S if loop.rate_limited else math.inf,
         )
         s, y = loop.signals(piece.t, piece.y), piece.y
         parts.append(np.array([y[:2], s.e, s.e_dot, s.u, s.v, y[2:4]]).transpose(2, 0, 1))

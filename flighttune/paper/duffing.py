@@ -81,7 +81,7 @@ class Duffing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bound:
-    """What Theorem 1 says with the Jacobian taken over a strip ``|x1| <= c``."""
+    """Result of Theorem 1 with the Jacobian taken over a strip ``|x1| <= c``."""
 
     rate: float  # 1/s: ``R(f) = epsilon / lambda_max(P)``; the norm of f decays at half of it
     # ``I(f) = 2 L_d L_f lambda_max(P)^2 / (epsilon lambda_min(P))``: ultimate bound on |f|

@@ -1,4 +1,4 @@
-"""Where the paper's print and computation disagree, and its slips.
+"""Disagreements of the paper's print with computation, and its slips.
 
 The text is in ``errata.toml``; `numbers` computes what its braces name.
 """

@@ -109,7 +109,7 @@ def _signals(flight: PaperFlight) -> pd.DataFrame:
         (("d_chi", "d_gamma"), np.array([disturbance(moment) for moment in t.tolist()]).T),
     ):
         columns |= zip(names, values, strict=True)
-    # Of all errors only that in course is an angle that may be beyond a half turn.
+    # Only the error in course is an angle that may be beyond a half turn.
     columns["chi_err"] = np.remainder(flight.error[:, 0] + np.pi, 2.0 * np.pi) - np.pi
     columns["gamma_err"] = flight.error[:, 1]
     return pd.DataFrame(columns, index=pd.Index(t, name="t"), dtype=float)

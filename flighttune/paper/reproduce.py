@@ -41,7 +41,7 @@ class MadeItem:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reproduction:
-    """What `reproduce` made."""
+    """Files and results of `reproduce`."""
 
     items: tuple[MadeItem, ...]
     findings: tuple[Finding, ...]  # every claim with its verdict

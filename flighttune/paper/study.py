@@ -88,12 +88,12 @@ class Study:
 
     @cached_property
     def constrained(self) -> TuningResult:
-        """What the optimisation model gives with all printed constraints."""
+        """Result of the optimisation model with all printed constraints."""
         return tune(self.problem)
 
     @cached_property
     def optimum(self) -> TuningResult:
-        """What it gives without the input constraints."""
+        """Result of the model without the input constraints."""
         return tune(TuningProblem(model=self.model, I_star=printed.I_STAR))
 
     @cached_property

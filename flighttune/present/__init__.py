@@ -1,1 +1,1 @@
-"""What every output shares: colours, names, numbers, tables and the frame of a page."""
+"""Parts shared by every output: colours, names, numbers, tables and the frame of a page."""

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
-from flighttune.present.thinning import MOST_DRAWN, peaks, thinned
+from flighttune.present.thinning import MAX_DRAWN, peaks, thinned
 from flighttune.whole_file import write_text
 
 Range: TypeAlias = tuple[float, float]
@@ -46,7 +46,7 @@ LegendEntry: TypeAlias = tuple[str, str, str]
 # A letter with a letter or digit as its index, such as `n_z`; `tuned_identified` is none.
 SYMBOL = re.compile(r"\b([^\W\d_])_(\w)\b")
 
-# What follows a lowered index in SVG stays down unless something lifts it: an empty space does.
+# Text after a lowered index in SVG stays down unless an empty space lifts it.
 SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tspan>'
 
 
@@ -59,47 +59,23 @@ def style() -> str:
 
 @dataclass(slots=True, kw_only=True)
 class Chart:
-    """One panel, filled by its methods in the order of drawing.
-
-    Attributes
-    ----------
-    title : str
-        What is shown, in words.
-    x, y : str
-        Labels of the axes, with units.
-    height : float
-        Of the whole chart, pixels.
-    log : str
-        Axes that are logarithmic: any of ``x`` and ``y``.
-    x_range, y_range : pair of float, optional
-        Ends of the axes; by default around all that is drawn.
-    x_ticks, y_ticks : sequence of (float, str), optional
-        Labels of an axis and where they stand.
-    x_room : float
-        Part of the width left free at both ends, so that a point there is whole.
-    linked : bool
-        Whether the cursor of a page is at the same x in this chart and the other linked ones.
-    equal : bool
-        Whether a metre is as long to the right as upwards.
-    downwards : bool
-        Whether y grows downwards.
-    """
+    """One panel, filled by its methods in the order of drawing."""
 
     title: str
-    x: str = "t [s]"
+    x: str = "t [s]"  # label of the axis, with unit
     y: str = ""
-    height: float = HEIGHT
-    log: str = ""
-    x_range: Range | None = None
+    height: float = HEIGHT  # of the whole chart, pixels
+    log: str = ""  # the logarithmic axes, any of x and y
+    x_range: Range | None = None  # ends of the axis; by default around all that is drawn
     y_range: Range | None = None
-    x_ticks: Ticks | None = None
+    x_ticks: Ticks | None = None  # labels of the axis and where they stand
     y_ticks: Ticks | None = None
-    x_room: float = 0.0
-    linked: bool = False
-    equal: bool = False
-    downwards: bool = False
+    x_room: float = 0.0  # share of the width left free at both ends, so that a point there is whole
+    linked: bool = False  # its cursor is at the same x as in the other linked charts of a page
+    equal: bool = False  # a metre is as long to the right as upwards
+    downwards: bool = False  # y grows downwards
     legend: list[LegendEntry] = field(default_factory=list)
-    """What is named in the chart alone."""
+    """Entries named in this chart alone."""
     _marks: list["_Mark"] = field(default_factory=list)
     _seen: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 
@@ -113,27 +89,14 @@ class Chart:
         name: str = "",
         dash: str = "",
         width: float = 1.6,
-        most: int = MOST_DRAWN,
+        most: int = MAX_DRAWN,
         hover: bool = True,
     ) -> None:
         """Draw a line through points, broken at NaN.
 
-        Parameters
-        ----------
-        x, y : array_like, shape (n,)
-        colour : str
-            ``#RRGGBB``; one of the palette follows the theme of the page.
-        run : str
-            Label of the run, by which a page hides it and names its value.
-        name : str
-            Name in the legend of this chart, for what is no run.
-        dash : str
-            Lengths of dashes and gaps; empty for a full line.
-        width : float, pixels
-        most : int
-            Points to draw; of more, the lowest and highest of each stretch.
-        hover : bool
-            Whether its value is shown under the pointer.
+        A page hides the line by its `run`; `name` is for the legend of this chart if it is no run.
+        Of more points than `most` only the lowest and highest of each stretch are drawn. The
+        value is shown under the pointer if `hover`.
         """
         xs, ys = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float), most)
         self._seen.append((xs, ys))
@@ -162,30 +125,22 @@ class Chart:
         name: str = "",
         opacity: float = 0.16,
     ) -> None:
-        """Fill between two lines; nothing where either is NaN.
-
-        Parameters
-        ----------
-        x, low, high : array_like, shape (n,)
-        colour, run, name
-            As of `line`.
-        opacity : float
-        """
-        xs, lows, highs = (np.asarray(one, dtype=float) for one in (x, low, high))
+        """Fill between two lines; nothing where either is NaN."""
+        xs, lows, highs = (np.asarray(values, dtype=float) for values in (x, low, high))
         either = np.isnan(lows) | np.isnan(highs)
         lows, highs = np.where(either, np.nan, lows), np.where(either, np.nan, highs)
-        kept = peaks(np.column_stack([lows, highs]), most=MOST_DRAWN)
+        kept = peaks(np.column_stack([lows, highs]), most=MAX_DRAWN)
         xs, lows, highs = xs[kept], lows[kept], highs[kept]
         self._seen += [(xs, lows), (xs, highs)]
 
         def drawn(a: "_Axes") -> str:
             outlines = (
                 _path(
-                    a.sx(np.concatenate([xs[one], xs[one][::-1]])),
-                    a.sy(np.concatenate([lows[one], highs[one][::-1]])),
+                    a.sx(np.concatenate([xs[stretch], xs[stretch][::-1]])),
+                    a.sy(np.concatenate([lows[stretch], highs[stretch][::-1]])),
                 )
                 + "Z"
-                for one in _stretches(xs, lows)
+                for stretch in _stretches(xs, lows)
             )
             fill = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="{opacity}"'
             return f'<path d="{"".join(outlines)}"{fill}{_owner(run)}/>'
@@ -229,21 +184,9 @@ class Chart:
     ) -> None:
         """Draw points.
 
-        Parameters
-        ----------
-        x, y : array_like, shape (n,)
-        colour, run, name
-            As of `line`.
-        shape : {"dot", "cross", "plus"}
-        size : float, pixels
-            Half the width.
-        filled : bool or sequence of bool
-            Whether dots are filled.
-        opacity : float
-        tips : sequence of str, length n
-            What is shown where the pointer rests on a point.
+        `size` is half the width in pixels; `filled` is for dots; `tips` are for the pointer.
         """
-        xs, ys = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (x, y))
+        xs, ys = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
         self._seen.append((xs, ys))
         full = [filled] * len(xs) if isinstance(filled, bool) else filled
 
@@ -331,13 +274,7 @@ class Chart:
         )
 
     def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
-        """Name points, each where its name covers neither a point nor another name.
-
-        Parameters
-        ----------
-        points : sequence of (float, float, str)
-            x, y and name.
-        """
+        """Name points (x, y, name), each where its name covers neither a point nor another name."""
 
         def drawn(a: "_Axes") -> str:
             at = [(float(a.sx(x)), float(a.sy(y)), name) for x, y, name in points]
@@ -352,7 +289,7 @@ class Chart:
                     (side, y + up) for up in (-24, 12, -40, 28, -56, 44) for side in (right, left)
                 ]
                 boxes = [(u, v, u + wide, v + 12.0) for u, v in places]
-                box = next((one for one in boxes if _free(one, taken, a)), boxes[0])
+                box = next((place for place in boxes if _free(place, taken, a)), boxes[0])
                 taken.append(box)
                 if boxes.index(box) > 3:
                     near = box[0] if box[0] > x else box[2]
@@ -379,7 +316,7 @@ class Chart:
         """The chart as an ``<svg>`` element for a page that has `style`."""
         a = self._axes()
         box = f'viewBox="0 0 {WIDTH:g} {self.height:g}"'
-        ends = " ".join(f"{one:.6g}" for one in (*a.x, *a.y))
+        ends = " ".join(f"{end:.6g}" for end in (*a.x, *a.y))
         data = f' data-axes="{ends} {a.width:g} {a.height:g}" data-log="{self.log}"'
         link = ' data-linked=""' if self.linked else ""
         names = f'data-x="{escape(self.x)}" data-y="{escape(self.y)}"'
@@ -427,8 +364,8 @@ class Chart:
 
     def _axes(self) -> "_Axes":
         width, height = WIDTH - LEFT - RIGHT, self.height - TOP - BOTTOM
-        x = self.x_range or _ends([one for one, _ in self._seen], self.x_room, "x" in self.log)
-        y = self.y_range or _ends([one for _, one in self._seen], ROOM, "y" in self.log)
+        x = self.x_range or _ends([xs for xs, _ in self._seen], self.x_room, "x" in self.log)
+        y = self.y_range or _ends([ys for _, ys in self._seen], ROOM, "y" in self.log)
         if self.equal:
             scale = max((x[1] - x[0]) / width, (y[1] - y[0]) / height)
             x, y = _around(x, 1.04 * scale * width), _around(y, 1.04 * scale * height)
@@ -444,31 +381,16 @@ class Sheet:
     """Charts side by side as one picture, each under its title and legend.
 
     A notebook shows it as it is.
-
-    Attributes
-    ----------
-    charts : sequence of Chart
-        Row by row.
-    columns : int
-    title : str
-        Above all.
-    legend : sequence of (str, str, str)
-        What has the same look in several charts, named once above all of them.
     """
 
-    charts: Sequence[Chart]
+    charts: Sequence[Chart]  # row by row
     columns: int = 2
     title: str = ""
+    # entries shared by several charts, drawn once above all of them
     legend: Sequence[LegendEntry] = ()
 
     def save(self, path: str | Path) -> None:
-        """Write an SVG file, under a temporary name until it is whole.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written.
-        """
+        """Write an SVG file, under a temporary name until it is whole."""
         write_text(Path(path), self.svg())
 
     def svg(self) -> str:
@@ -480,13 +402,14 @@ class Sheet:
             top += LEGEND_ROW * len(_legend_rows(self.legend, width)) + 10.0
         for i in range(0, len(self.charts), self.columns):
             row = self.charts[i : i + self.columns]
-            above = max(_head_height(one) for one in row)
-            for column, one in enumerate(row):
+            above = max(_head_height(chart) for chart in row)
+            for column, chart in enumerate(row):
                 left = column * WIDTH
-                parts.append(f'<g transform="translate({left:g} {top:.1f})">{_head(one)}</g>')
-                at = f'x="{left:g}" y="{top + above:.1f}" width="{WIDTH:g}" height="{one.height:g}"'
-                parts.append(one.svg().replace("<svg ", f"<svg {at} ", 1))
-            top += above + max(one.height for one in row) + 8.0
+                parts.append(f'<g transform="translate({left:g} {top:.1f})">{_head(chart)}</g>')
+                at = f'x="{left:g}" y="{top + above:.1f}"'
+                size = f'width="{WIDTH:g}" height="{chart.height:g}"'
+                parts.append(chart.svg().replace("<svg ", f"<svg {at} {size} ", 1))
+            top += above + max(chart.height for chart in row) + 8.0
         title = f'<text class="title" x="8" y="17">{marked_up(self.title)}</text>'
         # its colours are its own: a notebook puts it into a page with other ones
         own = style().replace(":root", "svg.sheet")
@@ -506,16 +429,8 @@ def spark(
 ) -> str:
     """A small chart without axes: lines over time about zero, the second one thin.
 
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-    lines : mapping of str to ndarray, shape (n,)
-        By name.
-    colour : str
-    longest : float
-        Time at the right edge, the same for all that stand together.
-    ends : pair of float
-        Values at the lower and the upper edge, likewise.
+    `longest` is the time at the right edge and `ends` are the values at the lower and upper edge,
+    the same for all charts that stand together.
     """
     low, high = ends if ends[0] < ends[1] else (-1.0, 1.0)
     a = _Axes(x=(0.0, longest or 1.0), y=(low, high), width=120.0, height=36.0)
@@ -530,24 +445,18 @@ def spark(
 
 
 def ticks(ends: Range, wanted: float, log: bool = False) -> list[tuple[float, str]]:
-    """Round values along an axis with their labels, at least two of them.
-
-    Parameters
-    ----------
-    ends : pair of float
-        Of the axis.
-    wanted : float
-        How many, roughly.
-    log : bool
-    """
+    """Round values along an axis with their labels, at least two of them and about `wanted`."""
     low, high = sorted(ends)
     if log:
-        found = _log_ticks(low, high, wanted)
-        if len(found) > 1:
-            return found
+        ticks = _log_ticks(low, high, wanted)
+        if len(ticks) > 1:
+            return ticks
     raw = (high - low) / max(2.0, wanted)
     power = 10.0 ** math.floor(math.log10(raw))
-    step = min((m * power for m in (1.0, 2.0, 5.0, 10.0)), key=lambda one: abs(math.log(one / raw)))
+    step = min(
+        (m * power for m in (1.0, 2.0, 5.0, 10.0)),
+        key=lambda candidate: abs(math.log(candidate / raw)),
+    )
     if math.floor(high / step) - math.ceil(low / step) < 1:
         step /= 2.0 if step / power in (1.0, 2.0, 10.0) else 5.0 / 2.0
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -602,7 +511,7 @@ _Mark: TypeAlias = Callable[[_Axes], str]
 
 
 def _part(value: npt.ArrayLike, ends: Range, log: bool) -> FloatArray:
-    """Where values lie between the ends, 0 to 1; far outside of them no further than ten times."""
+    """Positions of values between the ends, 0 to 1, clipped at ten times the length."""
     values = np.asarray(value, dtype=float)
     low, high = ends
     if log:
@@ -612,7 +521,7 @@ def _part(value: npt.ArrayLike, ends: Range, log: bool) -> FloatArray:
 
 def _ends(values: Sequence[FloatArray], room: float, log: bool) -> Range:
     """Ends of an axis around all values, with some room."""
-    flat = np.concatenate([np.ravel(one) for one in values]) if values else np.zeros(0)
+    flat = np.concatenate([np.ravel(value) for value in values]) if values else np.zeros(0)
     flat = flat[np.isfinite(flat) & ((flat > 0.0) | (not log))]
     if not len(flat):
         return (0.1, 1.0) if log else (0.0, 1.0)
@@ -632,16 +541,16 @@ def _around(ends: Range, size: float) -> Range:
 
 def _stretches(x: FloatArray, y: FloatArray) -> Iterator[slice]:
     """Stretches without NaN."""
-    known = np.isfinite(x) & np.isfinite(y)
-    edges = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0)).tolist()
+    finite = np.isfinite(x) & np.isfinite(y)
+    edges = np.flatnonzero(np.diff(finite.astype(int), prepend=0, append=0)).tolist()
     for start, end in zip(edges[::2], edges[1::2], strict=True):
         yield slice(start, end)
 
 
 def _path(x: FloatArray, y: FloatArray) -> str:
     parts = []
-    for one in _stretches(x, y):
-        points = np.column_stack([x[one], y[one]])
+    for stretch in _stretches(x, y):
+        points = np.column_stack([x[stretch], y[stretch]])
         # One format of all points takes two thirds of the time of one each.
         parts.append("M" + " ".join(["%.1f,%.1f"] * len(points)) % tuple(points.ravel().tolist()))
     return "".join(parts)
@@ -662,7 +571,7 @@ def _stroke(colour: str, width: float, dash: str = "") -> str:
 
 
 def _owner(run: str, name: str = "") -> str:
-    """Whose a mark is, and its name where the pointer asks for its value."""
+    """Attributes that tell the run of a mark, and its name for the pointer."""
     owner = f' data-run="{escape(run)}"' if run else ""
     return owner + (f' data-name="{escape(name)}"' if name else "")
 
@@ -704,12 +613,12 @@ def _legend_rows(legend: Sequence[LegendEntry], width: float) -> list[list[Legen
     """The names in rows that fit a width."""
     rows: list[list[LegendEntry]] = []
     used = width
-    for one in legend:
-        needed = NEXT_SIGN + LETTER * len(one[0])
+    for entry in legend:
+        needed = NEXT_SIGN + LETTER * len(entry[0])
         if used + needed > width - 8.0:
             rows.append([])
             used = 8.0
-        rows[-1].append(one)
+        rows[-1].append(entry)
         used += needed
     return rows
 

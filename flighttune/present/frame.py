@@ -1,4 +1,4 @@
-"""What every page is made of: questions, sections with charts and tables, and the frame of HTML."""
+"""Parts of every page: questions, sections with charts and tables, and the frame of HTML."""
 
 import base64
 import hashlib
@@ -137,7 +137,7 @@ def page_template(package: str, name: str) -> "Template":
     from markupsafe import Markup
 
     environment = Environment(
-        loader=ChoiceLoader([PackageLoader(one, ".") for one in (package, FRAME_PACKAGE)]),
+        loader=ChoiceLoader([PackageLoader(folder, ".") for folder in (package, FRAME_PACKAGE)]),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

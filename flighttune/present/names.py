@@ -15,23 +15,12 @@ CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
 
 @dataclass(frozen=True, slots=True)
 class MetricLabel:
-    """How a metric is written.
-
-    Attributes
-    ----------
-    name : str
-    unit : str
-        Unit shown: degrees for radians.
-    decimals : int
-        Of its value in that unit.
-    factor : float
-        From SI to that unit.
-    """
+    """Label, unit and digits of a metric."""
 
     name: str
-    unit: str
-    decimals: int
-    factor: float = 1.0
+    unit: str  # unit shown: degrees for radians
+    decimals: int  # of the value in that unit
+    factor: float = 1.0  # from SI to that unit
 
     @property
     def heading(self) -> str:
@@ -120,7 +109,7 @@ QUANTITIES = {
         Column("converges", "converges", good=("yes",)),
     )
 }
-"""How a quantity is written, by the last part of its key, where the key does not say it."""
+"""Label of a quantity by the last part of its key, where the key does not say it."""
 
 
 def columns(keys: str) -> list[Column]:

@@ -41,11 +41,11 @@ LIMIT = "#E0475B"
 """Limit lines."""
 
 INK = "#222222"
-"""What stands out without being a run: sums, the reach of a loop."""
+"""Colour of marks that stand out without being a run: sums, the reach of a loop."""
 
-LEAST_CONTRAST, ON_DARK = 2.5, 3.6
-"""Of a line against the ground of a page; on a dark one more, or strong shades look like shadows
-of the light ones."""
+MIN_CONTRAST, ON_DARK = 2.5, 3.6
+"""Contrast of a line on the ground of a page. A dark page takes more, or strong shades look like
+shadows of the light ones."""
 
 LIGHT = {"paper": "#FFFFFF", "ink": "#1D2329", "soft": "#56606A", "grid": "#E4E7EA"}
 DARK = {"paper": "#14181C", "ink": "#E6E9EC", "soft": "#A3ADB6", "grid": "#2A3138"}
@@ -54,24 +54,12 @@ DARK = {"paper": "#14181C", "ink": "#E6E9EC", "soft": "#A3ADB6", "grid": "#2A313
 
 @dataclass(frozen=True, slots=True)
 class LineStyle:
-    """How one run is drawn.
+    """Style of the line of one run."""
 
-    Attributes
-    ----------
-    colour : str
-        ``#RRGGBB``.
-    name : str
-        The colour in a word or two, for text.
-    width : float, points
-        Line width: the last plant of a scenario is drawn strongest.
-    dashed : bool
-        Whether a figure on white paper should break the line, because the shade is light.
-    """
-
-    colour: str
-    name: str
-    width: float
-    dashed: bool
+    colour: str  # #RRGGBB
+    name: str  # the colour in a word or two, for text
+    width: float  # points; the last plant of a scenario is drawn strongest
+    dashed: bool  # a figure on white paper should break the line, because the shade is light
 
     @property
     def rgb(self) -> tuple[int, int, int]:
@@ -85,20 +73,11 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def line_styles(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], LineStyle]:
-    """Line style of each pair of plant and gain set.
+    """Line style of each pair of plant and gain set, in the order of the scenario.
 
-    Parameters
-    ----------
-    pairs : iterable of (str, str)
-        Plant and gain set of each run, in the order of the scenario.
-
-    Returns
-    -------
-    dict
-        By pair. One gain set on three or four plants has `PLANTS`. With at most two plants and six
-        gain sets the hue stands for the gain set and the shade for the plant: the last plant has
-        the strong one. Otherwise up to eighteen pairs have a colour each in order, and more begin
-        again.
+    A gain set on three or four plants has `PLANTS`. With at most two plants and six gain sets the
+    hue stands for the gain set and the shade for the plant: the last plant has the strong one.
+    Otherwise up to eighteen pairs have a colour each in order, and more begin again.
     """
     pairs = list(dict.fromkeys(pairs))
     plants = list(dict.fromkeys(plant for plant, _ in pairs))
@@ -112,15 +91,15 @@ def line_styles(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], LineS
         }
     strong, light = zip(*HUES, strict=True)
     colours = (*strong, *light, *MORE)
-    found = {}
+    styles = {}
     for order, (plant, name) in enumerate(pairs):
         place = order % len(colours)
         if by_hue:
             place = gains.index(name) + len(strong) * (len(plants) - 1 - plants.index(plant))
         colour, word = colours[place]
         width = 2.2 if place < len(strong) else 1.5
-        found[plant, name] = LineStyle(colour, word, width, colours[place] in light)
-    return found
+        styles[plant, name] = LineStyle(colour, word, width, colours[place] in light)
+    return styles
 
 
 def css_colour(colour: str) -> str:
@@ -133,8 +112,10 @@ def css_variables() -> str:
     """CSS that sets the variables of `css_colour` for a light page, a dark one and print."""
 
     def theme(grounds: dict[str, str]) -> str:
-        known = {name: visible(colour, grounds["paper"]) for colour, name in _VARIABLES.items()}
-        colours = {**known, **grounds}
+        visible_colours = {
+            name: visible(colour, grounds["paper"]) for colour, name in _VARIABLES.items()
+        }
+        colours = {**visible_colours, **grounds}
         return "; ".join(f"--{name}: {colour}" for name, colour in colours.items())
 
     return (
@@ -146,22 +127,19 @@ def css_variables() -> str:
 def visible(colour: str, ground: str) -> str:
     """`colour`, darkened or lightened until a line of it can be seen on a ground.
 
-    Parameters
-    ----------
-    colour, ground : str
-        ``#RRGGBB``. On a light ground the hue stays; on a dark one it fades towards white.
+    On a light ground the hue stays; on a dark one it fades towards white.
     """
     below, channels = rgb(ground), tuple(map(float, rgb(colour)))
     dark = _luminance(below) < 0.2
-    while contrast(channels, below) < (ON_DARK if dark else LEAST_CONTRAST):
+    while contrast(channels, below) < (ON_DARK if dark else MIN_CONTRAST):
         channels = tuple(c + 0.03 * (255.0 - c) if dark else 0.97 * c for c in channels)
     red, green, blue = (round(value) for value in channels)
     return f"#{red:02X}{green:02X}{blue:02X}"
 
 
-def contrast(one: Iterable[float], other: Iterable[float]) -> float:
+def contrast(colour: Iterable[float], other: Iterable[float]) -> float:
     """Contrast ratio of WCAG 2 between two colours (red, green and blue, 0 to 255), 1 to 21."""
-    dark, light = sorted((_luminance(one), _luminance(other)))
+    dark, light = sorted((_luminance(colour), _luminance(other)))
     return (light + 0.05) / (dark + 0.05)
 
 

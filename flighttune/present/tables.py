@@ -23,7 +23,7 @@ BOLD, RED, PLAIN = "\x1b[1m", "\x1b[31m", "\x1b[0m"
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Where a column has its values in a record, and how it writes them."""
+    """Key of a column in a record, and the format of its values."""
 
     key: str  # dots lead into a value: "metrics.chi.ITAE"
     name: str = ""
@@ -88,7 +88,9 @@ class Table:
     @property
     def head(self) -> list[str]:
         """Headings; none where no column has a name."""
-        return [one.heading for one in self.columns] if any(c.name for c in self.columns) else []
+        return (
+            [column.heading for column in self.columns] if any(c.name for c in self.columns) else []
+        )
 
     @property
     def of_words(self) -> list[bool]:
@@ -123,7 +125,8 @@ class Table:
         columns = [
             column
             for place, column in enumerate(self.columns)
-            if not place or any(_value(one, column.key) not in (None, "") for one in self.records)
+            if not place
+            or any(_value(record, column.key) not in (None, "") for record in self.records)
         ]
         if len(columns) < len(self.columns):
             return replace(self, columns=columns).text(width, styled=styled)
@@ -136,7 +139,7 @@ class Table:
                     self,
                     title=group,
                     columns=others,
-                    records=[one for one in self.records if first.text(one) == group],
+                    records=[record for record in self.records if first.text(record) == group],
                     grouped=False,
                 ).text(width, styled=styled)
                 for group in groups
@@ -149,7 +152,7 @@ class Table:
     def _natural(self) -> list[int]:
         """Width of each column on one line."""
         cells = zip(*self.rows, strict=True) if self.records else [()] * len(self.columns)
-        headings = [one.heading for one in self.columns]
+        headings = [column.heading for column in self.columns]
         return [max(map(len, (head, *own))) for head, own in zip(headings, cells, strict=True)]
 
     def _least(self, i: int) -> int:

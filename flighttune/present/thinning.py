@@ -7,24 +7,16 @@ from flighttune.arrays import FloatArray
 MOST = 12_000
 """Samples up to which a line is drawn as it is: four minutes at 50 Hz."""
 
-MOST_DRAWN = 600
+MAX_DRAWN = 600
 """Points of a line in a chart."""
 
 
 def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
     """Samples to draw of a long flight: the lowest and the highest of every stretch.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n, k) or (n,)
-        Lines over the same time. Of each stretch with a gap (NaN) one sample of it is kept too.
-    most : int
-        Samples up to which all are drawn, and about as many as are drawn of each line of more.
-
-    Returns
-    -------
-    ndarray of int, shape (j,)
-        Increasing; with the first and the last sample.
+    The lines `values`, shape (n, k) or (n,), are over the same time; of each stretch with a gap
+    (NaN) one sample of the gap is kept too. All samples are drawn up to `most`; of more, about
+    as many of each line. The indices increase, with the first and the last sample.
     """
     n = len(values)
     if n <= most:
@@ -45,19 +37,8 @@ def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
     return np.unique(np.concatenate(kept))
 
 
-def thinned(x: FloatArray, y: FloatArray, most: int = MOST_DRAWN) -> tuple[FloatArray, FloatArray]:
-    """At most about `most` points of a line that keep every peak and every gap.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-    most : int
-
-    Returns
-    -------
-    x, y : ndarray
-        All points where there are no more than `most`.
-    """
+def thinned(x: FloatArray, y: FloatArray, most: int = MAX_DRAWN) -> tuple[FloatArray, FloatArray]:
+    """At most about `most` points of a line that keep every peak and every gap."""
     if len(x) <= most:
         return x, y
     kept = peaks(y, most=most)

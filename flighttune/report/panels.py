@@ -8,7 +8,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.palette import NEUTRAL, LineStyle
-from flighttune.present.thinning import MOST_DRAWN
+from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
@@ -49,7 +49,7 @@ class Flights:
     @property
     def points(self) -> int:
         """Points a line may have, so that the page of many long runs stays small."""
-        return MOST_DRAWN * FEW_RUNS // max(FEW_RUNS, len(self.runs))
+        return MAX_DRAWN * FEW_RUNS // max(FEW_RUNS, len(self.runs))
 
 
 def tracking(flights: Flights) -> list[Chart]:

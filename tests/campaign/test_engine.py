@@ -9,7 +9,7 @@ from campaigns import Notes, bits, children, plan
 
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
-from flighttune.campaign.engine.pool import AHEAD
+from flighttune.campaign.engine.pool import TASKS_PER_WORKER
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import FlightTuneError
@@ -89,7 +89,7 @@ def test_a_million_runs_wait_nowhere(tmp_path, address):
     done = run_campaign(ours, tmp_path / "out", scheduler=address, observer=notes)
 
     assert done.runs > 8_000
-    assert max(p.waiting for p in notes.seen) <= 2 * AHEAD + 1
+    assert max(p.waiting for p in notes.seen) <= 2 * TASKS_PER_WORKER + 1
     assert sizes[-1][1] - sizes[0][1] < 60e6
     assert json.loads((tmp_path / "out" / "campaign.json").read_text())["plan"]["runs"] == 10**6
     assert (tmp_path / "out" / "campaign.json").stat().st_size < 20_000

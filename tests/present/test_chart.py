@@ -18,8 +18,8 @@ from flighttune.present.chart import (
 from flighttune.present.palette import (
     DARK,
     HUES,
-    LEAST_CONTRAST,
     LIGHT,
+    MIN_CONTRAST,
     MORE,
     ON_DARK,
     contrast,
@@ -236,7 +236,7 @@ def test_contrast_is_that_of_the_w3c(colour, ratio):
 def test_every_colour_can_be_seen_on_light_and_dark_and_keeps_its_hue(colour):
     on_light, on_dark = (visible(colour, ground["paper"]) for ground in (LIGHT, DARK))
 
-    assert contrast(rgb(on_light), rgb(LIGHT["paper"])) > 0.99 * LEAST_CONTRAST
+    assert contrast(rgb(on_light), rgb(LIGHT["paper"])) > 0.99 * MIN_CONTRAST
     assert contrast(rgb(on_dark), rgb(DARK["paper"])) > 0.99 * ON_DARK
     original, channels = np.array(rgb(colour), float), np.array(rgb(on_light), float)
     along = channels @ original / (original @ original)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flighttune.present.thinning import MOST_DRAWN, evenly, peaks, thinned
+from flighttune.present.thinning import MAX_DRAWN, evenly, peaks, thinned
 
 
 def test_a_short_line_is_drawn_as_it_is():
@@ -48,7 +48,7 @@ def test_a_thinned_line_keeps_its_peaks_its_gaps_and_its_ends():
 
     x, values = thinned(t, y)
 
-    assert len(x) <= MOST_DRAWN + 10
+    assert len(x) <= MAX_DRAWN + 10
     assert (np.nanmax(values), np.nanmin(values)) == (9.0, -9.0)
     assert (x[0], x[-1]) == (t[0], t[-1])
     assert (np.diff(x) > 0.0).all()

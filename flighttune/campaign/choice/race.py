@@ -14,12 +14,12 @@ from flighttune.errors import InputError
 TAIL_DRAWS = 4
 """Draws beyond the percentile before a candidate may be dropped."""
 
-FEWEST_DRAWS = 32
+MIN_DRAWS = 32
 RESAMPLES = 1000
 DROPPED_BELOW = 0.005
-"""A candidate is dropped where it does as well as the leader in fewer resamples than this part."""
+"""Drop a candidate that matches the leader in less than this fraction of resamples."""
 
-AT_ONCE = 2_000_000
+MAX_RESAMPLED = 2_000_000
 """Numbers of one candidate that are resampled at a time."""
 
 Tried = tuple[FloatArray, npt.NDArray[np.bool_]]
@@ -31,39 +31,20 @@ Fly = Callable[[Sequence[str], int, int], Tried | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Race:
-    """How a race went.
+    """Outcome of a race."""
 
-    Attributes
-    ----------
-    scores, success : mapping of str to ndarray, shape (draws of the candidate,)
-        Of every candidate and of every baseline; scores are infinite where a flight was lost.
-    dropped : mapping of str to float, 1
-        Candidates that were dropped, with the probability at which they were: that of doing as well
-        as the leader.
-    best : str
-        The candidate of the lowest percentile, of those that succeed often enough, if any does.
-    p_best : float, 1
-        Probability that it is the best: the share of resamples it wins, less that of every
-        candidate dropped to have been dropped wrongly.
-    wins : mapping of str to float, 1
-        Share of the resamples that each candidate at the end wins.
-    loss : float
-        What the percentile of the best lies above that of the winner, mean over the resamples.
-    differences : mapping of str to ndarray, shape (resamples,)
-        Percentile of each of those at the end less that of the best, in every resample.
-    finished : bool
-        Whether it was not stopped.
-    """
-
+    # (draws flown,) of every candidate and baseline; infinite where a flight was lost
     scores: Mapping[str, FloatArray]
-    success: Mapping[str, npt.NDArray[np.bool_]]
+    success: Mapping[str, npt.NDArray[np.bool_]]  # (draws flown,) of the same
+    # probability of doing as well as the leader, when the candidate was dropped
     dropped: Mapping[str, float]
-    best: str
-    p_best: float
-    wins: Mapping[str, float]
-    loss: float
+    best: str  # the lowest percentile among the candidates that succeed often enough, if any does
+    p_best: float  # 1; share of resamples won, less the probabilities that a drop was wrong
+    wins: Mapping[str, float]  # 1; share of resamples that each remaining candidate wins
+    loss: float  # mean over the resamples of the percentile of the best less that of the winner
+    # (resamples,); percentile of each remaining set less that of the best
     differences: Mapping[str, FloatArray]
-    finished: bool
+    finished: bool  # False where the observer stopped it
 
 
 def race(
@@ -79,38 +60,10 @@ def race(
 ) -> Race | None:
     """Fly candidates on more and more draws, and drop those that cannot be the best.
 
-    Parameters
-    ----------
-    candidates : sequence of str
-        Their names; of equal ones the first is chosen.
-    fly : callable
-        Flies some on some draws.
-    draws : int
-        Of which those at the end fly all.
-    q : float, 1
-        Quantile that is to be as low as can be, between 0 and 1.
-    least_success : float, 1
-        Part of its flights in which the best shall succeed. Of candidates that do not, the one is
-        better that lacks less.
-    baselines : sequence of str
-        Others that fly all draws, to be compared with, not to be chosen.
-    cycle : int
-        Draws that belong together.
-    seed : int
-        Of the resampling.
+    `q` is the quantile of the scores to minimise. `least_success` is the minimum success rate:
+    among candidates below it, the one with the higher rate wins. Baselines fly all draws and
+    cannot be chosen. The result is None where the race was stopped before its first analysis.
 
-    Returns
-    -------
-    Race or None
-        None where it was stopped before the first draws had been flown.
-
-    Raises
-    ------
-    InputError
-        If there is no candidate, no draw, or `q` is not between 0 and 1.
-
-    Notes
-    -----
     Draws are resampled with replacement, the same for all candidates (a paired bootstrap), whole
     cycles at a time. Interim analyses are at fixed numbers of draws, each twice that before.
     """
@@ -122,7 +75,7 @@ def race(
     scores: dict[str, FloatArray] = {name: np.empty(0) for name in (*candidates, *baselines)}
     success = {name: np.empty(0, dtype=bool) for name in scores}
     left, dropped, flown = list(candidates), {}, 0
-    found = None
+    analysed = None
     for analysis, end in enumerate(_interim_analyses(draws, q, cycle)):
         tried = fly((*left, *baselines), flown, end)
         if tried is None:
@@ -131,31 +84,32 @@ def race(
             scores[name] = np.concatenate([scores[name], new])
             success[name] = np.concatenate([success[name], good])
         flown = end
-        found = _resampled(
+        analysed = _resampled(
             left, baselines, scores, success, q, least_success, cycle, (seed, analysis)
         )
         if end < draws:
-            worse = [name for name in left if found.as_good[name] < DROPPED_BELOW]
-            dropped |= {name: found.as_good[name] for name in worse}
+            worse = [name for name in left if analysed.as_good[name] < DROPPED_BELOW]
+            dropped |= {name: analysed.as_good[name] for name in worse}
             left = [name for name in left if name not in worse]
-    if found is None:
+    if analysed is None:
         return None
     return Race(
         scores=scores,
         success=success,
         dropped=dropped,
-        best=found.leader,
-        p_best=max(0.0, found.wins[found.leader] - sum(dropped.values())),
-        wins={name: found.wins[name] for name in left},
-        loss=found.loss,
-        differences=found.differences,
+        best=analysed.leader,
+        # A union bound: each dropped candidate may be the best with the probability at its drop.
+        p_best=max(0.0, analysed.wins[analysed.leader] - sum(dropped.values())),
+        wins={name: analysed.wins[name] for name in left},
+        loss=analysed.loss,
+        differences=analysed.differences,
         finished=flown == draws,
     )
 
 
 def _interim_analyses(draws: int, q: float, cycle: int) -> Iterator[int]:
     """Numbers of draws after which candidates are compared, whole cycles, all draws last."""
-    at = max(FEWEST_DRAWS, math.ceil(TAIL_DRAWS / min(q, 1.0 - q)))
+    at = max(MIN_DRAWS, math.ceil(TAIL_DRAWS / min(q, 1.0 - q)))
     while (whole := math.ceil(at / cycle) * cycle) < draws:
         yield whole
         at = 2 * whole
@@ -181,7 +135,7 @@ def _resampled(
     cycle: int,
     seed: tuple[int, int],
 ) -> _Resampled:
-    """Who leads on the draws flown, and how often who does on draws like them."""
+    """The leader on the draws flown, and the share of resamples that each candidate wins."""
     names = [*left, *baselines]
     values = np.array([scores[name] for name in names])
     good = np.array([success[name] for name in names])
@@ -210,11 +164,11 @@ def _resampled(
 
 
 def _picks(n: int, cycle: int, seed: tuple[int, int]) -> Iterator[npt.NDArray[np.intp]]:
-    """Places of resampled draws, shape (some resamples, whole cycles of n)."""
+    """Indices of resampled draws, shape (some resamples, whole cycles of n)."""
     rng = np.random.default_rng(np.random.SeedSequence(seed[0], spawn_key=(seed[1],)))
     cycles = max(1, n // cycle)
     length = min(cycle, n)
-    block = max(1, AT_ONCE // (cycles * length))
+    block = max(1, MAX_RESAMPLED // (cycles * length))
     for first in range(0, RESAMPLES, block):
         some = min(block, RESAMPLES - first)
         picked = rng.integers(cycles, size=(some, cycles))

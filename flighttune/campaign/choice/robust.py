@@ -45,49 +45,26 @@ METRICS = ("chi.ITAE",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """Gains with their indicators.
-
-    Attributes
-    ----------
-    name : str
-    gains : PIGains
-    R_K : float, 1/s
-    I_K : float, s^2
-        On the model that the scenario's [tuning] names.
-    """
+    """Gains with their indicators on the model that the scenario's [tuning] names."""
 
     name: str
     gains: PIGains
-    R_K: float
-    I_K: float
+    R_K: float  # 1/s
+    I_K: float  # s^2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateResult:
-    """Score and success of a gain set, with intervals.
-
-    Attributes
-    ----------
-    candidate : Candidate
-    percentile : Estimate
-        Of the score over its draws, with the 95 % interval; infinite where flights were lost.
-    success : Estimate, 1
-        Part of the draws on which it succeeds on every plant, with the 95 % interval.
-    p_best : float, 1
-        Part of the resamples in which it is the best candidate; for a dropped candidate the part in
-        which it was as good as the leader at that time; NaN for a set that cannot be chosen.
-    dropped : bool
-        Whether it was dropped before the last draws.
-    behind : Estimate
-        How far its percentile lies above that of the chosen one: median and 95 % interval over the
-        resamples; NaN if it was dropped.
-    """
+    """Score and success of a gain set, with intervals of 95 %."""
 
     candidate: Candidate
-    percentile: Estimate
-    success: Estimate
+    percentile: Estimate  # percentile of the score; infinite where flights were lost
+    success: Estimate  # share of the draws on which the set succeeds on every plant
+    # 1; share of resamples won. Of a dropped candidate: probability of being as good as the leader
+    # when it was dropped. NaN for a baseline.
     p_best: float
-    dropped: bool
+    dropped: bool  # before the last draws
+    # percentile less that of the chosen set, median over the resamples; NaN if dropped
     behind: Estimate
 
     @property
@@ -98,72 +75,33 @@ class CandidateResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustChoice:
-    """Gains that were chosen by flying them.
+    """Gains that were chosen by flying them."""
 
-    Attributes
-    ----------
-    status : str
-        ``chosen``; ``infeasible`` where there is no frontier; ``too_many_lost`` where so many
-        flights of every candidate were lost that no percentile is finite; ``too_few_succeed`` where
-        no candidate succeeds as often as it must; ``interrupted``.
-    reason : str
-        A sentence where `status` is not ``chosen``.
-    best : CandidateResult or None
-        The best candidate, also where it is not good enough.
-    p_best : float, 1
-        Probability that it is the best candidate on draws like these; NaN without a best one.
-    loss : float
-        What its percentile lies above that of the best, mean over the resamples.
-    candidates : tuple of CandidateResult
-        All of the frontier, I_K rising.
-    baselines : tuple of CandidateResult
-        The campaign's own gain sets, for comparison.
-    metrics : tuple of str
-        What is added up to the score.
-    percentile : float, %
-    draws, flights : int
-        Draws of those at the end, and flights of all.
-    """
-
-    status: Status
-    reason: str
-    best: CandidateResult | None = None
-    p_best: float = float("nan")
-    loss: float = float("nan")
-    candidates: tuple[CandidateResult, ...] = ()
-    baselines: tuple[CandidateResult, ...] = ()
-    metrics: tuple[str, ...] = METRICS
-    percentile: float = PERCENTILE
-    draws: int = 0
-    flights: int = 0
+    status: Status  # infeasible: no frontier; too_many_lost: no finite percentile
+    reason: str  # a sentence unless the status is chosen
+    best: CandidateResult | None = None  # the best candidate, also where it is not good enough
+    p_best: float = float("nan")  # 1; probability that it is the best on draws like these
+    loss: float = float("nan")  # mean over the resamples of its percentile less that of the winner
+    candidates: tuple[CandidateResult, ...] = ()  # the whole frontier, I_K rising
+    baselines: tuple[CandidateResult, ...] = ()  # the campaign's own gain sets
+    metrics: tuple[str, ...] = METRICS  # columns that the score adds up
+    percentile: float = PERCENTILE  # %
+    draws: int = 0  # draws of the candidates that remained to the end
+    flights: int = 0  # flights of all candidates and baselines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustSettings:
-    """How gains are chosen.
+    """Settings of the choice of gains."""
 
-    Attributes
-    ----------
-    metrics : tuple of str
-        Columns of the rows, or with ``_deg`` in place of ``_rad``; their sum is the score, less of
-        which is better. A flight that was not completed, or has no value, is worse than any other.
-    percentile : float, %
-        Of the score that is to be as low as can be.
-    least_success : float, 1
-        Part of the draws on which the chosen gains must succeed.
-    candidates : int
-        Points of the frontier.
-    draws : int or None
-        Draws of those at the end; None for those of the campaign.
-    plants : tuple of str
-        Labels of the plants to fly; empty for all. A draw's score is that of its worst plant.
-    """
-
+    # Columns of the rows, or with _deg in place of _rad. Their sum is the score to minimise; a
+    # flight that was not completed, or has no value, is worse than any other.
     metrics: tuple[str, ...] = METRICS
-    percentile: float = PERCENTILE
-    least_success: float = 0.0
-    candidates: int = CANDIDATES
-    draws: int | None = None
+    percentile: float = PERCENTILE  # %, percentile of the score to minimise
+    least_success: float = 0.0  # 1; minimum success rate of the chosen gains
+    candidates: int = CANDIDATES  # points of the frontier
+    draws: int | None = None  # None for all draws of the campaign
+    # labels of the plants to fly, empty for all; the worst plant scores a draw
     plants: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -184,25 +122,8 @@ class RobustSettings:
 def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) -> RobustChoice:
     """Choose gains of the frontier by flying them on the draws of a campaign.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Its scenario gives the frontier, its draws and plants the flights; its own gain sets are
-        flown as baselines.
-    settings : RobustSettings
-    pool : WorkerPool
-        Flies; its observer may stop it. The choice does not depend on the number of workers.
-
-    Returns
-    -------
-    RobustChoice
-
-    Raises
-    ------
-    InputError
-        If the campaign has no such plant.
-    CampaignError
-        If the cluster is gone.
+    The campaign's own gain sets are flown as baselines. The choice does not depend on the number
+    of workers.
     """
     laws = campaign.nominal.laws
     if len(laws) > 1 or not all(law.by_gains for law in laws):
@@ -221,7 +142,7 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
         )
     planned = plan_campaign(campaign)
     baselines = own_candidates(campaign.nominal, planned.gain_sets)
-    gain_sets = {one.name: one.gains for one in (*candidates, *baselines)}
+    gain_sets = {candidate.name: candidate.gains for candidate in (*candidates, *baselines)}
     draws = planned.draws if settings.draws is None else settings.draws
     early_ends: Counter[str] = Counter()
 
@@ -236,23 +157,24 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
         rows = pa.concat_tables(tables).sort_by("run").to_pandas()
         rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
         early = rows.loc[(rows["status"] != "completed").to_numpy(), ["status", "reason"]]
-        early_ends.update(": ".join(one) for one in early.to_numpy().tolist())
+        early_ends.update(": ".join(ending) for ending in early.to_numpy().tolist())
         return scored(rows, names, settings.metrics)
 
     run = race(
-        [one.name for one in candidates],
+        [candidate.name for candidate in candidates],
         fly,
         draws=draws,
         q=settings.percentile / 100.0,
         least_success=settings.least_success,
-        baselines=[one.name for one in baselines],
+        baselines=[baseline.name for baseline in baselines],
         cycle=planned.cycle,
         seed=campaign.seed,
     )
     if run is None:
         return RobustChoice(status="interrupted", reason="it was stopped before the first draws")
     results = {
-        one.name: _result(one, run, settings, planned.cycle) for one in (*candidates, *baselines)
+        candidate.name: _result(candidate, run, settings, planned.cycle)
+        for candidate in (*candidates, *baselines)
     }
     best = results[run.best]
     status, reason = _status(run, best, settings, early_ends)
@@ -262,8 +184,8 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
         best=best,
         p_best=run.p_best,
         loss=run.loss,
-        candidates=tuple(results[one.name] for one in candidates),
-        baselines=tuple(results[one.name] for one in baselines),
+        candidates=tuple(results[candidate.name] for candidate in candidates),
+        baselines=tuple(results[baseline.name] for baseline in baselines),
         metrics=settings.metrics,
         percentile=settings.percentile,
         draws=best.draws,
@@ -272,29 +194,10 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
 
 
 def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]:
-    """Gains of the largest R_K for rising I_K, each once.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Its tuning problem gives the frontier.
-    count : int
-        Points of the frontier.
-
-    Returns
-    -------
-    tuple of Candidate
-        Named ``frontier-1`` and so on, I_K rising; empty where no stable gains lie within the
-        limits of the problem.
-
-    Raises
-    ------
-    InputError
-        If `count` is less than 2.
-    """
+    """Gains of the largest R_K for rising I_K, each once; empty if none is stable."""
     problem = tuning_problem(scenario)
     inputs, errors = problem.model.inputs, problem.model.errors
-    found: list[Candidate] = []
+    candidates: list[Candidate] = []
     for row in frontier(problem, points=count).to_dict("records"):
         K_P, K_I = (
             np.array(
@@ -303,10 +206,10 @@ def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]
             for kind in ("K_P", "K_I")
         )
         gains = PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
-        if all(gains != one.gains for one in found):
-            name = f"frontier-{len(found) + 1}"
-            found.append(Candidate(name=name, gains=gains, R_K=row["R_K"], I_K=row["I_K"]))
-    return tuple(found)
+        if all(gains != candidate.gains for candidate in candidates):
+            name = f"frontier-{len(candidates) + 1}"
+            candidates.append(Candidate(name=name, gains=gains, R_K=row["R_K"], I_K=row["I_K"]))
+    return tuple(candidates)
 
 
 def own_candidates(
@@ -317,35 +220,34 @@ def own_candidates(
     Named as ``gains`` lists them, whatever the law.
     """
     problem = tuning_problem(scenario)
-    found = []
+    candidates = []
     for name, gains in gain_sets.items():
         if gains is not None:
-            one = assessment(problem, gains.K)
+            assessed = assessment(problem, gains.K)
             own = split_name(name)[1]
-            found.append(Candidate(name=own, gains=gains, R_K=one.R_K, I_K=one.I_K))
-    return tuple(found)
+            candidates.append(Candidate(name=own, gains=gains, R_K=assessed.R_K, I_K=assessed.I_K))
+    return tuple(candidates)
 
 
 def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
-    """The same campaign for other gain sets, with the same draws.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    gains : mapping of str to PIGains
-        By name. Requirements on gain sets that are not among them are left out.
-    """
-    tables = [GainsTable(name=name, **one.as_lists()) for name, one in gains.items()]
+    """The same draws for other gain sets; requirements on sets that are not among them go."""
+    tables = [GainsTable(name=name, **gain_set.as_lists()) for name, gain_set in gains.items()]
     names = [name for law in campaign.nominal.laws for name in law.names_of(list(gains))]
 
     def changed(scenario: Scenario) -> Scenario:
-        expect = [one for one in scenario.expect if one.gains in (None, *names)]
+        expect = [
+            requirement for requirement in scenario.expect if requirement.gains in (None, *names)
+        ]
         return scenario.model_copy(update={"gains": tables, "expect": expect})
 
     return campaign.model_copy(
         update={
             "gains": tables,
-            "success": [one for one in campaign.success if one.gains in (None, *names)],
+            "success": [
+                requirement
+                for requirement in campaign.success
+                if requirement.gains in (None, *names)
+            ],
             # with a bound given no flight is needed to measure one; nobody reads this claim
             "certificate": CertificateTable(L_d_rad_s2=1.0),
             "nominal": changed(campaign.nominal),
@@ -355,13 +257,7 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
 
 
 def on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
-    """The same campaign on some of its plants.
-
-    Raises
-    ------
-    InputError
-        If it has no such plant.
-    """
+    """The same campaign on some of its plants."""
     labels = [plant.label for plant in campaign.nominal.plant]
     for wanted in plants:
         if wanted not in labels:
@@ -379,20 +275,8 @@ def on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
 def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> Tried:
     """Scores and success of gain sets on every draw, both of the worst plant.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        Of a campaign, every draw flown by all of `names`.
-    names : sequence of str
-        Gain sets.
-    metrics : sequence of str
-        Added up to the score.
-
-    Returns
-    -------
-    scores : ndarray, shape (names, draws)
-        Infinite where a flight was not completed or has no value.
-    success : ndarray of bool, shape (names, draws)
+    Both have shape (names, draws); a score is infinite where a flight was not completed or has no
+    value. Every draw must have been flown by all of `names`.
     """
     score = sum(
         scores(rows, in_rad(name)) / (DEG if name.endswith("_deg") else 1.0) for name in metrics
@@ -410,7 +294,7 @@ def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> 
 def _status(
     run: Race, best: CandidateResult, settings: RobustSettings, early_ends: Counter[str]
 ) -> tuple[Status, str]:
-    """How the choice ended, and why where nothing is chosen."""
+    """Status of the choice, and the reason where nothing is chosen."""
     if not run.finished:
         return "interrupted", "it was stopped before all draws had been flown"
     if not np.isfinite(best.percentile.value):
@@ -430,22 +314,24 @@ def _status(
     return "chosen", ""
 
 
-def _result(one: Candidate, run: Race, settings: RobustSettings, cycle: int) -> CandidateResult:
+def _result(
+    candidate: Candidate, run: Race, settings: RobustSettings, cycle: int
+) -> CandidateResult:
     """The results of a candidate or baseline, with intervals."""
-    values, q = run.scores[one.name], settings.percentile / 100.0
+    values, q = run.scores[candidate.name], settings.percentile / 100.0
     n, clusters = len(values), np.arange(len(values)) // cycle
     value = float(ordered_quantile(values, q))
     lo, hi = quantile_interval(
         values, q, effective=effective_size(not_above(values, value), clusters)
     )
-    dropped = one.name in run.dropped
-    above = run.differences.get(one.name, np.array([np.nan]))
+    dropped = candidate.name in run.dropped
+    above = run.differences.get(candidate.name, np.array([np.nan]))
     median, low, high = (float(ordered_quantile(above, p)) for p in (0.5, 0.025, 0.975))
     return CandidateResult(
-        candidate=one,
+        candidate=candidate,
         percentile=Estimate(value=value, lo=lo, hi=hi, n=n),
-        success=share(run.success[one.name], clusters),
-        p_best=run.dropped[one.name] if dropped else run.wins.get(one.name, np.nan),
+        success=share(run.success[candidate.name], clusters),
+        p_best=run.dropped[candidate.name] if dropped else run.wins.get(candidate.name, np.nan),
         dropped=dropped,
         behind=Estimate(value=median, lo=low, hi=high, n=n),
     )

@@ -35,10 +35,10 @@ QUIET = (
 CONNECT_S = 10.0
 
 STOP_S = 5.0
-"""How long workers may take to stop."""
+"""Time that workers may take to stop."""
 
 COUNT_S = 1.0
-"""How old a count of the workers may be."""
+"""Largest age of a count of the workers."""
 
 
 @contextmanager
@@ -130,7 +130,7 @@ class ClusterWorkers:
         self._executor = client.get_executor(pure=False)
 
     def threads(self) -> int:
-        """How many tasks can run at a time now, to a second; CampaignError if it is gone."""
+        """Number of tasks that can run at a time; CampaignError if the cluster is gone."""
         if self._client.status != "running":
             raise self._gone()
         if time.monotonic() > self._counted + COUNT_S:
@@ -149,7 +149,7 @@ class ClusterWorkers:
         return self._executor.submit(_call, *where, pickle.dumps(arguments))
 
     def failure(self, error: BaseException) -> CampaignError:
-        """What a task raised, or why it was cancelled, as an error of the campaign."""
+        """Error of the campaign for a task that failed or was cancelled."""
         if isinstance(error, (CancelledError, OSError, TimeoutError)):
             return self._gone()
         if type(error).__name__ == "KilledWorker":

@@ -45,7 +45,7 @@ def run_campaign(
     Parameters
     ----------
     plan : Plan
-        What to fly.
+        Flights of the campaign.
     out : str or Path
         Folder of the rows. Only this process writes.
     workers : int, optional
@@ -90,7 +90,8 @@ def run_campaign(
             halfwidth = _widest(dataset, runs)
             if halfwidth <= until_halfwidth:
                 break
-        done = done and _keep_signals(dataset, pool, tally)
+        if done:
+            done = _keep_signals(dataset, pool, tally)
         dataset.clean()
     wall = time.perf_counter() - began
     return CampaignOutcome(
@@ -110,18 +111,7 @@ def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:
     """Numbers of runs at the interim analyses of the success rates; the last is all.
 
     They depend on the plan alone, so that a campaign stops at the same run whoever flies it.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is flown.
-    halfwidth : float or None, 1
-        The half width asked for; None to fly everything without an interim analysis.
-
-    Raises
-    ------
-    InputError
-        If it is not between 0 and 0.5.
+    `halfwidth` is the half width asked for; without it there is no interim analysis.
     """
     if halfwidth is None:
         yield plan.runs
@@ -161,14 +151,7 @@ def _keep_signals(dataset: Dataset, pool: WorkerPool, tally: Tally) -> bool:
 
 
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
-    """The folder of a campaign with its ``campaign.json``, new or to be resumed.
-
-    Raises
-    ------
-    InputError
-        If there is a campaign and it is not to be resumed, or cannot: it is another one, was flown
-        with other libraries, or cannot be made longer.
-    """
+    """The folder of a campaign with its ``campaign.json``, new or to be resumed."""
     folder, versions = Path(out), library_versions()
     if not (folder / CAMPAIGN).exists():
         if (folder / RUNS).is_dir() and any((folder / RUNS).iterdir()):
@@ -176,27 +159,27 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
         dataset = Dataset(out, plan, versions)
         dataset.write_plan()
         return dataset
-    found = open_dataset(out)
+    dataset = open_dataset(out)
     if not resume:
         raise InputError(
-            f"{out}: must not hold a campaign, got one of {found.plan.runs} runs; go on with "
+            f"{out}: must not hold a campaign, got one of {dataset.plan.runs} runs; go on with "
             "it by --resume, or give another --out."
         )
-    plan = plan.with_tuned_gains_of(found.plan)
-    changed = found.plan.with_runs(plan.runs).differences(plan)
+    plan = plan.with_tuned_gains_of(dataset.plan)
+    changed = dataset.plan.with_runs(plan.runs).differences(plan)
     if changed:
         raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
     other = [
-        f"{name}: was {found.versions.get(name, 'absent')}, is {versions.get(name, 'absent')}"
-        for name in (found.versions | versions)
-        if versions.get(name) != found.versions.get(name)
+        f"{name}: was {dataset.versions.get(name, 'absent')}, is {versions.get(name, 'absent')}"
+        for name in (dataset.versions | versions)
+        if versions.get(name) != dataset.versions.get(name)
     ]
     if other:
         raise InputError(
             f"{out}: was flown with other libraries, rows of these would not be the same: "
             f"{'; '.join(other)}."
         )
-    was, now = found.plan.runs, plan.runs
+    was, now = dataset.plan.runs, plan.runs
     if now < was:
         raise InputError(f"{out}: `runs` of a campaign can only grow, was {was}, is {now}.")
     if now > was and not plan.extendable:
@@ -205,9 +188,9 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
             f"{plan.campaign.design} design depend on their number."
         )
     if now > was:
-        found = Dataset(out, plan, versions)
-        found.write_plan()
-    return found
+        dataset = Dataset(out, plan, versions)
+        dataset.write_plan()
+    return dataset
 
 
 def _counted(dataset: Dataset, hear: Callable[[str], None]) -> Tally:

@@ -1,4 +1,4 @@
-"""What a worker does, here or on a cluster: it has each draw flown by a process of its own.
+"""The work of a worker, here or on a cluster: each draw is flown by a process of its own.
 
 A crash inside JSBSim therefore costs a row and not the campaign. A draw whose process crashes or is
 stopped at the time limit is flown again run by run, so that only the run to blame loses its row.
@@ -46,7 +46,7 @@ class Lost(NamedTuple):
 
 
 class Job(NamedTuple):
-    """What a process is asked for: rows of runs of a draw, or the signals of one run."""
+    """Request to a process: rows of runs of a draw, or the signals of one run."""
 
     draw: Draw
     limit: float  # s, for each flight
@@ -61,7 +61,7 @@ class Flyer:
         self._closed = False
 
     def ask(self, plan: str, job: Job) -> Any:
-        """What a job comes to, or `Lost`; `plan` is the text that `plan_text` makes.
+        """Answer to a job, or `Lost`; `plan` is the text that `plan_text` makes.
 
         PlantError if the process cannot start, or cannot fly this plan.
         """
@@ -187,7 +187,7 @@ def plan_text(plan: "Plan") -> str:
 
 
 def failure(error: BaseException) -> CampaignError:
-    """What a worker raised, as an error of the campaign."""
+    """Error of the campaign for an exception of a worker."""
     if isinstance(error, PlantError):
         return CampaignError(f"a worker cannot fly for this campaign: {error}")
     if isinstance(error, ModuleNotFoundError):

@@ -38,10 +38,10 @@ from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import InputError
 from flighttune.simulate.batch import cores
 
-AHEAD = 2
+TASKS_PER_WORKER = 2
 """Tasks of a worker: one that it flies, and one that is ready when it ends."""
 
-LOOK_S = 0.2
+POLL_S = 0.2
 
 KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
 """Rows are kept every 0.25 s, later after a twentieth of the time so far, at the latest after 10 s:
@@ -66,7 +66,7 @@ class Threads:
         self.failure = failure
 
     def threads(self) -> int:
-        """How many tasks can run at a time."""
+        """Number of tasks that can run at a time."""
         return self._count
 
     def stop(self) -> None:
@@ -138,22 +138,8 @@ class WorkerPool:
     ) -> bool:
         """Fly runs of a plan; return whether all were, and the observer did not stop it.
 
-        Parameters
-        ----------
-        plan : Plan
-        gaps : iterable of Span
-            Which runs.
-        keep : callable
-            Gets the rows of successive runs, in order of `run`; tables come in any order.
-        tally : Tally, optional
-            Counts the rows that exist already; the new ones are added.
-        doing : str
-            Name of the activity, for the observer.
-
-        Raises
-        ------
-        CampaignError
-            If the cluster is gone, or cannot fly for this process.
+        `keep` gets the rows of successive runs in order of `run`; the tables come in any order.
+        `tally` holds the rows that exist already, and counts the new ones.
         """
         tally, gaps = tally or Tally(), list(gaps)
         if not gaps:
@@ -162,7 +148,10 @@ class WorkerPool:
         buffer = _Buffer(plan, gaps, keep)
 
         def done(flown: Iterable[Row | Lost]) -> None:
-            rows = [crashed_row(plan, *one) if isinstance(one, Lost) else one for one in flown]
+            rows = [
+                crashed_row(plan, *outcome) if isinstance(outcome, Lost) else outcome
+                for outcome in flown
+            ]
             buffer.add(rows)
             tally.add([row["status"] for row in rows], [row["success"] for row in rows])
             self.flown += len(rows)
@@ -218,7 +207,9 @@ class WorkerPool:
             draws = [_draw(plan, list(runs)) for _, runs in groupby(alone, key=plan.draw_of)]
             while draws:
                 workers = self._start()
-                share = left // (2 * AHEAD * max(workers.threads(), 1))  # fewer towards the end
+                share = left // (
+                    2 * TASKS_PER_WORKER * max(workers.threads(), 1)
+                )  # fewer towards the end
                 size = min(max(share, 1), workers.max_draws)
                 task, draws = draws[:size], draws[size:]
                 left -= len(task)
@@ -246,7 +237,7 @@ class WorkerPool:
         while not observer.stopped:
             threads = workers.threads() if workers else 1  # until then this process flies
             # also with no worker one task is handed out: some schedulers start workers for it
-            while more and len(pending) <= AHEAD * threads:
+            while more and len(pending) <= TASKS_PER_WORKER * threads:
                 try:
                     task = next(tasks)
                 except StopIteration:
@@ -261,7 +252,7 @@ class WorkerPool:
             observer.see(self._progress(doing, tally, runs, len(pending), threads))
             if not more and not pending:
                 return True
-            ready = 0.0 if more and len(pending) <= AHEAD * threads else LOOK_S
+            ready = 0.0 if more and len(pending) <= TASKS_PER_WORKER * threads else POLL_S
             over, pending = wait(pending, ready, FIRST_COMPLETED)
             for future in over:
                 done(_result(workers, future))

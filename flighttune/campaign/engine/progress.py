@@ -47,7 +47,7 @@ class Tally:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignProgress:
-    """How far a campaign is."""
+    """Progress of a campaign."""
 
     doing: str  # starting, flying, keeping signals, ...
     done: int  # runs that are there
@@ -66,15 +66,15 @@ class CampaignObserver:
     stopped = False  # set to True to stop; what has been flown stays
 
     def see(self, progress: CampaignProgress) -> None:
-        """How far the campaign is."""
+        """Report the progress of the campaign."""
 
     def hear(self, sentence: str) -> None:
-        """Something out of the ordinary."""
+        """Report something out of the ordinary."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignOutcome:
-    """What is there after a campaign was flown or resumed."""
+    """State of a campaign after it was flown or resumed."""
 
     dataset: str  # folder, as it was given
     planned: int  # runs of the plan

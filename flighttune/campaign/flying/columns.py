@@ -52,25 +52,14 @@ RESIDUALS = ("residual_low", "residual_high")
 
 
 TUBE_SHARE = "tube_share"
-"""Column of a plan with a tube: how near the flight comes to leaving it."""
+"""Column of a plan with a tube: share of the tube that the flight uses; it leaves beyond 1."""
 
 TUBE_REACH = "tube_reach"
 """Column of a plan with a tube: largest distance over largest half width, chi and gamma."""
 
 
 def row_schema(plan: Plan) -> pa.Schema:
-    """The schema of the rows of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-
-    Returns
-    -------
-    Schema
-        A field a column; its metadata has the ``unit`` where there is one (``1`` for a number
-        without).
-    """
+    """The schema of the rows of a plan; a field's metadata has its ``unit`` (``1`` without one)."""
     residuals = RESIDUALS if plan.residuals else ()
     return pa.schema(
         [
@@ -87,7 +76,7 @@ def row_schema(plan: Plan) -> pa.Schema:
 
 
 def unit_of_key(key: str) -> str:
-    """Unit of a key of a scenario, from how it ends."""
+    """Unit of a key of a scenario, from its ending."""
     name = key.split(".")[-1].split("[")[0]
     return next((unit for end, unit in UNITS_OF_ENDINGS.items() if name.endswith(end)), "1")
 

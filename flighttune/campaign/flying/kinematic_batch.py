@@ -78,9 +78,14 @@ def fly_batch(
     flown alone to know why it ended; `claim` is checked in each flight.
     """
     alike: dict[Hashable, list[int]] = {}
-    for i, one in enumerate(scenarios):
+    for i, scenario in enumerate(scenarios):
         # one call of the kernel has one controller, one time axis and one shape of its inputs
-        common = one.controller, one.flight.duration_s, _moving(one), one.sensors is not None
+        common = (
+            scenario.controller,
+            scenario.flight.duration_s,
+            _moving(scenario),
+            scenario.sensors is not None,
+        )
         alike.setdefault(common, []).append(i)
     results: list[FlightResult | None] = [None] * len(scenarios)
     for members in alike.values():
@@ -113,8 +118,8 @@ def _fly(
     flights = Flights.of(
         [gains] * len(scenarios),
         condition=[scenario.condition for scenario in scenarios],
-        ref=np.array([np.column_stack(one.sampled(at)) for one in references]),
-        ref_rates=np.array([np.column_stack(one.rates(at)) for one in references]),
+        ref=np.array([np.column_stack(reference.sampled(at)) for reference in references]),
+        ref_rates=np.array([np.column_stack(reference.rates(at)) for reference in references]),
         limits=[scenario.limits.limits() for scenario in scenarios],  # the plant itself has none
         disturbance=[
             scenario.disturbance.sinusoid() if scenario.disturbance else Sinusoid()
@@ -129,7 +134,11 @@ def _fly(
         tracking_time=controller.tracking_time_s,
         schedule_speed=flights.start[:, 4] if controller.schedule else None,
         feed_forward=controller.feed_forward,
-        sensors=[one.sensors.sensors(one.seed) for one in scenarios if one.sensors is not None],
+        sensors=[
+            scenario.sensors.sensors(scenario.seed)
+            for scenario in scenarios
+            if scenario.sensors is not None
+        ],
         trajectories=True,
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
         exact=kernel.exact,
@@ -149,7 +158,7 @@ def _fly(
 
 
 def _measured(flights: Flights, batch: BatchResult) -> dict[str, FloatArray]:
-    """What is measured of each flight, by column, shape (N,)."""
+    """Measures of each flight, by column, shape (N,)."""
     N = len(flights)
     n_z_cmd = batch.signal("n_z_cmd").copy()
     n_z_cmd[np.arange(N), batch.samples - 1] = np.nan  # not flown any more
@@ -178,13 +187,13 @@ def _certified(flights: Flights, batch: BatchResult, claim: UltimateSet | None) 
         return course, path
 
     ref = np.broadcast_to(flights.ref, (len(flights), len(batch.t), 2))[whole]
-    found = claim.outcomes(
+    outcomes = claim.outcomes(
         batch.t,
         errors=signals("chi_err", "gamma_err"),
         references=(np.ascontiguousarray(ref[..., 0]), np.ascontiguousarray(ref[..., 1])),
         angles=signals("chi", "gamma"),
     )
-    for i, verdict in zip(whole.tolist(), found.tolist(), strict=True):
+    for i, verdict in zip(whole.tolist(), outcomes.tolist(), strict=True):
         verdicts[i] = verdict
     return verdicts
 

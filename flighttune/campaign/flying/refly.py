@@ -19,23 +19,8 @@ from flighttune.simulate.run import Run
 def scenario_of_run(plan: Plan, run: int) -> Scenario:
     """The scenario of one run of a plan: its draw, its plant and its gains, these as numbers.
 
-    Parameters
-    ----------
-    plan : Plan
-    run : int
-
-    Returns
-    -------
-    Scenario
-        Flown as any other it gives the flight of the run, to the bit. In wind it also has the
-        aircraft whose wind the run replays.
-
-    Raises
-    ------
-    InputError
-        If there is no such run, or no gains for it.
-    ScenarioError
-        If the scenario, or an aircraft, refuses what was drawn.
+    Flown as any other it gives the flight of the run, to the bit. In wind it also has the aircraft
+    whose wind the run replays.
     """
     if not 0 <= run < plan.runs:
         raise InputError(f"`run` must be 0 to {plan.runs - 1}, got {run}.")
@@ -44,7 +29,7 @@ def scenario_of_run(plan: Plan, run: int) -> Scenario:
     flying = [group] if source is None else [source, group]
     tables = scenario.as_dict()
     labels = [table.label for table in scenario.plant]
-    tables["plant"] = [tables["plant"][labels.index(one.plant)] for one in flying]
+    tables["plant"] = [tables["plant"][labels.index(table.plant)] for table in flying]
     if scenario.law is not None:
         tables["law"] = [scenario.law_table(group.gains).model_dump(exclude_none=True)]
     _, own = split_name(group.gains)
@@ -59,52 +44,15 @@ def scenario_of_run(plan: Plan, run: int) -> Scenario:
 
 
 def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownScenario:
-    """Fly a single run of a plan.
+    """Fly a single run of a plan under the label of its group.
 
-    Parameters
-    ----------
-    plan : Plan
-    run : int
-    progress : callable, optional
-        Called with how far each flight is.
-
-    Returns
-    -------
-    FlownScenario
-        The run under the label of its group; in wind also the flight of the aircraft whose wind it
-        replays.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        As `scenario_of_run`.
-    PlantError
-        If an aircraft cannot be built.
+    The aircraft whose wind the run replays is flown too.
     """
     return fly(scenario_of_run(plan, run), progress=progress)
 
 
 def fly_run(plan: Plan, run: int) -> Run:
-    """Fly one run of a plan for its signals.
-
-    Parameters
-    ----------
-    plan : Plan
-    run : int
-
-    Returns
-    -------
-    Run
-        Its provenance has a scenario of this flight alone, gains as numbers, from which it can be
-        flown again; see `flighttune.campaign.flying.refly`.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no such run, or its draw is refused.
-    PlantError
-        If the aircraft cannot be built.
-    """
+    """Fly one run of a plan for its signals; its provenance has a scenario of this flight alone."""
     group = plan.group_of(run)
     if plan.gain_sets[group.gains] is None:
         return fly_group(plan, plan.scenario_of(plan.draw_of(run)), group)
@@ -114,16 +62,7 @@ def fly_run(plan: Plan, run: int) -> Run:
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
     """Every column in which a run that is flown again differs from its row, to the bit.
 
-    Parameters
-    ----------
-    plan : Plan
-    run : int
-    row : mapping
-        Its row; a null is None.
-
-    Notes
-    -----
-    It is flown as rows are: a kinematic flight of a batch and one alone differ by rounding.
+    It is flown as rows are: a kinematic flight of a batch and a single one differ by rounding.
     """
     again = fly_runs(plan, [run]).to_pylist()[0]
     return tuple(

@@ -42,31 +42,14 @@ Row = dict[str, Any]
 """Columns of one run, as in `row_schema`; a column that is not there is null."""
 
 Drawn = Mapping[str, Any]
-"""What is drawn for a draw, as `Plan.values_of` returns it."""
+"""Values of a draw, as `Plan.values_of` returns them."""
 
 
 def fly_runs(plan: Plan, runs: Sequence[int]) -> pa.Table:
-    """Fly runs of a plan in this process.
+    """Fly runs of a plan in this process, and return their rows in order of `run`.
 
-    Parameters
-    ----------
-    plan : Plan
-    runs : sequence of int
-        Which, each once.
-
-    Returns
-    -------
-    Table
-        One row per run in order of `run`, as `row_schema`. All of it but ``wall_s`` depends only on
-        the plan and the run, to the bit. Where the scenario or an aircraft refuses a drawn value,
-        the status is ``invalid`` and the reason names the key.
-
-    Raises
-    ------
-    InputError
-        If there is no such run, or one is named twice.
-    PlantError
-        If an undispersed aircraft cannot be built.
+    All columns but ``wall_s`` depend only on the plan and the run, to the bit. Where the scenario
+    or an aircraft refuses a drawn value, the status is ``invalid`` and the reason names the key.
     """
     wanted = sorted(runs)
     if wanted and not 0 <= wanted[0] <= wanted[-1] < plan.runs:

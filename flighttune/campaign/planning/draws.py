@@ -1,4 +1,4 @@
-"""What is drawn: the dispersed keys and the seed of every draw of a campaign.
+"""Draws: the dispersed keys and the seed of every draw of a campaign.
 
 A draw depends on the campaign's seed and its number alone, so that any process makes the draws of
 its own chunk, to the bit.
@@ -49,20 +49,10 @@ def cycle(campaign: Campaign) -> int:
 
 
 def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFrame:
-    """The dispersed values and seeds of draws `first` to `end`.
+    """The dispersed values and seeds of draws `first` to `end`, which is not among them.
 
-    Parameters
-    ----------
-    campaign : Campaign
-    first, end : int
-        Draws wanted, `end` not among them.
-    draws : int
-        Draws of the whole campaign; only a Latin hypercube depends on it.
-
-    Returns
-    -------
-    DataFrame
-        Index ``draw``; one column a dispersed key, in order of the file, and ``seed``.
+    The index is ``draw``; the columns are the dispersed keys in order of the file, and ``seed``.
+    Only a Latin hypercube depends on `draws`, the size of the whole campaign.
     """
     length = cycle(campaign)
     point, place = np.divmod(np.arange(first, end), length)
@@ -89,32 +79,11 @@ def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFra
 def unit_points(
     design: str, keys: Sequence[str], *, seed: int, first: int, end: int, points: int
 ) -> FloatArray:
-    """Points `first` to `end` of a design.
+    """Points `first` to `end` of a design, inside the open unit interval: (end - first, len(keys)).
 
     A coordinate of a random or Latin hypercube point depends on the seed, the point and the key
-    alone, not on the other keys; a Sobol point on the seed and the set of keys.
-
-    Parameters
-    ----------
-    design : str
-        ``random``, ``latin_hypercube`` or ``sobol``.
-    keys : sequence of str
-        One a coordinate.
-    seed : int
-    first, end : int
-        Points wanted, `end` not among them.
-    points : int
-        Points of the whole design; only those of a Latin hypercube depend on it.
-
-    Returns
-    -------
-    ndarray, shape (end - first, len(keys)), 1
-        Inside the open unit interval.
-
-    Raises
-    ------
-    InputError
-        If there is no such design.
+    alone, not on the other keys; a Sobol point on the seed and the set of keys. Only a Latin
+    hypercube depends on `points`, the size of the whole design.
     """
     if end <= first or not keys:
         return np.empty((max(end - first, 0), len(keys)))
@@ -132,21 +101,9 @@ def unit_points(
 
 
 def run_seeds(seed: int, first: int, end: int, *, name: str = "seed") -> npt.NDArray[np.int64]:
-    """Seeds of points `first` to `end`: each depends on the campaign's seed and the point alone.
+    """Seeds of points `first` to `end`, 0 to 2^31 - 1.
 
-    Parameters
-    ----------
-    seed : int
-        Of the campaign.
-    first, end : int
-        Points wanted, `end` not among them.
-    name : str
-        Of the stream they come from.
-
-    Returns
-    -------
-    ndarray of int64, shape (end - first,)
-        0 to 2^31 - 1.
+    Each depends on the campaign's seed, the point and the name of the stream alone.
     """
     raw = _stream(seed, name, first).bit_generator.random_raw(max(end - first, 0))
     return (np.atleast_1d(raw) >> np.uint64(33)).astype(np.int64)
@@ -164,7 +121,7 @@ def correlated(
     keys : sequence of str
         Names of the coordinates.
     correlations : sequence of CorrelationTable
-        Of these keys.
+        Correlations of these keys.
 
     Returns
     -------
@@ -200,13 +157,7 @@ def correlated(
 
 
 def copula_factor(correlations: Sequence[CorrelationTable]) -> tuple[FloatArray, list[str]]:
-    """Lower Cholesky factor of the correlation of the normal scores, and its keys, sorted by name.
-
-    Raises
-    ------
-    InputError
-        If the correlations contradict each other.
-    """
+    """Lower Cholesky factor of the correlation of the normal scores, and its sorted keys."""
     named = sorted({key for table in correlations for key in table.keys})
     matrix = np.eye(len(named))
     for table in correlations:
@@ -282,7 +233,7 @@ def _saltelli(
     point: npt.NDArray[np.intp],
     place: npt.NDArray[np.intp],
 ) -> dict[str, Column]:
-    """Of point j: A_j, B_j, and A_j with one factor of B_j in turn."""
+    """Points of block j: A_j, B_j, and A_j with one factor of B_j in turn."""
     keys, seed = campaign.keys, campaign.seed
     names = [f"{block}:{key}" for block in "AB" for key in keys]
     u = unit_points("sobol", names, seed=seed, first=low, end=high, points=high)

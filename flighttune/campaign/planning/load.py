@@ -1,7 +1,6 @@
 """Loading a campaign file, checked against its scenario."""
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -64,21 +63,7 @@ def load_campaign(path: str | Path) -> Campaign:
 
 
 def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaign:
-    """The campaign of tables about a scenario that has the gains, plants and overrides already.
-
-    Parameters
-    ----------
-    table : CampaignTable
-    nominal : Scenario
-        Undispersed.
-    source : str
-        File of the tables, or what else to call them.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario refuses a median, or keys or correlations cannot be what they say.
-    """
+    """The campaign of tables about a scenario that has the gains, plants and overrides already."""
     _check_correlations(table, source)
     return Campaign.of(table, nominal=nominal, central=_central(table, nominal, source))
 
@@ -145,27 +130,28 @@ def _check_disperse(tables: Any, source: str) -> None:
         key, kind = table.get("key"), table.get("distribution")
         where = f"{source}: [[disperse]]" + (f" `{key}`" if isinstance(key, str) else "")
         if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
-            known = ", ".join(DISTRIBUTIONS)
-            raise ScenarioError(f"{where} `distribution` must be one of {known}, got {kind!r}.")
+            kinds = ", ".join(DISTRIBUTIONS)
+            raise ScenarioError(f"{where} `distribution` must be one of {kinds}, got {kind!r}.")
         validated(DISTRIBUTIONS[kind], table, where)
 
 
 def _check_correlations(table: CampaignTable, source: str) -> None:
-    by_key = {one.key: one for one in table.disperse}
+    by_key = {dispersion.key: dispersion for dispersion in table.disperse}
     seen: set[frozenset[str]] = set()
-    for one in table.correlation:
-        for key in one.keys:
+    for correlation in table.correlation:
+        for key in correlation.keys:
             if not isinstance(by_key.get(key), (Normal, LogNormal, Uniform)):
                 got = by_key[key].distribution if key in by_key else "none"
                 raise ScenarioError(
                     f"{source}: [[correlation]] `keys` must be dispersed with normal, log_normal "
                     f"or uniform, got {key!r} with {got}."
                 )
-        if frozenset(one.keys) in seen:
+        if frozenset(correlation.keys) in seen:
             raise ScenarioError(
-                f"{source}: [[correlation]] `keys` must be given once, got {one.keys} twice."
+                f"{source}: [[correlation]] `keys` must be given once, "
+                f"got {correlation.keys} twice."
             )
-        seen.add(frozenset(one.keys))
+        seen.add(frozenset(correlation.keys))
     try:
         copula_factor(table.correlation)
     except InputError as error:
@@ -173,24 +159,18 @@ def _check_correlations(table: CampaignTable, source: str) -> None:
 
 
 def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
-    """The scenario at the median of everything dispersed.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario refuses a median, or keys or correlations cannot be what they say.
-    """
+    """The scenario at the median of everything dispersed."""
     places = dispersed_places(table.disperse, nominal, source)
     central = _at_medians(table.disperse, nominal, places)
     if isinstance(central, Scenario):
         return central
     guilty = _guilty(table.disperse, nominal, places)
-    named = ", ".join(f"`{one.key}`" for one in guilty)
+    named = ", ".join(f"`{dispersion.key}`" for dispersion in guilty)
     if "is not a known key" in central:
         raise ScenarioError(
             f"{source}: [[disperse]] {named} must be a key of the scenario: {central}"
         )
-    medians = ", ".join(repr(one.central) for one in guilty)
+    medians = ", ".join(repr(dispersion.central) for dispersion in guilty)
     raise ScenarioError(
         f"{source}: [[disperse]] {named}: the scenario refuses the median {medians}: {central}"
     )
@@ -199,7 +179,7 @@ def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
 def _at_medians(
     disperse: Sequence[Dispersion], nominal: Scenario, places: Mapping[str, tuple[Place, ...]]
 ) -> Scenario | str:
-    """The scenario, or what is wrong with it."""
+    """The scenario with the medians, or the mistake in it as text."""
     medians = {table.key: table.central for table in disperse}
     tables = with_drawn(nominal.as_dict(), disperse, places, medians)
     try:
@@ -217,14 +197,12 @@ def _guilty(
 ) -> Sequence[Dispersion]:
     """The tables to blame where the scenario refuses the medians.
 
-    Those without which, each alone, it can be flown; or else a pair; or else all. More than one
-    that alone must go are tables that clash with each other.
+    Each table without which the scenario can be flown is to blame: two of them clash with each
+    other. Where no single one is, all are named.
     """
 
-    def possible_without(guilty: Sequence[Dispersion]) -> bool:
-        rest = [one for one in disperse if one not in guilty]
+    def possible_without(blamed: Dispersion) -> bool:
+        rest = [table for table in disperse if table is not blamed]
         return isinstance(_at_medians(rest, nominal, places), Scenario)
 
-    alone = [one for one in disperse if possible_without([one])]
-    pairs = () if alone else combinations(disperse, 2)
-    return alone or next((pair for pair in pairs if possible_without(pair)), disperse)
+    return [table for table in disperse if possible_without(table)] or disperse

@@ -35,39 +35,18 @@ PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 
 
 def steps_of(key: str) -> tuple[str, ...]:
-    """The steps of a dotted path; what stands in brackets is a step of its own, ``[0]``.
-
-    Raises
-    ------
-    InputError
-        If `key` is not a path.
-    """
+    """The steps of a dotted path; a position in brackets is a step of its own, ``[0]``."""
     if not PATH.fullmatch(key):
         raise InputError("must be names joined by dots, each with [position] or [name] after it")
     return tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
 
 
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
-    """Every place of a scenario that a key means.
+    """Every place of a scenario that a dotted key means.
 
-    Parameters
-    ----------
-    key : str
-        Dotted path. ``name[1]`` is a position in an array, counted from 0; ``plant`` without one
-        is every plant that has the key, ``plant[LABEL]`` the one of that label.
-    tables : mapping
-        The scenario as plain values.
-    value : plain value
-        A value that the key can have.
-
-    Returns
-    -------
-    tuple of Place
-
-    Raises
-    ------
-    InputError
-        If there is no such place; the message says what must hold.
+    ``name[1]`` is a position in an array, counted from 0; ``plant`` without a position is every
+    plant that has the key, ``plant[LABEL]`` the plant of that label. `value` is a value that the
+    key can have: it tells which kinds of plant have the key.
     """
     steps = steps_of(key)
     if steps[0] == "plant" and not (steps[1:] and steps[1].startswith("[")):
@@ -76,34 +55,22 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
 
 
 def value_at(tables: Mapping[str, Any], place: Place) -> Any:
-    """The value at a place; None if the place is empty.
-
-    Parameters
-    ----------
-    tables : mapping
-        A scenario, or a table of one, as plain values.
-    place : Place
-    """
-    found: Any = tables
+    """The value at a place; None if the place is empty."""
+    value: Any = tables
     for step in place:
-        if isinstance(found, Mapping):
-            found = found.get(step)
-        elif isinstance(found, list) and isinstance(step, int):
-            found = found[step]
+        if isinstance(value, Mapping):
+            value = value.get(step)
+        elif isinstance(value, list) and isinstance(step, int):
+            value = value[step]
         else:
             return None
-    return found
+    return value
 
 
 def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
-    """A copy of `tables` with values put in; what is not on the way to one is shared.
+    """A copy of `tables` with values put in; tables off the way to a value are shared with it.
 
-    Parameters
-    ----------
-    tables : mapping
-        A scenario, or a table of one, as plain values.
-    values : iterable of (Place, value)
-        Tables that a place leads through and that are not there are made.
+    Tables on the way that are missing are made.
     """
     result = dict(tables)
     copied: dict[int, Any] = {id(result): result}
@@ -123,23 +90,9 @@ def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) 
 def dispersed_places(
     disperse: Sequence[Dispersion], scenario: Scenario, source: str
 ) -> dict[str, tuple[Place, ...]]:
-    """Every place that each dispersed key means.
-
-    Parameters
-    ----------
-    disperse : sequence of Dispersion
-    scenario : Scenario
-        The undispersed one.
-    source : str
-        File of the campaign.
-
-    Raises
-    ------
-    ScenarioError
-        If a key is nowhere in the scenario, may not be dispersed, or is given twice.
-    """
+    """Every place that each dispersed key means, in the undispersed scenario."""
     values = scenario.as_dict()
-    found: dict[str, tuple[Place, ...]] = {}
+    places_by_key: dict[str, tuple[Place, ...]] = {}
     for table in disperse:
         where = f"{source}: [[disperse]] `{table.key}`"
         named = re.sub(r"\[[^\]]*\]", "", table.key)
@@ -150,8 +103,8 @@ def dispersed_places(
         except InputError as error:
             stop = "" if str(error).endswith("?") else "."
             raise ScenarioError(f"{where} {error}{stop}") from None
-        for other, theirs in found.items():
-            if any(_overlap(mine, one) for mine in places for one in theirs):
+        for other, theirs in places_by_key.items():
+            if any(_overlap(mine, their) for mine in places for their in theirs):
                 raise ScenarioError(f"{where} must be dispersed once, but `{other}` means it too.")
         for place in places if table.acts != "sets" else ():
             own = value_at(values, place)
@@ -160,8 +113,8 @@ def dispersed_places(
                     f"{where} must be a number in the scenario for `acts` {table.acts!r}, "
                     f"got {'nothing' if own is None else repr(own)}."
                 )
-        found[table.key] = places
-    return found
+        places_by_key[table.key] = places
+    return places_by_key
 
 
 def with_drawn(
@@ -170,18 +123,7 @@ def with_drawn(
     places: Mapping[str, tuple[Place, ...]],
     drawn: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The tables of a scenario with drawn values put in, added or multiplied by.
-
-    Parameters
-    ----------
-    tables : mapping
-        The undispersed scenario as plain values.
-    disperse : sequence of Dispersion
-    places : mapping of str to tuple of Place
-        Of each dispersed key.
-    drawn : mapping of str to plain value
-        By dispersed key.
-    """
+    """The tables of a scenario with the drawn values of each key set, added or multiplied by."""
     return with_values(
         tables,
         [
@@ -221,9 +163,9 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
     for step in steps:
         name = step.strip("[]")
         if isinstance(at, list):
-            found = _position(step, name, at, place)
-            place.append(found)
-            at = at[found]
+            position = _position(step, name, at, place)
+            place.append(position)
+            at = at[position]
         elif isinstance(at, Mapping) or at is None:
             place.append(name)
             at = at.get(name) if isinstance(at, Mapping) else None
@@ -235,8 +177,8 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
 def _position(step: str, name: str, array: list[Any], place: list[str | int]) -> int:
     where = spelled(place)
     if not step.startswith("["):
-        known = " to ".join(dict.fromkeys((f"`{where}[0]`", f"`{where}[{len(array) - 1}]`")))
-        raise InputError(f"must say which of `{where}` is meant: {known}")
+        positions = " to ".join(dict.fromkeys((f"`{where}[0]`", f"`{where}[{len(array) - 1}]`")))
+        raise InputError(f"must say which of `{where}` is meant: {positions}")
     if place == ["plant"] and not name.isdigit():
         labels = [PlantTable.model_validate(table).label for table in array]
         if name not in labels:
@@ -252,7 +194,7 @@ def _of_plants(
 ) -> tuple[Place, ...]:
     if not steps:
         raise InputError("must be a key of a plant, got the plants themselves")
-    found: list[Place] = []
+    flyable: list[Place] = []
     refusals: list[str] = []
     for i, table in enumerate(plants):
         place = _walked(steps, table)
@@ -262,10 +204,10 @@ def _of_plants(
         except ValidationError as error:
             refusals.append(mistakes(error, PlantTable, changed))
         else:
-            found.append(("plant", i, *place))
-    if not found:
+            flyable.append(("plant", i, *place))
+    if not flyable:
         raise InputError(f"must be a key of a plant that flies: {refusals[-1].rstrip('.')}")
-    return tuple(found)
+    return tuple(flyable)
 
 
 def spelled(place: Iterable[str | int]) -> str:

@@ -47,16 +47,10 @@ BLOCK = 1024
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Flights of one plant with one gain set.
+    """Flights of one plant with one gain set."""
 
-    Attributes
-    ----------
-    plant, gains : str
-        Label of the plant, name of the gain set.
-    """
-
-    plant: str
-    gains: str
+    plant: str  # label
+    gains: str  # name of the gain set
 
     @property
     def label(self) -> str:
@@ -66,7 +60,7 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """What is flown in a campaign; the same plan gives the same draws to the bit anywhere.
+    """Flights of a campaign; the same plan gives the same draws to the bit anywhere.
 
     Run ``r`` is the flight of draw ``r // len(groups)`` by group ``r % len(groups)``: every draw is
     flown by every group, so that groups differ by nothing else.
@@ -76,7 +70,7 @@ class Plan:
     campaign : Campaign
         The file, checked.
     gain_sets : mapping of str to PIGains or None
-        By name; None where tuning found none.
+        Gain sets by name; None where tuning was infeasible.
     groups : tuple of Group
         Plant by plant; in wind aircraft first, as the other plants replay the wind they met.
     runs : int
@@ -153,26 +147,14 @@ class Plan:
     ) -> Group:
         """The group that is asked for: by default the first plant, and the gains tuned on it.
 
-        Parameters
-        ----------
-        plant : str or None
-            Label of a plant.
-        gains : str or None
-            Name of a gain set; by default ``tuned_identified``, else the first.
-        kind : str, optional
-            That the plant must be of.
-
-        Raises
-        ------
-        InputError
-            If the plan has no such plant, or no gains of that name.
+        `kind` restricts the choice to plants of that kind.
         """
         plants = [table.label for table in self.scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(plants), "")
         if chosen not in plants:
-            known = ", ".join(plants) or f"kind {kind}"
+            labels = ", ".join(plants) or f"kind {kind}"
             got = plant or ", ".join(table.label for table in self.scenario.plant)
-            raise InputError(f"`plant` must be one of {known}, got {got}.")
+            raise InputError(f"`plant` must be one of {labels}, got {got}.")
         names = list(self.gain_sets)
         name = gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
         if self.gain_sets.get(name) is None:
@@ -212,18 +194,10 @@ class Plan:
         return self.groups[run % len(self.groups)]
 
     def parameters(self, first: int = 0, end: int | None = None) -> pd.DataFrame:
-        """What is drawn for draws `first` to `end`.
+        """Drawn values of draws `first` to `end`, which is not among them; by default of all.
 
-        Parameters
-        ----------
-        first, end : int
-            Draws wanted, `end` not among them; by default all.
-
-        Returns
-        -------
-        DataFrame
-            Index ``draw``; a column a dispersed key, in the unit of the key, and ``seed``. A key
-            that ``adds`` or ``multiplies`` has here what is added or multiplied by.
+        The index is ``draw``; the columns are the dispersed keys, in their units, and ``seed``.
+        A key that ``adds`` or ``multiplies`` has here the addend or the factor.
         """
         end = self.draws if end is None else end
         return drawn(self.campaign, first, end, draws=self.draws)
@@ -234,13 +208,7 @@ class Plan:
         return dispersed_places(self.campaign.disperse, self.scenario, self.campaign.title)
 
     def values_of(self, draw: int) -> dict[str, Any]:
-        """What is drawn for one draw, as plain values: by dispersed key, and ``seed``.
-
-        Raises
-        ------
-        InputError
-            If there is no such draw.
-        """
+        """Drawn values of one draw by dispersed key, and its ``seed``, as plain values."""
         if not 0 <= draw < self.draws:
             raise InputError(f"`draw` must be 0 to {self.draws - 1}, got {draw}.")
         if self.given is not None:
@@ -300,7 +268,7 @@ class Plan:
                 "nominal": _plain(self.campaign.nominal),
                 "central": _plain(self.campaign.central),
                 **({"residuals": self.residuals.as_dict()} if self.residuals else {}),
-                **({"given": [dict(one) for one in self.given]} if self.given else {}),
+                **({"given": [dict(values) for values in self.given]} if self.given else {}),
                 **({"tube": self.tube.as_dict()} if self.tube else {}),
             }
         )
@@ -315,18 +283,7 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def differences(self, other: "Plan") -> tuple[str, ...]:
-        """What of this plan is different in a later one, a sentence each.
-
-        Parameters
-        ----------
-        other : Plan
-            The later one.
-
-        Returns
-        -------
-        tuple of str
-            ``key: was X, is Y``; empty where the two plan the same.
-        """
+        """Changes from this plan to a later one, as ``key: was X, is Y``; empty if equal."""
         was, now = _leaves(self), _leaves(other)
         return tuple(
             f"{key}: was {_abridged(was.get(key))}, is {_abridged(now.get(key))}"
@@ -388,7 +345,7 @@ class _MatricesTable(GainsTable):
 
 
 class _PlanTables(Table):
-    """What `Plan.as_dict` writes."""
+    """Form of a plan as `Plan.as_dict` writes it."""
 
     version: int
     runs: int
@@ -404,33 +361,23 @@ class _PlanTables(Table):
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
-    """The plan that `Plan.as_dict` wrote, with the same bits.
-
-    Parameters
-    ----------
-    tables : mapping
-        As JSON gives them back.
-    source : str
-        The file they come from, or what else to call them.
-
-    Raises
-    ------
-    ScenarioError
-        If they are not a plan, or one of another version of the form.
-    """
+    """The plan that `Plan.as_dict` wrote, with the same bits; `source` names its file in errors."""
     if tables.get("version") != VERSION:
         got = abridged(tables.get("version"))
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
     read = validated(_PlanTables, _with_numbers(tables), source)
     campaign = Campaign.of(read.campaign, nominal=read.nominal, central=read.central)
-    groups = tuple(Group(one.plant, one.gains) for one in read.groups)
+    groups = tuple(Group(group.plant, group.gains) for group in read.groups)
     if not groups or not {*groups} <= {*_groups(campaign)}:
         raise ScenarioError(f"{source}: `groups` of a plan must be some of its scenario's.")
     if not {group.gains for group in groups} <= {*read.gains}:
         raise ScenarioError(f"{source}: `gains` of a plan must hold those of its groups.")
     return Plan(
         campaign=campaign,
-        gain_sets={name: None if one is None else one.gains() for name, one in read.gains.items()},
+        gain_sets={
+            name: None if gain_set is None else gain_set.gains()
+            for name, gain_set in read.gains.items()
+        },
         groups=groups,
         runs=read.runs,
         aircraft=read.aircraft,
@@ -445,7 +392,7 @@ def _plain(scenario: Scenario) -> dict[str, Any]:
 
 
 def _leaves(plan: Plan) -> dict[str, Any]:
-    """What changes a row of a plan, by name."""
+    """Values of a plan that change its rows, by name."""
     campaign = plan.campaign.as_dict()
     campaign["disperse"] = {table["key"]: table for table in campaign["disperse"]}
     scenario = _plain(plan.scenario)
@@ -453,7 +400,10 @@ def _leaves(plan: Plan) -> dict[str, Any]:
         campaign.pop(name, None)
         scenario.pop(name, None)
     campaign.pop("runs", None)
-    gains = {name: one and one.as_lists() for name, one in plan.gain_sets.items()}
+    gains = {
+        name: None if gain_set is None else gain_set.as_lists()
+        for name, gain_set in plan.gain_sets.items()
+    }
     return {
         "runs": plan.runs,
         **dict(_walk(campaign, "")),

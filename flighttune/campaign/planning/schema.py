@@ -22,7 +22,7 @@ from flighttune.scenario.tables import (
 )
 
 Value: TypeAlias = bool | int | float | str
-"""What a key of a scenario can be set to."""
+"""Values of a key of a scenario."""
 
 Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
 Key: TypeAlias = Annotated[str, Field(min_length=1)]
@@ -35,19 +35,19 @@ MEASURES = (
     *(f"{channel}.{name}" for channel in ("chi", "gamma") for name in CHANNEL_MEASURES),
     *(f"flight.{name}" for name in FLIGHT_METRICS),
 )
-"""What a run is measured by, as the columns of rows are named."""
+"""Measures of a run, as the columns of rows are named."""
 
-MOST_POINTS = 10_000
+MAX_POINTS = 10_000
 """Values of one grid key."""
 
-MOST_SD = 8.0
-"""How far from the mean the bounds of a truncated normal distribution may begin, in sd."""
+MAX_SD = 8.0
+"""Largest distance from a mean to the truncated range, in standard deviations."""
 
 
 class DisperseTable(Table):
     """``[[disperse]]``: one key of the scenario that differs from draw to draw.
 
-    What is drawn is the key's value, is added to the scenario's own or multiplies it. Each
+    The drawn value replaces the scenario's own, is added to it or multiplies it. Each
     distribution has two members more: ``central`` is the value at which a campaign is checked, the
     median or, of values that have none, the likeliest; ``at(u)`` has the values at points ``u`` of
     the open unit interval. They are inverse CDFs by hand because `scipy.stats` takes 0.4 s to load,
@@ -71,9 +71,9 @@ class Normal(DisperseTable):
     def _something_between_the_bounds(self) -> "Normal":
         low, high = self._bounds
         _check_rising(low, high)
-        if low > self.mean + MOST_SD * self.sd or high < self.mean - MOST_SD * self.sd:
+        if low > self.mean + MAX_SD * self.sd or high < self.mean - MAX_SD * self.sd:
             raise ValueError(
-                f"`mean` must lie within {MOST_SD:g} `sd` of what `lower` and `upper` leave, "
+                f"`mean` must lie within {MAX_SD:g} `sd` of what `lower` and `upper` leave, "
                 f"got {self.mean:g}"
             )
         return self
@@ -161,8 +161,8 @@ class Choice(DisperseTable):
     def central(self) -> Value:
         """The likeliest value that is not NaN; the first of several."""
         weights = self.weights or [1.0] * len(self.values)
-        known = [(v, w) for v, w in zip(self.values, weights, strict=True) if v == v]
-        return max(known, key=lambda pair: pair[1], default=(self.values[0], 0.0))[0]
+        numbers = [(v, w) for v, w in zip(self.values, weights, strict=True) if v == v]
+        return max(numbers, key=lambda pair: pair[1], default=(self.values[0], 0.0))[0]
 
     def at(self, u: FloatArray) -> npt.NDArray[np.generic]:
         """Values at points `u` of the open unit interval, shape as `u`."""
@@ -177,17 +177,17 @@ class Grid(DisperseTable):
     values: Values | None = None
     lower: Finite | None = None
     upper: Finite | None = None
-    count: Annotated[int, Field(ge=2, le=MOST_POINTS)] | None = None
+    count: Annotated[int, Field(ge=2, le=MAX_POINTS)] | None = None
 
     @model_validator(mode="after")
     def _values_or_range(self) -> "Grid":
-        given = [one is not None for one in (self.lower, self.upper, self.count)]
-        if all(given) == (self.values is not None):
+        range_keys = [key is not None for key in (self.lower, self.upper, self.count)]
+        if all(range_keys) == (self.values is not None):
             raise ValueError(
                 "`values` must be given with distribution grid, or `lower`, `upper` and `count` in "
                 "their place"
             )
-        if self.values is not None and any(given):
+        if self.values is not None and any(range_keys):
             raise ValueError("`lower`, `upper` and `count` must be absent where `values` are given")
         _check_kind(self.levels, self.acts)
         if self.lower is not None and self.upper is not None:
@@ -214,7 +214,7 @@ class Grid(DisperseTable):
 
 Dispersion: TypeAlias = Normal | LogNormal | Uniform | Choice | Grid
 DISTRIBUTIONS: dict[str, type[Dispersion]] = {
-    one.model_fields["distribution"].default: one for one in get_args(Dispersion)
+    member.model_fields["distribution"].default: member for member in get_args(Dispersion)
 }
 
 
@@ -260,7 +260,7 @@ class KeepTable(Table):
 
 
 class CampaignTable(Table):
-    """What a campaign file says, with the defaults filled in."""
+    """Content of a campaign file, with the defaults filled in."""
 
     title: Annotated[str, Field(min_length=1)]
     verifies: str = ""
@@ -352,8 +352,8 @@ def _check_rising(low: float, high: float) -> None:
 
 def _check_kind(values: list[Value], acts: Acts) -> None:
     kinds = {
-        "boolean" if isinstance(one, bool) else "string" if isinstance(one, str) else "number"
-        for one in values
+        "boolean" if isinstance(value, bool) else "string" if isinstance(value, str) else "number"
+        for value in values
     }
     if len(kinds) > 1:
         raise ValueError(f"`values` must be all numbers, all strings or all booleans, got {values}")

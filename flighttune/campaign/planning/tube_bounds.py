@@ -19,33 +19,15 @@ NARROWEST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TubeBounds:
-    """What the errors of a flight are enclosed by.
+    """Bounds of the errors of a flight."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (n,), s
-    low, high : ndarray, shape (n, 2), rad
-        Of the errors of course and flight-path angle.
-    """
-
-    t: FloatArray
-    low: FloatArray
-    high: FloatArray
+    t: FloatArray  # (n,), s
+    low: FloatArray  # (n, 2), rad; errors of course and flight-path angle
+    high: FloatArray  # (n, 2), rad
 
     @classmethod
     def read(cls, path: str | Path) -> "TubeBounds":
-        """The bounds in the signals of a tube.
-
-        Parameters
-        ----------
-        path : path-like
-            Parquet file that ``flighttune tube`` wrote.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read, is not as it was written, or holds no such bounds.
-        """
+        """The bounds in the Parquet file of signals that ``flighttune tube`` wrote."""
         from flighttune.tube.sealed import AboutTube, read_sealed
 
         names = [f"{name}_{end}" for end in ("low", "high") for name in ERRORS]
@@ -67,10 +49,11 @@ class TubeBounds:
         )
 
     def share(self, run: Run) -> float:
-        """How near a flight comes to leaving the tube, which it does beyond 1.
+        """Largest share of the tube that a flight uses; it leaves the tube beyond 1.
 
-        Of one that stays inside it is the largest distance from the middle over the largest half
-        width of its channel: at the start, where the tube is narrow, every flight is near.
+        Inside the tube it is the largest distance from the middle over the largest half width of
+        its channel: a share of the width at each time would be large at the start of every
+        flight, where the tube is narrow.
         """
         t = run.signals.index.to_numpy(dtype=float)
         half = 0.5 * (self.high - self.low)

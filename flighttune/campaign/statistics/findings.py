@@ -37,81 +37,48 @@ SPLIT_INTO = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Split:
-    """Success rate over the values of one parameter.
-
-    Attributes
-    ----------
-    group : Group
-    parameter : str
-    labels : tuple of str
-        Value or range of each class.
-    centres : tuple of float
-        Median of the parameter in each; counted where it is no number.
-    success : tuple of Estimate
-    """
+    """Success rate over the classes of one parameter."""
 
     group: Group
     parameter: str
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # value or range of each class
+    # median of the parameter in each class; the position of a class that is no number
     centres: tuple[float, ...]
     success: tuple[Estimate, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Findings:
-    """Statistics of a campaign.
-
-    Attributes
-    ----------
-    flights : Flights
-    measure : str or None
-        What flights are ordered and compared by; None where no flight has it.
-    groups : tuple of GroupSummary
-    paired : tuple of Paired
-    influences : mapping of (Group, str) to tuple of Influence
-        By group, and ``success`` or `measure`; empty ones where nothing can be said.
-    sobol : mapping of (Group, str) to SobolIndices
-        By the same, where the design of the campaign allows.
-    splits : tuple of Split
-        Of every group that both succeeded and failed, by the parameter that matters most to it.
-    convergence : tuple of ConvergenceCurve
-    claims : mapping of Group to UltimateSet
-        What the certified set of each group is; empty where no flight was compared with one, or the
-        undispersed flights that it is measured on cannot be flown here.
-    """
+    """Statistics of a campaign."""
 
     flights: Flights
-    measure: str | None
+    measure: str | None  # measure that orders and compares flights; None where no flight has it
     groups: tuple[GroupSummary, ...]
     paired: tuple[Paired, ...]
+    # of success and the measure, by group; empty where nothing can be said
     influences: Mapping[tuple[Group, str], tuple[Influence, ...]]
+    # by the same keys, where the design of the campaign allows
     sobol: Mapping[tuple[Group, str], SobolIndices]
+    # of groups that both succeeded and failed, by the parameter that matters most
     splits: tuple[Split, ...]
     convergence: tuple[ConvergenceCurve, ...]
+    # Certified set of each group; empty where no flight was compared with one, or the undispersed
+    # flights that it is measured on cannot be flown here.
     claims: Mapping[Group, UltimateSet]
 
 
 def findings(
     flights: Flights, *, method: Method = "wilson", confidence: float = CONFIDENCE
 ) -> Findings:
-    """Evaluate the flights of a campaign, finished or not.
-
-    Parameters
-    ----------
-    flights : Flights
-    method : "wilson" or "clopper-pearson"
-        Interval of shares.
-    confidence : float, 1
-        Of all intervals.
-    """
+    """Evaluate the flights of a campaign, finished or not, with all intervals by one method."""
     flights = replace(flights, method=method, confidence=confidence)
     measure = _measure(flights)
     looked_at = [SUCCESS] + ([measure] if measure else [])
-    found, sobol, splits = {}, {}, []
+    by_parameter, sobol, splits = {}, {}, []
     for group, rows in flights.groups():
         independent = flights.independent(rows)
         for name in looked_at:
-            found[group, name] = influences(
+            by_parameter[group, name] = influences(
                 independent.loc[:, flights.keys],
                 values_of(independent, name),
                 confidence=confidence,
@@ -119,7 +86,7 @@ def findings(
             indices = _sobol(flights, rows, name)
             if indices is not None:
                 sobol[group, name] = indices
-        split = _split(flights, group, rows, found[group, SUCCESS])
+        split = _split(flights, group, rows, by_parameter[group, SUCCESS])
         splits += [split] if split is not None else []
     groups = summaries(flights)
     pairs, curves = (), ()
@@ -131,20 +98,20 @@ def findings(
         measure=measure,
         groups=groups,
         paired=pairs,
-        influences=found,
+        influences=by_parameter,
         sobol=sobol,
         splits=tuple(splits),
         convergence=curves,
-        claims=_claims(flights) if any(one.certified for one in groups) else {},
+        claims=_claims(flights) if any(summary.certified for summary in groups) else {},
     )
 
 
 def _claims(flights: Flights) -> dict[Group, UltimateSet]:
     try:
-        found = claims(flights.plan)
+        stated = claims(flights.plan)
     except FlightTuneError:
         return {}
-    return {group: claim for group, claim in found.items() if claim is not None}
+    return {group: claim for group, claim in stated.items() if claim is not None}
 
 
 def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
@@ -156,9 +123,9 @@ def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
 
 
 def _measure(flights: Flights) -> str | None:
-    """What the campaign keeps the worst flights by, or the first measure there is."""
-    known = flights.measures
-    return flights.worst_by if flights.worst_by in known else next(iter(known), None)
+    """Measure by which the campaign keeps its worst flights, or else the first measure."""
+    measures = flights.measures
+    return flights.worst_by if flights.worst_by in measures else next(iter(measures), None)
 
 
 def _sobol(flights: Flights, rows: pd.DataFrame, name: str) -> SobolIndices | None:
@@ -179,10 +146,14 @@ def _sobol(flights: Flights, rows: pd.DataFrame, name: str) -> SobolIndices | No
 
 
 def _split(
-    flights: Flights, group: Group, rows: pd.DataFrame, found: tuple[Influence, ...]
+    flights: Flights, group: Group, rows: pd.DataFrame, influences_on_success: tuple[Influence, ...]
 ) -> Split | None:
     """Success over the parameter that matters most, if any does."""
-    apart = [one.parameter for one in found if one.apart and one.parameter != SEED]
+    apart = [
+        influence.parameter
+        for influence in influences_on_success
+        if influence.apart and influence.parameter != SEED
+    ]
     if not apart:
         return None
     rows = rows.loc[rows[apart[0]].notna().to_numpy()]
@@ -190,15 +161,15 @@ def _split(
     codes, clusters = classes_of(column, SPLIT_INTO), flights.clusters(rows)
     success = rows[SUCCESS].to_numpy(dtype=bool)
     classes = range(int(codes.max()) + 1)
-    values = [column.to_numpy()[codes == one] for one in classes]
+    values = [column.to_numpy()[codes == label] for label in classes]
     numeric = is_number(column)
     return Split(
         group=group,
         parameter=apart[0],
-        labels=_ranges(values) if numeric else tuple(str(one[0]) for one in values),
+        labels=_ranges(values) if numeric else tuple(str(of_class[0]) for of_class in values),
         centres=tuple(
-            float(np.median(one.astype(float))) if numeric else float(place)
-            for place, one in enumerate(values)
+            float(np.median(of_class.astype(float))) if numeric else float(place)
+            for place, of_class in enumerate(values)
         ),
         success=tuple(flights.share(success[codes == i], clusters[codes == i]) for i in classes),
     )
@@ -206,8 +177,8 @@ def _split(
 
 def _ranges(values: list[np.ndarray]) -> tuple[str, ...]:
     """Ranges of neighbouring classes, each ending where the next begins."""
-    if all(one.min() == one.max() for one in values):
-        return tuple(f"{one[0]:.4g}" for one in values)
+    if all(of_class.min() == of_class.max() for of_class in values):
+        return tuple(f"{of_class[0]:.4g}" for of_class in values)
     edges = [values[0].min(), *(0.5 * (a.max() + b.min()) for a, b in pairwise(values))]
     edges.append(values[-1].max())
     return tuple(f"{low:.4g} to {high:.4g}" for low, high in pairwise(edges))

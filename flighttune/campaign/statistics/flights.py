@@ -26,29 +26,14 @@ TEXTS = ("reason", "missed", "certified")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Flights:
-    """Rows of a campaign with the plan that made them.
+    """Rows of a campaign with the plan that made them."""
 
-    Attributes
-    ----------
-    url : str
-        Folder of the campaign, as it was given.
-    plan : Plan
-    rows : DataFrame
-        A row a run that is there, in order of ``run``; columns as in the files.
-    versions : mapping of str to str
-        Of the libraries that shaped the rows.
-    method : "wilson" or "clopper-pearson"
-        Interval of shares.
-    confidence : float, 1
-        Of all intervals.
-    """
-
-    url: str
+    url: str  # folder of the campaign, as it was named by the caller
     plan: Plan
-    rows: pd.DataFrame
-    versions: Mapping[str, str]
-    method: Method = "wilson"
-    confidence: float = CONFIDENCE
+    rows: pd.DataFrame  # a row for each run that was flown, in order of run
+    versions: Mapping[str, str]  # of the libraries that shaped the rows
+    method: Method = "wilson"  # interval of shares
+    confidence: float = CONFIDENCE  # 1; of all intervals
 
     @property
     def keys(self) -> list[str]:
@@ -86,7 +71,7 @@ class Flights:
         return percentile(values, q, clusters, confidence=self.confidence)
 
     def independent(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Those of some rows whose parameters were drawn independently.
+        """Rows whose parameters were drawn independently.
 
         All but in Saltelli's design, of which they are the blocks A and B.
         """
@@ -104,22 +89,7 @@ class Flights:
 
 
 def load_flights(url: str | Path) -> Flights:
-    """Read the rows that a campaign has written so far.
-
-    Parameters
-    ----------
-    url : str or Path
-        Folder of the campaign.
-
-    Returns
-    -------
-    Flights
-
-    Raises
-    ------
-    RecordingError
-        If there is no campaign, no run of it has been flown, or a file is damaged.
-    """
+    """Read the rows that a campaign has written so far."""
     dataset = open_dataset(url)
     rows = dataset.rows().to_pandas()
     return flights_of(rows, dataset.plan, url=str(dataset.folder), versions=dataset.versions)
@@ -128,17 +98,7 @@ def load_flights(url: str | Path) -> Flights:
 def flights_of(
     rows: pd.DataFrame, plan: Plan, *, url: str = "", versions: Mapping[str, str] | None = None
 ) -> Flights:
-    """Put rows and their plan together.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Columns of the files of a campaign, in order of ``run``.
-    plan : Plan
-    url : str
-        Where they come from.
-    versions : mapping of str to str, optional
-    """
+    """Put rows, in order of run, and their plan together."""
     rows = rows.reset_index(drop=True)
     texts = {name: rows[name].fillna("").astype(str) for name in TEXTS}
     numbers = {
@@ -155,27 +115,13 @@ def is_number(column: pd.Series) -> bool:
 
 
 def worst_first(rows: pd.DataFrame, measure: str, count: int) -> pd.DataFrame:
-    """The completed flights with the largest values of a measure.
-
-    Parameters
-    ----------
-    rows : DataFrame
-    measure : str
-        A column.
-    count : int
-    """
-    known = (rows["status"] == "completed").to_numpy() & rows[measure].notna().to_numpy()
-    return rows.loc[known].sort_values([measure, "run"], ascending=[False, True]).head(count)
+    """The completed flights with the largest values of a measure."""
+    measured = (rows["status"] == "completed").to_numpy() & rows[measure].notna().to_numpy()
+    return rows.loc[measured].sort_values([measure, "run"], ascending=[False, True]).head(count)
 
 
 def failures(rows: pd.DataFrame, count: int) -> pd.DataFrame:
-    """Flights that were not completed, of every status in turn the first ones.
-
-    Parameters
-    ----------
-    rows : DataFrame
-    count : int
-    """
+    """Flights that were not completed, of every status in turn the first ones."""
     early = rows.loc[(rows["status"] != "completed").to_numpy()]
     turn = early.groupby("status", sort=False, observed=True).cumcount()
     return early.loc[turn.sort_values(kind="stable").index[:count]].sort_values("run")

@@ -143,14 +143,14 @@ def not_above(values: FloatArray, value: float) -> npt.NDArray[np.bool_]:
 
 
 def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
-    """Number of independent values whose mean is as sure as that of values in clusters.
+    """Effective sample size of clustered values.
 
     Parameters
     ----------
     values : array_like, shape (n,)
         Finite, or of booleans.
     clusters : array_like, shape (n,)
-        What each value belongs to; values of different clusters are independent.
+        Cluster of each value; values of different clusters are independent.
 
     Returns
     -------
@@ -183,20 +183,12 @@ def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """A number with its interval.
-
-    Attributes
-    ----------
-    value, lo, hi : float
-        NaN where there is no value.
-    n : int
-        Flights that it is of.
-    """
+    """A number with its interval; all NaN where there is no value."""
 
     value: float
     lo: float
     hi: float
-    n: int
+    n: int  # number of flights behind it
 
     def scaled(self, factor: float) -> "Estimate":
         """Number and interval times a positive factor."""
@@ -212,16 +204,7 @@ def share(
     method: Method = "wilson",
     confidence: float = CONFIDENCE,
 ) -> Estimate:
-    """Share of flights of which something is true.
-
-    Parameters
-    ----------
-    flags : ndarray of bool, shape (n,)
-    clusters : array_like, shape (n,)
-        Cycle of the design of each flight.
-    method : "wilson" or "clopper-pearson"
-    confidence : float, 1
-    """
+    """Share of flights with a flag set, with its interval; `clusters` are cycles of the design."""
     n = len(flags)
     if not n:
         return Estimate(value=np.nan, lo=0.0, hi=1.0, n=0)
@@ -234,18 +217,7 @@ def share(
 def percentile(
     values: FloatArray, q: float, clusters: npt.ArrayLike, *, confidence: float = CONFIDENCE
 ) -> Estimate:
-    """Quantile of a measure.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Without NaN.
-    q : float, 1
-        Between 0 and 1.
-    clusters : array_like, shape (n,)
-        Cycle of the design of each flight.
-    confidence : float, 1
-    """
+    """Quantile of a measure without NaN, with its interval; `clusters` are cycles of the design."""
     if not len(values):
         return Estimate(value=np.nan, lo=np.nan, hi=np.nan, n=0)
     value = float(np.quantile(values, q))

@@ -15,65 +15,35 @@ from flighttune.campaign.statistics.intervals import CONFIDENCE, quantile_interv
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
-    """Two gain sets on the draws that both flew on one plant.
-
-    Attributes
-    ----------
-    plant, a, b : str
-        Plant, and the gain sets.
-    measure : str
-        Measure they are compared by, to be minimised.
-    n : int
-        Draws that both flew.
-    wins_a, wins_b : int
-        Draws on which one has the smaller measure.
-    win_rate, lo, hi : float, 1
-        Share of the draws without a tie on which `a` has the smaller measure, with its interval.
-    median, median_lo, median_hi : float
-        Median over the draws of the measure with `a` minus that with `b`, with its interval.
-    only_a, only_b : int
-        Draws on which one succeeded and the other did not.
-    p_success : float, 1
-        Probability of counts as different as these if both succeeded equally often (exact McNemar
-        test); 1 if both always succeeded together.
-    """
+    """Two gain sets on the draws that both flew on one plant."""
 
     plant: str
     a: str
     b: str
-    measure: str
-    n: int
-    wins_a: int
+    measure: str  # to be minimised
+    n: int  # draws that both flew
+    wins_a: int  # draws on which a has the smaller measure
     wins_b: int
-    win_rate: float
-    lo: float
+    win_rate: float  # 1; share of the draws without a tie on which a has the smaller measure
+    lo: float  # interval of the win rate
     hi: float
-    median: float
+    median: float  # median over the draws of the measure with a less that with b
     median_lo: float
     median_hi: float
-    only_a: int
+    only_a: int  # draws on which only a succeeded
     only_b: int
+    # Exact McNemar test: probability of counts as different as these if both succeeded equally
+    # often; 1 if both always succeeded together.
     p_success: float
 
 
 def paired(
     rows: pd.DataFrame, measure: str, *, confidence: float = CONFIDENCE
 ) -> tuple[Paired, ...]:
-    """Compare every two gain sets on every plant, draw by draw.
+    """Compare every two gain sets on every plant, draw by draw, by a measure to be minimised.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        Columns ``plant``, ``gains``, ``draw``, ``status``, ``success`` and `measure`.
-    measure : str
-        A column to be minimised. A flight that was not completed, or has no value, counts
-        as worse than any other; two such are tied.
-    confidence : float, 1
-
-    Returns
-    -------
-    tuple of Paired
-        Without pairs that have no draw in common.
+    A flight that was not completed, or has no value, counts as worse than any other; two such are
+    tied. Pairs that have no draw in common are left out.
     """
     return tuple(_pairs(rows.assign(**{measure: scores(rows, measure)}), measure, confidence))
 
@@ -81,8 +51,8 @@ def paired(
 def scores(rows: pd.DataFrame, measure: str) -> FloatArray:
     """The measure of every flight, infinite where it was not completed or has no value."""
     values = rows[measure].to_numpy(dtype=float)
-    known = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
-    return np.where(known, values, np.inf)
+    measured = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
+    return np.where(measured, values, np.inf)
 
 
 def ordered_quantile(values: FloatArray, q: float) -> FloatArray:

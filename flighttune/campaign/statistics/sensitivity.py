@@ -1,4 +1,4 @@
-"""Which parameters matter to a metric: rank statistics, and Sobol indices of a Saltelli design."""
+"""Influence of parameters on a metric: rank statistics and Sobol indices (Saltelli)."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,10 +21,10 @@ Test: TypeAlias = tuple[float, float]
 CLASSES = 10
 """Classes of equal size that a number with many values is cut into."""
 
-LEAST_IN_CLASS = 5
+MIN_IN_CLASS = 5
 """Flights in a class on average: the test by ranks needs them."""
 
-LEAST_FLIGHTS = 10
+MIN_FLIGHTS = 10
 COLLINEAR = 1e10
 """Condition number of the correlations of ranks from which on they tell no partial ones."""
 
@@ -32,73 +32,46 @@ COLLINEAR = 1e10
 # cannot be seeded: a campaign that is still flying has any number of blocks, and its report must
 # say the same twice.
 RESAMPLES = 1000
-LEAST_BLOCKS = 8
-AT_ONCE = 4_000_000
+MIN_BLOCKS = 8
+MAX_RESAMPLED = 4_000_000
 """Weights of blocks that are in memory at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Influence:
-    """What one parameter does to one measure.
-
-    Attributes
-    ----------
-    parameter : str
-    n : int
-        Flights it comes from.
-    rho, lo, hi : float, 1
-        Spearman's rank correlation with its interval; NaN where the parameter is no number.
-    partial : float, 1
-        The same with the ranks of all other parameters fixed; NaN where they are collinear.
-    share : float, 1
-        Share of the variance of the measure's ranks that the parameter explains by itself, whatever
-        the shape; 0 is what chance would explain.
-    p_rho, p_share : float, 1
-        Probability of a `rho` and a `share` as large without any influence, corrected for the
-        number of tests.
-    apart : bool
-        Whether chance is refused as the explanation of either of them.
-    """
+    """Influence of one parameter on one measure."""
 
     parameter: str
-    n: int
+    n: int  # flights it comes from
+    # 1; Spearman's rank correlation with its interval, NaN where the parameter is no number
     rho: float
     lo: float
     hi: float
-    partial: float
-    share: float
-    p_rho: float
-    p_share: float
-    apart: bool
+    partial: float  # 1; the same with the ranks of all other parameters fixed, NaN if collinear
+    share: float  # 1; share of the variance of the measure's ranks explained, 0 by chance
+    p_rho: float  # 1; probability of such a rho without any influence, corrected for the tests
+    p_share: float  # 1; the same of the share
+    apart: bool  # chance is refused as the explanation of rho or of the share
 
     @property
     def strength(self) -> float:
-        """What influences are ordered by, 0 to 1: `share` or the square of `rho`, the larger.
+        """The larger of `share` and the square of `rho`, 0 to 1, by which influences are ordered.
 
         To nine digits: two parameters that are drawn together have the same share but for rounding,
         and then stay in the order of the campaign.
         """
-        known = [one for one in (self.share, self.rho**2) if math.isfinite(one)]
-        return round(max(known, default=0.0), 9)
+        strengths = [strength for strength in (self.share, self.rho**2) if math.isfinite(strength)]
+        return round(max(strengths, default=0.0), 9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SobolIndices:
-    """Indices of d parameters, with percentile intervals.
+    """Indices of d parameters, with percentile intervals."""
 
-    Attributes
-    ----------
-    n : int
-        Blocks of flights they come from.
-    first : ndarray, shape (3, d), 1
-        Share of the variance that each parameter explains by itself, and both ends of its interval.
-    total : ndarray, shape (3, d), 1
-        Share of the variance that would vanish if the parameter were known, interactions included,
-        and both ends of its interval.
-    """
-
-    n: int
+    n: int  # blocks of flights they come from
+    # (3, d); share of the variance explained by each parameter alone, and its interval
     first: FloatArray
+    # (3, d); share that would vanish if the parameter were fixed, interactions included
     total: FloatArray
 
 
@@ -115,12 +88,12 @@ def influences(
         Flights without a value, or without one of a parameter, are left out; infinite ones count
         by their rank.
     confidence : float, 1
-        Of intervals and of `Influence.apart`.
+        Confidence of intervals and of `Influence.apart`.
 
     Returns
     -------
     tuple of Influence
-        None of parameters that do not vary. Empty where there are fewer than 10 flights or the
+        Parameters that do not vary are left out. Empty where there are fewer than 10 flights or the
         measure does not vary.
 
     Notes
@@ -147,18 +120,18 @@ def influences(
     table = {str(name): pd.Series(column[kept]) for name, column in parameters.items()}
     table = {name: column for name, column in table.items() if column.nunique() > 1}
     n = len(ranks)
-    if n < LEAST_FLIGHTS or ranks.min() == ranks.max() or not table:
+    if n < MIN_FLIGHTS or ranks.min() == ranks.max() or not table:
         return ()
     correlations = [_spearman(column, ranks) for column in table.values()]
     shares = [_share(column, ranks) for column in table.values()]
     partial = _partial(table, ranks)
     p = holm([p for _, p in (*correlations, *shares)])
-    found = []
+    tested = []
     for i, name in enumerate(table):
         p_rho, p_share = p[i], p[len(table) + i]
         rho = correlations[i][0]
         lo, hi = _interval(rho, n, confidence)
-        found.append(
+        tested.append(
             Influence(
                 parameter=name,
                 n=n,
@@ -172,7 +145,7 @@ def influences(
                 apart=min(p_rho, p_share) < 1.0 - confidence,
             )
         )
-    return tuple(sorted(found, key=lambda one: -one.strength))
+    return tuple(sorted(tested, key=lambda influence: -influence.strength))
 
 
 def sobol_indices(
@@ -193,11 +166,11 @@ def sobol_indices(
     f_AB : ndarray, shape (d, n)
         At the points A with the i-th parameter of B.
     confidence : float, 1
-        Of the intervals.
+        Confidence of the intervals.
     resamples : int
-        Of the blocks (A, B and all A_B of one row together), with replacement.
+        Number of resamples of the blocks (A, B and all A_B of one row together).
     seed : int
-        Of the resampling.
+        Seed of the resampling.
 
     Returns
     -------
@@ -228,24 +201,24 @@ def sobol_indices(
     whole = np.isfinite(f_A) & np.isfinite(f_B) & np.isfinite(f_AB).all(axis=0)
     f_A, f_B, f_AB = f_A[whole], f_B[whole], f_AB[:, whole]
     n, d = len(f_A), len(f_AB)
-    if n < LEAST_BLOCKS or np.ptp([f_A, f_B]) == 0.0:
+    if n < MIN_BLOCKS or np.ptp([f_A, f_B]) == 0.0:
         return None
     mean = 0.5 * (f_A.mean() + f_B.mean())
     a, b, ab = f_A - mean, f_B - mean, f_AB - mean
     terms = np.vstack([b * (ab - a), 0.5 * (a - ab) ** 2, 0.5 * (a + b), 0.5 * (a**2 + b**2)])
-    found = _indices(terms.mean(axis=1)[None], d)[0]
+    estimate = _indices(terms.mean(axis=1)[None], d)[0]
     tail = 0.5 - 0.5 * confidence
     resampled = np.vstack(list(_resampled(terms, resamples, seed)))
     ends = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
-    both = np.vstack([found, ends])
+    both = np.vstack([estimate, ends])
     return SobolIndices(n=n, first=both[:, :d], total=both[:, d:])
 
 
 def holm(p: Sequence[float]) -> list[float]:
     """P-values corrected together; those that are NaN take no part and become 1."""
     values = np.array(p, dtype=float)
-    known = np.flatnonzero(~np.isnan(values))
-    order = known[np.argsort(values[known], kind="stable")]
+    tests = np.flatnonzero(~np.isnan(values))
+    order = tests[np.argsort(values[tests], kind="stable")]
     factors = np.arange(len(order), 0, -1)
     corrected = np.ones(len(values))
     corrected[order] = np.minimum(1.0, np.maximum.accumulate(values[order] * factors))
@@ -253,27 +226,18 @@ def holm(p: Sequence[float]) -> list[float]:
 
 
 def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
-    """Class of each flight by its value of a parameter.
+    """Class of each flight by its value of a parameter, from 0 on, rising with a number.
 
-    Parameters
-    ----------
-    column : Series
-        Values; a number with more than `most` of them, or with fewer than five flights of each, is
-        cut into classes of equal size.
-    most : int
-
-    Returns
-    -------
-    ndarray of int, shape (flights,)
-        From 0 on, rising with a number.
+    A number with more than `most` values, or with fewer than five flights of each, is cut into
+    classes of equal size.
     """
     from scipy.stats import rankdata
 
-    codes, found = pd.factorize(column, sort=True)
-    few = len(found) <= most and LEAST_IN_CLASS * len(found) <= len(column)
+    codes, distinct = pd.factorize(column, sort=True)
+    few = len(distinct) <= most and MIN_IN_CLASS * len(distinct) <= len(column)
     if few or not is_number(column):
         return np.asarray(codes)
-    count = max(2, min(most, len(column) // LEAST_IN_CLASS))
+    count = max(2, min(most, len(column) // MIN_IN_CLASS))
     places = (rankdata(column) - 0.5) / len(column)
     return pd.factorize(np.floor(places * count), sort=True)[0]
 
@@ -283,8 +247,8 @@ def _spearman(column: pd.Series, ranks: FloatArray) -> Test:
 
     if not is_number(column):
         return math.nan, math.nan
-    found: Any = spearmanr(column, ranks)
-    return float(found.statistic), float(found.pvalue)
+    correlation: Any = spearmanr(column, ranks)
+    return float(correlation.statistic), float(correlation.pvalue)
 
 
 def _share(column: pd.Series, ranks: FloatArray) -> Test:
@@ -295,7 +259,7 @@ def _share(column: pd.Series, ranks: FloatArray) -> Test:
     n, k = len(ranks), int(codes.max()) + 1
     if not 1 < k < n:
         return math.nan, math.nan
-    H, p = kruskal(*(ranks[codes == one] for one in range(k)))
+    H, p = kruskal(*(ranks[codes == label] for label in range(k)))
     return (float(H) - k + 1) / (n - k), float(p)
 
 
@@ -308,19 +272,19 @@ def _partial(table: Mapping[str, pd.Series], ranks: FloatArray) -> dict[str, flo
     for name, column in table.items():
         if name not in numbers:
             codes = pd.factorize(column)[0]
-            columns += [(codes == one).astype(float) for one in range(1, codes.max() + 1)]
-    found = dict.fromkeys(table, math.nan)
+            columns += [(codes == label).astype(float) for label in range(1, codes.max() + 1)]
+    partials = dict.fromkeys(table, math.nan)
     correlations = np.corrcoef([*columns, ranks])
     if len(ranks) > len(columns) + 2 and np.linalg.cond(correlations) < COLLINEAR:
         inverse = np.linalg.inv(correlations)
         scale = np.sqrt(np.diag(inverse))
         partial = -inverse[-1] / (scale[-1] * scale)
-        found.update(zip(numbers, partial.tolist(), strict=False))
-    return found
+        partials.update(zip(numbers, partial.tolist(), strict=False))
+    return partials
 
 
 def _interval(rho: float, n: int, confidence: float) -> tuple[float, float]:
-    """Of a rank correlation, by the normal distribution of its area tangent."""
+    """Interval of a rank correlation, by the normal distribution of its area tangent."""
     if math.isnan(rho):
         return math.nan, math.nan
     if abs(rho) >= 1.0:
@@ -334,7 +298,7 @@ def _resampled(terms: FloatArray, resamples: int, seed: int) -> Iterator[FloatAr
     """Means of the terms over blocks drawn with replacement, some resamples at a time."""
     n = terms.shape[1]
     rng = np.random.default_rng(np.random.SeedSequence(seed))
-    some = max(1, AT_ONCE // n)
+    some = max(1, MAX_RESAMPLED // n)
     for first in range(0, resamples, some):
         size = min(some, resamples - first)
         yield rng.multinomial(n, np.full(n, 1.0 / n), size=size) @ terms.T / n

@@ -14,12 +14,12 @@ from flighttune.campaign.statistics.intervals import Estimate
 
 PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
 BETWEEN_SENTENCES = "; "
-"""What stands between the sentences of the column ``missed``."""
+"""Separator of the sentences of the column ``missed``."""
 
 GOT = ", got … (missed by …)"
 """End of a shared sentence without a number left in it, which is cut off."""
 
-FIRST, POINTS = 10, 25
+FIRST_PREFIX, POINTS = 10, 25
 """Smallest number of flights of a convergence curve, and its points."""
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=])-?(?:inf|nan)\b")
@@ -29,149 +29,71 @@ HELD, BROKEN, NOT_ENTERED = "held", "broken", "not entered"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
-    """Why several flights failed, in words that differ only in their numbers.
+    """Reason for which several flights failed, in words that differ only in their numbers."""
 
-    Attributes
-    ----------
-    text : str
-        With an ellipsis in place of each number that they do not share.
-    count : int
-    run : int
-        The first of them.
-    """
-
-    text: str
+    text: str  # with an ellipsis in place of each number that they do not share
     count: int
-    run: int
+    run: int  # first of these flights
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """Distribution of a measure over the completed flights that have it.
-
-    Attributes
-    ----------
-    n : int
-        Number of those flights.
-    mean : float
-    percentiles : mapping of str to Estimate
-        ``p05``, ``p50`` and ``p95``.
-    """
+    """Distribution of a measure over the completed flights that have it."""
 
     n: int
     mean: float
-    percentiles: Mapping[str, Estimate]
+    percentiles: Mapping[str, Estimate]  # p05, p50 and p95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
-    """Number of flights with one status.
-
-    Attributes
-    ----------
-    status : str
-    count : int
-    reasons : tuple of Reason
-        The most frequent first; empty for completed flights.
-    """
+    """Number of flights with one status."""
 
     status: str
     count: int
-    reasons: tuple[Reason, ...]
+    reasons: tuple[Reason, ...]  # the most frequent first; empty for completed flights
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertifiedCount:
-    """Whether the certified ultimate set held.
-
-    Attributes
-    ----------
-    held, broken, not_entered, lost : int
-        Flights; lost ones were not completed.
-    of_all : Estimate
-        Share that held of all flights.
-    of_entered : Estimate
-        Share that held of those that entered the set.
-    """
+    """Numbers of flights that stayed in the certified ultimate set, and that left it."""
 
     held: int
     broken: int
     not_entered: int
-    lost: int
-    of_all: Estimate
-    of_entered: Estimate
+    lost: int  # flights that were not completed
+    of_all: Estimate  # share of all flights for which the set held
+    of_entered: Estimate  # share of the flights that entered the set
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupSummary:
-    """The flights of one plant with one gain set.
-
-    Attributes
-    ----------
-    group : Group
-    n : int
-        Flights.
-    successes : int
-    success : Estimate
-        Their share.
-    statuses : tuple of Status
-        The most frequent first.
-    missed : tuple of Reason
-        What completed flights failed, the most frequent first; a flight may miss several.
-    measures : mapping of str to Spread
-        Of every measure that a completed flight has.
-    certified : CertifiedCount or None
-        None without a claim.
-    """
+    """The flights of one plant with one gain set."""
 
     group: Group
-    n: int
+    n: int  # flights
     successes: int
-    success: Estimate
-    statuses: tuple[Status, ...]
-    missed: tuple[Reason, ...]
-    measures: Mapping[str, Spread]
-    certified: CertifiedCount | None
+    success: Estimate  # success rate
+    statuses: tuple[Status, ...]  # the most frequent first
+    missed: tuple[Reason, ...]  # requirements missed by completed flights, the most frequent first
+    measures: Mapping[str, Spread]  # of every measure that a completed flight has
+    certified: CertifiedCount | None  # None without a claim
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConvergenceCurve:
-    """Estimates from the first flights of a group.
-
-    Attributes
-    ----------
-    group : Group
-    n : tuple of int
-        Numbers of flights, evenly spaced by their logarithm, all of them last.
-    success : tuple of Estimate
-        Success rate of each.
-    measure : str
-        A measure to be minimised.
-    p95 : tuple of Estimate
-        Its 95th percentile over the completed flights of each.
-    """
+    """Estimates from the first flights of a group."""
 
     group: Group
-    n: tuple[int, ...]
-    success: tuple[Estimate, ...]
-    measure: str
-    p95: tuple[Estimate, ...]
+    n: tuple[int, ...]  # numbers of flights, evenly spaced by their logarithm; the last is all
+    success: tuple[Estimate, ...]  # success rate of the first n flights
+    measure: str  # to be minimised
+    p95: tuple[Estimate, ...]  # 95th percentile of the measure over the completed ones among them
 
 
 def summaries(flights: Flights) -> tuple[GroupSummary, ...]:
-    """Summarise every group of a campaign.
+    """Summarise every group of a campaign that has flights, in the order of the plan.
 
-    Parameters
-    ----------
-    flights : Flights
-
-    Returns
-    -------
-    tuple of GroupSummary
-        In the order of the plan, without groups that have no flights.
-
-    Notes
-    -----
     Where draws of a design belong together (the blocks of Saltelli's, the cells of a grid), counts
     are replaced by effective ones, see `flighttune.campaign.statistics.intervals.effective_size`.
     Points of a Latin hypercube or Sobol sequence are taken as if they were independent: their
@@ -201,7 +123,7 @@ def _summary(group: Group, rows: pd.DataFrame, flights: Flights) -> GroupSummary
 
 
 def _statuses(rows: pd.DataFrame) -> tuple[Status, ...]:
-    found = [
+    statuses = [
         Status(
             status=str(name),
             count=len(own),
@@ -209,7 +131,7 @@ def _statuses(rows: pd.DataFrame) -> tuple[Status, ...]:
         )
         for name, own in rows.groupby("status", sort=False, observed=True)
     ]
-    return tuple(sorted(found, key=lambda one: -one.count))
+    return tuple(sorted(statuses, key=lambda status: -status.count))
 
 
 def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
@@ -219,14 +141,14 @@ def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
         for text, run in zip(failed["missed"].tolist(), failed["run"].tolist(), strict=True)
         for sentence in text.split(BETWEEN_SENTENCES)
     ]
-    found = reasons(*zip(*sentences, strict=True)) if sentences else ()
-    return tuple(replace(one, text=one.text.removesuffix(GOT)) for one in found)
+    missed = reasons(*zip(*sentences, strict=True)) if sentences else ()
+    return tuple(replace(reason, text=reason.text.removesuffix(GOT)) for reason in missed)
 
 
 def _spread(completed: pd.DataFrame, measure: str, flights: Flights) -> Spread:
     values, clusters = completed[measure].to_numpy(dtype=float), flights.clusters(completed)
-    known = ~np.isnan(values)
-    values, clusters = values[known], clusters[known]
+    measured = ~np.isnan(values)
+    values, clusters = values[measured], clusters[measured]
     return Spread(
         n=len(values),
         mean=float(np.mean(values)),
@@ -238,86 +160,66 @@ def _spread(completed: pd.DataFrame, measure: str, flights: Flights) -> Spread:
 
 def _certified(rows: pd.DataFrame, flights: Flights) -> CertifiedCount | None:
     said = rows["certified"].to_numpy(dtype=object)
-    held, broken, outside = (said == word for word in (HELD, BROKEN, NOT_ENTERED))
+    inside, broken, outside = (said == word for word in (HELD, BROKEN, NOT_ENTERED))
     lost = (rows["status"] != "completed").to_numpy()
-    entered = held | broken
+    entered = inside | broken
     if not (entered | outside).any():
         return None
     clusters, all_of = flights.clusters(rows), entered | outside | lost
     return CertifiedCount(
-        held=int(held.sum()),
+        held=int(inside.sum()),
         broken=int(broken.sum()),
         not_entered=int(outside.sum()),
         lost=int(lost.sum()),
-        of_all=flights.share(held[all_of], clusters[all_of]),
-        of_entered=flights.share(held[entered], clusters[entered]),
+        of_all=flights.share(inside[all_of], clusters[all_of]),
+        of_entered=flights.share(inside[entered], clusters[entered]),
     )
 
 
 def convergence(flights: Flights, measure: str) -> tuple[ConvergenceCurve, ...]:
-    """Success rate and percentiles of every group from its first flights on.
-
-    Parameters
-    ----------
-    flights : Flights
-    measure : str
-        A column of the rows.
-
-    Returns
-    -------
-    tuple of ConvergenceCurve
-        In the order of the plan, without groups that have no flights.
-    """
-    found = []
+    """Success rate and percentiles of the groups from their first flights on."""
+    curves = []
     for group, rows in flights.groups():
         clusters, success = flights.clusters(rows), rows["success"].to_numpy(dtype=bool)
         values = rows[measure].to_numpy(dtype=float)
-        known = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
+        measured = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
         counts = prefixes(len(rows))
-        first = [np.flatnonzero(known[:n]) for n in counts]
+        first = [np.flatnonzero(measured[:n]) for n in counts]
         q = PERCENTILES["p95"]
         p95 = tuple(flights.percentile(values[kept], q, clusters[kept]) for kept in first)
         rates = tuple(flights.share(success[:n], clusters[:n]) for n in counts)
-        found.append(
+        curves.append(
             ConvergenceCurve(group=group, n=tuple(counts), success=rates, measure=measure, p95=p95)
         )
-    return tuple(found)
+    return tuple(curves)
 
 
 def prefixes(n: int) -> list[int]:
     """Up to 25 numbers to `n`, evenly spaced by their logarithm, from 10 on or a quarter of `n`."""
-    first = max(1, min(FIRST, n // 4))
+    first = max(1, min(FIRST_PREFIX, n // 4))
     spaced: npt.NDArray[np.float64] = np.geomspace(first, n, POINTS)
     return sorted({round(value) for value in spaced.tolist()})
 
 
 def reasons(texts: Sequence[str], runs: Sequence[int]) -> tuple[Reason, ...]:
-    """Group sentences that differ in their numbers alone, the most frequent first.
-
-    Parameters
-    ----------
-    texts : sequence of str
-        Empty ones are left out.
-    runs : sequence of int
-        Run of each.
-    """
-    found: dict[str, list[int]] = {}
+    """Group sentences that differ in their numbers alone, the most frequent first."""
+    places_of: dict[str, list[int]] = {}
     for place, text in enumerate(texts):
         if text:
-            found.setdefault(_NUMBER.sub("…", text), []).append(place)
+            places_of.setdefault(_NUMBER.sub("…", text), []).append(place)
     grouped = [
         Reason(
             text=_shared([texts[place] for place in at]),
             count=len(at),
             run=int(runs[at[0]]),
         )
-        for at in found.values()
+        for at in places_of.values()
     ]
-    return tuple(sorted(grouped, key=lambda one: (-one.count, one.run)))
+    return tuple(sorted(grouped, key=lambda reason: (-reason.count, reason.run)))
 
 
 def _shared(texts: Sequence[str]) -> str:
     """The words of texts that differ in numbers alone, and the numbers that are the same."""
     places = zip(*(_NUMBER.findall(text) for text in texts), strict=True)
-    numbers = iter([one[0] if len(set(one)) == 1 else "…" for one in places])
+    numbers = iter([shown[0] if len(set(shown)) == 1 else "…" for shown in places])
     return _NUMBER.sub(lambda _: next(numbers), texts[0])

@@ -62,12 +62,12 @@ class Finding:
 
     @property
     def expected(self) -> dict[str, str | float]:
-        """What the paper says of each quantity compared."""
+        """Value that the paper states for each quantity compared."""
         return {check.what: check.expected for check in self.checks}
 
     @property
     def computed(self) -> dict[str, str | float]:
-        """What comes out for each quantity compared, or what is missing to compare anything."""
+        """Computed value of each quantity compared, or the reason for which there is none."""
         if not self.checks:
             return {"missing": self.claim.missing}
         return {check.what: check.computed for check in self.checks}
@@ -117,5 +117,5 @@ def lower_with_higher_R_K(name: str, from_high_to_low: pd.Series) -> Check:
 
 
 def text_of(value: str | float) -> str:
-    """What was expected or computed, for a table: a number with five digits."""
+    """An expected or computed value for a table: a number with five digits."""
     return value if isinstance(value, str) else number(value, ".5g")

@@ -39,7 +39,7 @@ def duffing_bound(study: Study) -> Checks:
 
 
 def duffing_attractor(study: Study) -> Checks:
-    """In the last quarter |f(x)| is inside S(0)."""
+    """The claim that |f(x)| is inside S(0) in the last quarter."""
     for name, case in _disturbed(study).items():
         late = case.norm_f[case.t >= 0.75 * case.t[-1]]
         yield at_most(f"largest |f| in the last quarter, {name}", late.max(), case.theorem.radius)

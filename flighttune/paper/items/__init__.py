@@ -10,7 +10,7 @@ from flighttune.paper.items import gains, histories, oscillator, trends
 from flighttune.paper.items.base import Assumption, Item
 from flighttune.shipped import nearest_name
 
-# What makes each item, in the order of the paper.
+# Maker of each item, in the order of the paper.
 MAKERS = {
     "fig3": oscillator.fig3,
     "gains": gains.gains,
@@ -48,13 +48,7 @@ ITEMS = _described()
 
 
 def chosen(names: Sequence[str]) -> tuple[Item, ...]:
-    """Items by name in the order of the paper; all for no names.
-
-    Raises
-    ------
-    InputError
-        If there is no item of a name.
-    """
+    """Items by name in the order of the paper; all for no names."""
     for name in names:
         if name not in ITEMS:
             names_of_items = ", ".join(ITEMS)

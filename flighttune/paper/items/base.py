@@ -16,7 +16,7 @@ class Made:
     """An item as computed."""
 
     figures: Mapping[str, Sheet]  # by file name; the first bears the item's name
-    # What the figures show, by file name; the first bears the item's name. Columns carry units
+    # Content of the figures, by file name; the first bears the item's name. Columns carry units
     tables: Mapping[str, pd.DataFrame]
     values: Mapping[str, Any]  # the numbers of the item, plain: ``--json`` prints them
     # Further numbers, which only its sentences name

@@ -35,7 +35,7 @@ READING_COLOURS = {
     "with rate limits and anti-windup": GREEN,
 }
 
-# Of a flight in a file: errors, their rates, commands after and before the limits.
+# Columns of a flight in a file: errors, their rates, commands after and before the limits.
 COLUMNS = (
     *("e_chi_rad", "e_gamma_rad", "e_chi_dot_radps", "e_gamma_dot_radps"),
     *("phi_rad", "n_z", "phi_wanted_rad", "n_z_wanted"),
