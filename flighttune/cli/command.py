@@ -70,13 +70,13 @@ def add_command(
         with working(doing, quiet=quiet, as_json=as_json):
             function(*args, **kwargs)
 
-    given = inspect.signature(function)
+    signature = inspect.signature(function)
     added = [
-        inspect.Parameter(one, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
-        for one, option in options.items()
+        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
+        for key, option in options.items()
     ]
-    command.__signature__ = given.replace(  # type: ignore[attr-defined]
-        parameters=[*given.parameters.values(), *added]
+    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[*signature.parameters.values(), *added]
     )
     command.__annotations__ = function.__annotations__ | options
     app.command(name or function.__name__, rich_help_panel=panel, epilog=f"Example: {example}")(

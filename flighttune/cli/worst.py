@@ -121,28 +121,28 @@ def worst(
         disturbance=disturbance,
         seed=seed,
     )
-    miss = found = None
+    miss = flight = None
     with campaign_pool(workers, scheduler) as pool:
         if rare:
             miss = rare_miss(source, settings, pool, threshold=threshold)
         else:
-            found = find_worst(source, settings, pool)
+            flight = find_worst(source, settings, pool)
     if miss is not None:
         emit(_rare(miss))
         return
-    if found is None:
+    if flight is None:
         fail(f"{source}: {GONE}", INTERRUPTED)
     written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
-    _write(found, written)
-    ratios = None if bounds is None else _beside(tube, bounds, fly(found.scenario).runs[0])
+    _write(flight, written)
+    ratios = None if bounds is None else _beside(tube, bounds, fly(flight.scenario).runs[0])
     values = {
-        **pick(found, "metric value first flights family distance radius status missed drawn"),
-        **pick(found.group, "plant gains"),
+        **pick(flight, "metric value first flights family distance radius status missed drawn"),
+        **pick(flight.group, "plant gains"),
         "ratio": ratios,
-        "ratio_of_search": None if found.reach is None else _ratios(found.reach),
+        "ratio_of_search": None if flight.reach is None else _ratios(flight.reach),
     }
-    drawn = [{"key": key, "value": value} for key, value in found.drawn.items()]
-    title = f"worst {found.metric} in {found.flights} flights"
+    drawn = [{"key": key, "value": value} for key, value in flight.drawn.items()]
+    title = f"worst {flight.metric} in {flight.flights} flights"
     emit(
         Answer(
             values=values,
@@ -150,7 +150,7 @@ def worst(
                 Table(title=title, columns=WORST_COLUMNS, records=[values]),
                 Table(title="drawn", columns=columns("key value"), records=drawn),
             ],
-            verdict=found.missed or "no requirement is missed",
+            verdict=flight.missed or "no requirement is missed",
             files={"scenario": written},
         )
     )
@@ -174,11 +174,11 @@ def _ratios(reach: "FloatArray") -> dict[str, float]:
     }
 
 
-def _write(found: "WorstFlight", path: Path) -> None:
+def _write(flight: "WorstFlight", path: Path) -> None:
     from flighttune.report.toml_text import toml_text
     from flighttune.whole_file import write_text
 
-    write_text(path, toml_text(found.scenario.as_dict()))
+    write_text(path, toml_text(flight.scenario.as_dict()))
 
 
 def _rare(miss: "RareMiss") -> Answer:

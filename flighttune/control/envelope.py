@@ -228,7 +228,7 @@ def vertex_loops(
 
 
 def _product(first: Range, second: Range) -> Range:
-    products = [one * other for one in first for other in second]
+    products = [a * b for a in first for b in second]
     return min(products), max(products)
 
 

@@ -77,7 +77,8 @@ class BoundCheck:
             return f"{symbol} without a value".strip()
         kept, broken = ("<=", ">") if self.sense == "at_most" else (">=", "<")
         rounded = (f"{self.value:.{digits}g}" for digits in range(FIGURES, 18))
-        text = next(one for one in rounded if replace(self, value=float(one)).met == self.met)
+        # The fewest digits that still show on which side of the bound the value lies.
+        text = next(text for text in rounded if replace(self, value=float(text)).met == self.met)
         return f"{symbol} {text} {kept if self.met else broken} {self.bound:g}".strip()
 
 
@@ -129,9 +130,9 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         bounded = any(t.at_most or t.at_least for t in tables)
         own = list(_bound_checks(tables, measures(run) if bounded else {}, run.label))
         bounds += own
-        missed += [f"{run.label}: {one.miss}" for one in own if not one.met]
+        missed += [f"{run.label}: {check.miss}" for check in own if not check.met]
     verdict = "not met" if missed else "met" if bounds or ends else "not tested"
-    expected = len(bounds) + len(ends) + len(missed) - sum(not one.met for one in bounds)
+    expected = len(bounds) + len(ends) + len(missed) - sum(not check.met for check in bounds)
     counted = f"Claim {verdict}: {expected - len(missed)} of {expected} requirements"
     sentence = _sentence(verdict, counted, bounds, missed, ends)
     return ClaimCheck(
@@ -163,7 +164,7 @@ def missed(
     wrong_end = _wrong_end(tables, status, reason)
     if wrong_end:
         return (wrong_end,)
-    return tuple(one.miss for one in _bound_checks(tables, measured) if not one.met)
+    return tuple(check.miss for check in _bound_checks(tables, measured) if not check.met)
 
 
 def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
@@ -203,10 +204,10 @@ def _sentence(
 ) -> str:
     if verdict == "not tested":
         return "Claim not tested: no [[expect]] is about these runs; all were completed"
-    if missed and all(one.met for one in bounds):
+    if missed and all(check.met for check in bounds):
         more = f" ({len(missed) - 1} more)" if missed[1:] else ""
         return f"Claim not met: {missed[0]}{more}"
-    shown = [one for one in bounds if one.met == (verdict == "met")]
+    shown = [check for check in bounds if check.met == (verdict == "met")]
     head = f"Claim {verdict}"
     if len(shown) > MOST_BOUNDS:
         shown = [max(shown, key=_nearness)]
@@ -217,18 +218,18 @@ def _sentence(
 
 def _clauses(bounds: Sequence[BoundCheck]) -> Iterator[str]:
     """Bounds of one measure together, the run behind them: ``ITAE χ 1 <= 2, γ 3 <= 4 (run)``."""
-    for run, of_run in groupby(bounds, key=lambda one: one.run):
+    for run, of_run in groupby(bounds, key=lambda check: check.run):
         parts = []
-        for key, alike in groupby(of_run, key=lambda one: one.measure):
+        for key, alike in groupby(of_run, key=lambda check: check.measure):
             label = METRIC_LABELS[in_rad(key)]
             unit = "rad" if key.endswith("_rad") else label.unit.replace("\u00a0", " ")
-            values = ", ".join(one.inequality for one in alike)
+            values = ", ".join(check.inequality for check in alike)
             parts.append(f"{label.name} {values} {unit if unit != '1' else ''}".rstrip())
         yield f"{'; '.join(parts)} ({run})"
 
 
-def _nearness(one: BoundCheck) -> float:
+def _nearness(check: BoundCheck) -> float:
     """How near to a miss, or how far into one, relative to the bound; first what has no value."""
-    if math.isnan(one.beyond):
+    if math.isnan(check.beyond):
         return math.inf
-    return one.beyond / max(abs(one.bound), abs(one.value), 1e-12)
+    return check.beyond / max(abs(check.bound), abs(check.value), 1e-12)

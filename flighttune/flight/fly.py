@@ -458,8 +458,8 @@ def library_versions() -> dict[str, str]:
 @cache
 def _installed() -> tuple[tuple[str, str], ...]:
     """Names and versions, looked up once: it takes as long as a tenth of a flight."""
-    found = [("python", platform.python_version())]
-    found += [(name, version(name)) for name in VERSIONED]
+    versions = [("python", platform.python_version())]
+    versions += [(name, version(name)) for name in VERSIONED]
     with suppress(PackageNotFoundError):  # it need not be there; rows of a batch are its own
-        found.append(("numba", version("numba")))
-    return tuple(found)
+        versions.append(("numba", version("numba")))
+    return tuple(versions)

@@ -173,30 +173,30 @@ def explain_flight(
         raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
     ladder = fly_ladder(scenario, aircraft, lag=lag, progress=progress)
     top = ladder.runs[-1]
-    found, check = mismatch(top), flight_check(top)
+    measured, check = mismatch(top), flight_check(top)
     early = [run for run in ladder.runs if run.reason]
     return Gap(
         scenario=scenario,
         status="cut_short" if early else "explained",
         reason=f"{early[0].label}: {early[0].reason}" if early else "",
-        runs=(*ladder.runs[:-1], with_mismatch(top, found, check)),
+        runs=(*ladder.runs[:-1], with_mismatch(top, measured, check)),
         indicators=indicators(
             closed_loop(scenario.kinematic_model(aircraft.provenance.law), gains)
         ),
         ladder=ladder,
-        mismatch=found,
+        mismatch=measured,
         check=check,
         verdict=check and check.verdict(),
         free=check and free_flight(check),
     )
 
 
-def with_mismatch(run: Run, found: Mismatch, check: FlightCheck | None) -> Run:
+def with_mismatch(run: Run, mismatch: Mismatch, check: FlightCheck | None) -> Run:
     """The run with the mismatch and, around its reference, the error bounds as signals.
 
     Values that are constant over a sample interval are stored at its start; the last is repeated.
     """
-    columns = {f"mismatch_{name}": found.d[:, i] for i, name in enumerate(CHANNELS)}
+    columns = {f"mismatch_{name}": mismatch.d[:, i] for i, name in enumerate(CHANNELS)}
     if check is not None:
         for i, name in enumerate(CHANNELS):
             reference = run.signals[f"{name}_ref"].to_numpy()[:-1]

@@ -125,8 +125,8 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
     half = 1.1 * max(largest, min(ultimate, WIDEST * largest))
     chart.y_range = (-half, half)
     bound = gap.check.error_bounds[:, column] * DEG_PER_RAD
-    held = held_or_broken(gap.check.t_broken)
-    chart.band(gap.check.t, -bound, bound, LIMIT, name=f"bound while nothing is limited: {held}")
+    outcome = held_or_broken(gap.check.t_broken)
+    chart.band(gap.check.t, -bound, bound, LIMIT, name=f"bound while nothing is limited: {outcome}")
     for side in (-ultimate, ultimate):
         chart.level(side, LIMIT, dash=DASHED)
     verdict = (

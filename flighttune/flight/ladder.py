@@ -217,15 +217,15 @@ def _step(lower: Run, upper: Run, adds: str) -> Step:
     below, above = pd.Series(flight_metrics(lower)), pd.Series(flight_metrics(upper))
     # Only these are measured on every rung: a point mass has no angle of attack.
     shared = [name for name in below.index if name in ("V_a_dev_mps", "n_z_min", "n_z_max")]
-    known = math.nan if _failure(lower) or _failure(upper) else 1.0
+    validity = math.nan if _failure(lower) or _failure(upper) else 1.0
     return Step(
         lower=lower.provenance.plant,
         upper=upper.provenance.plant,
         adds=adds,
         chi=(upper.signals["chi"] - lower.signals["chi"]).to_numpy(),
         gamma=(upper.signals["gamma"] - lower.signals["gamma"]).to_numpy(),
-        metrics=known * (channel_metrics(upper) - channel_metrics(lower)),
-        flight=known * (above - below).loc[shared],
+        metrics=validity * (channel_metrics(upper) - channel_metrics(lower)),
+        flight=validity * (above - below).loc[shared],
     )
 
 
@@ -238,7 +238,9 @@ def _failure(run: Run) -> str:
     """
     if run.status not in ("completed", "interrupted"):
         return f"ended early ({run.status.replace('_', ' ')})"
-    jumps, moved = (np.abs(np.diff(run.signals[f"chi_{one}"].to_numpy())) for one in ("err", "ref"))
+    jumps, moved = (
+        np.abs(np.diff(run.signals[f"chi_{part}"].to_numpy())) for part in ("err", "ref")
+    )
     wrapped = (jumps > math.pi) & (moved < REFERENCE_STEP)
     return "diverged (course error past 180 deg)" if wrapped.any() else ""
 
@@ -268,9 +270,9 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
     for table in aircraft:
         if table.label == plant:
             return table
-    known = ", ".join(table.label for table in aircraft)
+    labels = ", ".join(table.label for table in aircraft)
     raise InputError(
-        f"`plant` must be one of {known}, the aircraft of the scenario, got {plant!r}."
+        f"`plant` must be one of {labels}, the aircraft of the scenario, got {plant!r}."
     )
 
 

@@ -209,20 +209,20 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     inputs = {law.inputs for law in scenario.laws}
     # Numbers that do not say what they act on are those of the only kind of gains there is.
     untold = LAW_OF_INPUTS[inputs.pop() if len(inputs) == 1 else COMMANDS]
-    given = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
-    if own in (TUNED, TUNED_IDENTIFIED) and own not in given:
+    own_gains = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
+    if own in (TUNED, TUNED_IDENTIFIED) and own not in own_gains:
         if own == TUNED_IDENTIFIED:
             tuning = tune_scenario(scenario, "identified", law=law)
         elif tuning is None:
             tuning = tune_scenario(scenario, law=law)
         return tuning.gains if tuning.status == "optimal" else None
-    known = {**paper_family(), **given}
-    if own not in known:
-        names = [TUNED, *known, TUNED_IDENTIFIED]
+    available = {**paper_family(), **own_gains}
+    if own not in available:
+        names = [TUNED, *available, TUNED_IDENTIFIED]
         raise InputError(
             f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(own, names)}"
         )
-    return law.gains_from(known[own], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
+    return law.gains_from(available[own], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
 
 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
@@ -310,7 +310,7 @@ def certify_scenario(
         envelope=ranges,
         g=None if ranges is None else scenario.flight.g_mps2,
         L_d=L_d,
-        conditions=[((one.V_a, one.gamma), one.model) for one in everywhere],
+        conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
     )
 
@@ -336,7 +336,7 @@ def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
         If there is no identified model, or the conditions have lags of different order.
     """
     models = _identified_everywhere(scenario, scenario.law_for(gains))
-    loops = [scaled(closed_loop(one.model, gains), one.scaling) for one in models]
+    loops = [scaled(closed_loop(model.model, gains), model.scaling) for model in models]
     return common_Q(np.array(loops))
 
 
@@ -344,7 +344,7 @@ def _identified_everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, .
     """The identified models of every condition of the file, all of one order."""
     everywhere = scenario.tuning.model_copy(update={"robust": True})
     models = scenario.model_copy(update={"tuning": everywhere}).identified_models(law)
-    orders = sorted({len(one.model.states) for one in models})
+    orders = sorted({len(model.model.states) for model in models})
     if len(orders) > 1:
         raise InputError(
             f"`identified` must have lags of one order at every condition for a common Q, got "

@@ -100,11 +100,11 @@ def refly(
         raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")
     scenario = scenario_from(scenarios[0])
     names = scenario.gain_names
-    known = [f"{plant.label} / {name}" for plant in scenario.plant for name in names]
+    labels = [f"{plant.label} / {name}" for plant in scenario.plant for name in names]
     for run in runs:
-        if run.label not in known:
+        if run.label not in labels:
             raise RecordingError(
-                f"{run.label}: the run must be one of its scenario ({', '.join(known)}) "
+                f"{run.label}: the run must be one of its scenario ({', '.join(labels)}) "
                 "to be flown again."
             )
     again = fly(scenario, laws=laws, plants=plants, progress=progress)

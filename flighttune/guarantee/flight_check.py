@@ -161,13 +161,13 @@ def flight_check(run: Run) -> FlightCheck | None:
         return None
     try:
         loop = certified_loop(run.provenance.law.linear_model(trim), gains)
-        found = mismatch(run)
+        measured = mismatch(run)
     except InputError:  # a first reference at the vertical, gains of other channels
         return None
-    return loop and check_against(run, loop, found)
+    return loop and check_against(run, loop, measured)
 
 
-def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck:
+def check_against(run: Run, loop: CertifiedLoop, mismatch: Mismatch) -> FlightCheck:
     """Hold a run against a loop, given its mismatch.
 
     Parameters
@@ -175,7 +175,7 @@ def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck
     run : Run
     loop : CertifiedLoop
         Of its gains.
-    found : Mismatch
+    mismatch : Mismatch
         Of that run.
 
     Notes
@@ -194,14 +194,14 @@ def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck
     references = signals["chi_ref"].to_numpy(), signals["gamma_ref"].to_numpy()
     errors = signals["chi_err"].to_numpy(), signals["gamma_err"].to_numpy()
     t = run.t
-    turning = found.rates[:, 0], found.rates[:, 1]
+    turning = mismatch.rates[:, 0], mismatch.rates[:, 1]
     flown = error_states(t, errors=errors, references=references, rates=turning)
     limited = np.zeros(len(t) - 1, dtype=bool)
     for name in LIMITED:
         if name in signals:
             limited |= signals[name].to_numpy()[:-1] != 0.0
-    strength = np.linalg.norm(found.d_dot, axis=1)
-    middle, Q = found.t + 0.5 * np.diff(t), loop.indicators.Q
+    strength = np.linalg.norm(mismatch.d_dot, axis=1)
+    middle, Q = mismatch.t + 0.5 * np.diff(t), loop.indicators.Q
     assert Q is not None  # of a stable loop
     claimed = ~(flown.moved | limited)
     free = _free_response(middle, flown.level(Q), claimed, loop.indicators.R_K)

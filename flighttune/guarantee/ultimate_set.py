@@ -68,12 +68,12 @@ def certified_loop(model: LinearModel, gains: PIGains) -> CertifiedLoop | None:
     gains : PIGains
     """
     A_K, E = closed_loop(model, gains), disturbance_entry(model)
-    found = indicators(A_K)
-    if found.status != "stable":
+    values = indicators(A_K)
+    if values.status != "stable":
         return None
     unit = invariant_ellipsoid(A_K, E, L_d=1.0)
     shape = np.asarray(np.linalg.inv(unit.W), dtype=np.float64)
-    return CertifiedLoop(A_K=A_K, E=E, indicators=found, unit=unit, shape=shape)
+    return CertifiedLoop(A_K=A_K, E=E, indicators=values, unit=unit, shape=shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -140,12 +140,12 @@ class UltimateSet:
         if run.status != "completed" or len(run.signals) < LEAST_SAMPLES:
             return None
         names = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err")
-        found = signal_arrays(run, names)
+        signals = signal_arrays(run, names)
         return self.outcomes(
             run.t,
-            errors=(found["chi_err"], found["gamma_err"]),
-            references=(found["chi_ref"], found["gamma_ref"]),
-            angles=(found["chi"], found["gamma"]),
+            errors=(signals["chi_err"], signals["gamma_err"]),
+            references=(signals["chi_ref"], signals["gamma_ref"]),
+            angles=(signals["chi"], signals["gamma"]),
         ).item()
 
     def outcomes(
@@ -173,15 +173,15 @@ class UltimateSet:
         first = int(np.searchsorted(t[:-1] + 0.5 * np.diff(t), self.t_from))
         before = max(first - 1, 0)  # one interval more: whether the reference moved at the first
         dt = np.diff(t[before:])
-        found = error_states(
+        states = error_states(
             t[before:],
             errors=(errors[0][..., before:], errors[1][..., before:]),
             references=(references[0][..., before:], references[1][..., before:]),
             rates=(np.diff(angles[0][..., before:]) / dt, np.diff(angles[1][..., before:]) / dt),
         )
-        inside = self.contains(found.level(self.loop.shape))
+        inside = self.contains(states.level(self.loop.shape))
         late = slice(first - before, None)
-        return outcomes(inside[..., late], found.moved[..., late])
+        return outcomes(inside[..., late], states.moved[..., late])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -211,8 +211,8 @@ class Verdict:
     @property
     def sentence(self) -> str:
         """The outcome with its time, and whether the bound is vacuous."""
-        found = self.outcome if self.t_broken is None else held_or_broken(self.t_broken)
-        return f"{found}, {too_loose(self.claim)}" if self.claim.vacuous else found
+        outcome = self.outcome if self.t_broken is None else held_or_broken(self.t_broken)
+        return f"{outcome}, {too_loose(self.claim)}" if self.claim.vacuous else outcome
 
 
 def too_loose(claim: UltimateSet) -> str:

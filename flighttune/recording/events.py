@@ -120,14 +120,14 @@ def _held(run: Run) -> Iterator[Event]:
             continue
         t, states = runs_of_equal(*_of(run, name))
         ends = np.append(t[1:], run.duration)
-        held = np.flatnonzero(states != 0.0)
-        for k in held[:MOST_HOLDS].tolist():
+        limited = np.flatnonzero(states != 0.0)
+        for k in limited[:MOST_HOLDS].tolist():
             limit = "its rate limit" if HELD.get(int(states[k])) == "rate" else "its limit"
             lasting = f"{ends[k] - t[k]:.2f} s"
             yield Event(float(t[k]), "limit", f"{word} command held by {limit} for {lasting}")
-        if len(held) > MOST_HOLDS:
-            more = f"{word} command held {len(held) - MOST_HOLDS} times more, not listed"
-            yield Event(float(t[held[MOST_HOLDS]]), "limit", more)
+        if len(limited) > MOST_HOLDS:
+            more = f"{word} command held {len(limited) - MOST_HOLDS} times more, not listed"
+            yield Event(float(t[limited[MOST_HOLDS]]), "limit", more)
 
 
 def _gust(run: Run) -> Iterator[Event]:

@@ -72,7 +72,7 @@ def page_of(flown: FlownScenario) -> str:
     return scenario_page(
         flown.runs,
         scenario=flown.scenario.as_dict(),
-        indicators={name: (found.R_K, found.I_K) for name, found in flown.indicators.items()},
+        indicators={name: (values.R_K, values.I_K) for name, values in flown.indicators.items()},
         metrics=flown.metrics,
         flight=flown.flight,
     )

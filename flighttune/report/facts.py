@@ -162,7 +162,7 @@ def facts_of(source: Source) -> Facts:
         styles=run_styles(source.runs),
         final_errors={run.label: final_errors(run) for run in runs},
         gains=gains,
-        checks={run.label: one for run in runs if (one := flight_check(run)) is not None},
+        checks={run.label: check for run in runs if (check := flight_check(run)) is not None},
         aircraft=_aircraft(runs),
         gaps=gaps,
         without_gap=without,
@@ -206,7 +206,7 @@ def _certificates_and_frontier(
     curve = frontier(
         tuning_problem(scenario),
         points=FRONTIER_POINTS,
-        marked={one.name: one.gains for one in gains},
+        marked={gain_set.name: gain_set.gains for gain_set in gains},
         starts=0,  # drawn gains find the same curve in twice the time
     )
     return gains, curve
@@ -236,13 +236,13 @@ def _aircraft(runs: Sequence[Run]) -> Comparison | None:
             return None
         sides.append(tuple(run for run in side if run.provenance.plant == side[0].provenance.plant))
     law, craft = (Source(name=side[0].provenance.plant, runs=side) for side in sides)
-    found = compare(law, craft)
-    return found if found.comparable else None
+    comparison = compare(law, craft)
+    return comparison if comparison.comparable else None
 
 
 def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[tuple[Gap, ...], tuple[str, ...]]:
     """Of the first aircraft, as its files say and off the nominal."""
-    found, without = [], []
+    gaps, without = [], []
     aircraft = [table for table in scenario.plant if table.aircraft is not None]
     plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
     flown = [run for run in runs if run.provenance.plant in plants]
@@ -254,7 +254,7 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[tuple[Gap, ...], tup
             )
             continue
         try:
-            found.append(explain_flight(scenario, run))
+            gaps.append(explain_flight(scenario, run))
         except FlightTuneError as error:
             without.append(f"{run.label}: {error}")
-    return tuple(found), tuple(without)
+    return tuple(gaps), tuple(without)

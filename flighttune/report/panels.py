@@ -95,8 +95,8 @@ def commands(flights: Flights) -> list[Chart]:
         room = LANE * (len(flights.runs) + 1)
         chart.y_range = low - room / (1.0 - room) * (high - low), high
         for place, (run, style) in enumerate(styled(flights)):
-            held = run.signals[f"{name}_limited"].to_numpy() != 0.0
-            chart.spans(_spans(run.t, held), LANE * (place + 0.8), style.colour, run=run.label)
+            limited = run.signals[f"{name}_limited"].to_numpy() != 0.0
+            chart.spans(_spans(run.t, limited), LANE * (place + 0.8), style.colour, run=run.label)
         charts.append(chart)
     return charts
 

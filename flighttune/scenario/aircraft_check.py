@@ -98,12 +98,12 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
 def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
     """Ranges of commands that do not overlap with those of the aircraft."""
     limits = scenario.limits
-    for key, given, (low, high), unit, symbol in (
+    for key, asked, (low, high), unit, symbol in (
         ("phi_deg", limits.phi_deg, config.limits.phi, DEG, " deg"),
         ("n_z", limits.n_z, config.limits.n_z, 1.0, ""),
     ):
-        if given is not None and not (given[0] < high / unit and low / unit < given[1]):
+        if asked is not None and not (asked[0] < high / unit and low / unit < asked[1]):
             yield (
                 f"[limits] `{key}` must overlap {low / unit:g} to {high / unit:g}{symbol} "
-                f"({config.file}), got {given}"
+                f"({config.file}), got {asked}"
             )

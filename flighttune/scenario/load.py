@@ -144,11 +144,11 @@ def existing_file(
     ScenarioError
         If there is no such file.
     """
-    found = Path(path)
-    if found.is_file():
-        return found
-    name = found.name.removesuffix(".toml")
-    if name in shipped and found.parent in (Path(), *map(Path, folders)):
+    file = Path(path)
+    if file.is_file():
+        return file
+    name = file.name.removesuffix(".toml")
+    if name in shipped and file.parent in (Path(), *map(Path, folders)):
         return shipped[name]
     raise ScenarioError(
         f"{path}: the {kind} must be a file or one of {', '.join(shipped)}; there is no such file"

@@ -210,11 +210,11 @@ class Scenario(Table):
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
         names = self.gain_names
-        known = [TUNED, *paper_family(), TUNED_IDENTIFIED]
+        available = [TUNED, *paper_family(), TUNED_IDENTIFIED]
         for entry in self.gains:
-            if isinstance(entry, str) and entry not in known:
+            if isinstance(entry, str) and entry not in available:
                 raise ValueError(
-                    f"`gains` must name {', '.join(known)} or give K_P and K_I, got {entry!r}"
+                    f"`gains` must name {', '.join(available)} or give K_P and K_I, got {entry!r}"
                 )
         if TUNED_IDENTIFIED in self.gains or self.tuning.model == "identified":
             self._identified()
@@ -265,10 +265,10 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _swings_as_air_does(self) -> "Scenario":
-        given = self.disturbance
-        for channel in ("chi", "gamma") if given and given.as_wind else ():
-            amplitude = abs(getattr(given, f"{channel}_amplitude"))
-            omega = getattr(given, f"{channel}_omega_rad_s")
+        disturbance = self.disturbance
+        for channel in ("chi", "gamma") if disturbance and disturbance.as_wind else ():
+            amplitude = abs(getattr(disturbance, f"{channel}_amplitude"))
+            omega = getattr(disturbance, f"{channel}_omega_rad_s")
             wind = self.flight.V_a_mps * amplitude / omega if amplitude else 0.0
             if wind > FASTEST_WIND:
                 raise ValueError(
@@ -279,13 +279,13 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _scaling_fits(self) -> "Scenario":
-        given = self.tuning.state_scaling
-        if given is not None:
+        scaling = self.tuning.state_scaling
+        if scaling is not None:
             n, _, p = self.linear_model().shape
-            if len(given) != n + p:
+            if len(scaling) != n + p:
                 raise ValueError(
                     f"`state_scaling` of [tuning] must be {n + p} numbers, one a state and one an "
-                    f"error, got {len(given)}"
+                    f"error, got {len(scaling)}"
                 )
         return self
 
@@ -365,8 +365,8 @@ class Scenario(Table):
         for table in self.plant:
             if table.label == label:
                 return table
-        known = ", ".join(table.label for table in self.plant)
-        raise InputError(f"`plant` must be one of {known}, got {label}.")
+        labels = ", ".join(table.label for table in self.plant)
+        raise InputError(f"`plant` must be one of {labels}, got {label}.")
 
     @property
     def windy(self) -> bool:
@@ -446,8 +446,8 @@ class Scenario(Table):
                 )
         condition = self.condition
         start_deg = [
-            flown if given is None else given
-            for flown, given in (
+            flown if start is None else start
+            for flown, start in (
                 (f.chi_deg, reference.chi_from_deg),
                 (f.gamma_deg, reference.gamma_from_deg),
             )
@@ -554,10 +554,12 @@ def _lift_and_limits(aircraft: str, V_a: float) -> Limits:
     return replace(limits, lower=at_lift * limits.lower, upper=at_lift * limits.upper)
 
 
-def _bounds(*given: float | list[float] | None) -> FloatArray:
+def _bounds(*limits: float | list[float] | None) -> FloatArray:
     """Lower and upper bounds of (phi in deg, n_z) as rows, in rad and 1."""
-    ranges = [
-        [-np.inf, np.inf] if one is None else one if isinstance(one, list) else [-one, one]
-        for one in given
-    ]
+    ranges = []
+    for limit in limits:
+        if limit is None:
+            ranges.append([-np.inf, np.inf])
+        else:
+            ranges.append(limit if isinstance(limit, list) else [-limit, limit])
     return np.array(ranges).T * [DEG, 1.0]

@@ -212,7 +212,7 @@ class ReferenceTable(Table):
         duration : float, s
         """
         segments = self.gamma_deg if isinstance(self.gamma_deg, list) else []
-        inside = {t for one in segments for t in one.breaks if t < duration}
+        inside = {t for segment in segments for t in segment.breaks if t < duration}
         ends = np.array(sorted({0.0, duration, *inside}))
         # Between two breaks the sum is straight; it may jump at a break, or just beside it.
         before, between = np.nextafter(ends[1:], 0.0), 0.5 * (ends[1:] + ends[:-1])
@@ -477,11 +477,11 @@ class WindTable(Table):
     @model_validator(mode="after")
     def _one_or_levels(self) -> "WindTable":
         fields = {name: field.default for name, field in type(self).model_fields.items()}
-        given = {name for name, default in fields.items() if getattr(self, name) != default}
-        given -= {"level"}
+        constant = {name for name, default in fields.items() if getattr(self, name) != default}
+        constant -= {"level"}
         if self.level is not None:
-            if given:
-                raise ValueError(f"`{min(given)}` must be absent where there are levels")
+            if constant:
+                raise ValueError(f"`{min(constant)}` must be absent where there are levels")
             heights = [level.h_m for level in self.level]
             if any(a >= b for a, b in pairwise(heights)):
                 raise ValueError(f"`level` must rise in h_m, got {heights}")
@@ -743,11 +743,11 @@ class ExpectTable(Table):
             raise ValueError("`status`, `at_most` or `at_least` must be given")
         for bounds in (self.at_most, self.at_least):
             for subject, limits in bounds.items():
-                known = FLIGHT_METRICS if subject == "flight" else CHANNEL_MEASURES
+                measures = FLIGHT_METRICS if subject == "flight" else CHANNEL_MEASURES
                 for name in limits:
-                    if in_rad(name) not in known:
+                    if in_rad(name) not in measures:
                         raise ValueError(
-                            f"`{subject}.{name}` must be one of {', '.join(known)} "
+                            f"`{subject}.{name}` must be one of {', '.join(measures)} "
                             "(or _deg in place of _rad)"
                         )
         return self

@@ -153,8 +153,8 @@ class Flights:
                 for c in _many(FlightCondition, condition)
             ],
             "bounds": [
-                (one.lower, one.upper, one.rate_lower, one.rate_upper)
-                for one in _many(Limits, Limits.none(2) if limits is None else limits)
+                (ranges.lower, ranges.upper, ranges.rate_lower, ranges.rate_upper)
+                for ranges in _many(Limits, Limits.none(2) if limits is None else limits)
             ],
             "waves": [
                 (d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in waves
@@ -352,7 +352,7 @@ def _sensor_errors(
 ) -> FloatArray:
     """Errors of the sensors of some flights, shape (flights, samples, 3)."""
     chosen = sensors[first:end] if len(sensors) > 1 else sensors[: end - first]
-    made = np.array([one.errors(samples, dt) for one in chosen])
+    made = np.array([sensor.errors(samples, dt) for sensor in chosen])
     return np.resize(made, (end - first if sensors else 0, samples, len(SENSED)))
 
 
@@ -394,8 +394,8 @@ def _one_each(flights: Flights, name: str, value: Floats) -> FloatArray:
     return np.ascontiguousarray(np.broadcast_to(values, len(flights)))
 
 
-def _many(kind: type[T], given: T | Iterable[T]) -> list[T]:
-    return [given] if isinstance(given, kind) else list(given)  # type: ignore[arg-type]
+def _many(kind: type[T], values: T | Iterable[T]) -> list[T]:
+    return [values] if isinstance(values, kind) else list(values)  # type: ignore[arg-type]
 
 
 def _repeated(name: str, values: list[Any], flights: int) -> FloatArray:

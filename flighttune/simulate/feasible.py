@@ -117,7 +117,8 @@ class FeasibleReference:
         """Return the mean rates of chi and gamma (rad/s) over the sample of each time `t` (s)."""
         sample = np.clip(np.floor(np.asarray(t) / self.dt + 1e-6).astype(np.intp), 0, len(self.chi))
         chi, gamma = (
-            np.append(np.diff(one), [0.0, 0.0])[sample] / self.dt for one in (self.chi, self.gamma)
+            np.append(np.diff(angle), [0.0, 0.0])[sample] / self.dt
+            for angle in (self.chi, self.gamma)
         )
         return chi, gamma
 
@@ -232,7 +233,7 @@ def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
         near = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
         slopes = (near[1:] - near[0]) / DIFFERENCE
         reach = radius * scale
-        found = linprog(
+        program = linprog(
             cost,
             A_ub=np.hstack([rows, broken]),
             b_ub=bounds - rows @ x,
@@ -247,10 +248,10 @@ def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
                 *[(0.0, None)] * 5,
             ],
         )
-        if found.x is None:
+        if program.x is None:
             break
-        expected = best - x[-1] - float(cost @ found.x)
-        step = x + found.x[:size]
+        expected = best - x[-1] - float(cost @ program.x)
+        step = x + program.x[:size]
         better = best - (reached := merit(step))
         if better > 0.1 * expected:
             x, best, radius = step, reached, min(1.6 * radius, 0.5)
@@ -294,7 +295,8 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     before = np.minimum(at.astype(np.intp), KNOTS - 1)
     share = at - before
     fine_phi, fine_n_z = (
-        (1.0 - share) * one[:, before] + share * one[:, before + 1] for one in (phi, n_z)
+        (1.0 - share) * command[:, before] + share * command[:, before + 1]
+        for command in (phi, n_z)
     )
     turned, gamma = np.zeros(len(x)), np.full(len(x), manoeuvre.start[1])
 

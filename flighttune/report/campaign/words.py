@@ -7,9 +7,9 @@ from flighttune.present.palette import LineStyle, line_styles
 from flighttune.scenario.tables import ExpectTable
 
 
-def styles_of(found: Findings) -> dict[str, LineStyle]:
+def styles_of(findings: Findings) -> dict[str, LineStyle]:
     """Line style of every group by its label, as in the report of its scenario."""
-    plan = found.flights.plan
+    plan = findings.flights.plan
     pairs = [(plant.label, name) for plant in plan.scenario.plant for name in plan.gain_sets]
     styles = line_styles(pairs)
     return {Group(*pair).label: style for pair, style in styles.items()}
