@@ -285,9 +285,9 @@ def _verify_tube(file: Path, conformance: Path | None) -> None:
 
 
 def _certification(made: "Certification") -> dict[str, Any]:
-    """What is proven: the norm of s decays at half the rate from at most `growth` times its start.
+    """Proven claim: the norm of s decays at half the rate from at most `growth` times its start.
 
-    All but the status and its reason is null where there is no certificate.
+    Without a certificate all values but the status and its reason are null.
     """
     certificate, growth = made.certificate, None
     if certificate is not None:

@@ -1,4 +1,4 @@
-"""What every command has: a place in the help, an example, --json, -q, and a status line."""
+"""Common parts of commands: place in the help, example, --json, -q and status line."""
 
 import inspect
 from collections.abc import Callable
@@ -48,19 +48,18 @@ def add_command(
 
     Parameters
     ----------
-    app : Typer
     function : callable
         The command; its docstring is the help.
     doing : str
-        What a terminal shows while it works, such as ``tuning``.
+        Status on a terminal while it works, such as ``tuning``.
     example : str
         A command line that its help ends with.
     name : str, optional
-        Where it is not that of the function.
+        Name of the command [default: the function's name].
     panel : str, optional
         Heading it is listed under.
     answers : bool
-        Whether it prints an answer, which can be a JSON object.
+        True if it prints an answer, which can be a JSON object.
     """
     options = {"as_json": JsonOption} if answers else {}
     options["quiet"] = QuietOption

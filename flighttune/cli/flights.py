@@ -293,7 +293,7 @@ def _indicators(flown: "FlownScenario", gains: str) -> dict[str, float | None]:
 
 
 def _settling(run: "Run") -> dict[str, str]:
-    """What stands for a settling time that there is none of, by the key of its column."""
+    """Word in place of a missing settling time, by the key of its column."""
     from flighttune.metrics import channel_metrics, has_step
 
     if len(run.signals) < 2:

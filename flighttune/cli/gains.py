@@ -202,7 +202,7 @@ def _tune_over_envelope(source: str) -> Answer:
 
 
 def _diagnosis_tables(why: dict[str, Any] | None) -> list[Table]:
-    """What the limits allow at best, and what each of them costs."""
+    """Best rate within the limits, and the cost of each limit."""
     if why is None:
         return []
     return [

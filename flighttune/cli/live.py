@@ -43,7 +43,6 @@ def live_viewer(scenario: "Scenario", *, pace: float | None) -> Iterator["Observ
 
     Parameters
     ----------
-    scenario : Scenario
     pace : float or None
         Seconds of flight a second.
     """

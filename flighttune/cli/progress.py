@@ -44,17 +44,17 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
 
 
 class CampaignDisplay(CampaignObserver):
-    """Shows on stderr how far a campaign is, and stops it when asked to.
+    """Progress of a campaign on stderr; stops the campaign on request.
 
     Parameters
     ----------
     bar : rich.progress.Progress or None
-        Where to show it; lines are printed without.
+        Bar that shows the progress; None prints lines instead.
 
     Attributes
     ----------
     stopped : bool
-        Whether the campaign shall stop.
+        True once the campaign has been asked to stop.
     """
 
     def __init__(self, bar: Any) -> None:

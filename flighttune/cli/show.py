@@ -1,4 +1,4 @@
-"""How commands answer: one JSON object, or tables and lines, on stdout; reasons on stderr."""
+"""Output of commands: one JSON object, or tables and lines, on stdout; reasons on stderr."""
 
 import os
 import sys
@@ -20,7 +20,7 @@ MAX_REASON = 1500
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 _JSON: ContextVar[bool] = ContextVar("as_json", default=False)
 _DOING: ContextVar[str] = ContextVar("doing", default="")
-"""What stands on the last line of a terminal's stderr until something else is printed."""
+"""Status on the last line of a terminal's stderr until something else is printed."""
 
 
 @contextmanager
@@ -40,17 +40,17 @@ def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]
 
 
 def watched() -> bool:
-    """Whether someone follows what a command does: stderr is a terminal, and -q is not given."""
+    """Whether to show progress: stderr is a terminal, and -q is absent."""
     return sys.stderr.isatty() and not quiet()
 
 
 def quiet() -> bool:
-    """Whether -q is given."""
+    """Whether the command has -q."""
     return _QUIET.get()
 
 
 def as_json() -> bool:
-    """Whether --json is given: stdout is for one object alone."""
+    """Whether the command has --json: stdout then takes a single object."""
     return _JSON.get()
 
 

@@ -129,7 +129,7 @@ def tube(
             disturbance=disturbance,
             conformance=None if conformance is None else load_conformance(conformance),
             law=law,
-            progress=progress and (lambda part: progress(f"tube {name}", part)),
+            progress=None if progress is None else (lambda part: progress(f"tube {name}", part)),
         )
     inside = flights_inside(enclosure)
     # A tube that its own flight leaves is wrong: neither bounds nor a proof of them are written.
@@ -179,7 +179,7 @@ def _largest_disturbance(
             plant=plant,
             start=start,
             law=law,
-            progress=progress and (lambda part: progress(f"tube {name}", part)),
+            progress=None if progress is None else (lambda part: progress(f"tube {name}", part)),
         )
     records = [
         {"disturbance": float(run.problem.d_high.max()), **pick(run, "status reason")}
@@ -231,7 +231,7 @@ def tube_values(tube: "Tube") -> dict[str, Any]:
 
 
 def problem_tables(tube: "Tube", values: Mapping[str, Any], gains: str) -> list[Table]:
-    """Which flights a tube encloses, and how widely; `gains` is what to call its gains."""
+    """Tables of the flights that a tube encloses and its widths; `gains` names its gains."""
     problem = tube.problem
     flight, limits = problem.scenario.flight, problem.limits
     kind = problem.table.family.enclosed
@@ -284,7 +284,7 @@ def problem_tables(tube: "Tube", values: Mapping[str, Any], gains: str) -> list[
 
 
 def bounds_after(tube: "Tube") -> list[str]:
-    """What holds after the time that is enclosed, and what was counted, in sentences."""
+    """Sentences on the bounds after the enclosed time, and on the flights counted."""
     problem = tube.problem
     if tube.lost is not None:
         boxes = (

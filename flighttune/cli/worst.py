@@ -157,7 +157,7 @@ def worst(
 
 
 def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, float]:
-    """How many times wider a tube is than a flight needs, which is written next to it."""
+    """Ratio of a tube's width to the flight's deviation, written next to the flight."""
     from flighttune.tube.of_run import write_worst
 
     ratios = bounds.ratios(run)
@@ -167,7 +167,7 @@ def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, fl
 
 
 def _ratios(reach: "FloatArray") -> dict[str, float]:
-    """How many times wider a tube is than all flights of a search need, by channel."""
+    """Ratio of a tube's width to the reach of all flights of a search, by channel."""
     return {
         channel: 1.0 / share if share else math.inf  # no flight came to its end
         for channel, share in zip(("chi", "gamma"), reach.tolist(), strict=True)

@@ -167,7 +167,6 @@ def jacobian_hull(envelope: Envelope, *, g: float, hull: Hull = "speed") -> Jaco
 
     Parameters
     ----------
-    envelope : Envelope
     g : float, m/s^2
         Acceleration of gravity, positive.
     hull : "entries" or "speed"

@@ -1,4 +1,4 @@
-"""Whether flown runs meet what their scenario expects of them."""
+"""Check of flown runs against the requirements of their scenario."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,11 +13,11 @@ from flighttune.scenario.tables import Bounds, ExpectTable, in_rad
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
-MOST_BOUNDS = 4
-"""Bounds that a sentence lists; of more it names the one nearest to a miss."""
+MAX_BOUNDS = 4
+"""Maximum number of bounds in a sentence; of more it names only the closest one."""
 
-MOST_WORDS = 16
-"""Of the short sentence."""
+MAX_WORDS = 16
+"""Maximum number of words of the short sentence."""
 
 FIGURES = 3
 """Significant figures of a measured value, more where rounding would hide a miss."""
@@ -27,31 +27,20 @@ Sense: TypeAlias = Literal["at_most", "at_least"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundCheck:
-    """A measure of a run against one bound of the scenario.
+    """A measure of a run against one bound of the scenario."""
 
-    Attributes
-    ----------
-    run : str
-        Label of the run; empty where only one is checked.
-    subject : str
-        ``chi``, ``gamma`` or ``flight``.
-    measure : str
-        Key of the measure as the scenario writes it; ``_deg`` in place of ``_rad`` is in degrees.
-    sense : "at_most" or "at_least"
-    bound, value : float
-        In the unit of `measure`; the value is NaN where the run has none.
-    """
-
-    run: str
-    subject: str
+    run: str  # Label of the run; empty where only one is checked
+    subject: str  # ``chi``, ``gamma`` or ``flight``
+    # Key of the measure as the scenario writes it; ``_deg`` in place of ``_rad`` is in degrees
     measure: str
     sense: Sense
+    # Both in the unit of `measure`; the value is NaN where the run has none
     bound: float
     value: float
 
     @property
     def beyond(self) -> float:
-        """How far the value lies beyond the bound; NaN without a value."""
+        """Distance of the value beyond the bound; NaN without a value."""
         return self.value - self.bound if self.sense == "at_most" else self.bound - self.value
 
     @property
@@ -84,27 +73,15 @@ class BoundCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimCheck:
-    """The claim of a scenario against its runs.
+    """The claim of a scenario against its runs."""
 
-    Attributes
-    ----------
-    verdict : "met", "not met" or "not tested"
-        Not tested where no ``[[expect]]`` is about these runs and all were completed.
-    sentence : str
-        The verdict with its numbers.
-    short : str
-        The same, only counted where it would be long.
-    bounds : tuple of BoundCheck
-        Every bound that was checked.
-    missed : tuple of str
-        A sentence for each requirement that a run does not meet: the run, the measure, its bound,
-        the value and by how much it missed.
-    """
-
+    # Not tested where no ``[[expect]]`` is about these runs and all were completed
     verdict: Literal["met", "not met", "not tested"]
-    sentence: str
-    short: str
-    bounds: tuple[BoundCheck, ...]
+    sentence: str  # The verdict with its numbers
+    short: str  # The same, only counted where it would be long
+    bounds: tuple[BoundCheck, ...]  # Every bound that was checked
+    # A sentence for each requirement that a run does not meet: the run, the measure, its bound,
+    # the value and by how much it missed
     missed: tuple[str, ...]
 
 
@@ -138,7 +115,7 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     return ClaimCheck(
         verdict=verdict,
         sentence=sentence,
-        short=sentence if len(sentence.split()) <= MOST_WORDS else counted,
+        short=sentence if len(sentence.split()) <= MAX_WORDS else counted,
         bounds=tuple(bounds),
         missed=tuple(missed),
     )
@@ -157,7 +134,7 @@ def missed(
     tables : sequence of ExpectTable
         Those that mean the run. Where none names a status it must be completed.
     status, reason : str
-        How the run ended.
+        Status with which the run ended.
     measured : mapping
         Its `measures`; empty for a flight too short to have any.
     """
@@ -168,7 +145,7 @@ def missed(
 
 
 def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
-    """What is wrong with how a run ended; empty where nothing is."""
+    """Fault in the way a run ended; empty if there is none."""
     expected = [t.status for t in tables if t.status] or ["completed"]
     if status in expected:
         return ""
@@ -209,7 +186,7 @@ def _sentence(
         return f"Claim not met: {missed[0]}{more}"
     shown = [check for check in bounds if check.met == (verdict == "met")]
     head = f"Claim {verdict}"
-    if len(shown) > MOST_BOUNDS:
+    if len(shown) > MAX_BOUNDS:
         shown = [max(shown, key=_nearness)]
         closest = "closest to its bound" if verdict == "met" else "furthest off"
         head = f"{counted}; {closest}"
@@ -229,7 +206,7 @@ def _clauses(bounds: Sequence[BoundCheck]) -> Iterator[str]:
 
 
 def _nearness(check: BoundCheck) -> float:
-    """How near to a miss, or how far into one, relative to the bound; first what has no value."""
+    """Margin relative to the bound; infinite if the run has no value."""
     if math.isnan(check.beyond):
         return math.inf
     return check.beyond / max(abs(check.bound), abs(check.value), 1e-12)

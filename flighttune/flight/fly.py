@@ -55,7 +55,7 @@ class FlownScenario:
     indicators : mapping of str to Indicators
         R_K and I_K on the linear model of the scenario, by name of the gain set.
     tuning : TuningResult or None
-        How the gains named ``tuned`` were found, where the scenario asks for them.
+        Result of the tuning of the gains ``tuned``, where the scenario asks for them.
     """
 
     scenario: Scenario
@@ -99,12 +99,12 @@ class Observer(Protocol):
     Attributes
     ----------
     stopped : bool
-        Whether no further run may begin.
+        True once no further run may begin.
     """
 
     @property
     def stopped(self) -> bool:
-        """Whether no further run may begin."""
+        """True once no further run may begin."""
         ...
 
     def watch(self, plant: Plant, label: str) -> Plant:
@@ -125,7 +125,7 @@ def fly(
     Parameters
     ----------
     scenario : Scenario
-        What to fly.
+        The scenario to fly.
     laws : mapping of str to callable, optional
         Laws of your own by name, flown besides those of the scenario: each is called with a
         `LawSetup` for every flight and returns a `Controller`.
@@ -174,7 +174,7 @@ def linear_loop(
 
 
 def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
-    """What a law of a scenario is made with."""
+    """The setup from which a law of a scenario is made."""
     settings, flight = scenario.controller, scenario.flight
     return LawSetup(
         dt=1.0 / settings.rate_hz,
@@ -199,11 +199,11 @@ def plant_of(
     Parameters
     ----------
     table : PlantTable
-        Which plant.
+        The plant to make.
     scenario : Scenario
         Its weather, seed and rates.
     wind : WindRecord, optional
-        What a plant that is no aircraft flies in; still air by default.
+        Air of a plant that is no aircraft; still by default.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def plant_of(
         return PointMassPlant(
             table.lags(),
             wind=wind,
-            disturbance=scenario.disturbance and scenario.disturbance.sinusoid(),
+            disturbance=None if scenario.disturbance is None else scenario.disturbance.sinusoid(),
             law=table.family.turn,
             g=scenario.flight.g_mps2,
         )
@@ -233,7 +233,7 @@ def plant_of(
         weather=scenario.weather(),
         ground=scenario.flight.ground_m,
         throttle_max=table.throttle_max,
-        off_nominal=table.airframe and table.airframe.off_nominal(),
+        off_nominal=None if table.airframe is None else table.airframe.off_nominal(),
     )
     return steered(aircraft, scenario)
 
@@ -297,12 +297,10 @@ def fly_alone(
 
     Parameters
     ----------
-    scenario : Scenario
     table : PlantTable
         The plant.
     gains : PIGains or None
         None where tuning found none.
-    gains_name : str
     wind_run : Run, optional
         The flight of the same gains whose wind a plant that is no aircraft replays; without one it
         flies in the steady wind of the scenario.
@@ -366,13 +364,12 @@ def fly_once(
     ----------
     scenario : Scenario
         Its manoeuvre, sensors and controller settings are flown.
-    plant : Plant
     gains : PIGains or None
         None where tuning found none: the run then says so.
     plant_label, gains_name : str
         Names in the run's label.
     limits : Limits, optional
-        Of the commands; by default those of the scenario and of the plant.
+        Limits of the commands; by default those of the scenario and of the plant.
     progress : callable, optional
         Called with how far the run is.
 
@@ -411,8 +408,8 @@ def fly_once(
             scenario.followed(),
             condition=scenario.condition,
             duration=duration,
-            sensors=scenario.sensors and scenario.sensors.sensors(scenario.seed),
-            progress=progress and (lambda t: progress(label, t / duration)),
+            sensors=None if scenario.sensors is None else scenario.sensors.sensors(scenario.seed),
+            progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
     except TrimError as error:
         return _unflown(made_by, "no_trim", str(error))

@@ -42,10 +42,10 @@ class Gap:
     runs : tuple of Run
         The rungs, lowest first; the aircraft with its mismatch and error bounds as signals.
     indicators : Indicators
-        Of the kinematic law's loop about wings-level flight on the first reference.
+        Indicators of the kinematic law's loop about wings-level flight on the first reference.
     ladder : Ladder or None
     mismatch : Mismatch or None
-        Of the aircraft against the paper's law.
+        Mismatch of the aircraft against the paper's law.
     check : FlightCheck or None
         The aircraft's flight against the guarantee; None also where the loop is unstable.
     verdict : Verdict or None
@@ -115,7 +115,7 @@ def explain_gap(
         Label of the jsbsim plant; by default the first one.
     lag : {"identified", "fitted"}, optional
         Source of the lag of the third rung: the aircraft's model file, or a fit to this flight.
-        By default the model file, if there is one.
+        Source of the lags; by default the model file, if there is one.
     progress : callable, optional
         Called with the progress of each run.
 
@@ -157,9 +157,8 @@ def explain_flight(
 
     Parameters
     ----------
-    scenario : Scenario
     aircraft : Run
-        Of one of its jsbsim plants.
+        A run of one of its jsbsim plants.
     lag, progress
         As of `explain_gap`.
 
@@ -186,8 +185,8 @@ def explain_flight(
         ladder=ladder,
         mismatch=measured,
         check=check,
-        verdict=check and check.verdict(),
-        free=check and free_flight(check),
+        verdict=None if check is None else check.verdict(),
+        free=None if check is None else free_flight(check),
     )
 
 

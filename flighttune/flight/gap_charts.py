@@ -87,7 +87,7 @@ def itae_chart(gap: Gap, channel: str) -> Chart:
 
 
 def steps_chart(gap: Gap, channel: str) -> Chart:
-    """What each step adds over time, and their sum."""
+    """Contribution of each step over time, and their sum."""
     assert gap.ladder is not None
     t = gap.runs[0].t
     title = f"{gap.name}: {CHANNEL_NAMES[channel]}, what each step adds"

@@ -34,74 +34,46 @@ LagSource = Literal["identified", "fitted"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InnerLoop:
-    """Lags of roll and load factor.
+    """Lags of roll and load factor."""
 
-    Attributes
-    ----------
-    phi, n_z : FittedLag
-        With the share of the flight's variance that each explains.
-    source : "identified" or "fitted"
-        From the aircraft's model file, or from this flight.
-    """
-
+    # With the share of the flight's variance that each explains
     phi: FittedLag
     n_z: FittedLag
-    source: LagSource
+    source: LagSource  # From the aircraft's model file, or from this flight
 
     @property
     def lags(self) -> tuple[InnerLag, InnerLag]:
-        """Of roll and of load factor."""
+        """Lags of roll and of load factor."""
         return self.phi.lag, self.n_z.lag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Step:
-    """One step of the ladder: from a plant to the next one up.
+    """One step of the ladder: from a plant to the next one up."""
 
-    Attributes
-    ----------
-    lower, upper : str
-        Labels of the two plants.
-    adds : str
-        What the upper plant models and the lower one does not.
-    chi, gamma : ndarray, shape (n,), rad
-        Upper minus lower at every sample.
-    metrics : DataFrame
-        Upper minus lower; index ``chi``, ``gamma`` and columns as `channel_metrics`. NaN if one
-        of the two failed; see `Ladder.failed`.
-    flight : Series
-        Upper minus lower of `flight_metrics` that both have; NaN as in `metrics`.
-    """
-
+    # Labels of the two plants
     lower: str
     upper: str
-    adds: str
+    adds: str  # Effect that only the upper plant models
+    # (n,), rad: Upper minus lower at every sample
     chi: FloatArray
     gamma: FloatArray
+    # Upper minus lower; index ``chi``, ``gamma`` and columns as `channel_metrics`. NaN if one of
+    # the two failed; see `Ladder.failed`.
     metrics: pd.DataFrame
-    flight: pd.Series
+    flight: pd.Series  # Upper minus lower of `flight_metrics` that both have; NaN as in `metrics`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ladder:
-    """Rungs from the paper's law to the aircraft, with the same controller and limits.
+    """Rungs from the paper's law to the aircraft, with the same controller and limits."""
 
-    Attributes
-    ----------
-    runs : tuple of Run, length 4
-        Paper's law, exact point mass, point mass behind the inner loop, aircraft; cut to the time
-        that all of them flew, each with the status it ended with.
-    inner_loop : InnerLoop
-        Lags of the third rung, and their source.
-    steps : tuple of Step, length 3
-    whole : Step
-        From the first rung to the last.
-    """
-
+    # Paper's law, exact point mass, point mass behind the inner loop, aircraft; cut to
+    # the time that all of them flew, each with the status it ended with
     runs: tuple[Run, ...]
-    inner_loop: InnerLoop
-    steps: tuple[Step, ...]
-    whole: Step
+    inner_loop: InnerLoop  # Lags of the third rung, and their source
+    steps: tuple[Step, ...]  # Three steps, from each rung to the next
+    whole: Step  # From the first rung to the last
 
     @property
     def failed(self) -> dict[str, str]:
@@ -141,13 +113,9 @@ def fly_ladder(
     aircraft : Run
         A flight of an aircraft of the scenario, of at least `LEAST_SAMPLES` samples.
     lag : {"identified", "fitted"}, optional
-        Where the lag of the third rung comes from; see `inner_loop_of`.
+        Source of the third rung's lag; see `inner_loop_of`.
     progress : callable, optional
         Called with the progress of each run.
-
-    Returns
-    -------
-    Ladder
 
     Raises
     ------
@@ -250,7 +218,6 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
 
     Parameters
     ----------
-    scenario : Scenario
     plant : str, optional
         Its label; by default the first one.
 
@@ -290,11 +257,7 @@ def inner_loop_of(
     run : Run
         The flight.
     wanted : {"identified", "fitted"}, optional
-        By default identified, if the aircraft has a model file.
-
-    Returns
-    -------
-    InnerLoop
+        Source of the lags [default: identified, if the aircraft has a model file].
 
     Raises
     ------

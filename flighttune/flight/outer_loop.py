@@ -1,4 +1,4 @@
-"""What a scenario asks of the outer loop: its tuning problem, its gains, and their guarantees."""
+"""The outer loop that a scenario asks for: its tuning problem, its gains, and their guarantees."""
 
 import math
 
@@ -35,7 +35,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     ----------
     scenario : Scenario
     law : Law, optional
-        Whose gains; by default the scenario's first.
+        Law of the gains; by default the scenario's first.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
 def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | None:
     """Units of state in which R_K is maximised, shape (n + p,); None where they are plain.
 
-    Those of the first condition where [tuning] says ``robust``, and of the first law by default.
+    With ``robust`` in [tuning] it is the first condition's; the law is the first one by default.
     """
     settings = scenario.tuning
     if settings.model == "identified":
@@ -71,9 +71,8 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
 
     Parameters
     ----------
-    scenario : Scenario
     law : Law, optional
-        Whose gains; by default the scenario's first.
+        Law of the gains; by default the scenario's first.
 
     Returns
     -------
@@ -147,7 +146,7 @@ def tune_scenario(
         By default what the scenario's [tuning] says. On the identified model each channel is tuned
         by itself, for the smallest R_K over the models of `identified_problems`.
     law : Law, optional
-        Whose gains; by default the scenario's first.
+        Law of the gains; by default the scenario's first.
 
     Raises
     ------
@@ -187,7 +186,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     Parameters
     ----------
     scenario : Scenario
-        Whose gain sets and tuning problem are meant.
+        The scenario with the gain sets and the tuning problem.
     name : str
         ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains given as
         numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the law,
@@ -322,7 +321,6 @@ def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
     ----------
     scenario : Scenario
         Says which aircraft, controller rate and schedule; its `robust` does not matter.
-    gains : PIGains
 
     Returns
     -------

@@ -34,7 +34,6 @@ def with_own(
 
     Parameters
     ----------
-    scenario : Scenario
     laws, plants : mapping of str to callable, optional
         Flown besides those of the scenario, or in place of its tables of that name.
 

@@ -15,27 +15,19 @@ from flighttune.simulate.run import TUBE_SIGNALS, WORST_SIGNALS, Run
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where a run that was flown again first differs.
+    """Where a run that was flown again first differs."""
 
-    Attributes
-    ----------
-    what : str
-        A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
-        ``signals`` (their names); a column of a campaign's rows.
-    t : float or None, s
-        Time of the difference in a signal.
-    recorded, reflown : float, int, str, bool or None
-        Both values, SI and rad.
-    """
-
+    # A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
+    # ``signals`` (their names); a column of a campaign's rows
     what: str
-    t: float | None
+    t: float | None  # s: Time of the difference in a signal
+    # Both values, SI and rad
     recorded: float | int | str | None
     reflown: float | int | str | None
 
     @property
     def sentence(self) -> str:
-        """What differs, when and by which values."""
+        """The difference in words: the signal, its time and both values."""
         when = "" if self.t is None else f" at t = {self.t:g} s"
         recorded, reflown = (
             value if isinstance(value, str) else repr(value)
@@ -46,21 +38,14 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reflight:
-    """A recorded run and the same flight flown again.
-
-    Attributes
-    ----------
-    recorded, reflown : Run
-    difference : Difference or None
-        The first one; None where gains, outcome and every sample are equal to the bit. Of a run
-        that was stopped by hand only the samples it has are compared.
-    versions : mapping of str to (str, str)
-        Libraries whose version is not the recorded one: then and now.
-    """
+    """A recorded run and the same flight flown again."""
 
     recorded: Run
     reflown: Run
+    # The first one; None where gains, outcome and every sample are equal to the bit. Of a run
+    # that was stopped by hand only the samples it has are compared.
     difference: Difference | None
+    # Libraries whose version is not the recorded one: then and now
     versions: Mapping[str, tuple[str, str]]
 
 
@@ -136,7 +121,6 @@ def first_difference(recorded: Run, reflown: Run) -> Difference | None:
     ----------
     recorded : Run
         With the status ``interrupted`` only its samples are compared.
-    reflown : Run
     """
     return next(_differences(recorded, reflown), None)
 

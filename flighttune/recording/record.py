@@ -16,7 +16,7 @@ from flighttune.whole_file import whole_file
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFiles:
-    """Where the files of a flight are."""
+    """Paths of the files of a flight."""
 
     recording: Path  # Rerun recording of all runs
     signals: Mapping[str, Path]  # Parquet file of each run, by its label
@@ -37,7 +37,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     Returns
     -------
     RecordedFiles
-        Where everything is.
+        Paths of all files.
 
     Raises
     ------

@@ -42,89 +42,46 @@ LONGEST_LADDER = 6_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FinalErrors:
-    """Errors over the last quarter of a flight, and whether they are small.
+    """Errors over the last quarter of a flight, and whether they are small."""
 
-    Attributes
-    ----------
-    converged : bool
-        Whether the flight was completed with both errors within their limits.
-    residual : tuple of float, rad
-        Largest errors of course and path angle over the last quarter of the flight.
-    allowed : tuple of float, rad
-        Their limits in a run that converged.
-    """
-
-    converged: bool
+    converged: bool  # Whether the flight was completed with both errors within their limits
+    # rad: Largest errors of course and path angle over the last quarter of the flight
     residual: tuple[float, float]
-    allowed: tuple[float, float]
+    allowed: tuple[float, float]  # rad: Their limits in a run that converged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GainFacts:
-    """A gain set and its guarantees.
-
-    Attributes
-    ----------
-    name : str
-    gains : PIGains
-    trim, envelope : Certification or None
-        About the linear loop, and over the scenario's envelope where it gives one.
-    """
+    """A gain set and its guarantees."""
 
     name: str
     gains: "PIGains"
+    # About the linear loop, and over the scenario's envelope where it gives one
     trim: Certification
     envelope: Certification | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Facts:
-    """Everything a report shows.
+    """Everything a report shows."""
 
-    Attributes
-    ----------
-    name : str
-        Where the runs come from.
-    scenario : Scenario
-    claim : ClaimCheck
-        The runs against the scenario's requirements.
-    runs : tuple of Run
-        Those that flew.
-    grounded : tuple of Run
-        Those that did not.
-    styles : mapping of str to LineStyle
-        By label of the run.
-    final_errors : mapping of str to FinalErrors
-        By label.
-    gains : tuple of GainFacts
-    checks : mapping of str to FlightCheck
-        Flights against the guarantee, by label; without runs whose gains have none.
-    aircraft : Comparison or None
-        Each gain set on the first plant that is not an aircraft against the first aircraft.
-    gaps : tuple of Gap
-        One for each run of the first aircraft, nominal or not, for which the ladder was flown.
-    without_gap : tuple of str
-        Why it was not flown for the others.
-    missing : tuple of str
-        What was recorded but cannot be read.
-    frontier : DataFrame
-        R_K against I_K with the gains marked.
-    """
-
-    name: str
+    name: str  # Source of the runs
     scenario: Scenario
-    claim: ClaimCheck
-    runs: tuple[Run, ...]
-    grounded: tuple[Run, ...]
-    styles: dict[str, LineStyle]
-    final_errors: dict[str, FinalErrors]
+    claim: ClaimCheck  # The runs against the scenario's requirements
+    runs: tuple[Run, ...]  # Runs that flew
+    grounded: tuple[Run, ...]  # Runs that did not fly
+    styles: dict[str, LineStyle]  # Line of each run, by label
+    final_errors: dict[str, FinalErrors]  # Final errors of each run, by label
     gains: tuple[GainFacts, ...]
+    # Flights against the guarantee, by label; without runs whose gains have none
     checks: dict[str, FlightCheck]
+    # Each gain set on the first plant that is not an aircraft against the first aircraft
     aircraft: Comparison | None
+    # One for each run of the first aircraft, nominal or not, for which the ladder was flown
     gaps: tuple[Gap, ...]
-    without_gap: tuple[str, ...]
-    missing: tuple[str, ...]
-    frontier: pd.DataFrame
+    without_gap: tuple[str, ...]  # Why the others have no ladder
+    missing: tuple[str, ...]  # Recorded parts that cannot be read
+    frontier: pd.DataFrame  # R_K against I_K with the gains marked
 
     @property
     def flights(self) -> Flights:
@@ -241,7 +198,7 @@ def _aircraft(runs: Sequence[Run]) -> Comparison | None:
 
 
 def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[tuple[Gap, ...], tuple[str, ...]]:
-    """Of the first aircraft, as its files say and off the nominal."""
+    """Gaps of the first aircraft, nominal and off-nominal; reasons for the missing ones."""
     gaps, without = [], []
     aircraft = [table for table in scenario.plant if table.aircraft is not None]
     plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}

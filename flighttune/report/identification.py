@@ -30,7 +30,6 @@ def identification_figure(identification: Identification, title: str) -> Sheet:
 
     Parameters
     ----------
-    identification : Identification
     title : str
         Aircraft and condition.
 

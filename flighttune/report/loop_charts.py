@@ -14,7 +14,7 @@ from flighttune.present.palette import HUES, LIMIT, NEUTRAL
 from flighttune.units import DEG
 
 COLOURS = (HUES[0][0][0], HUES[1][0][0])
-"""Of the loops cut at roll and at load factor, as far as no gains are compared."""
+"""Colours of the loops cut at roll and at load factor, if no gains are compared."""
 
 POINTS = 1200
 DECADES = 1.5
@@ -32,10 +32,8 @@ def loop_charts(model: LinearModel, gains: PIGains, margins: LoopMargins | None)
 
     Parameters
     ----------
-    model : LinearModel
-    gains : PIGains
     margins : LoopMargins or None
-        Of that loop; None where it is not stable.
+        Margins of that loop; None where it is not stable.
 
     Returns
     -------

@@ -33,18 +33,10 @@ FINEST = 300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Flights:
-    """Runs that are drawn together.
+    """Runs that are drawn together."""
 
-    Attributes
-    ----------
-    runs : sequence of Run
-        Those that flew.
-    styles : mapping of str to LineStyle
-        By label.
-    """
-
-    runs: Sequence[Run]
-    styles: Mapping[str, LineStyle]
+    runs: Sequence[Run]  # Runs that flew
+    styles: Mapping[str, LineStyle]  # Line of each run, by label
 
     @property
     def points(self) -> int:

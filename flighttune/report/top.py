@@ -14,7 +14,7 @@ from flighttune.simulate.run import Run
 
 
 def best_sentence(facts: Facts) -> str:
-    """Which gains have the lowest ITAE on the aircraft, and by how much."""
+    """Sentence on the gains with the lowest ITAE on the aircraft, and their lead."""
     plant = _decisive_plant(facts)
     runs = [run for run in facts.runs if run.provenance.plant == plant]
     where = f"On {plant}"

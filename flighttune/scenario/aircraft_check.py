@@ -1,4 +1,4 @@
-"""Whether the aircraft of a scenario are there and can fly it as far as their files say."""
+"""Check that the aircraft of a scenario exist and, by their files, can fly it."""
 
 from collections.abc import Iterator
 
@@ -23,7 +23,6 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
 
     Parameters
     ----------
-    scenario : Scenario
     source : str
         File the scenario came from, or what else to call it.
 
@@ -49,7 +48,6 @@ def check_identified(scenario: Scenario, source: str) -> None:
 
     Parameters
     ----------
-    scenario : Scenario
     source : str
         File the scenario came from, or what else to call it.
 

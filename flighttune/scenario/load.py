@@ -133,7 +133,7 @@ def existing_file(
     path : str or Path
         With or without the folder and the ending of the shipped one.
     kind : str
-        What the file is, for the message.
+        Kind of the file, for the message.
     shipped : mapping of str to Path
         Shipped files by name.
     folders : sequence of str
@@ -170,7 +170,6 @@ def validated(model: type[Model], tables: Any, source: str) -> Model:
 
     Parameters
     ----------
-    model : type of BaseModel
     tables : mapping
         As they stand in a file.
     source : str

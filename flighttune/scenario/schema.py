@@ -69,8 +69,8 @@ from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_
 from flighttune.simulate.reference import Reference
 from flighttune.units import DEG, G_PAPER
 
-MOST_SAMPLES = 1_000_000
-"""Of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals."""
+MAX_SAMPLES = 1_000_000
+"""Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals."""
 
 ROUNDING = 1e-9
 """deg, and share of a duration."""
@@ -237,10 +237,10 @@ class Scenario(Table):
         aircraft = any(p.kind == "jsbsim" for p in self.plant)
         check_air(self.disturbance, self.wind, self.gust or self.turbulence, aircraft=aircraft)
         duration, rate = self.flight.duration_s, self.controller.rate_hz
-        if not 2.0 <= duration * rate <= MOST_SAMPLES:
+        if not 2.0 <= duration * rate <= MAX_SAMPLES:
             raise ValueError(
                 "`duration_s` of [flight] must be at least two samples of the controller and at "
-                f"most {MOST_SAMPLES}, got {duration:g} s at {rate:g} Hz"
+                f"most {MAX_SAMPLES}, got {duration:g} s at {rate:g} Hz"
             )
         gust = [("gust", self.gust.start_s)] if self.gust else []
         for table, start_s in [*self.reference.starts(), *gust]:
@@ -291,7 +291,7 @@ class Scenario(Table):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is flown otherwise than the file says, a sentence each."""
+        """One sentence for each deviation of the flight from the file."""
         duration, dt = self.flight.duration_s, 1.0 / self.controller.rate_hz
         flown = round(duration / dt) * dt
         if math.isclose(flown, duration, rel_tol=ROUNDING):
@@ -380,7 +380,7 @@ class Scenario(Table):
         return next(aircraft, None) if self.windy else None
 
     def weather(self) -> Weather | None:
-        """What the air of the full aircraft does; None for still air."""
+        """Motion of the air around the full aircraft; None for still air."""
         swing = self.disturbance if self.disturbance and self.disturbance.as_wind else None
         if not (self.windy or swing):
             return None
@@ -394,7 +394,7 @@ class Scenario(Table):
 
     @property
     def condition(self) -> FlightCondition:
-        """Where the flight starts."""
+        """Condition in which the flight starts."""
         f = self.flight
         return FlightCondition(
             V_a=f.V_a_mps,
@@ -406,7 +406,7 @@ class Scenario(Table):
         )
 
     def followed(self) -> Reference | FeasibleReference:
-        """What the outer loop is asked to follow.
+        """The reference that the outer loop follows.
 
         Raises
         ------

@@ -64,17 +64,17 @@ Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
 
 
-MOST_BYTES = 80
-"""Of the name of gains, a plant or an aircraft's folder: together they name a file."""
+MAX_BYTES = 80
+"""Longest name of gains, a plant or an aircraft's folder: together they name a file."""
 
-MOST_BYTES_OF_PART = 255
-"""Of a part of a path, on any file system."""
+MAX_BYTES_OF_PART = 255
+"""Longest part of a path on any file system."""
 
 
 def _short(value: str) -> str:
     *above, name = (len(part.encode()) for part in ("", *Path(value).parts))
-    if name > MOST_BYTES or max(above, default=0) > MOST_BYTES_OF_PART or "\0" in value:
-        raise ValueError(f"must be a name of at most {MOST_BYTES} bytes, it has {name}")
+    if name > MAX_BYTES or max(above, default=0) > MAX_BYTES_OF_PART or "\0" in value:
+        raise ValueError(f"must be a name of at most {MAX_BYTES} bytes, it has {name}")
     return value
 
 
@@ -82,7 +82,7 @@ Name: TypeAlias = Annotated[
     str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(_short)
 ]
 PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_short)]
-"""Of something that ships, or a path."""
+"""Longest name of something that ships, or longest path."""
 
 
 def _pair(value: object) -> object:
@@ -334,7 +334,7 @@ class PlantTable(OwnTable):
 
     @property
     def family(self) -> PlantKind:
-        """What the other rooms ask about its kind."""
+        """Description of its kind for the other rooms."""
         return PLANT_KINDS[self.kind]
 
     @property
@@ -634,7 +634,7 @@ def check_air(
     disturbance, wind, unsteady
         Tables of the scenario; `unsteady` is its gust or turbulence.
     aircraft : bool
-        Whether one of its plants is a jsbsim one.
+        True if one of its plants is of kind jsbsim.
 
     Raises
     ------
@@ -725,7 +725,7 @@ CHANNEL_MEASURES = (*METRICS, "peak_rad")
 
 
 class ExpectTable(Table):
-    """What runs must come to: of one plant, of one gain set, of both, or of all.
+    """Requirements for the runs of one plant, of one gain set, of both, or for all runs.
 
     Bounds are grouped by ``chi``, ``gamma`` (measures of the channel, and ``peak_rad``, the largest
     error) and ``flight``; a measure in rad may be given in deg under that ending.
@@ -753,7 +753,7 @@ class ExpectTable(Table):
         return self
 
     def meant(self, plant: str, gains: str) -> bool:
-        """Whether a run of this plant and these gains is meant."""
+        """Whether the requirements apply to a run of this plant and these gains."""
         return goes_by(plant, self.plant) and self.gains in (None, gains)
 
 

@@ -44,7 +44,7 @@ SOURCES = (
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
 
 COMPLETED, ROLLED, DIVERGED = 0, 1, 2
-"""How a flight ended."""
+"""Codes of the ways in which a flight ends."""
 
 register_jitable(wrap_angle)
 register_jitable(limits.limit_command)

@@ -12,13 +12,13 @@ from flighttune.present.numbers import percent
 from flighttune.report.campaign.words import demands
 
 CHANCE = "noise and turbulence"
-"""What the seed of a flight changes."""
+"""Effects of the seed of a flight."""
 
 CONFIDENCE = {"clopper-pearson": "Clopper and Pearson's", "wilson": "Wilson's"}
 
 
 def headline(findings: Findings) -> tuple[Question, ...]:
-    """Which gains succeed, what goes wrong, whether the certified set holds, what matters."""
+    """Answers on success, failures, the certified set and the influential parameters."""
     questions = [_holds(findings), _wrong(findings)]
     if any(summary.certified is not None for summary in findings.groups):
         questions.append(_certified(findings))

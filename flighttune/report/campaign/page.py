@@ -57,7 +57,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
 
 
 def notes(findings: Findings) -> tuple[str, ...]:
-    """How many flights there are, and what the design does to the intervals."""
+    """Number of flights, and effect of the design on the intervals."""
     flown, plan = findings.flights, findings.flights.plan
     found_notes = []
     if len(flown.rows) < plan.runs:

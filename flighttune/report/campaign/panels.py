@@ -27,7 +27,7 @@ MANY_TIMES = 30.0
 DOTS = 400
 """Flights of a group in a chart of dots."""
 
-MOST_PAIRS = 4
+MAX_PAIRS = 4
 
 
 def rows_chart(title: str, x: str, names: Sequence[str], dots: int = 1) -> Chart:
@@ -37,7 +37,6 @@ def rows_chart(title: str, x: str, names: Sequence[str], dots: int = 1) -> Chart
     ----------
     title, x : str
         Title and label of the axis.
-    names : sequence of str
     dots : int
         Dots of a row; those of row k are at `places`.
     """
@@ -56,7 +55,7 @@ def rows_chart(title: str, x: str, names: Sequence[str], dots: int = 1) -> Chart
 
 
 def places(dots: int) -> list[float]:
-    """Where in a row of a `rows_chart` each of its dots stands."""
+    """Position of each dot in a row of a `rows_chart`."""
     row = NAME + STEP * dots
     return [(NAME + STEP * (place + 0.3)) / row for place in range(dots)]
 
@@ -76,7 +75,7 @@ def arrays_of(estimates: Sequence[Estimate], factor: float) -> FloatArray:
 
 
 def flight_tips(rows: "pd.DataFrame", url: str) -> list[str]:
-    """What flies each row again, as the pointer shows it."""
+    """Commands that fly each row again, as tips under the pointer."""
     return [f"run {run}: flighttune campaign fly {url} --run {run}" for run in rows["run"]]
 
 
@@ -102,7 +101,7 @@ def distributions(findings: Findings) -> list[Chart]:
 def against(findings: Findings) -> list[Chart]:
     """One gain set over another, a dot a draw."""
     styles, charts = styles_of(findings), []
-    for pair in findings.paired[:MOST_PAIRS]:
+    for pair in findings.paired[:MAX_PAIRS]:
         how = metric_label(pair.measure)
         rows = findings.flights.rows
         on_plant = rows.loc[(rows["plant"] == pair.plant).to_numpy()]

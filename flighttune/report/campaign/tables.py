@@ -62,7 +62,7 @@ SOBOL_COLUMNS = [
 
 
 def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
-    """How often each group succeeds, how its flights ended, and the metric that ranks them."""
+    """Success rate of each group, ends of its flights, and the metric that ranks them."""
     statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
     shown = [
         *columns("group n successes"),
@@ -81,7 +81,7 @@ def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
 
 
 def certified_table(groups: Sequence[Mapping[str, Any]]) -> Table:
-    """In how many flights the certified set was entered and held, and how large it is."""
+    """Counts of flights that entered and held the certified set, with its size."""
     records = [group for group in groups if group["certified"]]
     return _by_group("The certified set", CERTIFIED_COLUMNS, records)
 

@@ -1,4 +1,4 @@
-"""How groups, metrics and demands are written for a reader."""
+"""Names of groups, metrics and requirements for a reader."""
 
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
@@ -31,7 +31,7 @@ def probability(p: float) -> str:
 
 
 def demands(tables: list[ExpectTable]) -> str:
-    """What a flight must do to succeed, in a sentence."""
+    """Requirements for a successful flight, in a sentence."""
     if not tables:
         return "A flight succeeds if it is completed."
     clauses = []
