@@ -164,7 +164,7 @@ def _save(made: "Certification", out: Path | None) -> None:
 def _certified_own(
     scenario: "Scenario", name: str, gains: "PIGains", L_d: float | None
 ) -> "tuple[LinearModel, PIGains, Certification]":
-    """Model and gains that a law of the user's gives itself, and what is proven of them."""
+    """Linear model and gains of a user's own law, and their certification."""
     from flighttune.certificates import certify as certify_model
     from flighttune.flight.fly import linear_loop
     from flighttune.flight.own import with_own

@@ -44,22 +44,10 @@ def add_command(
     panel: str | None = None,
     answers: bool = True,
 ) -> None:
-    """Add a command to an app.
+    """Add a command to an app; the docstring of `function` is its help.
 
-    Parameters
-    ----------
-    function : callable
-        The command; its docstring is the help.
-    doing : str
-        Status on a terminal while it works, such as ``tuning``.
-    example : str
-        A command line that its help ends with.
-    name : str, optional
-        Name of the command [default: the function's name].
-    panel : str, optional
-        Heading it is listed under.
-    answers : bool
-        True if it prints an answer, which can be a JSON object.
+    `doing` is the status on a terminal, such as ``tuning``; `panel` is the heading in the help.
+    With `answers` the command prints an answer, which can be a JSON object.
     """
     options = {"as_json": JsonOption} if answers else {}
     options["quiet"] = QuietOption

@@ -25,7 +25,7 @@ _DOING: ContextVar[str] = ContextVar("doing", default="")
 
 @contextmanager
 def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]:
-    """Say on a terminal, from the first moment on, what a command is `doing`: ``tuning``."""
+    """Show on a terminal, from the start, what a command is `doing`, such as ``tuning``."""
     asked, form = _QUIET.set(quiet), _JSON.set(as_json)
     shown = _DOING.set(f"{doing} ..." if watched() else "")
     if _DOING.get():
@@ -55,7 +55,7 @@ def as_json() -> bool:
 
 
 def clear() -> None:
-    """Take what the command is doing off the terminal: something else is going to be printed."""
+    """Clear the status from the terminal before something else is printed."""
     if doing := _DOING.get():
         print(f"\r{' ' * len(doing)}\r", end="", file=sys.stderr, flush=True)
         _DOING.set("")
