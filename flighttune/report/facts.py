@@ -92,17 +92,7 @@ class Facts:
 def facts_of(source: Source) -> Facts:
     """Compute everything a report shows about the runs of one scenario.
 
-    Parameters
-    ----------
-    source : Source
-        Runs of one scenario.
-
-    Raises
-    ------
-    RecordingError
-        If nothing flew, or the runs are of different scenarios.
-    ScenarioError
-        If the recorded scenario is not valid any more.
+    A RecordingError says that nothing flew or that the runs are of different scenarios.
     """
     runs = tuple(run for run in source.runs if len(run.signals) > 1)
     if not runs:

@@ -95,7 +95,7 @@ def gap_values(gap: "Gap", signals: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def gap_tables(gap: "Gap", values: Mapping[str, Any]) -> Iterator[Table]:
-    """Tables of a gap from its values: rungs, steps, inner loop, and what the flight kept."""
+    """Tables of a gap from its values: rungs, steps, inner loop and bounds."""
     if gap.ladder is None:
         return
     title = f"{gap.scenario.title}; gains {values['gains']}"

@@ -26,18 +26,7 @@ BANDWIDTH = -3.01
 
 
 def identification_figure(identification: Identification, title: str) -> Sheet:
-    """Bode diagrams, coupling and the held-out manoeuvre of one condition.
-
-    Parameters
-    ----------
-    title : str
-        Aircraft and condition.
-
-    Returns
-    -------
-    Sheet
-        One column a channel.
-    """
+    """Bode diagrams, coupling and the held-out manoeuvre of one condition, a column per channel."""
     kinds = (_magnitude, _phase, _coupling, _held_out)
     return Sheet(charts=[kind(identification, i) for kind in kinds for i in range(2)], title=title)
 

@@ -28,19 +28,10 @@ SQUARE = 340.0
 
 
 def loop_charts(model: LinearModel, gains: PIGains, margins: LoopMargins | None) -> list[Chart]:
-    """Draw the loop of gains on a linear model.
+    """Bode and Nyquist diagrams and the eigenvalues of the loop of gains on a linear model.
 
-    Parameters
-    ----------
-    margins : LoopMargins or None
-        Margins of that loop; None where it is not stable.
-
-    Returns
-    -------
-    list of Chart
-        Magnitude and phase of the loop cut at each input with the other closed, gain and phase
-        margin marked; the same as Nyquist diagrams, with the disk that no response enters; and the
-        eigenvalues of the closed loop.
+    The loop is cut at each input with the other closed. Gain and phase margin are marked, and the
+    disk that no response enters; `margins` is None where the loop is not stable.
     """
     eigenvalues = np.asarray(np.linalg.eigvals(closed_loop(model, gains)), dtype=complex)
     speeds = np.abs(eigenvalues)

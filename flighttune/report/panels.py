@@ -144,7 +144,7 @@ def _from_above(flights: Flights) -> Chart:
 
 
 def _spans(t: FloatArray, flag: np.ndarray) -> Sequence[tuple[float, float]]:
-    """Start and end of every stretch in which `flag` is true; those too close are one."""
+    """Start and end of every stretch in which `flag` is true; close ones are joined."""
     edges = np.flatnonzero(np.diff(flag.astype(int), prepend=0, append=0))
     ends = np.append(t, t[-1])[edges].tolist()
     spans: list[tuple[float, float]] = []

@@ -61,7 +61,7 @@ def tracking_table(facts: Facts) -> Table:
 
 
 def convergence_table(facts: Facts) -> Table:
-    """Largest errors over the last quarter of each flight, and what they may be."""
+    """Largest errors over the last quarter of each flight, and their limits."""
     records = []
     for run in facts.runs:
         late = facts.final_errors[run.label]

@@ -95,7 +95,7 @@ def _itae(run: Run) -> dict[str, float]:
 
 
 def _product(itae: dict[str, float]) -> float:
-    """Product over the channels; one of next to nothing does not decide alone."""
+    """Product over the channels; a channel with almost no error does not decide alone."""
     return math.prod(max(value, SMALLEST_ITAE) for value in itae.values())
 
 

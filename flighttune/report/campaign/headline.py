@@ -1,4 +1,4 @@
-"""The headline of a campaign's report: which gains hold, what goes wrong, what matters."""
+"""The headline of a campaign's report: success, failures, the certified set, influences."""
 
 from collections import Counter
 

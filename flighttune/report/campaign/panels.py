@@ -31,15 +31,7 @@ MAX_PAIRS = 4
 
 
 def rows_chart(title: str, x: str, names: Sequence[str], dots: int = 1) -> Chart:
-    """A chart with a row for each of `names`, from the top: its name, and dots below.
-
-    Parameters
-    ----------
-    title, x : str
-        Title and label of the axis.
-    dots : int
-        Dots of a row; those of row k are at `places`.
-    """
+    """A chart with a row for each of `names`, from the top, and its dots at `places` below."""
     row = NAME + STEP * dots
     chart = Chart(
         title=title,

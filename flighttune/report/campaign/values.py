@@ -1,4 +1,4 @@
-"""The findings of a campaign as plain values: what ``--json`` prints and tables show."""
+"""The findings of a campaign as plain values, for ``--json`` and for tables."""
 
 from dataclasses import asdict
 from typing import Any

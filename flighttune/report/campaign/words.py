@@ -26,7 +26,7 @@ def status_words(status: str) -> str:
 
 
 def probability(p: float) -> str:
-    """A p-value, or that it is below what matters."""
+    """A p-value as text; a very small one as an upper bound."""
     return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
 
 
