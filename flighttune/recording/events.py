@@ -83,7 +83,7 @@ def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 
 
 def _readable(colour: tuple[int, int, int]) -> tuple[int, ...]:
-    """The colour, as light as small text on a dark ground wants it and a light one allows."""
+    """The lightest shade of a colour that small text on a light ground allows."""
     readable, lighter = colour, colour
     while contrast(lighter, WHITE) > ON_WHITE:
         readable, lighter = lighter, _lighter(lighter)

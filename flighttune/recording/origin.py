@@ -39,7 +39,7 @@ def log_origin(stream: "rr.RecordingStream", origin: Origin) -> None:
 
 
 def check_recording(path: str | Path) -> None:
-    """Refuse what is not a recording of Rerun; the viewer reports what is wrong inside of one."""
+    """Refuse a file that is no Rerun recording; the viewer reports faults inside one."""
     if not file_bytes(Path(path), RECORDING_FILE).startswith(b"RRF"):
         raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got another file.")
 
