@@ -88,12 +88,7 @@ class ClaimCheck:
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     """Check every run against the ``[[expect]]`` tables of its scenario.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        A run of which no table names a status must be completed.
-    runs : sequence of Run
-        Its flights.
+    A run for which no table names a status must be completed.
     """
     bounds, missed, ends = [], [], []
     for run in runs:
@@ -127,16 +122,10 @@ def missed(
     reason: str,
     measured: Mapping[str, Mapping[str, float]],
 ) -> tuple[str, ...]:
-    """Return a sentence for each requirement that one run does not meet.
+    """Return a sentence for each requirement of `tables` that one run does not meet.
 
-    Parameters
-    ----------
-    tables : sequence of ExpectTable
-        Those that mean the run. Where none names a status it must be completed.
-    status, reason : str
-        Status with which the run ended.
-    measured : mapping
-        Its `measures`; empty for a flight too short to have any.
+    A run for which no table names a status must be completed. `measured` is empty for a flight too
+    short to have any measures.
     """
     wrong_end = _wrong_end(tables, status, reason)
     if wrong_end:

@@ -94,13 +94,7 @@ class FlownScenario:
 
 
 class Observer(Protocol):
-    """Sees the flights of a scenario while they are flown, and may end them.
-
-    Attributes
-    ----------
-    stopped : bool
-        True once no further run may begin.
-    """
+    """Sees the flights of a scenario while they are flown, and may end them."""
 
     @property
     def stopped(self) -> bool:
@@ -196,21 +190,8 @@ def plant_of(
 ) -> Plant:
     """A fresh plant of a scenario, ready to start.
 
-    Parameters
-    ----------
-    table : PlantTable
-        The plant to make.
-    scenario : Scenario
-        Its weather, seed and rates.
-    wind : WindRecord, optional
-        Air of a plant that is no aircraft; still by default.
-
-    Raises
-    ------
-    InputError
-        If the aircraft cannot be off the nominal as the table says; the message names the key.
-    PlantError
-        If the aircraft cannot be built.
+    A plant that is no aircraft flies in `wind`, by default in still air. An InputError names
+    the key of an off-nominal value that the aircraft cannot have.
     """
     if table.of_the_user:
         return GuardedPlant.made(table.label, table.maker, table.parameters or {})
@@ -239,15 +220,7 @@ def plant_of(
 
 
 def steered(plant: Plant, scenario: Scenario) -> Plant:
-    """A plant in wind with the path a scenario steers it by: over ground, or through the air.
-
-    Parameters
-    ----------
-    plant : Plant
-        One that shows ground speed and wind.
-    scenario : Scenario
-        Its ``[disturbance]`` tells which.
-    """
+    """A plant in wind with the path a scenario steers it by: over ground, or through the air."""
     by_air = scenario.disturbance is not None and scenario.disturbance.path == "air"
     return AirPathPlant(plant) if by_air else plant
 
@@ -295,22 +268,8 @@ def fly_alone(
 ) -> Run:
     """Fly one gain set of a scenario on one of its plants.
 
-    Parameters
-    ----------
-    table : PlantTable
-        The plant.
-    gains : PIGains or None
-        None where tuning found none.
-    wind_run : Run, optional
-        The flight of the same gains whose wind a plant that is no aircraft replays; without one it
-        flies in the steady wind of the scenario.
-    progress, observer
-        As of `fly`.
-
-    Raises
-    ------
-    PlantError
-        If an aircraft cannot be built.
+    `gains` is None where tuning found none. A plant that is no aircraft replays the wind of
+    `wind_run`, a flight of the same gains; without one it flies in the steady wind of the scenario.
     """
     if wind_run is not None and gains is not None and not len(wind_run.signals):
         source = wind_run.provenance.plant
@@ -360,29 +319,10 @@ def fly_once(
 ) -> Run:
     """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Its manoeuvre, sensors and controller settings are flown.
-    gains : PIGains or None
-        None where tuning found none: the run then says so.
-    plant_label, gains_name : str
-        Names in the run's label.
-    limits : Limits, optional
-        Limits of the commands; by default those of the scenario and of the plant.
-    progress : callable, optional
-        Called with how far the run is.
-
-    Returns
-    -------
-    Run
-        One that diverged, left the envelope, hit the ground or could not start says so in its
-        status and reason.
-
-    Raises
-    ------
-    PlantError
-        If an aircraft cannot be built.
+    `gains` is None where tuning found none: the run then says so. `limits` are by default those of
+    the scenario and of the plant. A run that diverged, left the envelope, hit the ground or could
+    not start says so in its status and reason; only an aircraft that cannot be built raises a
+    PlantError.
     """
     if gains is None:
         reason = "tuning found no gains that meet the constraints"

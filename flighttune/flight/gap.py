@@ -100,7 +100,7 @@ def explain_gap(
     lag: LagSource | None = None,
     progress: Progress | None = None,
 ) -> Gap:
-    """Fly the same gains up the ladder and say what each step adds.
+    """Fly the same gains up the ladder and measure the effect of each step.
 
     Parameters
     ----------
@@ -153,19 +153,10 @@ def explain_flight(
     lag: LagSource | None = None,
     progress: Progress | None = None,
 ) -> Gap:
-    """Fly the rungs below an aircraft that has flown, and say what each step adds.
+    """Explain the gap of an aircraft that has flown: fly the rungs of the ladder below it.
 
-    Parameters
-    ----------
-    aircraft : Run
-        A run of one of its jsbsim plants.
-    lag, progress
-        As of `explain_gap`.
-
-    Raises
-    ------
-    InputError
-        If the flight is too short, or without gains.
+    `aircraft` is a run of one of the scenario's jsbsim plants. An InputError says that the flight
+    is too short or has no gains.
     """
     gains = aircraft.provenance.gains
     if gains is None:

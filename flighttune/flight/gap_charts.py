@@ -1,4 +1,4 @@
-"""Charts of a gap: rungs, what each step adds, the mismatch, the error bounds and ITAE."""
+"""Charts of a gap: rungs, effects of the steps, the mismatch, the error bounds and ITAE."""
 
 import numpy as np
 
@@ -28,15 +28,7 @@ def colours(gap: Gap) -> tuple[str, ...]:
 def gap_charts(gap: Gap) -> list[Chart]:
     """Every chart of a gap, those of course and path angle next to each other.
 
-    Parameters
-    ----------
-    gap : Gap
-        With a ladder.
-
-    Raises
-    ------
-    InputError
-        If there is no ladder: the aircraft did not fly.
+    Without a ladder, because the aircraft did not fly, there is an InputError.
     """
     if gap.ladder is None:
         raise InputError(f"`gap` must have a ladder to be drawn, got none: {gap.reason}")
@@ -45,13 +37,7 @@ def gap_charts(gap: Gap) -> list[Chart]:
 
 
 def gap_sheet(gap: Gap) -> Sheet:
-    """`gap_charts` as one picture.
-
-    Raises
-    ------
-    InputError
-        If there is no ladder.
-    """
+    """`gap_charts` as one picture."""
     return Sheet(charts=gap_charts(gap), title=f"{gap.scenario.title}; gains {gap.name}")
 
 

@@ -106,23 +106,8 @@ def fly_ladder(
 ) -> Ladder:
     """Fly the lower rungs after the aircraft, in the wind that it met.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        With a jsbsim plant.
-    aircraft : Run
-        A flight of an aircraft of the scenario, of at least `LEAST_SAMPLES` samples.
-    lag : {"identified", "fitted"}, optional
-        Source of the third rung's lag; see `inner_loop_of`.
-    progress : callable, optional
-        Called with the progress of each run.
-
-    Raises
-    ------
-    InputError
-        If a rung has too few samples.
-    ScenarioError
-        If a model of the inner loop cannot be used.
+    `aircraft` is a flight of at least `LEAST_SAMPLES` samples, else there is an InputError; `lag`
+    is the source of the third rung's lag, see `inner_loop_of`.
     """
     gains = aircraft.provenance.gains
     if len(aircraft.signals) < LEAST_SAMPLES:
@@ -214,18 +199,7 @@ def _failure(run: Run) -> str:
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
-    """A jsbsim plant of a scenario: the top of the ladder.
-
-    Parameters
-    ----------
-    plant : str, optional
-        Its label; by default the first one.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no such aircraft.
-    """
+    """A jsbsim plant of a scenario, by default the first: the top of the ladder."""
     aircraft = [table for table in scenario.plant if table.kind == "jsbsim"]
     if not aircraft:
         raise InputError(
@@ -246,23 +220,11 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
 def inner_loop_of(
     aircraft: str, scenario: Scenario, run: Run, *, wanted: LagSource | None = None
 ) -> InnerLoop:
-    """The inner loop of an aircraft that has flown.
+    """The inner loop of an aircraft that has flown, from its model file or fitted to the run.
 
-    Parameters
-    ----------
-    aircraft : str
-        Name or folder of the aircraft.
-    scenario : Scenario
-        Selects the identified condition nearest to its airspeed and first climb angle.
-    run : Run
-        The flight.
-    wanted : {"identified", "fitted"}, optional
-        Source of the lags [default: identified, if the aircraft has a model file].
-
-    Raises
-    ------
-    ScenarioError
-        If the model file cannot be used, or is required and missing.
+    The condition of the model file is the one nearest to the airspeed and first climb angle of the
+    scenario. By default the file is used if there is one; a ScenarioError says that it is required
+    and missing, or cannot be used.
     """
     t = run.t
     phi, n_z = (

@@ -69,21 +69,8 @@ def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | N
 def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[TuningProblem, ...]:
     """The problems whose smallest R_K the gains named ``tuned_identified`` maximise.
 
-    Parameters
-    ----------
-    law : Law, optional
-        Law of the gains; by default the scenario's first.
-
-    Returns
-    -------
-    tuple of TuningProblem
-        On the identified model of the first reference, or, where [tuning] says ``robust``, on that
-        of every condition identified; without a bound on I_K.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no identified model.
+    They are on the identified model of the first reference or, where [tuning] says ``robust``, of
+    every identified condition; I_K has no bound. The law is by default the scenario's first.
     """
     law = law or scenario.laws[0]
     return tuple(
@@ -160,14 +147,9 @@ def tune_scenario(
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
-    """Every gain set of a scenario by name, and how those named ``tuned`` were found.
+    """Every gain set of a scenario by name, and the result of the tuning for the first law.
 
-    Returns
-    -------
-    sets : dict of str to PIGains or None
-        None where tuning found none.
-    tuning : TuningResult or None
-        For the first law, where the scenario asks for it.
+    A gain set is None where tuning found none; the result is None if the scenario has no ``tuned``.
     """
     tunings: dict[str, TuningResult] = {}
     for law in scenario.laws if TUNED in scenario.gains else ():
@@ -181,28 +163,12 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
 
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
-    """Gains by the name a scenario knows them by.
+    """Gains by their name in a scenario; None for tuned gains of an infeasible problem.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The scenario with the gain sets and the tuning problem.
-    name : str
-        ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains given as
-        numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the law,
-        others are mapped to it (`Law.gains_from`).
-    tuning : TuningResult, optional
-        Result for ``tuned``; found anew by default.
-
-    Returns
-    -------
-    PIGains or None
-        None for tuned gains where the problem is infeasible.
-
-    Raises
-    ------
-    InputError
-        If there are no such gains.
+    `name` is ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains
+    given as numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the
+    law, others are mapped to it (`Law.gains_from`). Without `tuning`, the result for ``tuned`` is
+    computed anew.
     """
     law, own = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
@@ -227,16 +193,8 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
     """Steady wings-level flight on the first reference, and the scenario's ranges of flight.
 
-    Returns
-    -------
-    trim, envelope : Envelope
-        A single condition, and the ranges that must contain it.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario gives no ranges, they do not contain the trim, or its model is not the
-        kinematic law alone: the ranges are of that law.
+    The ranges are of the kinematic law: a ScenarioError says that the scenario gives none, that
+    they do not contain the trim, or that its model is another.
     """
     if scenario.envelope is None:
         raise ScenarioError(
@@ -315,23 +273,10 @@ def certify_scenario(
 
 
 def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
-    """The rate that one Q proves at every condition identified, and for every mixture of them.
+    """The rate that one Q proves at every identified condition, and for every mixture of them.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Says which aircraft, controller rate and schedule; its `robust` does not matter.
-
-    Returns
-    -------
-    CommonQ
-        In the units of state of `identified_problems`; rate 0 where there is no common Q. A
-        certificate (`certify_scenario` with ``envelope``) is in plain units.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no identified model, or the conditions have lags of different order.
+    The rate is in the units of state of `identified_problems`, and 0 where there is no common Q. A
+    certificate (`certify_scenario` with ``envelope``) is in plain units.
     """
     models = _identified_everywhere(scenario, scenario.law_for(gains))
     loops = [scaled(closed_loop(model.model, gains), model.scaling) for model in models]
@@ -352,12 +297,6 @@ def _identified_everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, .
 
 
 def largest_certified(scenario: Scenario, gains: PIGains) -> LargestEnvelope:
-    """How far the scenario's envelope can be scaled about the trim for gains to be certified.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario gives no envelope.
-    """
+    """The scenario's envelope scaled about the trim by the largest factor still certified."""
     trim, envelope = trim_and_envelope(scenario)
     return largest_envelope(gains, envelope, trim, g=scenario.flight.g_mps2)

@@ -1,4 +1,4 @@
-"""Fly recorded runs again from what they say made them, and look for the first difference."""
+"""Fly recorded runs again from their provenance, and look for the first difference."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -117,10 +117,7 @@ def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
 def first_difference(recorded: Run, reflown: Run) -> Difference | None:
     """The first difference of two runs to the bit: gains, then signals in time, then outcome.
 
-    Parameters
-    ----------
-    recorded : Run
-        With the status ``interrupted`` only its samples are compared.
+    Of a recorded run with the status ``interrupted`` only its samples are compared.
     """
     return next(_differences(recorded, reflown), None)
 
