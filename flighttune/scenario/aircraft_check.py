@@ -19,18 +19,8 @@ FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
 def check_aircraft(scenario: Scenario, source: str) -> None:
     """Refuse a scenario that one of its aircraft cannot start.
 
-    Steady flight at the start is not required here: without it a run ends with a status.
-
-    Parameters
-    ----------
-    source : str
-        File the scenario came from, or what else to call it.
-
-    Raises
-    ------
-    ScenarioError
-        If an aircraft does not exist, the start or limits of the scenario lie outside it, or a
-        reference of shape feasible is not; the message names `source` and every key.
+    Steady flight at the start is not required here: without it a run ends with a status. The
+    ScenarioError names `source`, the file of the scenario, and every key.
     """
     faults = dict.fromkeys(fault for plant in scenario.plant for fault in _faults(scenario, plant))
     if faults:
@@ -44,18 +34,7 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
 
 
 def check_identified(scenario: Scenario, source: str) -> None:
-    """Refuse a scenario whose identified model is named and cannot be read.
-
-    Parameters
-    ----------
-    source : str
-        File the scenario came from, or what else to call it.
-
-    Raises
-    ------
-    ScenarioError
-        If there is no such model; the message names `source` and key.
-    """
+    """Refuse a scenario whose identified model cannot be read, naming `source` and key."""
     if scenario.tuning.identified is None:
         return
     try:

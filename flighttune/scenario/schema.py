@@ -335,14 +335,10 @@ class Scenario(Table):
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
         """The law that flies a gain set, and the gain set as ``gains`` lists it.
 
-        Parameters
-        ----------
-        name : str
-            One of `gain_names`. A law that the scenario does not name but can (``exact:tuned``) is
-            meant as it is by default; without a law it is the paper's, or the only one there is.
-        gains : PIGains, optional
-            The gains themselves, which may come from a file. Where they act on something else than
-            the law so named wants, it is the law of `law_for`.
+        `name` is one of `gain_names`. A law that the scenario does not name but can
+        (``exact:tuned``) has its default settings; without a law it is the paper's, or the only one
+        there is. `gains` may come from a file: if they act on other inputs than those of the named
+        law, the law is `law_for` of the gains.
         """
         law, own = self.law_table(name).law(), split_name(name)[1]
         if gains is not None and law.by_gains and gains.inputs != law.inputs:
@@ -355,13 +351,7 @@ class Scenario(Table):
         return next(fitting, None) or made_law(gains.law)
 
     def plant_table(self, label: str) -> PlantTable:
-        """The table of one of its plants.
-
-        Raises
-        ------
-        InputError
-            If it has none of that label.
-        """
+        """The table of one of its plants."""
         for table in self.plant:
             if table.label == label:
                 return table
@@ -408,10 +398,7 @@ class Scenario(Table):
     def followed(self) -> Reference | FeasibleReference:
         """The reference that the outer loop follows.
 
-        Raises
-        ------
-        InputError
-            If the reference is to be feasible and none is found, or limits are missing.
+        An InputError says that no feasible reference was found, or that it lacks limits.
         """
         f = self.flight
         if self.reference.shape == "feasible":
@@ -490,16 +477,9 @@ class Scenario(Table):
     def identified_models(self, law: Law | None = None) -> tuple[DesignModel, ...]:
         """A law, by default the first, behind the identified inner loop and half a sample of delay.
 
-        Returns
-        -------
-        tuple of DesignModel
-            About wings-level flight on the first reference with the lags of the nearest condition;
-            one a condition, each at its own airspeed and climb, where [tuning] says ``robust``.
-
-        Raises
-        ------
-        InputError, ScenarioError
-            If there is no such aircraft, or no model file.
+        The model is about wings-level flight on the first reference with the lags of the nearest
+        condition. Where [tuning] says ``robust`` there is one model for each condition, at its own
+        airspeed and climb.
         """
         identified, law = load_identified(self._identified()), law or self.laws[0]
         V_a, gamma = self.flight.V_a_mps, self.followed().initial[1]

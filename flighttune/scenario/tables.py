@@ -203,13 +203,9 @@ class ReferenceTable(Table):
                 yield f"reference.{key}", segment.start_s
 
     def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
-        """Time (s) and value (deg) of the largest path angle asked for, up or down.
+        """Time (s) and value (deg) of the steepest path angle asked for, up or down.
 
-        Parameters
-        ----------
-        start_deg : float, deg
-            Path angle of ``[flight]``.
-        duration : float, s
+        `start_deg` is the path angle of ``[flight]``; `duration` is in s.
         """
         segments = self.gamma_deg if isinstance(self.gamma_deg, list) else []
         inside = {t for segment in segments for t in segment.breaks if t < duration}
@@ -629,18 +625,9 @@ def check_air(
 ) -> None:
     """Refuse air that the plants of a scenario cannot fly in.
 
-    Parameters
-    ----------
-    disturbance, wind, unsteady
-        Tables of the scenario; `unsteady` is its gust or turbulence.
-    aircraft : bool
-        True if one of its plants is of kind jsbsim.
-
-    Raises
-    ------
-    ValueError
-        If a sinusoid of the kinematic law is to disturb an aircraft, nobody meets the wind that
-        the others replay, or an aircraft is to be steered through the air in other wind as well.
+    `unsteady` is the table of its gust or turbulence; `aircraft` says that one of its plants is of
+    kind jsbsim. Refused are a sinusoid of the kinematic law on an aircraft, a wind that no plant
+    meets for the others to replay, and steering an aircraft through the air in other wind as well.
     """
     if disturbance and aircraft and not disturbance.as_wind:
         raise ValueError(
