@@ -101,7 +101,7 @@ def _adopt_all(out: Path, h: float) -> None:
 
 
 def _adopted(out: Path, h: float, model: str) -> dict[str, Any]:
-    """The answer of one model of all, in its own process."""
+    """The answer for one of all models, which is adopted in a process of its own."""
     from flighttune.adopt.adopt import adopt as adopted
     from flighttune.adopt.page import write_adoption
 

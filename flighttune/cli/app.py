@@ -68,7 +68,7 @@ COMMANDS = {
         (export, "exporting", "flighttune export paper --gains paper"),
     ],
 }
-"""Commands by their heading in the help: function, what a terminal shows meanwhile, an example."""
+"""Commands by their heading in the help: function, status on a terminal, and an example."""
 
 for panel, commands in COMMANDS.items():
     for command, doing, example in commands:
@@ -124,7 +124,7 @@ class _Descriptor(io.FileIO):
 
 
 def _writable(name: str) -> Any:
-    """A standard stream that takes all characters; one that is closed takes them to nowhere."""
+    """A standard stream that takes all characters; a closed one discards them."""
     stream = getattr(sys, name)
     if stream is None:
         return open(os.devnull, "w")

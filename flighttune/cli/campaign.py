@@ -105,22 +105,22 @@ def report(
     from flighttune.report.campaign.page import notes, write_campaign_report
     from flighttune.report.campaign.values import findings_values
 
-    found = findings(load_flights(folder), method=interval, confidence=confidence)
+    summary = findings(load_flights(folder), method=interval, confidence=confidence)
     if out is None and Path(folder).is_dir():
         out = Path(folder) / "report.html"
-    page = None if out is None else write_campaign_report(found, out).path
-    values = findings_values(found)
+    page = None if out is None else write_campaign_report(summary, out).path
+    values = findings_values(summary)
     emit(
         Answer(
             values={**values, "sha256": dataset_hash(folder)},
             tables=[
-                questions_table(headline(found)),
-                tables.success_table(found, values["groups"]),
+                questions_table(headline(summary)),
+                tables.success_table(summary, values["groups"]),
                 tables.reasons_table(values["groups"]),
                 tables.certified_table(values["groups"]),
-                tables.paired_table(found, values["paired"]),
+                tables.paired_table(summary, values["paired"]),
             ],
-            notes=notes(found),
+            notes=notes(summary),
             files={"page": page},
         )
     )
@@ -308,14 +308,14 @@ def tune(
     )
     loaded = load_campaign(file)
     with campaign_pool(workers, scheduler) as pool:
-        found = tune_robust(loaded, settings, pool)
-    written = out if found.status == "chosen" else None
-    answer = _choice(found, file, loaded.title, written)
+        choice = tune_robust(loaded, settings, pool)
+    written = out if choice.status == "chosen" else None
+    answer = _choice(choice, file, loaded.title, written)
     if written is not None:
         save_answer(written, answer)
     emit(answer)
-    if found.status != "chosen":
-        fail(f"{file}: {found.reason}", INTERRUPTED if found.status == "interrupted" else NO)
+    if choice.status != "chosen":
+        fail(f"{file}: {choice.reason}", INTERRUPTED if choice.status == "interrupted" else NO)
 
 
 campaign = Typer(
@@ -429,30 +429,30 @@ def _plan(plan: "Plan", cost: "CampaignCost", workers: int) -> Answer:
     )
 
 
-def _choice(found: "RobustChoice", file: str, title: str, out: Path | None) -> Answer:
-    best = {} if found.best is None else _candidate(found.best)
-    candidates = [_candidate(result) for result in found.candidates]
-    beside = [_candidate(result) for result in found.baselines]
+def _choice(choice: "RobustChoice", file: str, title: str, out: Path | None) -> Answer:
+    best = {} if choice.best is None else _candidate(choice.best)
+    candidates = [_candidate(result) for result in choice.candidates]
+    beside = [_candidate(result) for result in choice.baselines]
     values = {
-        **pick(found, "status reason"),
+        **pick(choice, "status reason"),
         "campaign": file,
         **{key: best.get(key) for key in OF_BEST},
-        **pick(found, "metrics percentile p_best loss draws flights"),
+        **pick(choice, "metrics percentile p_best loss draws flights"),
         "candidates": candidates,
         "beside": beside,
     }
-    if found.best is None:
+    if choice.best is None:
         return Answer(values=values)
-    heading = f"{title}: {found.percentile:g}th percentile of {' + '.join(found.metrics)}"
-    chosen = found.best.candidate
+    heading = f"{title}: {choice.percentile:g}th percentile of {' + '.join(choice.metrics)}"
+    chosen = choice.best.candidate
     return Answer(
         values=values,
         tables=[
             Table(title=heading, columns=CANDIDATE_COLUMNS, records=[*candidates, *beside]),
-            gains_table(f"{found.status}: {chosen.name}", chosen.gains),
+            gains_table(f"{choice.status}: {chosen.name}", chosen.gains),
         ],
         verdict=f"{chosen.name} is the best of {len(candidates)} candidates with probability "
-        f"{found.p_best:.2f}; the expected loss to the true best is {found.loss:.2g}.",
+        f"{choice.p_best:.2f}; the expected loss to the true best is {choice.loss:.2g}.",
         files={"out": out},
     )
 

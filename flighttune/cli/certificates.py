@@ -98,7 +98,7 @@ def certify(
     else:
         model, flown = loaded.linear_model(law), chosen
         made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d, law=law)
-    found = indicators(closed_loop(model, flown))
+    decay = indicators(closed_loop(model, flown))
     scaling = None if own else tuning_scaling(loaded, law)
     in_tune = None if scaling is None else indicators(closed_loop(model, flown), scaling=scaling)
     may_grow = envelope and not (own or identified or law.same_everywhere)
@@ -112,7 +112,7 @@ def certify(
     certificate = _certification(made)
     scaled = None if in_tune is None else pick(in_tune, "R_K I_K scaling")
     values = {
-        **pick(found, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
+        **pick(decay, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
         "scaled": scaled,
         "gains": name,
         **gains_values(chosen),
@@ -130,13 +130,13 @@ def certify(
         robust = identified and loaded.tuning.robust
         tuned = "scaled by [tuning], at the nominal condition" if robust else "scaled by [tuning]"
         units.append({"units": tuned, **scaled})
-    eigenvalues = [{"real": pole.real, "imaginary": pole.imag} for pole in found.eigenvalues]
+    eigenvalues = [{"real": pole.real, "imaginary": pole.imag} for pole in decay.eigenvalues]
     claimed = {**certificate, **(values["envelope"] or {})}
     emit(
         Answer(
             values=values,
             tables=[
-                Table(title=f"{name}: {found.status}", columns=INDICATOR_COLUMNS, records=units),
+                Table(title=f"{name}: {decay.status}", columns=INDICATOR_COLUMNS, records=units),
                 Table(title="eigenvalues", columns=EIGENVALUE_COLUMNS, records=eigenvalues),
                 margins_table(margins),
                 Table(title="certificate", columns=CERTIFICATE_COLUMNS, records=[claimed]),
@@ -148,8 +148,8 @@ def certify(
             files={"proof": out if made.certificate else None, "figure": figure},
         )
     )
-    if found.status != "stable":
-        fail(f"{scenario}: gains {name}: {found.reason}", NO)
+    if decay.status != "stable":
+        fail(f"{scenario}: gains {name}: {decay.reason}", NO)
     if made.status != "certified" and (own or envelope or out is not None):
         fail(f"{scenario}: gains {name}: {made.reason}", NO)
 
@@ -164,7 +164,7 @@ def _save(made: "Certification", out: Path | None) -> None:
 def _certified_own(
     scenario: "Scenario", name: str, gains: "PIGains", L_d: float | None
 ) -> "tuple[LinearModel, PIGains, Certification]":
-    """Model and gains that a law of the user's gives itself, and what is proven of them."""
+    """Linear model and gains of a user's own law, and their certification."""
     from flighttune.certificates import certify as certify_model
     from flighttune.flight.fly import linear_loop
     from flighttune.flight.own import with_own
@@ -223,9 +223,9 @@ def verify(
     from flighttune.certificates import verify as verify_certificate
 
     loaded = load_certificate(certificate)
-    found = verify_certificate(loaded)
-    verdict = "valid: every inequality is proven" if found.valid else "not valid"
-    checks = [asdict(check) for check in found.checks]
+    verification = verify_certificate(loaded)
+    verdict = "valid: every inequality is proven" if verification.valid else "not valid"
+    checks = [asdict(check) for check in verification.checks]
     claim = {
         **_claim(loaded.claim),
         "envelope": loaded.claim.envelope,
@@ -236,17 +236,19 @@ def verify(
     title = f"{certificate}: {verdict}"
     emit(
         Answer(
-            values={**pick(found, "valid reason"), "claim": claim},
+            values={**pick(verification, "valid reason"), "claim": claim},
             tables=[
                 Table(title=title, name="checks", columns=CHECK_COLUMNS, records=checks),
                 Table(title="claim", columns=columns("rate radius L_d"), records=[claim]),
                 gains_table("gains", loaded.gains),
             ],
-            verdict=_where(loaded) if found.valid else f"claimed, not proven: {_where(loaded)}",
+            verdict=_where(loaded)
+            if verification.valid
+            else f"claimed, not proven: {_where(loaded)}",
         )
     )
-    if not found.valid:
-        fail(f"{certificate}: {found.reason}", NO)
+    if not verification.valid:
+        fail(f"{certificate}: {verification.reason}", NO)
 
 
 def _verify_tube(file: Path, conformance: Path | None) -> None:
@@ -255,18 +257,18 @@ def _verify_tube(file: Path, conformance: Path | None) -> None:
     from flighttune.tube.proof import load_tube, verify_tube
 
     loaded = load_tube(file, None if conformance is None else load_conformance(conformance))
-    found, checked = verify_tube(loaded), loaded.problem.aircraft_checked
-    verdict = "valid: every inclusion is proven" if found.valid else "not valid"
+    verification, checked = verify_tube(loaded), loaded.problem.aircraft_checked
+    verdict = "valid: every inclusion is proven" if verification.valid else "not valid"
     basis = "proven" if loaded.lost is None else "proven, within the errors that were counted"
     if checked is False:
         basis = f"proven {NOT_CHECKED}"
     values = tube_values(loaded)
-    checks = [asdict(check) for check in found.checks]
+    checks = [asdict(check) for check in verification.checks]
     title = f"{file}: {verdict}"
     emit(
         Answer(
             values={
-                **pick(found, "valid reason"),
+                **pick(verification, "valid reason"),
                 "aircraft_checked": checked,
                 "claim": {**values, "scenario": loaded.problem.scenario.as_dict()},
             },
@@ -275,17 +277,17 @@ def _verify_tube(file: Path, conformance: Path | None) -> None:
                 *problem_tables(loaded, values, "of the file"),
             ],
             notes=bounds_after(loaded),
-            verdict=basis if found.valid else "claimed, not proven",
+            verdict=basis if verification.valid else "claimed, not proven",
         )
     )
-    if not found.valid:
-        fail(f"{file}: {found.reason}", NO)
+    if not verification.valid:
+        fail(f"{file}: {verification.reason}", NO)
 
 
 def _certification(made: "Certification") -> dict[str, Any]:
-    """What is proven: the norm of s decays at half the rate from at most `growth` times its start.
+    """Proven claim: the norm of s decays at half the rate from at most `growth` times its start.
 
-    All but the status and its reason is null where there is no certificate.
+    Without a certificate all values but the status and its reason are null.
     """
     certificate, growth = made.certificate, None
     if certificate is not None:

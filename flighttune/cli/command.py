@@ -1,4 +1,4 @@
-"""What every command has: a place in the help, an example, --json, -q, and a status line."""
+"""Common parts of commands: place in the help, example, --json, -q and status line."""
 
 import inspect
 from collections.abc import Callable
@@ -44,23 +44,10 @@ def add_command(
     panel: str | None = None,
     answers: bool = True,
 ) -> None:
-    """Add a command to an app.
+    """Add a command to an app; the docstring of `function` is its help.
 
-    Parameters
-    ----------
-    app : Typer
-    function : callable
-        The command; its docstring is the help.
-    doing : str
-        What a terminal shows while it works, such as ``tuning``.
-    example : str
-        A command line that its help ends with.
-    name : str, optional
-        Where it is not that of the function.
-    panel : str, optional
-        Heading it is listed under.
-    answers : bool
-        Whether it prints an answer, which can be a JSON object.
+    `doing` is the status on a terminal, such as ``tuning``; `panel` is the heading in the help.
+    With `answers` the command prints an answer, which can be a JSON object.
     """
     options = {"as_json": JsonOption} if answers else {}
     options["quiet"] = QuietOption
@@ -70,13 +57,13 @@ def add_command(
         with working(doing, quiet=quiet, as_json=as_json):
             function(*args, **kwargs)
 
-    given = inspect.signature(function)
+    signature = inspect.signature(function)
     added = [
-        inspect.Parameter(one, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
-        for one, option in options.items()
+        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
+        for key, option in options.items()
     ]
-    command.__signature__ = given.replace(  # type: ignore[attr-defined]
-        parameters=[*given.parameters.values(), *added]
+    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[*signature.parameters.values(), *added]
     )
     command.__annotations__ = function.__annotations__ | options
     app.command(name or function.__name__, rich_help_panel=panel, epilog=f"Example: {example}")(

@@ -53,24 +53,24 @@ def compare(
 
     check_ending(out, ".rrd", ".html")
     allowed = None if tolerance is None else load_tolerances(tolerance)
-    found = compare_sources(first, *others)
-    broken = violations(found, allowed) if allowed else []
-    if out is not None and found.comparable:
+    comparison = compare_sources(first, *others)
+    broken = violations(comparison, allowed) if allowed else []
+    if out is not None and comparison.comparable:
         if out.suffix.lower() == ".html":
             from flighttune.report.compare_page import write_comparison_page
 
-            write_comparison_page(found, out)
+            write_comparison_page(comparison, out)
         else:
             from flighttune.comparison.overlay import write_overlay
 
-            write_overlay(found, out)
-    emit(_answer(found, broken, out))
-    if not found.comparable:
-        fail(found.reason, COULD_NOT_RUN)
-    if allowed and found.unpaired:
+            write_overlay(comparison, out)
+    emit(_answer(comparison, broken, out))
+    if not comparison.comparable:
+        fail(comparison.reason, COULD_NOT_RUN)
+    if allowed and comparison.unpaired:
         fail(
             f"{tolerance}: every run must have a partner to be checked, got none for "
-            f"{', '.join(found.unpaired)}.",
+            f"{', '.join(comparison.unpaired)}.",
             COULD_NOT_RUN,
         )
     if broken:
@@ -78,11 +78,11 @@ def compare(
         fail(f"{tolerance}: {broken[0].sentence}{more}", NO)
 
 
-def _answer(found: "Comparison", broken: list["Violation"], out: Path | None) -> Answer:
+def _answer(comparison: "Comparison", broken: list["Violation"], out: Path | None) -> Answer:
     from flighttune.comparison.compare import comparison_table
 
     is_page = out is not None and out.suffix.lower() == ".html"
-    written = out if found.comparable else None
+    written = out if comparison.comparable else None
     pairs = [
         {
             "run_a": pair.a.label,
@@ -95,29 +95,29 @@ def _answer(found: "Comparison", broken: list["Violation"], out: Path | None) ->
             "max_distance_at_s": pair.t_max_distance,
             "differs": pair.differs,
         }
-        for pair in found.pairs
+        for pair in comparison.pairs
     ]
     differs = {
         f"not the same: {key}: {first} and {second}"
-        for pair in found.pairs
+        for pair in comparison.pairs
         for key, (first, second) in pair.differs.items()
     }
     return Answer(
         values={
-            **pick(found, "comparable reason"),
-            "metrics": found.metrics.to_dict(orient="records"),
-            "max_distance_m": found.max_distance,
-            **pick(found, "unpaired missing"),
+            **pick(comparison, "comparable reason"),
+            "metrics": comparison.metrics.to_dict(orient="records"),
+            "max_distance_m": comparison.max_distance,
+            **pick(comparison, "unpaired missing"),
             "violations": broken,
         },
         tables=[
             Table(title="pairs", name="pairs", columns=PAIR_COLUMNS, records=pairs),
-            comparison_table("metrics", found.metrics),
+            comparison_table("metrics", comparison.metrics),
         ],
         notes=[
             *sorted(differs),
-            *(f"missing: {line}" for line in found.missing),
-            *(f"no partner: {line}" for line in found.unpaired),
+            *(f"missing: {line}" for line in comparison.missing),
+            *(f"no partner: {line}" for line in comparison.unpaired),
             *(f"out of tolerance: {violation.sentence}" for violation in broken),
         ],
         files={"recording": None if is_page else written, "page": written if is_page else None},

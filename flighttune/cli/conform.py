@@ -121,14 +121,14 @@ def conform(
         _recount(source, recount, settings, workers, scheduler)
         return
     with campaign_pool(workers, scheduler) as pool:
-        found = learn_and_count(source, settings, pool)
-    if found is None:
+        conformance = learn_and_count(source, settings, pool)
+    if conformance is None:
         fail(f"{source}: interrupted, nothing is written", INTERRUPTED)
-    if found.holds:
-        save_conformance(found, out)
-    emit(_answer(found, out))
-    if not found.holds:
-        fail(f"{source}: {found.sentence}; nothing is written", NO)
+    if conformance.holds:
+        save_conformance(conformance, out)
+    emit(_answer(conformance, out))
+    if not conformance.holds:
+        fail(f"{source}: {conformance.sentence}; nothing is written", NO)
 
 
 def _recount(
@@ -154,8 +154,8 @@ def _recount(
         fail(verdict, NO)
 
 
-def _answer(found: "Conformance", out: Path) -> Answer:
-    low, high = found.boxes.low, found.boxes.high
+def _answer(conformance: "Conformance", out: Path) -> Answer:
+    low, high = conformance.boxes.low, conformance.boxes.high
     rates = [
         {
             "channel": name,
@@ -169,21 +169,21 @@ def _answer(found: "Conformance", out: Path) -> Answer:
         }
         for i, name in enumerate(CHANNEL_SYMBOLS)
     ]
-    counts = [asdict(attempt) | {"flights": attempt.flights} for attempt in found.attempts]
+    counts = [asdict(attempt) | {"flights": attempt.flights} for attempt in conformance.attempts]
     return Answer(
         values={
-            **found.as_dict(),
-            "status": "counted" if found.holds else "flights_outside",
-            "air": found.air,
+            **conformance.as_dict(),
+            "status": "counted" if conformance.holds else "flights_outside",
+            "air": conformance.air,
         },
         tables=[
             Table(
-                title=f"{found.aircraft}, {found.gains_name}: residual rates",
+                title=f"{conformance.aircraft}, {conformance.gains_name}: residual rates",
                 columns=RATE_COLUMNS,
                 records=rates,
             ),
             Table(title="counts of new flights", columns=COUNT_COLUMNS, records=counts),
         ],
-        verdict=found.sentence if found.holds else "",
-        files={"out": out if found.holds else None},
+        verdict=conformance.sentence if conformance.holds else "",
+        files={"out": out if conformance.holds else None},
     )

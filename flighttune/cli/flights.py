@@ -102,10 +102,10 @@ def refly(
     from flighttune.flight.refly import refly as fly_again
     from flighttune.recording.load import load_recording
 
-    found = load_recording(recording)
+    source = load_recording(recording)
     try:
         with progress_bar() as progress:
-            flights = fly_again(found.runs, progress=progress)
+            flights = fly_again(source.runs, progress=progress)
     except (RecordingError, ScenarioError) as error:
         raise RecordingError(f"{recording}: {error}") from error
     different = [
@@ -130,7 +130,7 @@ def refly(
         Answer(
             values={
                 "equal": not different,
-                "missing": found.missing,
+                "missing": source.missing,
                 "versions": {
                     name: {"recorded": then, "now": now} for name, (then, now) in versions.items()
                 },
@@ -144,7 +144,7 @@ def refly(
                 )
             ],
             notes=[
-                *(f"missing: {line}" for line in found.missing),
+                *(f"missing: {line}" for line in source.missing),
                 *(f"{name}: {then} then, {now} now" for name, (then, now) in versions.items()),
             ],
         )
@@ -216,7 +216,7 @@ def _open(path: Path, *, port: int | None = None) -> None:
         suppress(KeyboardInterrupt),
     ):
         if port is not None:
-            tunnel = " ".join(f"-L {one}:127.0.0.1:{one}" for one in (port, port + 1))
+            tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
             say(f"open {viewer.url} in a browser, from elsewhere after: ssh {tunnel} HOST")
         elif viewer.url:
             say(f"no screen here; open {viewer.url} in a browser on this machine, Ctrl-C ends it")
@@ -293,7 +293,7 @@ def _indicators(flown: "FlownScenario", gains: str) -> dict[str, float | None]:
 
 
 def _settling(run: "Run") -> dict[str, str]:
-    """What stands for a settling time that there is none of, by the key of its column."""
+    """Word in place of a missing settling time, by the key of its column."""
     from flighttune.metrics import channel_metrics, has_step
 
     if len(run.signals) < 2:

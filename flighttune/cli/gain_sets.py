@@ -32,7 +32,7 @@ MARGIN_COLUMNS = [
 
 
 def chosen_gains(scenario: "Scenario", wanted: str | None) -> tuple[str, "PIGains"]:
-    """Name and gains of what ``--gains`` asks for; exits with status 1 where tuning finds none."""
+    """Name and gains selected by ``--gains``; exits with status 1 where tuning finds none."""
     from flighttune.flight.outer_loop import gain_set
     from flighttune.scenario import load_gains
 

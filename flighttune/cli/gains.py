@@ -94,15 +94,15 @@ def frontier(
         for name, gains in sets.items()
         if gains is not None
     }
-    found = frontier_table(tuning_problem(loaded), points=points, marked=marked)
+    table = frontier_table(tuning_problem(loaded), points=points, marked=marked)
     folder = out or Path("runs") / Path(scenario).stem
     csv, svg = folder / "frontier.csv", folder / "frontier.svg"
-    write_text(csv, found.to_csv(index=False, lineterminator="\n"))
+    write_text(csv, table.to_csv(index=False, lineterminator="\n"))
     styles = line_styles([("", name) for name in loaded.gain_names])
-    chart = frontier_chart(found, {name: style for (_, name), style in styles.items()})
+    chart = frontier_chart(table, {name: style for (_, name), style in styles.items()})
     Sheet(charts=[chart], columns=1).save(svg)
     keys = ["name", "I_K", "R_K", "spectral_abscissa"]
-    rows = found.loc[:, keys].to_dict(orient="records")
+    rows = table.loc[:, keys].to_dict(orient="records")
     curve = [row for row in rows if row["name"] == "frontier"]
     gain_sets = {row["name"]: row for row in rows if row["name"] != "frontier"}
     emit(
@@ -176,33 +176,33 @@ def _tune_over_envelope(source: str) -> Answer:
     trim, envelope = trim_and_envelope(scenario)
     g = scenario.flight.g_mps2
     problem = tuning_problem(scenario)
-    found = tune_over_envelope(problem, envelope, trim, g=g, starts=ENVELOPE_STARTS)
-    margins = margins_values(margins_of(scenario.linear_model(), found.gains))
-    at_trim = None if found.gains is None else assessment(problem, found.gains.K)
+    result = tune_over_envelope(problem, envelope, trim, g=g, starts=ENVELOPE_STARTS)
+    margins = margins_values(margins_of(scenario.linear_model(), result.gains))
+    at_trim = None if result.gains is None else assessment(problem, result.gains.K)
     values = {
-        **pick(found, "status reason"),
-        **gains_values(found.gains),
-        **pick(found, "R_K I_K"),
+        **pick(result, "status reason"),
+        **gains_values(result.gains),
+        **pick(result, "R_K I_K"),
         "spectral_abscissa": at_trim.spectral_abscissa if at_trim else None,
         "active": at_trim.active if at_trim else [],
         "starts": ENVELOPE_STARTS,
-        "R_envelope": found.R,
-        "R_envelope_bound": found.R_bound,
-        **pick(found, "factor wall_s"),
+        "R_envelope": result.R,
+        "R_envelope_bound": result.R_bound,
+        **pick(result, "factor wall_s"),
         "margins": margins,
     }
     return Answer(
         values=values,
         tables=[
             Table(title="tuning over the envelope", columns=ENVELOPE_COLUMNS, records=[values]),
-            gains_table("gains", found.gains),
+            gains_table("gains", result.gains),
             margins_table(margins),
         ],
     )
 
 
 def _diagnosis_tables(why: dict[str, Any] | None) -> list[Table]:
-    """What the limits allow at best, and what each of them costs."""
+    """Best rate within the limits, and the cost of each limit."""
     if why is None:
         return []
     return [

@@ -57,40 +57,41 @@ def gap(
     stem = f"{Path(scenario).stem}-gap"
     folder = out or Path("runs") / stem
     with progress_bar() as progress:
-        found = explain_gap(
+        explained = explain_gap(
             loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
         )
-    top = found.runs[-1]
+    top = explained.runs[-1]
     tubes = run_tubes([top], folder, make=tube, conformance=conformance)
-    found = replace(found, runs=(*found.runs[:-1], *tubes.runs))
-    files = record(found.flown(), folder, name=stem)
+    explained = replace(explained, runs=(*explained.runs[:-1], *tubes.runs))
+    files = record(explained.flown(), folder, name=stem)
     figure = page = None
-    if found.ladder is not None:
+    if explained.ladder is not None:
         figure, page = folder / "gap.svg", folder / "gap.html"
-        gap_sheet(found).save(figure)
-        write_gap_page(found, page)
-    values = gap_values(found, files.signals)
+        gap_sheet(explained).save(figure)
+        write_gap_page(explained, page)
+    values = gap_values(explained, files.signals)
     emit(
         Answer(
             values={**values, "tubes": run_tubes_values(tubes)},
-            tables=[*gap_tables(found, values)],
+            tables=[*gap_tables(explained, values)],
             notes=[
-                *_failed(found),
+                *_failed(explained),
                 *run_tubes_notes(tubes, f"flighttune gap {scenario} --tube --conformance FILE"),
             ],
             files={"recording": files.recording, "figure": figure, "page": page},
         )
     )
     fail_if_outside(tubes)
-    if found.status != "explained":
-        fail(f"{scenario}: {found.reason}", NO)
-    if found.verdict is None or not found.verdict.held:
-        why = found.indicators.reason if found.verdict is None else found.verdict.sentence
+    if explained.status != "explained":
+        fail(f"{scenario}: {explained.reason}", NO)
+    if explained.verdict is None or not explained.verdict.held:
+        verdict = explained.verdict
+        why = explained.indicators.reason if verdict is None else verdict.sentence
         fail(f"{scenario}: gains {name}: the certified set: {why}", NO)
 
 
-def _failed(found: "Gap") -> list[str]:
-    if found.ladder is None or not found.ladder.failed:
+def _failed(gap: "Gap") -> list[str]:
+    if gap.ladder is None or not gap.ladder.failed:
         return []
-    why = "; ".join(f"{plant} {reason}" for plant, reason in found.ladder.failed.items())
+    why = "; ".join(f"{plant} {reason}" for plant, reason in gap.ladder.failed.items())
     return [f"No metrics of, from or to a rung that failed: {why}"]

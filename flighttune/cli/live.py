@@ -17,13 +17,7 @@ FASTEST = "max"
 
 
 def pace_of(text: str) -> float | None:
-    """Seconds of flight a second from ``--pace``; None for as fast as it goes.
-
-    Raises
-    ------
-    InputError
-        If it is neither a positive number nor ``max``.
-    """
+    """Simulated seconds per second from ``--pace``; None for as fast as possible."""
     if text == FASTEST:
         return None
     try:
@@ -39,13 +33,8 @@ def pace_of(text: str) -> float | None:
 def live_viewer(scenario: "Scenario", *, pace: float | None) -> Iterator["Observer"]:
     """Show the flights of the block in a viewer; Ctrl-C ends the flights, and not the block.
 
-    On a terminal the viewer stays open after the flights, until it is closed.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    pace : float or None
-        Seconds of flight a second.
+    `pace` is in simulated seconds per second. On a terminal the viewer stays open after the
+    flights, until it is closed.
     """
     from flighttune.recording.live import LiveSession
     from flighttune.recording.viewer import stream_url, waiting_viewer

@@ -44,18 +44,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
 
 
 class CampaignDisplay(CampaignObserver):
-    """Shows on stderr how far a campaign is, and stops it when asked to.
-
-    Parameters
-    ----------
-    bar : rich.progress.Progress or None
-        Where to show it; lines are printed without.
-
-    Attributes
-    ----------
-    stopped : bool
-        Whether the campaign shall stop.
-    """
+    """Progress of a campaign on stderr, as lines without a `bar`; stops the campaign on request."""
 
     def __init__(self, bar: Any) -> None:
         self.stopped = False
@@ -160,10 +149,7 @@ def duration(seconds: float) -> str:
 def stop_on_interrupt(stop: Callable[[], object]) -> Iterator[None]:
     """Call `stop` at the first of `SIGNALS` in the block; a second one ends the command.
 
-    Parameters
-    ----------
-    stop : callable
-        Called from the signal handler: it only asks for the end, and returns at once.
+    `stop` is called from the signal handler: it only asks for the end, and returns at once.
     """
     before = _handlers()
 

@@ -119,7 +119,7 @@ def reproduce(
 
 
 def _compared(finding: "Finding") -> dict[str, str | None]:
-    """How many comparisons agree, and both sides of the first that does not."""
+    """Count of comparisons that agree, and both sides of the first that does not."""
     from flighttune.paper.claims.base import text_of
 
     checks = finding.checks

@@ -1,4 +1,4 @@
-"""How commands answer: one JSON object, or tables and lines, on stdout; reasons on stderr."""
+"""Output of commands: one JSON object, or tables and lines, on stdout; reasons on stderr."""
 
 import os
 import sys
@@ -20,12 +20,12 @@ MAX_REASON = 1500
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 _JSON: ContextVar[bool] = ContextVar("as_json", default=False)
 _DOING: ContextVar[str] = ContextVar("doing", default="")
-"""What stands on the last line of a terminal's stderr until something else is printed."""
+"""Status on the last line of a terminal's stderr until something else is printed."""
 
 
 @contextmanager
 def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]:
-    """Say on a terminal, from the first moment on, what a command is `doing`: ``tuning``."""
+    """Show on a terminal, from the start, what a command is `doing`, such as ``tuning``."""
     asked, form = _QUIET.set(quiet), _JSON.set(as_json)
     shown = _DOING.set(f"{doing} ..." if watched() else "")
     if _DOING.get():
@@ -40,22 +40,22 @@ def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]
 
 
 def watched() -> bool:
-    """Whether someone follows what a command does: stderr is a terminal, and -q is not given."""
+    """Whether to show progress: stderr is a terminal, and -q is absent."""
     return sys.stderr.isatty() and not quiet()
 
 
 def quiet() -> bool:
-    """Whether -q is given."""
+    """Whether the command has -q."""
     return _QUIET.get()
 
 
 def as_json() -> bool:
-    """Whether --json is given: stdout is for one object alone."""
+    """Whether the command has --json: stdout then takes a single object."""
     return _JSON.get()
 
 
 def clear() -> None:
-    """Take what the command is doing off the terminal: something else is going to be printed."""
+    """Clear the status from the terminal before something else is printed."""
     if doing := _DOING.get():
         print(f"\r{' ' * len(doing)}\r", end="", file=sys.stderr, flush=True)
         _DOING.set("")

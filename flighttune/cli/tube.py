@@ -121,7 +121,7 @@ def tube(
         return
     began = time.perf_counter()
     with progress_bar() as progress:
-        found = tube_of(
+        enclosure = tube_of(
             loaded,
             chosen,
             plant=plant,
@@ -129,25 +129,25 @@ def tube(
             disturbance=disturbance,
             conformance=None if conformance is None else load_conformance(conformance),
             law=law,
-            progress=progress and (lambda part: progress(f"tube {name}", part)),
+            progress=None if progress is None else (lambda part: progress(f"tube {name}", part)),
         )
-    inside = flights_inside(found)
+    inside = flights_inside(enclosure)
     # A tube that its own flight leaves is wrong: neither bounds nor a proof of them are written.
     signals = proof = None
     if inside:
         signals = (out or Path("runs") / f"{Path(scenario).stem}-tube.npz").with_suffix(".parquet")
-        write_signals(found, signals)
-    if inside and found.status == "bounded" and out is not None:
-        save_tube(found, out)
+        write_signals(enclosure, signals)
+    if inside and enclosure.status == "bounded" and out is not None:
+        save_tube(enclosure, out)
         proof = out
-    values = tube_values(found)
-    notes = bounds_after(found)
-    if proof is not None and found.problem.boxes is not None:
+    values = tube_values(enclosure)
+    notes = bounds_after(enclosure)
+    if proof is not None and enclosure.problem.boxes is not None:
         notes.append(f"Check the boxes too: flighttune verify {proof} --conformance FILE")
     emit(
         Answer(
             values={**values, "inside": inside, "seconds": time.perf_counter() - began},
-            tables=problem_tables(found, values, name),
+            tables=problem_tables(enclosure, values, name),
             notes=notes,
             verdict="The flights flown with it are inside."
             if inside
@@ -155,8 +155,8 @@ def tube(
             files={"signals": signals, "proof": proof},
         )
     )
-    if found.status != "bounded":
-        fail(f"{scenario}: gains {name}: {found.reason}", NO)
+    if enclosure.status != "bounded":
+        fail(f"{scenario}: gains {name}: {enclosure.reason}", NO)
     if not inside:
         fail(f"{scenario}: gains {name}: a flight leaves the tube, so that no file is written.", NO)
 
@@ -179,7 +179,7 @@ def _largest_disturbance(
             plant=plant,
             start=start,
             law=law,
-            progress=progress and (lambda part: progress(f"tube {name}", part)),
+            progress=None if progress is None else (lambda part: progress(f"tube {name}", part)),
         )
     records = [
         {"disturbance": float(run.problem.d_high.max()), **pick(run, "status reason")}
@@ -200,15 +200,15 @@ def _largest_disturbance(
         fail(f"{scenario.title}: gains {name}: for no disturbance tried the set is bounded.", NO)
 
 
-def tube_values(found: "Tube") -> dict[str, Any]:
+def tube_values(tube: "Tube") -> dict[str, Any]:
     """A tube as ``--json`` has it."""
-    problem, widths = found.problem, found.half_widths[:, :2] / DEG
+    problem, widths = tube.problem, tube.half_widths[:, :2] / DEG
     ever = None
-    if found.hand_over is not None:
-        ever = 0.5 * (found.hand_over.bounds[:, 1] - found.hand_over.bounds[:, 0]) / DEG
+    if tube.hand_over is not None:
+        ever = 0.5 * (tube.hand_over.bounds[:, 1] - tube.hand_over.bounds[:, 0]) / DEG
     return {
-        **pick(found, "status reason model"),
-        "probability": found.probability,
+        **pick(tube, "status reason model"),
+        "probability": tube.probability,
         "half_width_deg": {
             channel: {
                 "max": float(column.max()),
@@ -219,10 +219,10 @@ def tube_values(found: "Tube") -> dict[str, Any]:
             if len(column)
         },
         "limits_can_hold": {
-            name: found.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))
+            name: tube.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))
         },
-        "handed_over_s": found.handed_over,
-        "counted_from_s": found.counted_from,
+        "handed_over_s": tube.handed_over,
+        "counted_from_s": tube.counted_from,
         "gains": problem.gains.as_lists(),
         "start_rad": problem.start,
         "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
@@ -230,12 +230,12 @@ def tube_values(found: "Tube") -> dict[str, Any]:
     }
 
 
-def problem_tables(found: "Tube", values: Mapping[str, Any], gains: str) -> list[Table]:
-    """Which flights a tube encloses, and how widely; `gains` is what to call its gains."""
-    problem = found.problem
+def problem_tables(tube: "Tube", values: Mapping[str, Any], gains: str) -> list[Table]:
+    """Tables of the flights that a tube encloses and its widths; `gains` names its gains."""
+    problem = tube.problem
     flight, limits = problem.scenario.flight, problem.limits
     kind = problem.table.family.enclosed
-    title = f"{problem.scenario.title!r}; gains {gains}, {kind}: {found.status}"
+    title = f"{problem.scenario.title!r}; gains {gains}, {kind}: {tube.status}"
     widths = [{"error": channel, **own} for channel, own in values["half_width_deg"].items()]
     about = {
         "plant": problem.plant,
@@ -266,7 +266,7 @@ def problem_tables(found: "Tube", values: Mapping[str, Any], gains: str) -> list
         }
         for i, (name, unit) in enumerate((("phi_cmd [deg]", 1.0 / DEG), ("n_z_cmd", 1.0)))
     ]
-    held = [
+    at_limit = [
         {"command": name, "from_s": begin, "to_s": end}
         for name, intervals in values["limits_can_hold"].items()
         for begin, end in intervals or [("never", None)]
@@ -278,32 +278,32 @@ def problem_tables(found: "Tube", values: Mapping[str, Any], gains: str) -> list
             title="any disturbance of the rates", columns=DISTURBANCE_COLUMNS, records=disturbance
         ),
         Table(title="limits, rates per second", columns=LIMIT_COLUMNS, records=commands),
-        Table(title="a limit can hold", columns=columns("command from_s to_s"), records=held),
+        Table(title="a limit can hold", columns=columns("command from_s to_s"), records=at_limit),
         gains_table("gains", problem.gains),
     ]
 
 
-def bounds_after(found: "Tube") -> list[str]:
-    """What holds after the time that is enclosed, and what was counted, in sentences."""
-    problem = found.problem
-    if found.lost is not None:
+def bounds_after(tube: "Tube") -> list[str]:
+    """Sentences on the bounds after the enclosed time, and on the flights counted."""
+    problem = tube.problem
+    if tube.lost is not None:
         boxes = (
             "in the file"
             if problem.aircraft_checked is False
             else "that flights were counted against"
         )
-        notes = [f"{found.reason}: the bounds on the errors are those {boxes}."]
-    elif found.hand_over is None:
+        notes = [f"{tube.reason}: the bounds on the errors are those {boxes}."]
+    elif tube.hand_over is None:
         notes = ["There is no claim beyond the end of the scenario: no invariant set was found."]
     else:
         notes = [
-            f"From {found.handed_over:.2f} s on no limit ever holds a command, under disturbances "
+            f"From {tube.handed_over:.2f} s on no limit ever holds a command, under disturbances "
             "within those at the end."
         ]
     if problem.conformance is not None:
         notes.append(f"counted: {problem.conformance.sentence}")
-    if found.probability is not None:
-        notes.append(found.probability.sentence)
+    if tube.probability is not None:
+        notes.append(tube.probability.sentence)
     return notes
 
 
@@ -322,7 +322,7 @@ def run_tubes(
         return tubes_of(runs, folder, make=make, conformance=boxes, progress=progress)
 
 
-def run_tubes_values(found: "RunTubes") -> dict[str, Any]:
+def run_tubes_values(tubes: "RunTubes") -> dict[str, Any]:
     """Tubes of runs as ``--json`` has them, by label of the run."""
     return {
         label: {
@@ -332,20 +332,20 @@ def run_tubes_values(found: "RunTubes") -> dict[str, Any]:
                 channel: dict(zip(("max", "end"), widths.tolist(), strict=True))
                 for channel, widths in zip(("chi", "gamma"), tube.half_widths / DEG, strict=True)
             },
-            "inside": label not in found.outside,
+            "inside": label not in tubes.outside,
         }
-        for label, tube in found.found.items()
+        for label, tube in tubes.found.items()
     }
 
 
-def run_tubes_notes(found: "RunTubes", how: str) -> list[str]:
+def run_tubes_notes(tubes: "RunTubes", how: str) -> list[str]:
     """A sentence for each tube, for each that could not be made, or how to make them."""
-    notes = [found.sentence(label) for label in found.found]
-    notes += [f"{label}: no tube: {why}" for label, why in found.why_not.items()]
+    notes = [tubes.sentence(label) for label in tubes.found]
+    notes += [f"{label}: no tube: {why}" for label, why in tubes.why_not.items()]
     return notes or [f"No tube around the errors yet: {how} makes it."]
 
 
-def fail_if_outside(found: "RunTubes") -> None:
+def fail_if_outside(tubes: "RunTubes") -> None:
     """End the command with status 1 if a flight leaves its tube."""
-    if found.outside:
-        fail(f"{', '.join(found.outside)}: the flight leaves its tube.", NO)
+    if tubes.outside:
+        fail(f"{', '.join(tubes.outside)}: the flight leaves its tube.", NO)

@@ -121,28 +121,28 @@ def worst(
         disturbance=disturbance,
         seed=seed,
     )
-    miss = found = None
+    miss = flight = None
     with campaign_pool(workers, scheduler) as pool:
         if rare:
             miss = rare_miss(source, settings, pool, threshold=threshold)
         else:
-            found = find_worst(source, settings, pool)
+            flight = find_worst(source, settings, pool)
     if miss is not None:
         emit(_rare(miss))
         return
-    if found is None:
+    if flight is None:
         fail(f"{source}: {GONE}", INTERRUPTED)
     written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
-    _write(found, written)
-    ratios = None if bounds is None else _beside(tube, bounds, fly(found.scenario).runs[0])
+    _write(flight, written)
+    ratios = None if bounds is None else _beside(tube, bounds, fly(flight.scenario).runs[0])
     values = {
-        **pick(found, "metric value first flights family distance radius status missed drawn"),
-        **pick(found.group, "plant gains"),
+        **pick(flight, "metric value first flights family distance radius status missed drawn"),
+        **pick(flight.group, "plant gains"),
         "ratio": ratios,
-        "ratio_of_search": None if found.reach is None else _ratios(found.reach),
+        "ratio_of_search": None if flight.reach is None else _ratios(flight.reach),
     }
-    drawn = [{"key": key, "value": value} for key, value in found.drawn.items()]
-    title = f"worst {found.metric} in {found.flights} flights"
+    drawn = [{"key": key, "value": value} for key, value in flight.drawn.items()]
+    title = f"worst {flight.metric} in {flight.flights} flights"
     emit(
         Answer(
             values=values,
@@ -150,14 +150,14 @@ def worst(
                 Table(title=title, columns=WORST_COLUMNS, records=[values]),
                 Table(title="drawn", columns=columns("key value"), records=drawn),
             ],
-            verdict=found.missed or "no requirement is missed",
+            verdict=flight.missed or "no requirement is missed",
             files={"scenario": written},
         )
     )
 
 
 def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, float]:
-    """How many times wider a tube is than a flight needs, which is written next to it."""
+    """Ratio of a tube's width to the flight's deviation, written next to the flight."""
     from flighttune.tube.of_run import write_worst
 
     ratios = bounds.ratios(run)
@@ -167,18 +167,18 @@ def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, fl
 
 
 def _ratios(reach: "FloatArray") -> dict[str, float]:
-    """How many times wider a tube is than all flights of a search need, by channel."""
+    """Ratio of a tube's width to the reach of all flights of a search, by channel."""
     return {
         channel: 1.0 / share if share else math.inf  # no flight came to its end
         for channel, share in zip(("chi", "gamma"), reach.tolist(), strict=True)
     }
 
 
-def _write(found: "WorstFlight", path: Path) -> None:
+def _write(flight: "WorstFlight", path: Path) -> None:
     from flighttune.report.toml_text import toml_text
     from flighttune.whole_file import write_text
 
-    write_text(path, toml_text(found.scenario.as_dict()))
+    write_text(path, toml_text(flight.scenario.as_dict()))
 
 
 def _rare(miss: "RareMiss") -> Answer:

@@ -152,7 +152,7 @@ def metric_rows(a: Run, b: Run) -> list[Row]:
 
 
 def better(name: str, a: float, b: float) -> Better:
-    """Which of two values of a metric is better: ``a``, ``b``, ``same``, or empty for neither."""
+    """Better of two values of a metric: ``a``, ``b``, ``same``, or empty if there is none."""
     wanted = BETTER_IF[name]
     if wanted == "neither":
         return ""

@@ -1,4 +1,4 @@
-"""What a control law must do: start at a flight condition, turn measurements into commands."""
+"""Interface of a control law: start at a flight condition, turn measurements into commands."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -53,7 +53,7 @@ class FlightCondition:
 
 
 class Measured(NamedTuple):
-    """What a law sees at a sample; course, path angle and airspeed through sensors, if any.
+    """Measurements of a law at a sample; course, path angle and airspeed through sensors, if any.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Measured(NamedTuple):
 
 
 class ReferenceSample(NamedTuple):
-    """What a law is to follow at a sample.
+    """Reference of a law at a sample.
 
     Attributes
     ----------
@@ -141,8 +141,6 @@ class Controller(Protocol):
 
         Parameters
         ----------
-        measured : Measured
-        reference : ReferenceSample
         t : float, s
             Time since the start.
         """
@@ -150,7 +148,7 @@ class Controller(Protocol):
 
 
 class Limiter(Protocol):
-    """What the loop records of the limits: the same lists at every sample."""
+    """Record of the limits: the same lists at every sample."""
 
     @property
     def u_unsat(self) -> Iterable[float]:
@@ -178,14 +176,14 @@ class SelfLimiting:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LawSetup:
-    """What a law is made with for a flight: ``Law(setup, **parameters)``.
+    """Setup of a law for a flight: ``Law(setup, **parameters)``.
 
     Attributes
     ----------
     dt : float, s
         Sample time of the flight.
     limits : Limits
-        Of the commands (phi, n_z): those of the scenario and of the plant.
+        Limits of the commands (phi, n_z): those of the scenario and of the plant.
     gains : PIGains or None
         The gain set of the run.
     g : float, m/s^2
@@ -195,11 +193,11 @@ class LawSetup:
     anti_windup : "conditional", "back_calculation" or "none"
         As of `MimoPI`, from the table ``[controller]``.
     tracking_time : float or None, s
-        Of back-calculation.
+        Time constant of back-calculation.
     schedule_speed : float or None, m/s
         Airspeed for which gains were made that follow the airspeed; None without a schedule.
     feed_forward : bool
-        Whether the load factor of steady flight on the reference is added.
+        True if the load factor of steady flight on the reference is added.
     """
 
     dt: float

@@ -167,7 +167,6 @@ def jacobian_hull(envelope: Envelope, *, g: float, hull: Hull = "speed") -> Jaco
 
     Parameters
     ----------
-    envelope : Envelope
     g : float, m/s^2
         Acceleration of gravity, positive.
     hull : "entries" or "speed"
@@ -228,7 +227,7 @@ def vertex_loops(
 
 
 def _product(first: Range, second: Range) -> Range:
-    products = [one * other for one in first for other in second]
+    products = [a * b for a in first for b in second]
     return min(products), max(products)
 
 

@@ -42,13 +42,11 @@ BRAKING = 0.5
 
 
 class ExactOptions(NamedTuple):
-    """What `ExactLaw` does where both lifts cannot be had; see there.
+    """Priority of `ExactLaw` where a limit allows only one of the two lifts; see there.
 
     Attributes
     ----------
     priority : {"gamma", "chi"}
-    lift_floor : float
-    braking : float or None
     """
 
     priority: Priority = "gamma"
@@ -57,25 +55,24 @@ class ExactOptions(NamedTuple):
 
 
 class RateLaw(NamedTuple):
-    """What does not change from sample to sample.
+    """Settings that do not change from sample to sample.
 
     Attributes
     ----------
     K_P, K_I_dt : tuple of two tuples of two floats
         Rows chi_dot and gamma_dot, columns errors of chi and gamma; K_I times the sample time.
     bounds : tuple of two tuples of four floats
-        Of roll and of load factor: range, and how far it may move in a sample, down and up.
+        Roll and load factor: range, and largest steps down and up in a sample.
     wrapped, conditional : bool
-        Whether the course error is taken the short way round, and anti-windup is conditional.
+        True if the course error is taken the short way round; true for conditional anti-windup.
     tracking_gain : float
         Sample time over tracking time; 0 without back-calculation.
     per_g : float, s^2/m
         One over the acceleration of gravity.
-    lift_floor : float
     brake : float, 1/s
         Twice the part of the load factor's rate limit that catches the path angle.
     course_first : bool
-        Whether the course has priority.
+        True if the course has priority.
     """
 
     K_P: tuple[tuple[float, float], tuple[float, float]]
@@ -112,7 +109,7 @@ class ExactLaw(SelfLimiting):
         load factor of the path angle), and that of the course while b is below the floor: stand,
         be led back towards the rate that the commands give with the tracking time, or go on.
     tracking_time : float, s, optional
-        Of back-calculation; by default ``norm(K_P) / norm(K_I)``, never below `dt`.
+        Time constant of back-calculation; by default ``norm(K_P) / norm(K_I)``, never below `dt`.
     priority : {"gamma", "chi"}
         What is kept where the largest load factor is less than course and path angle need together:
         the vertical lift (the roll command is reduced to ``acos(b / n_z_max)``), or the horizontal
@@ -135,7 +132,7 @@ class ExactLaw(SelfLimiting):
     Attributes
     ----------
     law : RateLaw
-        What does not change from sample to sample.
+        Settings that do not change from sample to sample.
     state : PIState
         Errors, commands after and before the limits, and integrals in rad/s.
     signals : mapping of str to str
@@ -214,13 +211,7 @@ class ExactLaw(SelfLimiting):
         self.state = empty_state((condition.phi, condition.n_z_start))
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
-        """Return roll and load-factor command after all limits, and the values of `signals`.
-
-        Parameters
-        ----------
-        measured : Measured
-        reference : ReferenceSample
-        """
+        """Return roll and load-factor command after all limits, and the values of `signals`."""
         state = self.state
         exact_step(self.law, state, reference[:4], measured[:2], turning_speed(measured))
         return (*state.u, *state.integral)
@@ -335,7 +326,6 @@ def exact_step(
 
     Parameters
     ----------
-    law : RateLaw
     state : PIState
         Written to.
     ref : sequence of float

@@ -10,16 +10,16 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray, read_only_matrix
 
 COMMANDS = ("phi", "n_z")
-"""What gains of the paper's law act on."""
+"""Commands that gains of the paper's law act on."""
 
 RATES = ("chi_dot", "gamma_dot")
-"""What gains of the exact law act on: the rates wanted, in place of roll and load factor."""
+"""Inputs of the exact law's gains: desired rates, in place of roll and load factor."""
 
 
 LABELS = {COMMANDS: ("phi [rad]", "n_z [1]"), RATES: ("chi' [1/s]", "gamma' [1/s]")}
 
 LAW_OF_INPUTS = {COMMANDS: "paper", RATES: "exact"}
-"""How files say what gains act on: by the law of ours whose inputs these are."""
+"""Names in files for the inputs of gains: the built-in law with these inputs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,12 +68,12 @@ class PIGains:
 
     @property
     def law(self) -> str:
-        """How files say what they act on: ``exact`` for rates, else ``paper``."""
+        """Name of their inputs in files: ``exact`` for rates, else ``paper``."""
         return LAW_OF_INPUTS.get(self.inputs, "paper")
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What each row acts on, with its unit."""
+        """Input of each row, with its unit."""
         return LABELS.get(self.inputs, self.inputs)
 
     def as_lists(self) -> dict[str, Any]:

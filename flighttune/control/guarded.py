@@ -20,24 +20,23 @@ from flighttune.control.limits import CommandLimiter, Limits
 from flighttune.control.linear_model import LinearModel
 
 FAILURES = (Exception, SystemExit)
-"""What ends a flight and nothing else: code of a user's must not end the program either."""
+"""Exceptions that end a flight only: a user's code must not end the program."""
 
 
 MAX_LAG_S = 5.0
 """Wall time by which a law may fall behind real time, s."""
 
-LONGEST = 40
+MAX_SHOWN = 40
 """Characters of a returned value that a message repeats."""
 
 
 def failure(name: str, error: BaseException, t: float | None) -> str:
-    """What raised, when and why, in one line.
+    """Source, time and reason of an exception, in one line.
 
     Parameters
     ----------
     name : str
-        Of the law or plant.
-    error : Exception
+        Name of the law or plant.
     t : float or None, s
         Time of the flight, if one had begun.
     """
@@ -56,12 +55,11 @@ class GuardedLaw(SelfLimiting):
 
     Parameters
     ----------
-    law : Controller
     limits : Limits
         Of (phi, n_z). They hold for whatever the law commands, also where it has a limiter of its
         own, whose commands before the limits are then the ones recorded.
     name : str
-        In messages.
+        Name for messages.
     """
 
     def __init__(self, law: Controller, limits: Limits, name: str = "law") -> None:
@@ -106,7 +104,7 @@ class GuardedLaw(SelfLimiting):
         values = _numbers(returned)
         if values is None or len(values) != self._width:
             names = ", ".join(("phi_cmd", "n_z_cmd", *self.signals))
-            got = textwrap.shorten(repr(returned), LONGEST) if values is None else len(values)
+            got = textwrap.shorten(repr(returned), MAX_SHOWN) if values is None else len(values)
             raise LawError(
                 f"{self._name} at t = {t:.2f} s: `step` must return {self._width} numbers "
                 f"({names}), got {got}."
@@ -142,7 +140,7 @@ class GuardedLaw(SelfLimiting):
 
 
 def _numbers(returned: Any) -> list[float] | None:
-    """What a law returned as numbers; None where it is something else."""
+    """Values that a law returned, as numbers; None where they are none."""
     try:
         return [float(value) for value in returned]
     except (TypeError, ValueError):

@@ -154,7 +154,7 @@ class InnerLag:
 
     @property
     def whole(self) -> float:
-        """By how much the response to a ramp is late in the end, s: all lags and the delay."""
+        """Final lag of the response to a ramp, s: the sum of all lags and the delay."""
         lag = 1.0 / self.natural_frequency
         if self.order > 1:
             lag *= 2.0 * self.damping

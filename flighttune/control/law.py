@@ -1,4 +1,4 @@
-"""What a law answers to the rest of the program, and the laws there are.
+"""Interface between a law and the rest of the program, and the list of laws.
 
 Nothing above this package asks which law it has. A law is one class in one file of
 `flighttune.control.laws`; what its class does not say is taken to be as with the paper's law where
@@ -52,7 +52,7 @@ class KernelLaw(NamedTuple):
     Attributes
     ----------
     exact : ExactOptions or None
-        Of `exact_step`; None for `pi_step`.
+        Settings of `exact_step`; None for `pi_step`.
     """
 
     exact: ExactOptions | None = None
@@ -65,11 +65,11 @@ class SampledController(NamedTuple):
     ----------
     channels : tuple of ChannelLaw, length 2
     conditional : bool
-        Whether anti-windup is conditional.
+        True for conditional anti-windup.
     feed_forward : bool
-        Whether the lift of steady flight on the reference is added to the load factor.
+        True if the lift of steady flight on the reference is added to the load factor.
     inverts : RateLaw or None
-        Of a law whose channels command rates, which it inverts for roll and load factor.
+        Set for a law whose channels command rates, which it inverts for roll and load factor.
     """
 
     channels: tuple[ChannelLaw, ...]
@@ -86,11 +86,11 @@ class OuterLoop(NamedTuple):
     components : str or None
         File of `flighttune.export` whose components take the place of those of the paper's law.
     rows : tuple of two str
-        What its gains act on, in names of properties.
+        Names of the properties that its gains act on.
     values : mapping of str to float
         Its settings by property, besides gains and limits.
     takes_rates, takes_plan : bool
-        Whether it follows the rates of the reference, or the commands planned for it.
+        True if it follows the rates of the reference, or the commands planned for it.
     """
 
     components: str | None
@@ -107,23 +107,23 @@ class Law(ABC):
     Attributes
     ----------
     name : str
-        What the scenario calls it: ``NAME:GAINS`` is a gain set flown by it.
+        Its name in the scenario: ``NAME:GAINS`` is a gain set flown by it.
     kind : str
-        What the key ``kind`` of ``[[law]]`` calls the class.
+        Value of the key ``kind`` of ``[[law]]`` for the class.
     keys : set of str
         Further keys of ``[[law]]`` that it takes; those that are fields of the class are its
         options.
     required : tuple of str
         Keys that it cannot do without.
     named_alone : bool
-        Whether a scenario can name the kind without a table.
+        True if a scenario can name the kind without a table.
     inputs : tuple of two str
-        What its gains act on: `COMMANDS` or `RATES`.
+        Channels that its gains act on: `COMMANDS` or `RATES`.
     by_gains : bool
         Whether gains and `linear_model` say how it flies. Where they do not it has no claim, and
         the runs have no gains.
     same_everywhere : bool
-        Whether its linear model is the same at every condition of an envelope.
+        True if its linear model is the same at every condition of an envelope.
     plant : str
         Kind of plant that its linear model is made for, on which it has no mismatch.
     """

@@ -83,11 +83,10 @@ def limit_command(
     lower, upper : float
         Its range.
     step_down, step_up : float
-        How far it may move in a sample: the rate limits times the sample time.
+        Largest steps in a sample: the rate limits times the sample time.
 
     Returns
     -------
-    value : float
     kind : int
         0 free, 1 held by a magnitude limit, 2 held by a rate limit.
     """
@@ -116,7 +115,7 @@ class CommandLimiter:
     Parameters
     ----------
     limits : Limits
-        Of m commands.
+        Limits of m commands.
     dt : float, s
         Sample time.
 

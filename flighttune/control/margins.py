@@ -1,4 +1,4 @@
-"""How far a loop is from instability: gain, phase, delay and lag, one channel and all at once."""
+"""Stability margins of a loop: gain, phase, delay and lag, for one channel and for all at once."""
 
 import math
 from collections.abc import Callable
@@ -36,7 +36,7 @@ DISK_ACCURACY = 1e-10
 """Relative: no frequency has a disk margin smaller than the result by more."""
 
 SWEEPS = 10
-"""Of the balancing of three or more inputs; two are balanced by the first."""
+"""Iterations that balance three or more inputs; the first one balances two."""
 
 Loop: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """A, B, C of a strictly proper loop L(s), from inputs to minus what the controller sends them."""
@@ -102,13 +102,8 @@ def loop_margins(model: LinearModel, gains: PIGains) -> LoopMargins | None:
 
     Parameters
     ----------
-    model : LinearModel
     gains : PIGains
         With the channels of `model`.
-
-    Returns
-    -------
-    LoopMargins or None
 
     Raises
     ------
@@ -142,7 +137,6 @@ def channel_responses(
 
     Parameters
     ----------
-    model : LinearModel
     gains : PIGains
         With the channels of `model`.
     omega : ndarray, shape (k,), rad/s
@@ -269,7 +263,7 @@ def _response(loop: Loop, omega: float | FloatArray) -> npt.NDArray[np.complex12
 
 
 def _phase_lag(value: Any) -> Any:
-    """By how much more lag, rad, a value on the unit circle becomes -1."""
+    """Additional phase lag, rad, that turns a value on the unit circle into -1."""
     return (np.angle(value) + math.pi) % (2.0 * math.pi)
 
 

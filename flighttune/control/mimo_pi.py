@@ -34,7 +34,7 @@ INTEGRAL_SIGNALS: Mapping[str, str] = MappingProxyType({"phi_integral": "rad", "
 
 
 class ChannelLaw(NamedTuple):
-    """What the law has for one command.
+    """Settings of the law for one command.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class ChannelLaw(NamedTuple):
     lower, upper : float
         Its range.
     step_down, step_up : float
-        How far it may move in a sample: the rate limits times the sample time.
+        Largest steps in a sample: the rate limits times the sample time.
     """
 
     K_P: Sequence[float]
@@ -55,15 +55,15 @@ class ChannelLaw(NamedTuple):
 
 
 class PILaw(NamedTuple):
-    """What does not change from sample to sample.
+    """Settings that do not change from sample to sample.
 
     Attributes
     ----------
     channels : tuple of ChannelLaw, length m
     wrapped : tuple of bool, length 2
-        Which errors are angles of a full turn.
+        True for errors that are angles of a full turn.
     conditional : bool
-        Whether anti-windup is conditional.
+        True for conditional anti-windup.
     tracking_gain : float
         Sample time over tracking time; 0 without back-calculation.
     per_speed : float, s/m
@@ -78,14 +78,14 @@ class PILaw(NamedTuple):
 
 
 class PIState(NamedTuple):
-    """What the controller keeps from sample to sample: lists, or arrays in compiled code.
+    """State of the controller between samples: lists, or arrays in compiled code.
 
     Attributes
     ----------
     error : list of float, length 2
         Reference minus actual, wrapped where the channel is an angle of a full turn.
     error_sum : list of float, length 2
-        That error plus the one of the sample before.
+        Sum of that error and the error of the sample before.
     u : list of float, length m
         Command after all limits.
     u_unsat : list of float, length m
@@ -95,7 +95,7 @@ class PIState(NamedTuple):
     limited : list of int, length m
         0 free, 1 held by a magnitude limit, 2 held by a rate limit.
     started : list of bool, length 1
-        Whether a sample was taken.
+        True after the first sample.
     """
 
     error: Vector
@@ -156,9 +156,9 @@ class MimoPI(SelfLimiting):
     Attributes
     ----------
     law : PILaw
-        What does not change from sample to sample.
+        Settings that do not change from sample to sample.
     state : PIState
-        What the controller keeps; written to by every step.
+        State of the controller; every step writes to it.
     signals : mapping of str to str
         Recorded: ``phi_integral`` and ``n_z_integral``, the parts of the commands that come from
         the integrator.
@@ -223,13 +223,7 @@ class MimoPI(SelfLimiting):
         self.reset((condition.phi, condition.n_z_start))
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
-        """Return roll and load-factor command after all limits, and the values of `signals`.
-
-        Parameters
-        ----------
-        measured : Measured
-        reference : ReferenceSample
-        """
+        """Return roll and load-factor command after all limits, and the values of `signals`."""
         gamma_ref, u_ff = reference[1], LEVEL
         if self.feed_forward:
             if gamma_ref != self._gamma_ref:
@@ -312,7 +306,6 @@ def pi_step(
 
     Parameters
     ----------
-    law : PILaw
     state : PIState
         Written to.
     ref, y : sequence

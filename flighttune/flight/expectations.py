@@ -1,4 +1,4 @@
-"""Whether flown runs meet what their scenario expects of them."""
+"""Check of flown runs against the requirements of their scenario."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,11 +13,11 @@ from flighttune.scenario.tables import Bounds, ExpectTable, in_rad
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
-MOST_BOUNDS = 4
-"""Bounds that a sentence lists; of more it names the one nearest to a miss."""
+MAX_BOUNDS = 4
+"""Maximum number of bounds in a sentence; of more it names only the closest one."""
 
-MOST_WORDS = 16
-"""Of the short sentence."""
+MAX_WORDS = 16
+"""Maximum number of words of the short sentence."""
 
 FIGURES = 3
 """Significant figures of a measured value, more where rounding would hide a miss."""
@@ -27,31 +27,20 @@ Sense: TypeAlias = Literal["at_most", "at_least"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundCheck:
-    """A measure of a run against one bound of the scenario.
+    """A measure of a run against one bound of the scenario."""
 
-    Attributes
-    ----------
-    run : str
-        Label of the run; empty where only one is checked.
-    subject : str
-        ``chi``, ``gamma`` or ``flight``.
-    measure : str
-        Key of the measure as the scenario writes it; ``_deg`` in place of ``_rad`` is in degrees.
-    sense : "at_most" or "at_least"
-    bound, value : float
-        In the unit of `measure`; the value is NaN where the run has none.
-    """
-
-    run: str
-    subject: str
+    run: str  # Label of the run; empty where only one is checked
+    subject: str  # ``chi``, ``gamma`` or ``flight``
+    # Key of the measure as the scenario writes it; ``_deg`` in place of ``_rad`` is in degrees
     measure: str
     sense: Sense
+    # Both in the unit of `measure`; the value is NaN where the run has none
     bound: float
     value: float
 
     @property
     def beyond(self) -> float:
-        """How far the value lies beyond the bound; NaN without a value."""
+        """Distance of the value beyond the bound; NaN without a value."""
         return self.value - self.bound if self.sense == "at_most" else self.bound - self.value
 
     @property
@@ -77,45 +66,29 @@ class BoundCheck:
             return f"{symbol} without a value".strip()
         kept, broken = ("<=", ">") if self.sense == "at_most" else (">=", "<")
         rounded = (f"{self.value:.{digits}g}" for digits in range(FIGURES, 18))
-        text = next(one for one in rounded if replace(self, value=float(one)).met == self.met)
+        # The fewest digits that still show on which side of the bound the value lies.
+        text = next(text for text in rounded if replace(self, value=float(text)).met == self.met)
         return f"{symbol} {text} {kept if self.met else broken} {self.bound:g}".strip()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimCheck:
-    """The claim of a scenario against its runs.
+    """The claim of a scenario against its runs."""
 
-    Attributes
-    ----------
-    verdict : "met", "not met" or "not tested"
-        Not tested where no ``[[expect]]`` is about these runs and all were completed.
-    sentence : str
-        The verdict with its numbers.
-    short : str
-        The same, only counted where it would be long.
-    bounds : tuple of BoundCheck
-        Every bound that was checked.
-    missed : tuple of str
-        A sentence for each requirement that a run does not meet: the run, the measure, its bound,
-        the value and by how much it missed.
-    """
-
+    # Not tested where no ``[[expect]]`` is about these runs and all were completed
     verdict: Literal["met", "not met", "not tested"]
-    sentence: str
-    short: str
-    bounds: tuple[BoundCheck, ...]
+    sentence: str  # The verdict with its numbers
+    short: str  # The same, only counted where it would be long
+    bounds: tuple[BoundCheck, ...]  # Every bound that was checked
+    # A sentence for each requirement that a run does not meet: the run, the measure, its bound,
+    # the value and by how much it missed
     missed: tuple[str, ...]
 
 
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     """Check every run against the ``[[expect]]`` tables of its scenario.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        A run of which no table names a status must be completed.
-    runs : sequence of Run
-        Its flights.
+    A run for which no table names a status must be completed.
     """
     bounds, missed, ends = [], [], []
     for run in runs:
@@ -129,15 +102,15 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         bounded = any(t.at_most or t.at_least for t in tables)
         own = list(_bound_checks(tables, measures(run) if bounded else {}, run.label))
         bounds += own
-        missed += [f"{run.label}: {one.miss}" for one in own if not one.met]
+        missed += [f"{run.label}: {check.miss}" for check in own if not check.met]
     verdict = "not met" if missed else "met" if bounds or ends else "not tested"
-    expected = len(bounds) + len(ends) + len(missed) - sum(not one.met for one in bounds)
+    expected = len(bounds) + len(ends) + len(missed) - sum(not check.met for check in bounds)
     counted = f"Claim {verdict}: {expected - len(missed)} of {expected} requirements"
     sentence = _sentence(verdict, counted, bounds, missed, ends)
     return ClaimCheck(
         verdict=verdict,
         sentence=sentence,
-        short=sentence if len(sentence.split()) <= MOST_WORDS else counted,
+        short=sentence if len(sentence.split()) <= MAX_WORDS else counted,
         bounds=tuple(bounds),
         missed=tuple(missed),
     )
@@ -149,25 +122,19 @@ def missed(
     reason: str,
     measured: Mapping[str, Mapping[str, float]],
 ) -> tuple[str, ...]:
-    """Return a sentence for each requirement that one run does not meet.
+    """Return a sentence for each requirement of `tables` that one run does not meet.
 
-    Parameters
-    ----------
-    tables : sequence of ExpectTable
-        Those that mean the run. Where none names a status it must be completed.
-    status, reason : str
-        How the run ended.
-    measured : mapping
-        Its `measures`; empty for a flight too short to have any.
+    A run for which no table names a status must be completed. `measured` is empty for a flight too
+    short to have any measures.
     """
     wrong_end = _wrong_end(tables, status, reason)
     if wrong_end:
         return (wrong_end,)
-    return tuple(one.miss for one in _bound_checks(tables, measured) if not one.met)
+    return tuple(check.miss for check in _bound_checks(tables, measured) if not check.met)
 
 
 def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
-    """What is wrong with how a run ended; empty where nothing is."""
+    """Fault in the way a run ended; empty if there is none."""
     expected = [t.status for t in tables if t.status] or ["completed"]
     if status in expected:
         return ""
@@ -203,12 +170,12 @@ def _sentence(
 ) -> str:
     if verdict == "not tested":
         return "Claim not tested: no [[expect]] is about these runs; all were completed"
-    if missed and all(one.met for one in bounds):
+    if missed and all(check.met for check in bounds):
         more = f" ({len(missed) - 1} more)" if missed[1:] else ""
         return f"Claim not met: {missed[0]}{more}"
-    shown = [one for one in bounds if one.met == (verdict == "met")]
+    shown = [check for check in bounds if check.met == (verdict == "met")]
     head = f"Claim {verdict}"
-    if len(shown) > MOST_BOUNDS:
+    if len(shown) > MAX_BOUNDS:
         shown = [max(shown, key=_nearness)]
         closest = "closest to its bound" if verdict == "met" else "furthest off"
         head = f"{counted}; {closest}"
@@ -217,18 +184,18 @@ def _sentence(
 
 def _clauses(bounds: Sequence[BoundCheck]) -> Iterator[str]:
     """Bounds of one measure together, the run behind them: ``ITAE χ 1 <= 2, γ 3 <= 4 (run)``."""
-    for run, of_run in groupby(bounds, key=lambda one: one.run):
+    for run, of_run in groupby(bounds, key=lambda check: check.run):
         parts = []
-        for key, alike in groupby(of_run, key=lambda one: one.measure):
+        for key, alike in groupby(of_run, key=lambda check: check.measure):
             label = METRIC_LABELS[in_rad(key)]
             unit = "rad" if key.endswith("_rad") else label.unit.replace("\u00a0", " ")
-            values = ", ".join(one.inequality for one in alike)
+            values = ", ".join(check.inequality for check in alike)
             parts.append(f"{label.name} {values} {unit if unit != '1' else ''}".rstrip())
         yield f"{'; '.join(parts)} ({run})"
 
 
-def _nearness(one: BoundCheck) -> float:
-    """How near to a miss, or how far into one, relative to the bound; first what has no value."""
-    if math.isnan(one.beyond):
+def _nearness(check: BoundCheck) -> float:
+    """Margin relative to the bound; infinite if the run has no value."""
+    if math.isnan(check.beyond):
         return math.inf
-    return one.beyond / max(abs(one.bound), abs(one.value), 1e-12)
+    return check.beyond / max(abs(check.bound), abs(check.value), 1e-12)

@@ -55,7 +55,7 @@ class FlownScenario:
     indicators : mapping of str to Indicators
         R_K and I_K on the linear model of the scenario, by name of the gain set.
     tuning : TuningResult or None
-        How the gains named ``tuned`` were found, where the scenario asks for them.
+        Result of the tuning of the gains ``tuned``, where the scenario asks for them.
     """
 
     scenario: Scenario
@@ -94,17 +94,11 @@ class FlownScenario:
 
 
 class Observer(Protocol):
-    """Sees the flights of a scenario while they are flown, and may end them.
-
-    Attributes
-    ----------
-    stopped : bool
-        Whether no further run may begin.
-    """
+    """Sees the flights of a scenario while they are flown, and may end them."""
 
     @property
     def stopped(self) -> bool:
-        """Whether no further run may begin."""
+        """True once no further run may begin."""
         ...
 
     def watch(self, plant: Plant, label: str) -> Plant:
@@ -125,7 +119,7 @@ def fly(
     Parameters
     ----------
     scenario : Scenario
-        What to fly.
+        The scenario to fly.
     laws : mapping of str to callable, optional
         Laws of your own by name, flown besides those of the scenario: each is called with a
         `LawSetup` for every flight and returns a `Controller`.
@@ -174,7 +168,7 @@ def linear_loop(
 
 
 def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
-    """What a law of a scenario is made with."""
+    """The setup from which a law of a scenario is made."""
     settings, flight = scenario.controller, scenario.flight
     return LawSetup(
         dt=1.0 / settings.rate_hz,
@@ -196,21 +190,8 @@ def plant_of(
 ) -> Plant:
     """A fresh plant of a scenario, ready to start.
 
-    Parameters
-    ----------
-    table : PlantTable
-        Which plant.
-    scenario : Scenario
-        Its weather, seed and rates.
-    wind : WindRecord, optional
-        What a plant that is no aircraft flies in; still air by default.
-
-    Raises
-    ------
-    InputError
-        If the aircraft cannot be off the nominal as the table says; the message names the key.
-    PlantError
-        If the aircraft cannot be built.
+    A plant that is no aircraft flies in `wind`, by default in still air. An InputError names
+    the key of an off-nominal value that the aircraft cannot have.
     """
     if table.of_the_user:
         return GuardedPlant.made(table.label, table.maker, table.parameters or {})
@@ -218,7 +199,7 @@ def plant_of(
         return PointMassPlant(
             table.lags(),
             wind=wind,
-            disturbance=scenario.disturbance and scenario.disturbance.sinusoid(),
+            disturbance=None if scenario.disturbance is None else scenario.disturbance.sinusoid(),
             law=table.family.turn,
             g=scenario.flight.g_mps2,
         )
@@ -233,21 +214,13 @@ def plant_of(
         weather=scenario.weather(),
         ground=scenario.flight.ground_m,
         throttle_max=table.throttle_max,
-        off_nominal=table.airframe and table.airframe.off_nominal(),
+        off_nominal=None if table.airframe is None else table.airframe.off_nominal(),
     )
     return steered(aircraft, scenario)
 
 
 def steered(plant: Plant, scenario: Scenario) -> Plant:
-    """A plant in wind with the path a scenario steers it by: over ground, or through the air.
-
-    Parameters
-    ----------
-    plant : Plant
-        One that shows ground speed and wind.
-    scenario : Scenario
-        Its ``[disturbance]`` tells which.
-    """
+    """A plant in wind with the path a scenario steers it by: over ground, or through the air."""
     by_air = scenario.disturbance is not None and scenario.disturbance.path == "air"
     return AirPathPlant(plant) if by_air else plant
 
@@ -295,24 +268,8 @@ def fly_alone(
 ) -> Run:
     """Fly one gain set of a scenario on one of its plants.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    table : PlantTable
-        The plant.
-    gains : PIGains or None
-        None where tuning found none.
-    gains_name : str
-    wind_run : Run, optional
-        The flight of the same gains whose wind a plant that is no aircraft replays; without one it
-        flies in the steady wind of the scenario.
-    progress, observer
-        As of `fly`.
-
-    Raises
-    ------
-    PlantError
-        If an aircraft cannot be built.
+    `gains` is None where tuning found none. A plant that is no aircraft replays the wind of
+    `wind_run`, a flight of the same gains; without one it flies in the steady wind of the scenario.
     """
     if wind_run is not None and gains is not None and not len(wind_run.signals):
         source = wind_run.provenance.plant
@@ -362,30 +319,10 @@ def fly_once(
 ) -> Run:
     """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Its manoeuvre, sensors and controller settings are flown.
-    plant : Plant
-    gains : PIGains or None
-        None where tuning found none: the run then says so.
-    plant_label, gains_name : str
-        Names in the run's label.
-    limits : Limits, optional
-        Of the commands; by default those of the scenario and of the plant.
-    progress : callable, optional
-        Called with how far the run is.
-
-    Returns
-    -------
-    Run
-        One that diverged, left the envelope, hit the ground or could not start says so in its
-        status and reason.
-
-    Raises
-    ------
-    PlantError
-        If an aircraft cannot be built.
+    `gains` is None where tuning found none: the run then says so. `limits` are by default those of
+    the scenario and of the plant. A run that diverged, left the envelope, hit the ground or could
+    not start says so in its status and reason; only an aircraft that cannot be built raises a
+    PlantError.
     """
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
@@ -411,8 +348,8 @@ def fly_once(
             scenario.followed(),
             condition=scenario.condition,
             duration=duration,
-            sensors=scenario.sensors and scenario.sensors.sensors(scenario.seed),
-            progress=progress and (lambda t: progress(label, t / duration)),
+            sensors=None if scenario.sensors is None else scenario.sensors.sensors(scenario.seed),
+            progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
     except TrimError as error:
         return _unflown(made_by, "no_trim", str(error))
@@ -458,8 +395,8 @@ def library_versions() -> dict[str, str]:
 @cache
 def _installed() -> tuple[tuple[str, str], ...]:
     """Names and versions, looked up once: it takes as long as a tenth of a flight."""
-    found = [("python", platform.python_version())]
-    found += [(name, version(name)) for name in VERSIONED]
+    versions = [("python", platform.python_version())]
+    versions += [(name, version(name)) for name in VERSIONED]
     with suppress(PackageNotFoundError):  # it need not be there; rows of a batch are its own
-        found.append(("numba", version("numba")))
-    return tuple(found)
+        versions.append(("numba", version("numba")))
+    return tuple(versions)

@@ -42,10 +42,10 @@ class Gap:
     runs : tuple of Run
         The rungs, lowest first; the aircraft with its mismatch and error bounds as signals.
     indicators : Indicators
-        Of the kinematic law's loop about wings-level flight on the first reference.
+        Indicators of the kinematic law's loop about wings-level flight on the first reference.
     ladder : Ladder or None
     mismatch : Mismatch or None
-        Of the aircraft against the paper's law.
+        Mismatch of the aircraft against the paper's law.
     check : FlightCheck or None
         The aircraft's flight against the guarantee; None also where the loop is unstable.
     verdict : Verdict or None
@@ -100,7 +100,7 @@ def explain_gap(
     lag: LagSource | None = None,
     progress: Progress | None = None,
 ) -> Gap:
-    """Fly the same gains up the ladder and say what each step adds.
+    """Fly the same gains up the ladder and measure the effect of each step.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def explain_gap(
         Label of the jsbsim plant; by default the first one.
     lag : {"identified", "fitted"}, optional
         Source of the lag of the third rung: the aircraft's model file, or a fit to this flight.
-        By default the model file, if there is one.
+        Source of the lags; by default the model file, if there is one.
     progress : callable, optional
         Called with the progress of each run.
 
@@ -153,50 +153,40 @@ def explain_flight(
     lag: LagSource | None = None,
     progress: Progress | None = None,
 ) -> Gap:
-    """Fly the rungs below an aircraft that has flown, and say what each step adds.
+    """Explain the gap of an aircraft that has flown: fly the rungs of the ladder below it.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    aircraft : Run
-        Of one of its jsbsim plants.
-    lag, progress
-        As of `explain_gap`.
-
-    Raises
-    ------
-    InputError
-        If the flight is too short, or without gains.
+    `aircraft` is a run of one of the scenario's jsbsim plants. An InputError says that the flight
+    is too short or has no gains.
     """
     gains = aircraft.provenance.gains
     if gains is None:
         raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
     ladder = fly_ladder(scenario, aircraft, lag=lag, progress=progress)
     top = ladder.runs[-1]
-    found, check = mismatch(top), flight_check(top)
+    measured, check = mismatch(top), flight_check(top)
     early = [run for run in ladder.runs if run.reason]
     return Gap(
         scenario=scenario,
         status="cut_short" if early else "explained",
         reason=f"{early[0].label}: {early[0].reason}" if early else "",
-        runs=(*ladder.runs[:-1], with_mismatch(top, found, check)),
+        runs=(*ladder.runs[:-1], with_mismatch(top, measured, check)),
         indicators=indicators(
             closed_loop(scenario.kinematic_model(aircraft.provenance.law), gains)
         ),
         ladder=ladder,
-        mismatch=found,
+        mismatch=measured,
         check=check,
-        verdict=check and check.verdict(),
-        free=check and free_flight(check),
+        verdict=None if check is None else check.verdict(),
+        free=None if check is None else free_flight(check),
     )
 
 
-def with_mismatch(run: Run, found: Mismatch, check: FlightCheck | None) -> Run:
+def with_mismatch(run: Run, mismatch: Mismatch, check: FlightCheck | None) -> Run:
     """The run with the mismatch and, around its reference, the error bounds as signals.
 
     Values that are constant over a sample interval are stored at its start; the last is repeated.
     """
-    columns = {f"mismatch_{name}": found.d[:, i] for i, name in enumerate(CHANNELS)}
+    columns = {f"mismatch_{name}": mismatch.d[:, i] for i, name in enumerate(CHANNELS)}
     if check is not None:
         for i, name in enumerate(CHANNELS):
             reference = run.signals[f"{name}_ref"].to_numpy()[:-1]

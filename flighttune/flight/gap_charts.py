@@ -1,4 +1,4 @@
-"""Charts of a gap: rungs, what each step adds, the mismatch, the error bounds and ITAE."""
+"""Charts of a gap: rungs, effects of the steps, the mismatch, the error bounds and ITAE."""
 
 import numpy as np
 
@@ -28,15 +28,7 @@ def colours(gap: Gap) -> tuple[str, ...]:
 def gap_charts(gap: Gap) -> list[Chart]:
     """Every chart of a gap, those of course and path angle next to each other.
 
-    Parameters
-    ----------
-    gap : Gap
-        With a ladder.
-
-    Raises
-    ------
-    InputError
-        If there is no ladder: the aircraft did not fly.
+    Without a ladder, because the aircraft did not fly, there is an InputError.
     """
     if gap.ladder is None:
         raise InputError(f"`gap` must have a ladder to be drawn, got none: {gap.reason}")
@@ -45,13 +37,7 @@ def gap_charts(gap: Gap) -> list[Chart]:
 
 
 def gap_sheet(gap: Gap) -> Sheet:
-    """`gap_charts` as one picture.
-
-    Raises
-    ------
-    InputError
-        If there is no ladder.
-    """
+    """`gap_charts` as one picture."""
     return Sheet(charts=gap_charts(gap), title=f"{gap.scenario.title}; gains {gap.name}")
 
 
@@ -87,7 +73,7 @@ def itae_chart(gap: Gap, channel: str) -> Chart:
 
 
 def steps_chart(gap: Gap, channel: str) -> Chart:
-    """What each step adds over time, and their sum."""
+    """Contribution of each step over time, and their sum."""
     assert gap.ladder is not None
     t = gap.runs[0].t
     title = f"{gap.name}: {CHANNEL_NAMES[channel]}, what each step adds"
@@ -125,8 +111,8 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
     half = 1.1 * max(largest, min(ultimate, WIDEST * largest))
     chart.y_range = (-half, half)
     bound = gap.check.error_bounds[:, column] * DEG_PER_RAD
-    held = held_or_broken(gap.check.t_broken)
-    chart.band(gap.check.t, -bound, bound, LIMIT, name=f"bound while nothing is limited: {held}")
+    outcome = held_or_broken(gap.check.t_broken)
+    chart.band(gap.check.t, -bound, bound, LIMIT, name=f"bound while nothing is limited: {outcome}")
     for side in (-ultimate, ultimate):
         chart.level(side, LIMIT, dash=DASHED)
     verdict = (

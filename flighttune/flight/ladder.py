@@ -34,74 +34,46 @@ LagSource = Literal["identified", "fitted"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InnerLoop:
-    """Lags of roll and load factor.
+    """Lags of roll and load factor."""
 
-    Attributes
-    ----------
-    phi, n_z : FittedLag
-        With the share of the flight's variance that each explains.
-    source : "identified" or "fitted"
-        From the aircraft's model file, or from this flight.
-    """
-
+    # With the share of the flight's variance that each explains
     phi: FittedLag
     n_z: FittedLag
-    source: LagSource
+    source: LagSource  # From the aircraft's model file, or from this flight
 
     @property
     def lags(self) -> tuple[InnerLag, InnerLag]:
-        """Of roll and of load factor."""
+        """Lags of roll and of load factor."""
         return self.phi.lag, self.n_z.lag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Step:
-    """One step of the ladder: from a plant to the next one up.
+    """One step of the ladder: from a plant to the next one up."""
 
-    Attributes
-    ----------
-    lower, upper : str
-        Labels of the two plants.
-    adds : str
-        What the upper plant models and the lower one does not.
-    chi, gamma : ndarray, shape (n,), rad
-        Upper minus lower at every sample.
-    metrics : DataFrame
-        Upper minus lower; index ``chi``, ``gamma`` and columns as `channel_metrics`. NaN if one
-        of the two failed; see `Ladder.failed`.
-    flight : Series
-        Upper minus lower of `flight_metrics` that both have; NaN as in `metrics`.
-    """
-
+    # Labels of the two plants
     lower: str
     upper: str
-    adds: str
+    adds: str  # Effect that only the upper plant models
+    # (n,), rad: Upper minus lower at every sample
     chi: FloatArray
     gamma: FloatArray
+    # Upper minus lower; index ``chi``, ``gamma`` and columns as `channel_metrics`. NaN if one of
+    # the two failed; see `Ladder.failed`.
     metrics: pd.DataFrame
-    flight: pd.Series
+    flight: pd.Series  # Upper minus lower of `flight_metrics` that both have; NaN as in `metrics`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ladder:
-    """Rungs from the paper's law to the aircraft, with the same controller and limits.
+    """Rungs from the paper's law to the aircraft, with the same controller and limits."""
 
-    Attributes
-    ----------
-    runs : tuple of Run, length 4
-        Paper's law, exact point mass, point mass behind the inner loop, aircraft; cut to the time
-        that all of them flew, each with the status it ended with.
-    inner_loop : InnerLoop
-        Lags of the third rung, and their source.
-    steps : tuple of Step, length 3
-    whole : Step
-        From the first rung to the last.
-    """
-
+    # Paper's law, exact point mass, point mass behind the inner loop, aircraft; cut to
+    # the time that all of them flew, each with the status it ended with
     runs: tuple[Run, ...]
-    inner_loop: InnerLoop
-    steps: tuple[Step, ...]
-    whole: Step
+    inner_loop: InnerLoop  # Lags of the third rung, and their source
+    steps: tuple[Step, ...]  # Three steps, from each rung to the next
+    whole: Step  # From the first rung to the last
 
     @property
     def failed(self) -> dict[str, str]:
@@ -134,27 +106,8 @@ def fly_ladder(
 ) -> Ladder:
     """Fly the lower rungs after the aircraft, in the wind that it met.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        With a jsbsim plant.
-    aircraft : Run
-        A flight of an aircraft of the scenario, of at least `LEAST_SAMPLES` samples.
-    lag : {"identified", "fitted"}, optional
-        Where the lag of the third rung comes from; see `inner_loop_of`.
-    progress : callable, optional
-        Called with the progress of each run.
-
-    Returns
-    -------
-    Ladder
-
-    Raises
-    ------
-    InputError
-        If a rung has too few samples.
-    ScenarioError
-        If a model of the inner loop cannot be used.
+    `aircraft` is a flight of at least `LEAST_SAMPLES` samples, else there is an InputError; `lag`
+    is the source of the third rung's lag, see `inner_loop_of`.
     """
     gains = aircraft.provenance.gains
     if len(aircraft.signals) < LEAST_SAMPLES:
@@ -217,15 +170,15 @@ def _step(lower: Run, upper: Run, adds: str) -> Step:
     below, above = pd.Series(flight_metrics(lower)), pd.Series(flight_metrics(upper))
     # Only these are measured on every rung: a point mass has no angle of attack.
     shared = [name for name in below.index if name in ("V_a_dev_mps", "n_z_min", "n_z_max")]
-    known = math.nan if _failure(lower) or _failure(upper) else 1.0
+    validity = math.nan if _failure(lower) or _failure(upper) else 1.0
     return Step(
         lower=lower.provenance.plant,
         upper=upper.provenance.plant,
         adds=adds,
         chi=(upper.signals["chi"] - lower.signals["chi"]).to_numpy(),
         gamma=(upper.signals["gamma"] - lower.signals["gamma"]).to_numpy(),
-        metrics=known * (channel_metrics(upper) - channel_metrics(lower)),
-        flight=known * (above - below).loc[shared],
+        metrics=validity * (channel_metrics(upper) - channel_metrics(lower)),
+        flight=validity * (above - below).loc[shared],
     )
 
 
@@ -238,25 +191,15 @@ def _failure(run: Run) -> str:
     """
     if run.status not in ("completed", "interrupted"):
         return f"ended early ({run.status.replace('_', ' ')})"
-    jumps, moved = (np.abs(np.diff(run.signals[f"chi_{one}"].to_numpy())) for one in ("err", "ref"))
+    jumps, moved = (
+        np.abs(np.diff(run.signals[f"chi_{part}"].to_numpy())) for part in ("err", "ref")
+    )
     wrapped = (jumps > math.pi) & (moved < REFERENCE_STEP)
     return "diverged (course error past 180 deg)" if wrapped.any() else ""
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
-    """A jsbsim plant of a scenario: the top of the ladder.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    plant : str, optional
-        Its label; by default the first one.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no such aircraft.
-    """
+    """A jsbsim plant of a scenario, by default the first: the top of the ladder."""
     aircraft = [table for table in scenario.plant if table.kind == "jsbsim"]
     if not aircraft:
         raise InputError(
@@ -268,36 +211,20 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
     for table in aircraft:
         if table.label == plant:
             return table
-    known = ", ".join(table.label for table in aircraft)
+    labels = ", ".join(table.label for table in aircraft)
     raise InputError(
-        f"`plant` must be one of {known}, the aircraft of the scenario, got {plant!r}."
+        f"`plant` must be one of {labels}, the aircraft of the scenario, got {plant!r}."
     )
 
 
 def inner_loop_of(
     aircraft: str, scenario: Scenario, run: Run, *, wanted: LagSource | None = None
 ) -> InnerLoop:
-    """The inner loop of an aircraft that has flown.
+    """The inner loop of an aircraft that has flown, from its model file or fitted to the run.
 
-    Parameters
-    ----------
-    aircraft : str
-        Name or folder of the aircraft.
-    scenario : Scenario
-        Selects the identified condition nearest to its airspeed and first climb angle.
-    run : Run
-        The flight.
-    wanted : {"identified", "fitted"}, optional
-        By default identified, if the aircraft has a model file.
-
-    Returns
-    -------
-    InnerLoop
-
-    Raises
-    ------
-    ScenarioError
-        If the model file cannot be used, or is required and missing.
+    The condition of the model file is the one nearest to the airspeed and first climb angle of the
+    scenario. By default the file is used if there is one; a ScenarioError says that it is required
+    and missing, or cannot be used.
     """
     t = run.t
     phi, n_z = (

@@ -1,4 +1,4 @@
-"""What a scenario asks of the outer loop: its tuning problem, its gains, and their guarantees."""
+"""The outer loop that a scenario asks for: its tuning problem, its gains, and their guarantees."""
 
 import math
 
@@ -35,7 +35,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     ----------
     scenario : Scenario
     law : Law, optional
-        Whose gains; by default the scenario's first.
+        Law of the gains; by default the scenario's first.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
 def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | None:
     """Units of state in which R_K is maximised, shape (n + p,); None where they are plain.
 
-    Those of the first condition where [tuning] says ``robust``, and of the first law by default.
+    With ``robust`` in [tuning] it is the first condition's; the law is the first one by default.
     """
     settings = scenario.tuning
     if settings.model == "identified":
@@ -69,22 +69,8 @@ def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | N
 def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[TuningProblem, ...]:
     """The problems whose smallest R_K the gains named ``tuned_identified`` maximise.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    law : Law, optional
-        Whose gains; by default the scenario's first.
-
-    Returns
-    -------
-    tuple of TuningProblem
-        On the identified model of the first reference, or, where [tuning] says ``robust``, on that
-        of every condition identified; without a bound on I_K.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no identified model.
+    They are on the identified model of the first reference or, where [tuning] says ``robust``, of
+    every identified condition; I_K has no bound. The law is by default the scenario's first.
     """
     law = law or scenario.laws[0]
     return tuple(
@@ -147,7 +133,7 @@ def tune_scenario(
         By default what the scenario's [tuning] says. On the identified model each channel is tuned
         by itself, for the smallest R_K over the models of `identified_problems`.
     law : Law, optional
-        Whose gains; by default the scenario's first.
+        Law of the gains; by default the scenario's first.
 
     Raises
     ------
@@ -161,14 +147,9 @@ def tune_scenario(
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
-    """Every gain set of a scenario by name, and how those named ``tuned`` were found.
+    """Every gain set of a scenario by name, and the result of the tuning for the first law.
 
-    Returns
-    -------
-    sets : dict of str to PIGains or None
-        None where tuning found none.
-    tuning : TuningResult or None
-        For the first law, where the scenario asks for it.
+    A gain set is None where tuning found none; the result is None if the scenario has no ``tuned``.
     """
     tunings: dict[str, TuningResult] = {}
     for law in scenario.laws if TUNED in scenario.gains else ():
@@ -182,62 +163,38 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
 
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
-    """Gains by the name a scenario knows them by.
+    """Gains by their name in a scenario; None for tuned gains of an infeasible problem.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Whose gain sets and tuning problem are meant.
-    name : str
-        ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains given as
-        numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the law,
-        others are mapped to it (`Law.gains_from`).
-    tuning : TuningResult, optional
-        Result for ``tuned``; found anew by default.
-
-    Returns
-    -------
-    PIGains or None
-        None for tuned gains where the problem is infeasible.
-
-    Raises
-    ------
-    InputError
-        If there are no such gains.
+    `name` is ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains
+    given as numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the
+    law, others are mapped to it (`Law.gains_from`). Without `tuning`, the result for ``tuned`` is
+    computed anew.
     """
     law, own = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
     # Numbers that do not say what they act on are those of the only kind of gains there is.
     untold = LAW_OF_INPUTS[inputs.pop() if len(inputs) == 1 else COMMANDS]
-    given = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
-    if own in (TUNED, TUNED_IDENTIFIED) and own not in given:
+    own_gains = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
+    if own in (TUNED, TUNED_IDENTIFIED) and own not in own_gains:
         if own == TUNED_IDENTIFIED:
             tuning = tune_scenario(scenario, "identified", law=law)
         elif tuning is None:
             tuning = tune_scenario(scenario, law=law)
         return tuning.gains if tuning.status == "optimal" else None
-    known = {**paper_family(), **given}
-    if own not in known:
-        names = [TUNED, *known, TUNED_IDENTIFIED]
+    available = {**paper_family(), **own_gains}
+    if own not in available:
+        names = [TUNED, *available, TUNED_IDENTIFIED]
         raise InputError(
             f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(own, names)}"
         )
-    return law.gains_from(known[own], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
+    return law.gains_from(available[own], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
 
 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
     """Steady wings-level flight on the first reference, and the scenario's ranges of flight.
 
-    Returns
-    -------
-    trim, envelope : Envelope
-        A single condition, and the ranges that must contain it.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario gives no ranges, they do not contain the trim, or its model is not the
-        kinematic law alone: the ranges are of that law.
+    The ranges are of the kinematic law: a ScenarioError says that the scenario gives none, that
+    they do not contain the trim, or that its model is another.
     """
     if scenario.envelope is None:
         raise ScenarioError(
@@ -310,33 +267,19 @@ def certify_scenario(
         envelope=ranges,
         g=None if ranges is None else scenario.flight.g_mps2,
         L_d=L_d,
-        conditions=[((one.V_a, one.gamma), one.model) for one in everywhere],
+        conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
     )
 
 
 def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
-    """The rate that one Q proves at every condition identified, and for every mixture of them.
+    """The rate that one Q proves at every identified condition, and for every mixture of them.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Says which aircraft, controller rate and schedule; its `robust` does not matter.
-    gains : PIGains
-
-    Returns
-    -------
-    CommonQ
-        In the units of state of `identified_problems`; rate 0 where there is no common Q. A
-        certificate (`certify_scenario` with ``envelope``) is in plain units.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no identified model, or the conditions have lags of different order.
+    The rate is in the units of state of `identified_problems`, and 0 where there is no common Q. A
+    certificate (`certify_scenario` with ``envelope``) is in plain units.
     """
     models = _identified_everywhere(scenario, scenario.law_for(gains))
-    loops = [scaled(closed_loop(one.model, gains), one.scaling) for one in models]
+    loops = [scaled(closed_loop(model.model, gains), model.scaling) for model in models]
     return common_Q(np.array(loops))
 
 
@@ -344,7 +287,7 @@ def _identified_everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, .
     """The identified models of every condition of the file, all of one order."""
     everywhere = scenario.tuning.model_copy(update={"robust": True})
     models = scenario.model_copy(update={"tuning": everywhere}).identified_models(law)
-    orders = sorted({len(one.model.states) for one in models})
+    orders = sorted({len(model.model.states) for model in models})
     if len(orders) > 1:
         raise InputError(
             f"`identified` must have lags of one order at every condition for a common Q, got "
@@ -354,12 +297,6 @@ def _identified_everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, .
 
 
 def largest_certified(scenario: Scenario, gains: PIGains) -> LargestEnvelope:
-    """How far the scenario's envelope can be scaled about the trim for gains to be certified.
-
-    Raises
-    ------
-    ScenarioError
-        If the scenario gives no envelope.
-    """
+    """The scenario's envelope scaled about the trim by the largest factor still certified."""
     trim, envelope = trim_and_envelope(scenario)
     return largest_envelope(gains, envelope, trim, g=scenario.flight.g_mps2)

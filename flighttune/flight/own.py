@@ -32,22 +32,9 @@ def with_own(
 ) -> Scenario:
     """A scenario whose tables of the user's laws and plants hold their classes.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    laws, plants : mapping of str to callable, optional
-        Flown besides those of the scenario, or in place of its tables of that name.
-
-    Returns
-    -------
-    Scenario
-        The same where it has no law or plant of the user's.
-
-    Raises
-    ------
-    ScenarioError
-        If a file or class that the scenario names cannot be loaded, is not the one it was, or a
-        law or plant that was given from Python is not given now.
+    `laws` and `plants` are flown besides those of the scenario, or in place of its tables of that
+    name. A ScenarioError says that a file or class cannot be loaded or has changed, or that a law
+    or plant from Python is missing.
     """
     laws, plants = laws or {}, plants or {}
     names = {law.name for law in scenario.laws}
@@ -71,7 +58,7 @@ def with_own(
 def _bound(
     title: str, key: str, tables: Sequence[T], made: Mapping[str, Callable[..., Any]]
 ) -> list[T]:
-    """Tables of which those of the user's hold their classes."""
+    """The same tables, where those of a user's law or plant hold its class."""
     bound = list(tables)
     for i, table in enumerate(tables):
         maker = made.get(table.name or "")

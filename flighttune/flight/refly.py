@@ -1,4 +1,4 @@
-"""Fly recorded runs again from what they say made them, and look for the first difference."""
+"""Fly recorded runs again from their provenance, and look for the first difference."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,27 +15,19 @@ from flighttune.simulate.run import TUBE_SIGNALS, WORST_SIGNALS, Run
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where a run that was flown again first differs.
+    """Where a run that was flown again first differs."""
 
-    Attributes
-    ----------
-    what : str
-        A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
-        ``signals`` (their names); a column of a campaign's rows.
-    t : float or None, s
-        Time of the difference in a signal.
-    recorded, reflown : float, int, str, bool or None
-        Both values, SI and rad.
-    """
-
+    # A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
+    # ``signals`` (their names); a column of a campaign's rows
     what: str
-    t: float | None
+    t: float | None  # s: Time of the difference in a signal
+    # Both values, SI and rad
     recorded: float | int | str | None
     reflown: float | int | str | None
 
     @property
     def sentence(self) -> str:
-        """What differs, when and by which values."""
+        """The difference in words: the signal, its time and both values."""
         when = "" if self.t is None else f" at t = {self.t:g} s"
         recorded, reflown = (
             value if isinstance(value, str) else repr(value)
@@ -46,21 +38,14 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reflight:
-    """A recorded run and the same flight flown again.
-
-    Attributes
-    ----------
-    recorded, reflown : Run
-    difference : Difference or None
-        The first one; None where gains, outcome and every sample are equal to the bit. Of a run
-        that was stopped by hand only the samples it has are compared.
-    versions : mapping of str to (str, str)
-        Libraries whose version is not the recorded one: then and now.
-    """
+    """A recorded run and the same flight flown again."""
 
     recorded: Run
     reflown: Run
+    # The first one; None where gains, outcome and every sample are equal to the bit. Of a run
+    # that was stopped by hand only the samples it has are compared.
     difference: Difference | None
+    # Libraries whose version is not the recorded one: then and now
     versions: Mapping[str, tuple[str, str]]
 
 
@@ -100,11 +85,11 @@ def refly(
         raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")
     scenario = scenario_from(scenarios[0])
     names = scenario.gain_names
-    known = [f"{plant.label} / {name}" for plant in scenario.plant for name in names]
+    labels = [f"{plant.label} / {name}" for plant in scenario.plant for name in names]
     for run in runs:
-        if run.label not in known:
+        if run.label not in labels:
             raise RecordingError(
-                f"{run.label}: the run must be one of its scenario ({', '.join(known)}) "
+                f"{run.label}: the run must be one of its scenario ({', '.join(labels)}) "
                 "to be flown again."
             )
     again = fly(scenario, laws=laws, plants=plants, progress=progress)
@@ -132,11 +117,7 @@ def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
 def first_difference(recorded: Run, reflown: Run) -> Difference | None:
     """The first difference of two runs to the bit: gains, then signals in time, then outcome.
 
-    Parameters
-    ----------
-    recorded : Run
-        With the status ``interrupted`` only its samples are compared.
-    reflown : Run
+    Of a recorded run with the status ``interrupted`` only its samples are compared.
     """
     return next(_differences(recorded, reflown), None)
 

@@ -16,19 +16,12 @@ A step of the reference is a jump of s that no bound of the mismatch covers: a c
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ErrorStates:
-    """The states s of flights in n sample intervals.
+    """The states s of flights in n sample intervals."""
 
-    Attributes
-    ----------
-    states : tuple of ndarray, length 4, shape (..., n), rad/s and rad
-        Rates of the errors of course and flight-path angle, and the errors, in the middle of each
-        interval.
-    moved : ndarray of bool, shape (..., n)
-        Where the reference changes its slope.
-    """
-
+    # (..., n), rad/s and rad: Rates of the errors of course and flight-path angle, and
+    # the errors, in the middle of each interval
     states: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-    moved: npt.NDArray[np.bool_]
+    moved: npt.NDArray[np.bool_]  # (..., n): Where the reference changes its slope
 
     def level(self, shape: npt.ArrayLike) -> FloatArray:
         """``s' shape s`` in each interval, shape (..., n).

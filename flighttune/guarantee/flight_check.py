@@ -47,46 +47,26 @@ SHORTEST = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightCheck:
-    """A flight in the velocity form of its loop, and the bound its gains guarantee.
-
-    Attributes
-    ----------
-    loop : CertifiedLoop
-    t : ndarray, shape (n,), s
-        Middle of each sample interval.
-    states : ndarray, shape (n, 4), rad/s and rad
-        s = (e', e) there.
-    level : ndarray, shape (n,)
-        ``s' W^-1 s`` for L_d = 1: the flight is in the ultimate set of L_d where it is at most
-        ``L_d^2``.
-    strength : ndarray, shape (n - 1,), rad/s^2
-        Norm of the derivative of the mismatch.
-    moved, limited : ndarray of bool, shape (n,)
-        Where the reference changes its slope, and where a command is at a limit.
-    bound : ndarray, shape (n,)
-        Upper bound of `size`; NaN where there is no claim, because the reference moves or a command
-        is at a limit.
-    error_bounds : ndarray, shape (n, 2), rad
-        Largest errors of course and path angle that go with `bound`.
-    commanded : float, rad
-        Largest change commanded; see `UltimateSet`.
-    duration : float, s
-        Time flown.
-    of_the_law : bool
-        The plant is the law itself, so that the mismatch is rounding and bounds nothing.
-    """
+    """A flight in the velocity form of its loop, and the bound its gains guarantee."""
 
     loop: CertifiedLoop
-    t: FloatArray
-    states: FloatArray
+    t: FloatArray  # (n,), s: Middle of each sample interval
+    states: FloatArray  # (n, 4), rad/s and rad: s = (e', e) there
+    # (n,): ``s' W^-1 s`` for L_d = 1: the flight is in the ultimate set of L_d where it is at
+    # most ``L_d^2``
     level: FloatArray
-    strength: FloatArray
+    strength: FloatArray  # (n - 1,), rad/s^2: Norm of the derivative of the mismatch
+    # (n,): Where the reference changes its slope, and where a command is at a limit
     moved: npt.NDArray[np.bool_]
     limited: npt.NDArray[np.bool_]
+    # (n,): Upper bound of `size`; NaN where there is no claim, because the reference moves or a
+    # command is at a limit
     bound: FloatArray
+    # (n, 2), rad: Largest errors of course and path angle that go with `bound`
     error_bounds: FloatArray
-    commanded: float
-    duration: float
+    commanded: float  # rad: Largest change commanded; see `UltimateSet`
+    duration: float  # s: Time flown
+    # The plant is the law itself, so that the mismatch is rounding and bounds nothing
     of_the_law: bool
 
     @property
@@ -161,22 +141,21 @@ def flight_check(run: Run) -> FlightCheck | None:
         return None
     try:
         loop = certified_loop(run.provenance.law.linear_model(trim), gains)
-        found = mismatch(run)
+        measured = mismatch(run)
     except InputError:  # a first reference at the vertical, gains of other channels
         return None
-    return loop and check_against(run, loop, found)
+    return None if loop is None else check_against(run, loop, measured)
 
 
-def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck:
+def check_against(run: Run, loop: CertifiedLoop, mismatch: Mismatch) -> FlightCheck:
     """Hold a run against a loop, given its mismatch.
 
     Parameters
     ----------
-    run : Run
     loop : CertifiedLoop
-        Of its gains.
-    found : Mismatch
-        Of that run.
+        The certified loop of the run's gains.
+    mismatch : Mismatch
+        Mismatch of the run.
 
     Notes
     -----
@@ -194,14 +173,14 @@ def check_against(run: Run, loop: CertifiedLoop, found: Mismatch) -> FlightCheck
     references = signals["chi_ref"].to_numpy(), signals["gamma_ref"].to_numpy()
     errors = signals["chi_err"].to_numpy(), signals["gamma_err"].to_numpy()
     t = run.t
-    turning = found.rates[:, 0], found.rates[:, 1]
+    turning = mismatch.rates[:, 0], mismatch.rates[:, 1]
     flown = error_states(t, errors=errors, references=references, rates=turning)
     limited = np.zeros(len(t) - 1, dtype=bool)
     for name in LIMITED:
         if name in signals:
             limited |= signals[name].to_numpy()[:-1] != 0.0
-    strength = np.linalg.norm(found.d_dot, axis=1)
-    middle, Q = found.t + 0.5 * np.diff(t), loop.indicators.Q
+    strength = np.linalg.norm(mismatch.d_dot, axis=1)
+    middle, Q = mismatch.t + 0.5 * np.diff(t), loop.indicators.Q
     assert Q is not None  # of a stable loop
     claimed = ~(flown.moved | limited)
     free = _free_response(middle, flown.level(Q), claimed, loop.indicators.R_K)
@@ -249,27 +228,16 @@ def _forced_response(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FreeFlight:
-    """The last part of a flight, without limits: how far the mismatch can have pushed it.
+    """The last part of a flight, without limits: how far the mismatch can have pushed it."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (n,), s
-        Middle of each sample interval since then.
-    centre : ndarray, shape (n, 2), rad
-        Errors of course and path angle that the linear loop has from its state then on, alone.
-    width : ndarray, shape (n, 2), rad
-        How far from there the mismatch can have pushed them, whatever its direction.
-    errors : ndarray, shape (n, 2), rad
-        As flown.
-    L_d : float, rad/s^2
-        Bound of the mismatch's derivative in that time.
-    """
-
-    t: FloatArray
+    t: FloatArray  # (n,), s: Middle of each sample interval since then
+    # (n, 2), rad: Errors of course and path angle that the linear loop has from its state then
+    # on, alone
     centre: FloatArray
+    # (n, 2), rad: How far from there the mismatch can have pushed them, whatever its direction
     width: FloatArray
-    errors: FloatArray
-    L_d: float
+    errors: FloatArray  # (n, 2), rad: As flown
+    L_d: float  # rad/s^2: Bound of the mismatch's derivative in that time
 
     @property
     def t_from(self) -> float:
@@ -313,7 +281,7 @@ def free_flight(check: FlightCheck) -> FreeFlight | None:
     Parameters
     ----------
     check : FlightCheck
-        Of the flight.
+        Check of the flight.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the kinematic law leaves out: rates flown minus rates of the law under the same commands."""
+"""Mismatch of the kinematic law: rates flown minus rates of the law under the same commands."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ def trim_of(run: Run) -> Trim | None:
     Parameters
     ----------
     run : Run
-        Of a scenario with ``V_a_mps`` in its table ``flight``.
+        A run of a scenario with ``V_a_mps`` in its table ``flight``.
     """
     flight = run.provenance.scenario.get("flight") or {}
     if not run.provenance.law.by_gains:
@@ -50,23 +50,13 @@ def flies_the_law(run: Run) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mismatch:
-    """The disturbance under which the kinematic law flies just as the aircraft did.
+    """The disturbance under which the kinematic law flies just as the aircraft did."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (n,), s
-        Start of each sample interval.
-    rates : ndarray, shape (n, 2), rad/s
-        Mean rates of course and of flight-path angle flown in the interval.
-    d : ndarray, shape (n, 2), rad/s
-        `rates` minus those of the law.
-    d_dot : ndarray, shape (n - 1, 2), rad/s^2
-        Change of d from each interval to the next, over the sample time.
-    """
-
-    t: FloatArray
+    t: FloatArray  # (n,), s: Start of each sample interval
+    # (n, 2), rad/s: Mean rates of course and of flight-path angle flown in the interval
     rates: FloatArray
-    d: FloatArray
+    d: FloatArray  # (n, 2), rad/s: `rates` minus those of the law
+    # (n - 1, 2), rad/s^2: Change of d from each interval to the next, over the sample time
     d_dot: FloatArray
 
     @property
@@ -87,10 +77,6 @@ def mismatch(run: Run) -> Mismatch:
     ----------
     run : Run
         A flight of at least four samples, evenly spaced; with courses that run on through +-pi.
-
-    Returns
-    -------
-    Mismatch
 
     Raises
     ------

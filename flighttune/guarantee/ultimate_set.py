@@ -36,25 +36,13 @@ Outcome: TypeAlias = Literal["held", "broken", "not entered"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CertifiedLoop:
-    """A stable linear loop of the kinematic law in velocity form, ``s' = A_K s + E v``.
+    """A stable linear loop of the kinematic law in velocity form, ``s' = A_K s + E v``."""
 
-    Attributes
-    ----------
-    A_K : ndarray, shape (4, 4), 1/s
-    E : ndarray, shape (4, 2)
-        Where v, minus the derivative of the mismatch, enters.
-    indicators : Indicators
-        With R_K and the Q that proves it.
-    unit : Ellipsoid
-        Invariant ellipsoid for ``|v| <= 1``.
-    shape : ndarray, shape (4, 4)
-        Inverse of its W: s is in the ellipsoid for L_d where ``s' shape s <= L_d^2``.
-    """
-
-    A_K: FloatArray
-    E: FloatArray
-    indicators: Indicators
-    unit: Ellipsoid
+    A_K: FloatArray  # (4, 4), 1/s
+    E: FloatArray  # (4, 2): Where v, minus the derivative of the mismatch, enters
+    indicators: Indicators  # With R_K and the Q that proves it
+    unit: Ellipsoid  # Invariant ellipsoid for ``|v| <= 1``
+    # (4, 4): Inverse of its W: s is in the ellipsoid for L_d where ``s' shape s <= L_d^2``
     shape: FloatArray
 
 
@@ -65,31 +53,19 @@ def certified_loop(model: LinearModel, gains: PIGains) -> CertifiedLoop | None:
     ----------
     model : LinearModel
         `kinematic_model`, as the mismatch is measured against the kinematic law.
-    gains : PIGains
     """
     A_K, E = closed_loop(model, gains), disturbance_entry(model)
-    found = indicators(A_K)
-    if found.status != "stable":
+    values = indicators(A_K)
+    if values.status != "stable":
         return None
     unit = invariant_ellipsoid(A_K, E, L_d=1.0)
     shape = np.asarray(np.linalg.inv(unit.W), dtype=np.float64)
-    return CertifiedLoop(A_K=A_K, E=E, indicators=found, unit=unit, shape=shape)
+    return CertifiedLoop(A_K=A_K, E=E, indicators=values, unit=unit, shape=shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class UltimateSet:
     """Claim: the errors end in an ellipsoid while the mismatch changes no faster than `L_d`.
-
-    Attributes
-    ----------
-    loop : CertifiedLoop
-    L_d : float, rad/s^2
-        Bound of the norm of the mismatch's derivative.
-    t_from : float, s
-        Time from which the claim is made.
-    commanded : float, rad
-        Largest change of course or of flight-path angle commanded in the flight: from where it
-        began to the reference.
 
     Notes
     -----
@@ -98,8 +74,10 @@ class UltimateSet:
     """
 
     loop: CertifiedLoop
-    L_d: float
-    t_from: float
+    L_d: float  # rad/s^2: Bound of the norm of the mismatch's derivative
+    t_from: float  # s: Time from which the claim is made
+    # rad: Largest change of course or of flight-path angle commanded in the flight: from where it
+    # began to the reference
     commanded: float
 
     @property
@@ -140,12 +118,12 @@ class UltimateSet:
         if run.status != "completed" or len(run.signals) < LEAST_SAMPLES:
             return None
         names = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err")
-        found = signal_arrays(run, names)
+        signals = signal_arrays(run, names)
         return self.outcomes(
             run.t,
-            errors=(found["chi_err"], found["gamma_err"]),
-            references=(found["chi_ref"], found["gamma_ref"]),
-            angles=(found["chi"], found["gamma"]),
+            errors=(signals["chi_err"], signals["gamma_err"]),
+            references=(signals["chi_ref"], signals["gamma_ref"]),
+            angles=(signals["chi"], signals["gamma"]),
         ).item()
 
     def outcomes(
@@ -156,14 +134,14 @@ class UltimateSet:
         references: tuple[FloatArray, FloatArray],
         angles: tuple[FloatArray, FloatArray],
     ) -> npt.NDArray[np.str_]:
-        """What became of the claim in completed flights.
+        """Outcomes of the claim in completed flights.
 
         Parameters
         ----------
         t : ndarray, shape (k,), s
             Times of the samples.
         errors, references, angles : tuple of ndarray, shape (..., k), rad
-            Of course and of flight-path angle.
+            Pairs for course and flight-path angle.
 
         Returns
         -------
@@ -173,34 +151,25 @@ class UltimateSet:
         first = int(np.searchsorted(t[:-1] + 0.5 * np.diff(t), self.t_from))
         before = max(first - 1, 0)  # one interval more: whether the reference moved at the first
         dt = np.diff(t[before:])
-        found = error_states(
+        states = error_states(
             t[before:],
             errors=(errors[0][..., before:], errors[1][..., before:]),
             references=(references[0][..., before:], references[1][..., before:]),
             rates=(np.diff(angles[0][..., before:]) / dt, np.diff(angles[1][..., before:]) / dt),
         )
-        inside = self.contains(found.level(self.loop.shape))
+        inside = self.contains(states.level(self.loop.shape))
         late = slice(first - before, None)
-        return outcomes(inside[..., late], found.moved[..., late])
+        return outcomes(inside[..., late], states.moved[..., late])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verdict:
-    """What became of a claim in a flight.
-
-    Attributes
-    ----------
-    claim : UltimateSet
-    outcome : "held", "broken" or "not entered"
-    t_entered : float or None, s
-        When the flight first was in the set; None where it never was.
-    t_broken : float or None, s
-        When it first left the set without a move of the reference; None where it did not.
-    """
+    """Outcome of a claim in a flight."""
 
     claim: UltimateSet
     outcome: Outcome
-    t_entered: float | None
+    t_entered: float | None  # s: When the flight first was in the set; None where it never was
+    # s: When it first left the set without a move of the reference; None where it did not
     t_broken: float | None
 
     @property
@@ -211,12 +180,12 @@ class Verdict:
     @property
     def sentence(self) -> str:
         """The outcome with its time, and whether the bound is vacuous."""
-        found = self.outcome if self.t_broken is None else held_or_broken(self.t_broken)
-        return f"{found}, {too_loose(self.claim)}" if self.claim.vacuous else found
+        outcome = self.outcome if self.t_broken is None else held_or_broken(self.t_broken)
+        return f"{outcome}, {too_loose(self.claim)}" if self.claim.vacuous else outcome
 
 
 def too_loose(claim: UltimateSet) -> str:
-    """That a vacuous bound is no use, with its size."""
+    """Remark that a vacuous bound is useless, with its size."""
     return f"but at ±{max(claim.tube) / DEG:.0f} deg the bound is too loose to be useful"
 
 
@@ -247,7 +216,7 @@ def entered_and_left(
     Parameters
     ----------
     inside, moved : ndarray of bool, shape (..., n)
-        Whether in the set, and whether the reference changed: it may leave the set then.
+        True inside the set, and where the reference changed: the flight may leave it then.
 
     Returns
     -------

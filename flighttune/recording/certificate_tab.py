@@ -46,7 +46,7 @@ def log_certificates(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> N
 
 
 def _folders(drawn: Sequence[DrawnRun]) -> dict[str, str]:
-    """Where the lines of each gain set are."""
+    """Paths of the lines of each gain set."""
     claimed = [drawn_run.run for drawn_run in drawn if drawn_run.claim is not None]
     names = dict.fromkeys(run.provenance.gains_name for run in claimed)
     return {name: f"{GUARANTEE}/{k:02d}_{plain_name(name)}" for k, name in enumerate(names)}

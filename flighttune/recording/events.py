@@ -21,7 +21,7 @@ ANGLES = {"chi": "course", "gamma": "path angle"}
 # Text is made lighter, for the dark ground of the viewer, down to this contrast on a light one.
 WHITE, ON_WHITE = (255, 255, 255), 2.6
 
-MOST_HOLDS = 20  # a command held by its limit more often is listed with the number only
+MAX_HOLDS = 20  # a command held by its limit more often is listed with the number only
 WIND_CHANGE = 0.5  # m/s; a change of the wind since the start beyond this is a gust
 
 # Signals that the settling time is computed from.
@@ -83,7 +83,7 @@ def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 
 
 def _readable(colour: tuple[int, int, int]) -> tuple[int, ...]:
-    """The colour, as light as small text on a dark ground wants it and a light one allows."""
+    """The lightest shade of a colour that small text on a light ground allows."""
     readable, lighter = colour, colour
     while contrast(lighter, WHITE) > ON_WHITE:
         readable, lighter = lighter, _lighter(lighter)
@@ -108,7 +108,7 @@ def _reference(run: Run) -> Iterator[Event]:
         if first:
             text = f"{word} reference {math.degrees(values[0]):.4g} deg"
             yield Event(float(t[0]), "track", f"{text}, from {math.degrees(start):.4g} deg")
-        for k in steps[:MOST_HOLDS].tolist():
+        for k in steps[:MAX_HOLDS].tolist():
             moved = math.degrees(values[k])
             yield Event(float(t[k]), "track", f"{word} reference moves at {moved:.4g} deg")
 
@@ -120,14 +120,14 @@ def _held(run: Run) -> Iterator[Event]:
             continue
         t, states = runs_of_equal(*_of(run, name))
         ends = np.append(t[1:], run.duration)
-        held = np.flatnonzero(states != 0.0)
-        for k in held[:MOST_HOLDS].tolist():
+        limited = np.flatnonzero(states != 0.0)
+        for k in limited[:MAX_HOLDS].tolist():
             limit = "its rate limit" if HELD.get(int(states[k])) == "rate" else "its limit"
             lasting = f"{ends[k] - t[k]:.2f} s"
             yield Event(float(t[k]), "limit", f"{word} command held by {limit} for {lasting}")
-        if len(held) > MOST_HOLDS:
-            more = f"{word} command held {len(held) - MOST_HOLDS} times more, not listed"
-            yield Event(float(t[held[MOST_HOLDS]]), "limit", more)
+        if len(limited) > MAX_HOLDS:
+            more = f"{word} command held {len(limited) - MAX_HOLDS} times more, not listed"
+            yield Event(float(t[limited[MAX_HOLDS]]), "limit", more)
 
 
 def _gust(run: Run) -> Iterator[Event]:

@@ -180,6 +180,6 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
 def chase_eye(width: float) -> Eye:
     """Camera behind and above an aircraft `width` m wide, in axes that turn with its course.
 
-    In a view as wide as high the aircraft takes two fifths of the width.
+    The aircraft takes two fifths of the width of a square view.
     """
     return Eye((-2.0 * width, -0.9 * width, -1.0 * width), (0.3 * width, 0.0, 0.0))

@@ -54,11 +54,11 @@ def lane(run: Run, check: FlightCheck | None) -> tuple[FloatArray, list[str]]:
     now = np.zeros(len(t), dtype=int)
     if check is not None:
         now = np.where(check.broken, 2, np.where(np.isfinite(check.bound), 1, 0))
-    held = np.zeros(len(t), dtype=int)
+    limited = np.zeros(len(t), dtype=int)
     for place, name in enumerate(LIMITED.values()):
         if name in signals:
-            held += 3**place * signals[name].to_numpy()[:-1].astype(int)
-    now = np.where((held > 0) & (now != 2), len(words) - 1 + held, now)
+            limited += 3**place * signals[name].to_numpy()[:-1].astype(int)
+    now = np.where((limited > 0) & (now != 2), len(words) - 1 + limited, now)
     words += [_limits(code) for code in range(1, 3 ** len(LIMITED))]
     begun, codes = _without_short(*runs_of_equal(t, now), run.duration)
     return begun, [words[code] for code in codes.tolist()]

@@ -14,7 +14,7 @@ PARQUET, RECORDING = ".parquet", ".rrd"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """Runs read back, and what of their folder was not read.
+    """Runs read back, and the parts of their folder that were not read.
 
     Attributes
     ----------
@@ -31,13 +31,7 @@ class Recording:
     missing: tuple[str, ...] = ()
 
     def __getitem__(self, label: str) -> Run:
-        """The run of that label, ``plant / gains``.
-
-        Raises
-        ------
-        KeyError
-            If there is no such run; the message lists the labels.
-        """
+        """The run of that label, ``plant / gains``; the message of a KeyError lists the labels."""
         for run in self.runs:
             if run.label == label:
                 return run

@@ -1,4 +1,4 @@
-"""Which runs a recording was drawn from, and in which folder their Parquet files are."""
+"""Origin of a recording: the runs it shows, and the folder of their Parquet files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ PROPERTY = "record"  # name of the recording property; the viewer shows it with 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """Where the record of a drawing is."""
+    """Place of the record behind a drawing."""
 
     folder: str  # as the user gave it; only the last name of an absolute path
     sha256: tuple[str, ...]  # of each run, in order, as its Parquet file states it
@@ -39,13 +39,13 @@ def log_origin(stream: "rr.RecordingStream", origin: Origin) -> None:
 
 
 def check_recording(path: str | Path) -> None:
-    """Refuse what is not a recording of Rerun; the viewer reports what is wrong inside of one."""
+    """Refuse a file that is no Rerun recording; the viewer reports faults inside one."""
     if not file_bytes(Path(path), RECORDING_FILE).startswith(b"RRF"):
         raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got another file.")
 
 
 def read_origin(path: Path) -> Origin | None:
-    """Which runs a recording shows; None if they were not recorded with it."""
+    """Names of the runs in a recording; None if they were not recorded with it."""
     from rerun.chunk import RrdReader
 
     try:

@@ -27,7 +27,7 @@ SEAL = b"flighttune.file"
 
 
 def signal_files(runs: Sequence[Run], folder: Path) -> list[Path]:
-    """Where the Parquet files of the runs of one recording are: ``PLANT-GAINS.parquet``."""
+    """Paths of the Parquet files of the runs of one recording: ``PLANT-GAINS.parquet``."""
     names = (f"{run.provenance.plant}-{run.provenance.gains_name}" for run in runs)
     stems = distinct(re.sub(r"[^A-Za-z0-9.+-]+", "_", name) for name in names)
     return [folder / f"{stem}.parquet" for stem in stems]

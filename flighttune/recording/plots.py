@@ -1,4 +1,4 @@
-"""What is drawn over time: which signals share a plot, and which plots share a tab."""
+"""Plots over time: signals that share a plot, and plots that share a tab."""
 
 import math
 from collections.abc import Mapping, Sequence

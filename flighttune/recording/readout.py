@@ -71,7 +71,7 @@ def _rows(drawn_run: DrawnRun, t: FloatArray) -> list[str]:
 
 
 def reading_line(drawn: Sequence[DrawnRun]) -> str:
-    """What colours, lines, arrows and lanes mean, as Markdown."""
+    """Legend of colours, lines, arrows and lanes as Markdown."""
     made_by = [drawn_run.run.provenance for drawn_run in drawn]
     pairs = [(made.plant, made.gains_name) for made in made_by]
     same = len({gains for _, gains in pairs}) == 1

@@ -16,7 +16,7 @@ from flighttune.whole_file import whole_file
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedFiles:
-    """Where the files of a flight are."""
+    """Paths of the files of a flight."""
 
     recording: Path  # Rerun recording of all runs
     signals: Mapping[str, Path]  # Parquet file of each run, by its label
@@ -37,7 +37,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     Returns
     -------
     RecordedFiles
-        Where everything is.
+        Paths of all files.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def page_of(flown: FlownScenario) -> str:
     return scenario_page(
         flown.runs,
         scenario=flown.scenario.as_dict(),
-        indicators={name: (found.R_K, found.I_K) for name, found in flown.indicators.items()},
+        indicators={name: (values.R_K, values.I_K) for name, values in flown.indicators.items()},
         metrics=flown.metrics,
         flight=flown.flight,
     )

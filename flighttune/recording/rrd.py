@@ -182,7 +182,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
 def _log_bounds(
     stream: rr.RecordingStream, signal: str, channel: int, drawn: Sequence[DrawnRun]
 ) -> None:
-    """Log the certified bounds of an error, thin, where they are within what the plot shows."""
+    """Log the certified bounds of an error as thin lines where they are in the plot's range."""
     having = [drawn_run.run.signals for drawn_run in drawn if signal in drawn_run.run.signals]
     errors = [displayed(signals, signal) for signals in having]
     widest = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in errors), default=0.0)

@@ -103,7 +103,7 @@ def signals_sha256(description: str, rows: FloatArray) -> str:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Put the name of the file before what a RecordingError of the block says."""
+    """Put the name of the file before the message of a RecordingError in the block."""
     try:
         yield
     except RecordingError as error:
@@ -111,7 +111,7 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def first_line(text: object) -> str:
-    """The first line of a library's message, cut to what a reader takes in."""
+    """The first line of a library's message, cut to a readable length."""
     line = next(iter(str(text).splitlines()), "no reason")
     return textwrap.shorten(line, LONGEST_REASON, placeholder=" ...").rstrip(".")
 

@@ -199,7 +199,7 @@ def _log_arrows(
 
 
 def _ring(signals: pd.DataFrame, claim: FlightCheck) -> tuple[np.ndarray, FloatArray]:
-    """Which instants have a claim, and unit vectors to the edge of the certified directions.
+    """Mask of instants with a claim, and unit vectors to the edge of the certified directions.
 
     The shapes are (n,) and (n, CORNERS + 1, 3).
     """

@@ -48,7 +48,7 @@ def _check_free(*ports: int) -> None:
 
 
 def stream_url(port: int) -> str:
-    """Where a viewer with its data server on `port` takes a stream."""
+    """Address at which a viewer with its data server on `port` takes a stream."""
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 

@@ -14,28 +14,28 @@ from flighttune.scenario.load import scenario_from
 from flighttune.simulate.run import run_styles
 
 
-def write_comparison_page(found: Comparison, path: str | Path) -> Report:
+def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
     """Write one self-contained page about comparable runs; parent folders are made.
 
     Raises OutputError if the file cannot be written.
     """
-    runs = tuple(overlaid(found))
+    runs = tuple(overlaid(comparison))
     flights = Flights(runs=runs, styles=run_styles(runs))
     scenario = runs[0].provenance.scenario
     sources = dict.fromkeys(
-        source for pair in found.pairs for source in (pair.source_a, pair.source_b)
+        source for pair in comparison.pairs for source in (pair.source_a, pair.source_b)
     )
     return write_page(
         Path(path),
         page_template("flighttune.report", "commands.html.jinja"),
-        summary=tuple(_sentences(found)),
+        summary=tuple(_sentences(comparison)),
         sections=[
             Section(id="runs", title="", charts=tracking(flights), folded=False),
             Section(
                 id="metrics",
                 title="Errors and metrics",
                 charts=errors(flights),
-                tables=[comparison_table("", found.metrics)],
+                tables=[comparison_table("", comparison.metrics)],
             ),
             Section(
                 id="commands",
@@ -52,11 +52,11 @@ def write_comparison_page(found: Comparison, path: str | Path) -> Report:
     )
 
 
-def _sentences(found: Comparison) -> list[str]:
+def _sentences(comparison: Comparison) -> list[str]:
     """Who is better in how many metrics, and how far apart the paths are, a sentence a pair."""
     lines = []
-    for place, pair in enumerate(found.pairs):
-        own = found.metrics[found.metrics["pair"] == place]
+    for place, pair in enumerate(comparison.pairs):
+        own = comparison.metrics[comparison.metrics["pair"] == place]
         count = Counter(own["better"])
         names = (pair.a.label, pair.b.label)
         if names[0] == names[1]:

@@ -42,89 +42,46 @@ LONGEST_LADDER = 6_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FinalErrors:
-    """Errors over the last quarter of a flight, and whether they are small.
+    """Errors over the last quarter of a flight, and whether they are small."""
 
-    Attributes
-    ----------
-    converged : bool
-        Whether the flight was completed with both errors within their limits.
-    residual : tuple of float, rad
-        Largest errors of course and path angle over the last quarter of the flight.
-    allowed : tuple of float, rad
-        Their limits in a run that converged.
-    """
-
-    converged: bool
+    converged: bool  # Whether the flight was completed with both errors within their limits
+    # rad: Largest errors of course and path angle over the last quarter of the flight
     residual: tuple[float, float]
-    allowed: tuple[float, float]
+    allowed: tuple[float, float]  # rad: Their limits in a run that converged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GainFacts:
-    """A gain set and its guarantees.
-
-    Attributes
-    ----------
-    name : str
-    gains : PIGains
-    trim, envelope : Certification or None
-        About the linear loop, and over the scenario's envelope where it gives one.
-    """
+    """A gain set and its guarantees."""
 
     name: str
     gains: "PIGains"
+    # About the linear loop, and over the scenario's envelope where it gives one
     trim: Certification
     envelope: Certification | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Facts:
-    """Everything a report shows.
+    """Everything a report shows."""
 
-    Attributes
-    ----------
-    name : str
-        Where the runs come from.
-    scenario : Scenario
-    claim : ClaimCheck
-        The runs against the scenario's requirements.
-    runs : tuple of Run
-        Those that flew.
-    grounded : tuple of Run
-        Those that did not.
-    styles : mapping of str to LineStyle
-        By label of the run.
-    final_errors : mapping of str to FinalErrors
-        By label.
-    gains : tuple of GainFacts
-    checks : mapping of str to FlightCheck
-        Flights against the guarantee, by label; without runs whose gains have none.
-    aircraft : Comparison or None
-        Each gain set on the first plant that is not an aircraft against the first aircraft.
-    gaps : tuple of Gap
-        One for each run of the first aircraft, nominal or not, for which the ladder was flown.
-    without_gap : tuple of str
-        Why it was not flown for the others.
-    missing : tuple of str
-        What was recorded but cannot be read.
-    frontier : DataFrame
-        R_K against I_K with the gains marked.
-    """
-
-    name: str
+    name: str  # Source of the runs
     scenario: Scenario
-    claim: ClaimCheck
-    runs: tuple[Run, ...]
-    grounded: tuple[Run, ...]
-    styles: dict[str, LineStyle]
-    final_errors: dict[str, FinalErrors]
+    claim: ClaimCheck  # The runs against the scenario's requirements
+    runs: tuple[Run, ...]  # Runs that flew
+    grounded: tuple[Run, ...]  # Runs that did not fly
+    styles: dict[str, LineStyle]  # Line of each run, by label
+    final_errors: dict[str, FinalErrors]  # Final errors of each run, by label
     gains: tuple[GainFacts, ...]
+    # Flights against the guarantee, by label; without runs whose gains have none
     checks: dict[str, FlightCheck]
+    # Each gain set on the first plant that is not an aircraft against the first aircraft
     aircraft: Comparison | None
+    # One for each run of the first aircraft, nominal or not, for which the ladder was flown
     gaps: tuple[Gap, ...]
-    without_gap: tuple[str, ...]
-    missing: tuple[str, ...]
-    frontier: pd.DataFrame
+    without_gap: tuple[str, ...]  # Why the others have no ladder
+    missing: tuple[str, ...]  # Recorded parts that cannot be read
+    frontier: pd.DataFrame  # R_K against I_K with the gains marked
 
     @property
     def flights(self) -> Flights:
@@ -135,17 +92,7 @@ class Facts:
 def facts_of(source: Source) -> Facts:
     """Compute everything a report shows about the runs of one scenario.
 
-    Parameters
-    ----------
-    source : Source
-        Runs of one scenario.
-
-    Raises
-    ------
-    RecordingError
-        If nothing flew, or the runs are of different scenarios.
-    ScenarioError
-        If the recorded scenario is not valid any more.
+    A RecordingError says that nothing flew or that the runs are of different scenarios.
     """
     runs = tuple(run for run in source.runs if len(run.signals) > 1)
     if not runs:
@@ -162,7 +109,7 @@ def facts_of(source: Source) -> Facts:
         styles=run_styles(source.runs),
         final_errors={run.label: final_errors(run) for run in runs},
         gains=gains,
-        checks={run.label: one for run in runs if (one := flight_check(run)) is not None},
+        checks={run.label: check for run in runs if (check := flight_check(run)) is not None},
         aircraft=_aircraft(runs),
         gaps=gaps,
         without_gap=without,
@@ -206,7 +153,7 @@ def _certificates_and_frontier(
     curve = frontier(
         tuning_problem(scenario),
         points=FRONTIER_POINTS,
-        marked={one.name: one.gains for one in gains},
+        marked={gain_set.name: gain_set.gains for gain_set in gains},
         starts=0,  # drawn gains find the same curve in twice the time
     )
     return gains, curve
@@ -236,13 +183,13 @@ def _aircraft(runs: Sequence[Run]) -> Comparison | None:
             return None
         sides.append(tuple(run for run in side if run.provenance.plant == side[0].provenance.plant))
     law, craft = (Source(name=side[0].provenance.plant, runs=side) for side in sides)
-    found = compare(law, craft)
-    return found if found.comparable else None
+    comparison = compare(law, craft)
+    return comparison if comparison.comparable else None
 
 
 def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[tuple[Gap, ...], tuple[str, ...]]:
-    """Of the first aircraft, as its files say and off the nominal."""
-    found, without = [], []
+    """Gaps of the first aircraft, nominal and off-nominal; reasons for the missing ones."""
+    gaps, without = [], []
     aircraft = [table for table in scenario.plant if table.aircraft is not None]
     plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
     flown = [run for run in runs if run.provenance.plant in plants]
@@ -254,7 +201,7 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[tuple[Gap, ...], tup
             )
             continue
         try:
-            found.append(explain_flight(scenario, run))
+            gaps.append(explain_flight(scenario, run))
         except FlightTuneError as error:
             without.append(f"{run.label}: {error}")
-    return tuple(found), tuple(without)
+    return tuple(gaps), tuple(without)

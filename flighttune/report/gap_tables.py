@@ -95,7 +95,7 @@ def gap_values(gap: "Gap", signals: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def gap_tables(gap: "Gap", values: Mapping[str, Any]) -> Iterator[Table]:
-    """Tables of a gap from its values: rungs, steps, inner loop, and what the flight kept."""
+    """Tables of a gap from its values: rungs, steps, inner loop and bounds."""
     if gap.ladder is None:
         return
     title = f"{gap.scenario.title}; gains {values['gains']}"
@@ -112,7 +112,7 @@ def gap_tables(gap: "Gap", values: Mapping[str, Any]) -> Iterator[Table]:
 
 
 def check_table(gaps: Sequence["Gap"]) -> Table:
-    """What is certified for the measured mismatch, and whether the flight kept it.
+    """Certified bounds for the measured mismatch, and whether the flight kept them.
 
     A flight with a tube is left out: its tube is the tighter bound.
     """
@@ -165,7 +165,7 @@ def step_table(gaps: Sequence["Gap"]) -> Table:
 
 
 def largest_step(gap: "Gap") -> str:
-    """Which step of the ladder moves course and path angle most."""
+    """Sentence on the step of the ladder that moves course and path angle most."""
     parts = []
     for channel, name in CHANNEL_NAMES.items():
         rms = {step.adds: _rms(getattr(step, channel)) for step in gap.steps}
@@ -175,7 +175,7 @@ def largest_step(gap: "Gap") -> str:
 
 
 def _kept(gap: "Gap") -> dict[str, Any]:
-    """What the flight kept of each bound; None for those that there are not."""
+    """Outcome of the flight for each bound; None where there is no bound."""
     from flighttune.guarantee.ultimate_set import held_or_broken
 
     verdict, settled, check = gap.verdict, _settled(gap), gap.check

@@ -1,4 +1,4 @@
-"""Charts of what is guaranteed, and the frontier of the gains."""
+"""Charts of the guarantees, and the frontier of the gains."""
 
 import numpy as np
 
@@ -14,15 +14,15 @@ TINY = 1e-9
 
 
 def certificate_panels(facts: Facts) -> list[Chart]:
-    """The norm of s against what is guaranteed, a chart a gain set."""
+    """The norm of s against its guaranteed bound, a chart per gain set."""
     charts = []
-    for one in facts.gains:
-        own = [run for run in facts.runs if run.provenance.gains_name == one.name]
+    for gain_set in facts.gains:
+        own = [run for run in facts.runs if run.provenance.gains_name == gain_set.name]
         drawn = [(run, facts.checks[run.label]) for run in own if run.label in facts.checks]
         if not drawn:
             continue
         chart = Chart(
-            title=f"{one.name}: ‖s‖, and dashed what is guaranteed",
+            title=f"{gain_set.name}: ‖s‖, with its guaranteed bound dashed",
             y="‖(e′, e)‖ [rad/s, rad]",
             x_range=(0.0, max(run.duration for run, _ in drawn)),
             log="y",

@@ -40,7 +40,7 @@ def _converges(facts: Facts) -> Question:
 
 
 def _enclosed(facts: Facts, tubes: Sequence[str]) -> list[Question]:
-    """What the tubes of the runs say."""
+    """Answer from the tubes of the runs."""
     if not tubes:
         return []
     count = sum(set(TUBE_SIGNALS) <= set(run.signals) for run in facts.runs)

@@ -25,27 +25,15 @@ BANDWIDTH = -3.01
 """Magnitude at the bandwidth, dB."""
 
 
-def identification_figure(found: Identification, title: str) -> Sheet:
-    """Bode diagrams, coupling and the held-out manoeuvre of one condition.
-
-    Parameters
-    ----------
-    found : Identification
-    title : str
-        Aircraft and condition.
-
-    Returns
-    -------
-    Sheet
-        One column a channel.
-    """
+def identification_figure(identification: Identification, title: str) -> Sheet:
+    """Bode diagrams, coupling and the held-out manoeuvre of one condition, a column per channel."""
     kinds = (_magnitude, _phase, _coupling, _held_out)
-    return Sheet(charts=[kind(found, i) for kind in kinds for i in range(2)], title=title)
+    return Sheet(charts=[kind(identification, i) for kind in kinds for i in range(2)], title=title)
 
 
-def _magnitude(found: Identification, i: int) -> Chart:
+def _magnitude(identification: Identification, i: int) -> Chart:
     chart = _bode(f"{NAMES[i]}: command to response", "magnitude [dB]")
-    lag = _fit(chart, found, i, _decibel)
+    lag = _fit(chart, identification, i, _decibel)
     chart.level(BANDWIDTH, NEUTRAL, dash=DASHED)
     chart.points(lag.bandwidth, BANDWIDTH, NEUTRAL, size=4.5)
     name = f"−3 dB at {lag.bandwidth:.1f} rad/s"
@@ -53,40 +41,40 @@ def _magnitude(found: Identification, i: int) -> Chart:
     return chart
 
 
-def _phase(found: Identification, i: int) -> Chart:
+def _phase(identification: Identification, i: int) -> Chart:
     chart = _bode(f"{NAMES[i]}: its phase", "phase [deg]")
-    _fit(chart, found, i, _phase_deg)
+    _fit(chart, identification, i, _phase_deg)
     return chart
 
 
-def _coupling(found: Identification, i: int) -> Chart:
-    flown = found.frequency[i]
+def _coupling(identification: Identification, i: int) -> Chart:
+    flown = identification.frequency[i]
     chart = _bode(CROSS_TITLES[i], ("magnitude [dB of 1/rad]", "magnitude [dB of rad]")[i])
     chart.points(flown.omega, _decibel(flown.other), CROSS, shape="cross", name="flown")
     return chart
 
 
-def _held_out(found: Identification, i: int) -> Chart:
-    channel = (found.condition.phi, found.condition.n_z)[i]
+def _held_out(identification: Identification, i: int) -> Chart:
+    channel = (identification.condition.phi, identification.condition.n_z)[i]
     chart = Chart(
         title=f"Not used for the fit: {channel.fit_percent:.1f} % of the variance explained",
         y=LABELS[i],
     )
-    check = found.check
+    check = identification.check
     t = DT * np.arange(len(check.measured))
     chart.line(
         t, check.commanded[:, i] / UNITS[i], NEUTRAL, dash=DASHED, width=1.0, name="commanded"
     )
     chart.line(t, check.measured[:, i] / UNITS[i], FLOWN, width=2.4, name="flown")
-    chart.line(t, found.check_model[:, i] / UNITS[i], FIT, width=1.3, name="fit")
+    chart.line(t, identification.check_model[:, i] / UNITS[i], FIT, width=1.3, name="fit")
     return chart
 
 
 def _fit(
-    chart: Chart, found: Identification, i: int, shown: Callable[[Response], FloatArray]
+    chart: Chart, identification: Identification, i: int, shown: Callable[[Response], FloatArray]
 ) -> InnerLag:
-    flown = found.frequency[i]
-    lag = found.candidates[i][0].lag
+    flown = identification.frequency[i]
+    lag = identification.candidates[i][0].lag
     omega = np.geomspace(flown.omega[0], flown.omega[-1], 300)
     chart.line(omega, shown(lag.response(omega)), FIT, width=2.0, name=f"fit, order {lag.order}")
     chart.points(flown.omega, shown(flown.own), FLOWN, name="flown")

@@ -14,7 +14,7 @@ from flighttune.present.palette import HUES, LIMIT, NEUTRAL
 from flighttune.units import DEG
 
 COLOURS = (HUES[0][0][0], HUES[1][0][0])
-"""Of the loops cut at roll and at load factor, as far as no gains are compared."""
+"""Colours of the loops cut at roll and at load factor, if no gains are compared."""
 
 POINTS = 1200
 DECADES = 1.5
@@ -28,21 +28,10 @@ SQUARE = 340.0
 
 
 def loop_charts(model: LinearModel, gains: PIGains, margins: LoopMargins | None) -> list[Chart]:
-    """Draw the loop of gains on a linear model.
+    """Bode and Nyquist diagrams and the eigenvalues of the loop of gains on a linear model.
 
-    Parameters
-    ----------
-    model : LinearModel
-    gains : PIGains
-    margins : LoopMargins or None
-        Of that loop; None where it is not stable.
-
-    Returns
-    -------
-    list of Chart
-        Magnitude and phase of the loop cut at each input with the other closed, gain and phase
-        margin marked; the same as Nyquist diagrams, with the disk that no response enters; and the
-        eigenvalues of the closed loop.
+    The loop is cut at each input with the other closed. Gain and phase margin are marked, and the
+    disk that no response enters; `margins` is None where the loop is not stable.
     """
     eigenvalues = np.asarray(np.linalg.eigvals(closed_loop(model, gains)), dtype=complex)
     speeds = np.abs(eigenvalues)

@@ -25,7 +25,7 @@ from flighttune.report.tables import (
 from flighttune.report.toml_text import toml_text
 from flighttune.report.top import best_sentence, matrix
 
-MOST_GAPS = 3
+MAX_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
 SENSED = "It does not include sensor errors, by which alone a flight may exceed it. "
@@ -52,9 +52,9 @@ def write_report(
     path : path-like
         HTML file to write or replace; parent folders are made.
     tubes : sequence of str
-        What the tubes of the runs say, a sentence each. They are drawn where the runs have them.
+        A sentence for each tube of the runs. Tubes are drawn where the runs have them.
     at_a_glance : sequence of str
-        How far each aircraft can be off, said at the top.
+        Sentences at the top on the possible deviation of each aircraft.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def _certificate_section(facts: Facts) -> Section:
 
 
 def _gap_section(facts: Facts) -> Section:
-    drawn = facts.gaps[:MOST_GAPS]
+    drawn = facts.gaps[:MAX_GAPS]
     more = len(facts.gaps) - len(drawn)
     several = len({gap.aircraft.provenance.plant for gap in facts.gaps}) > 1
     rest = f"{more} more {'flight' if several else 'gain set'}{' is' if more == 1 else 's are'}"

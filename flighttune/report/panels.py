@@ -33,18 +33,10 @@ FINEST = 300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Flights:
-    """Runs that are drawn together.
+    """Runs that are drawn together."""
 
-    Attributes
-    ----------
-    runs : sequence of Run
-        Those that flew.
-    styles : mapping of str to LineStyle
-        By label.
-    """
-
-    runs: Sequence[Run]
-    styles: Mapping[str, LineStyle]
+    runs: Sequence[Run]  # Runs that flew
+    styles: Mapping[str, LineStyle]  # Line of each run, by label
 
     @property
     def points(self) -> int:
@@ -95,8 +87,8 @@ def commands(flights: Flights) -> list[Chart]:
         room = LANE * (len(flights.runs) + 1)
         chart.y_range = low - room / (1.0 - room) * (high - low), high
         for place, (run, style) in enumerate(styled(flights)):
-            held = run.signals[f"{name}_limited"].to_numpy() != 0.0
-            chart.spans(_spans(run.t, held), LANE * (place + 0.8), style.colour, run=run.label)
+            limited = run.signals[f"{name}_limited"].to_numpy() != 0.0
+            chart.spans(_spans(run.t, limited), LANE * (place + 0.8), style.colour, run=run.label)
         charts.append(chart)
     return charts
 
@@ -152,7 +144,7 @@ def _from_above(flights: Flights) -> Chart:
 
 
 def _spans(t: FloatArray, flag: np.ndarray) -> Sequence[tuple[float, float]]:
-    """Start and end of every stretch in which `flag` is true; those too close are one."""
+    """Start and end of every stretch in which `flag` is true; close ones are joined."""
     edges = np.flatnonzero(np.diff(flag.astype(int), prepend=0, append=0))
     ends = np.append(t, t[-1])[edges].tolist()
     spans: list[tuple[float, float]] = []

@@ -51,7 +51,7 @@ PAIR_COLUMNS = columns("gains from to max_distance_m max_distance_at_s")
 
 
 def tracking_table(facts: Facts) -> Table:
-    """How each run followed its reference, a row a channel."""
+    """Tracking of the reference by each run, a row per channel."""
     records = [
         {"run": run.label, "channel": CHANNEL_SYMBOLS[str(channel)], **metrics}
         for run in facts.runs
@@ -61,7 +61,7 @@ def tracking_table(facts: Facts) -> Table:
 
 
 def convergence_table(facts: Facts) -> Table:
-    """Largest errors over the last quarter of each flight, and what they may be."""
+    """Largest errors over the last quarter of each flight, and their limits."""
     records = []
     for run in facts.runs:
         late = facts.final_errors[run.label]
@@ -78,7 +78,7 @@ def convergence_table(facts: Facts) -> Table:
 
 
 def runs_table(facts: Facts) -> Table:
-    """How each run ended, and what the whole aircraft did."""
+    """End of each run, and metrics of the whole flight."""
     records = [
         {
             "run": run.label,
@@ -108,7 +108,7 @@ def gains_table(facts: Facts) -> Table:
 
 
 def certificates_table(facts: Facts) -> Table:
-    """What is proven of each gain set: ``‖s‖`` decays at half the rate, after its growth."""
+    """The proven claim of each gain set: ``‖s‖`` decays at half the rate, after its growth."""
     records = [_certificate(gain_set) for gain_set in facts.gains]
     return Table(
         title="Certificates", name="certificates", columns=CERTIFICATE_COLUMNS, records=records
@@ -169,7 +169,7 @@ def aircraft_tables(facts: Facts) -> list[Table]:
 
 
 def provenance_table(name: str, scenario: Scenario, flown: Sequence[Run]) -> Table:
-    """What made the runs, which come from `name`."""
+    """Provenance of the runs from `name`."""
     made = flown[0].provenance
     versions = ", ".join(f"{name} {value}" for name, value in made.versions.items())
     return facts_table(

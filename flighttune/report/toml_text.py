@@ -5,13 +5,7 @@ from typing import Any
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
-    """TOML of nested plain values, matrices on one line.
-
-    Parameters
-    ----------
-    tables : mapping
-        Strings, numbers, booleans, lists and mappings; None is left out.
-    """
+    """TOML of nested plain values, matrices on one line; None is left out."""
     import tomlkit
 
     return tomlkit.dumps(_without_none(tables))

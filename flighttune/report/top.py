@@ -14,7 +14,7 @@ from flighttune.simulate.run import Run
 
 
 def best_sentence(facts: Facts) -> str:
-    """Which gains have the lowest ITAE on the aircraft, and by how much."""
+    """Sentence on the gains with the lowest ITAE on the aircraft, and their lead."""
     plant = _decisive_plant(facts)
     runs = [run for run in facts.runs if run.provenance.plant == plant]
     where = f"On {plant}"
@@ -28,11 +28,13 @@ def best_sentence(facts: Facts) -> str:
     converges = facts.final_errors[best.label].converged
     others = [run for run in completed if run is not best]
     if not others:
-        values = ", ".join(f"{own[one]:.2f} ({sign})" for one, sign in CHANNEL_SYMBOLS.items())
+        values = ", ".join(
+            f"{own[channel]:.2f} ({sign})" for channel, sign in CHANNEL_SYMBOLS.items()
+        )
         tail = "" if converges else ", not converging"
         return f"{where} {name} has ITAE {values} rad s²{tail}."
-    known = {run.provenance.gains_name: run for run in others}
-    other = known.get("paper") or min(others, key=lambda run: _product(itae[run.label]))
+    by_gains = {run.provenance.gains_name: run for run in others}
+    other = by_gains.get("paper") or min(others, key=lambda run: _product(itae[run.label]))
     head = f"{where} {name} is best" if converges else f"{where} no gains converge; {name} is best"
     return f"{head}: ITAE {_ratio(own, itae[other.label])} {other.provenance.gains_name}'s."
 
@@ -88,27 +90,27 @@ def _decisive_plant(facts: Facts) -> str:
 
 
 def _itae(run: Run) -> dict[str, float]:
-    found = channel_metrics(run)["ITAE"].to_dict()
-    return {channel: float(found[channel]) for channel in CHANNEL_SYMBOLS}
+    itae = channel_metrics(run)["ITAE"].to_dict()
+    return {channel: float(itae[channel]) for channel in CHANNEL_SYMBOLS}
 
 
 def _product(itae: dict[str, float]) -> float:
-    """Product over the channels; one of next to nothing does not decide alone."""
-    return math.prod(max(one, SMALLEST_ITAE) for one in itae.values())
+    """Product over the channels; a channel with almost no error does not decide alone."""
+    return math.prod(max(value, SMALLEST_ITAE) for value in itae.values())
 
 
 def _ratio(own: dict[str, float], other: dict[str, float]) -> str:
     """``0.43 (χ), 0.26 (γ) of``, or values where the other has next to nothing."""
     parts = [
-        f"{own[one] / other[one]:.2f} ({sign})"
-        for one, sign in CHANNEL_SYMBOLS.items()
-        if other[one] >= SMALLEST_ITAE
+        f"{own[channel] / other[channel]:.2f} ({sign})"
+        for channel, sign in CHANNEL_SYMBOLS.items()
+        if other[channel] >= SMALLEST_ITAE
     ]
     return f"{', '.join(parts)} of" if parts else "next to nothing, as are"
 
 
 def _errors(run: Run) -> dict[str, np.ndarray]:
     return {
-        f"error of {sign}": run.signals[f"{one}_err"].to_numpy()
-        for one, sign in CHANNEL_SYMBOLS.items()
+        f"error of {sign}": run.signals[f"{channel}_err"].to_numpy()
+        for channel, sign in CHANNEL_SYMBOLS.items()
     }

@@ -1,4 +1,4 @@
-"""Whether the aircraft of a scenario are there and can fly it as far as their files say."""
+"""Check that the aircraft of a scenario exist and, by their files, can fly it."""
 
 from collections.abc import Iterator
 
@@ -19,19 +19,8 @@ FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
 def check_aircraft(scenario: Scenario, source: str) -> None:
     """Refuse a scenario that one of its aircraft cannot start.
 
-    Steady flight at the start is not required here: without it a run ends with a status.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    source : str
-        File the scenario came from, or what else to call it.
-
-    Raises
-    ------
-    ScenarioError
-        If an aircraft does not exist, the start or limits of the scenario lie outside it, or a
-        reference of shape feasible is not; the message names `source` and every key.
+    Steady flight at the start is not required here: without it a run ends with a status. The
+    ScenarioError names `source`, the file of the scenario, and every key.
     """
     faults = dict.fromkeys(fault for plant in scenario.plant for fault in _faults(scenario, plant))
     if faults:
@@ -45,19 +34,7 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
 
 
 def check_identified(scenario: Scenario, source: str) -> None:
-    """Refuse a scenario whose identified model is named and cannot be read.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    source : str
-        File the scenario came from, or what else to call it.
-
-    Raises
-    ------
-    ScenarioError
-        If there is no such model; the message names `source` and key.
-    """
+    """Refuse a scenario whose identified model cannot be read, naming `source` and key."""
     if scenario.tuning.identified is None:
         return
     try:
@@ -98,12 +75,12 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
 def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
     """Ranges of commands that do not overlap with those of the aircraft."""
     limits = scenario.limits
-    for key, given, (low, high), unit, symbol in (
+    for key, asked, (low, high), unit, symbol in (
         ("phi_deg", limits.phi_deg, config.limits.phi, DEG, " deg"),
         ("n_z", limits.n_z, config.limits.n_z, 1.0, ""),
     ):
-        if given is not None and not (given[0] < high / unit and low / unit < given[1]):
+        if asked is not None and not (asked[0] < high / unit and low / unit < asked[1]):
             yield (
                 f"[limits] `{key}` must overlap {low / unit:g} to {high / unit:g}{symbol} "
-                f"({config.file}), got {given}"
+                f"({config.file}), got {asked}"
             )

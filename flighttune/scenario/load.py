@@ -128,27 +128,14 @@ def existing_file(
 ) -> Path:
     """A file, or the shipped one of that name.
 
-    Parameters
-    ----------
-    path : str or Path
-        With or without the folder and the ending of the shipped one.
-    kind : str
-        What the file is, for the message.
-    shipped : mapping of str to Path
-        Shipped files by name.
-    folders : sequence of str
-        Folders that a shipped name may be written with.
-
-    Raises
-    ------
-    ScenarioError
-        If there is no such file.
+    The name may have the ending and one of the `folders` of the shipped file; `kind` is the kind of
+    file for the message.
     """
-    found = Path(path)
-    if found.is_file():
-        return found
-    name = found.name.removesuffix(".toml")
-    if name in shipped and found.parent in (Path(), *map(Path, folders)):
+    file = Path(path)
+    if file.is_file():
+        return file
+    name = file.name.removesuffix(".toml")
+    if name in shipped and file.parent in (Path(), *map(Path, folders)):
         return shipped[name]
     raise ScenarioError(
         f"{path}: the {kind} must be a file or one of {', '.join(shipped)}; there is no such file"
@@ -168,18 +155,7 @@ def leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
 def validated(model: type[Model], tables: Any, source: str) -> Model:
     """Tables read as `model`.
 
-    Parameters
-    ----------
-    model : type of BaseModel
-    tables : mapping
-        As they stand in a file.
-    source : str
-        The file, or what else to call it.
-
-    Raises
-    ------
-    ScenarioError
-        If a key is unknown, missing or impossible; the message names `source` and key.
+    A ScenarioError names `source`, the file, and each key that is unknown, missing or impossible.
     """
     try:
         return model.model_validate(tables)

@@ -69,8 +69,8 @@ from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_
 from flighttune.simulate.reference import Reference
 from flighttune.units import DEG, G_PAPER
 
-MOST_SAMPLES = 1_000_000
-"""Of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals."""
+MAX_SAMPLES = 1_000_000
+"""Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals."""
 
 ROUNDING = 1e-9
 """deg, and share of a duration."""
@@ -210,11 +210,11 @@ class Scenario(Table):
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
         names = self.gain_names
-        known = [TUNED, *paper_family(), TUNED_IDENTIFIED]
+        available = [TUNED, *paper_family(), TUNED_IDENTIFIED]
         for entry in self.gains:
-            if isinstance(entry, str) and entry not in known:
+            if isinstance(entry, str) and entry not in available:
                 raise ValueError(
-                    f"`gains` must name {', '.join(known)} or give K_P and K_I, got {entry!r}"
+                    f"`gains` must name {', '.join(available)} or give K_P and K_I, got {entry!r}"
                 )
         if TUNED_IDENTIFIED in self.gains or self.tuning.model == "identified":
             self._identified()
@@ -237,10 +237,10 @@ class Scenario(Table):
         aircraft = any(p.kind == "jsbsim" for p in self.plant)
         check_air(self.disturbance, self.wind, self.gust or self.turbulence, aircraft=aircraft)
         duration, rate = self.flight.duration_s, self.controller.rate_hz
-        if not 2.0 <= duration * rate <= MOST_SAMPLES:
+        if not 2.0 <= duration * rate <= MAX_SAMPLES:
             raise ValueError(
                 "`duration_s` of [flight] must be at least two samples of the controller and at "
-                f"most {MOST_SAMPLES}, got {duration:g} s at {rate:g} Hz"
+                f"most {MAX_SAMPLES}, got {duration:g} s at {rate:g} Hz"
             )
         gust = [("gust", self.gust.start_s)] if self.gust else []
         for table, start_s in [*self.reference.starts(), *gust]:
@@ -265,10 +265,10 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _swings_as_air_does(self) -> "Scenario":
-        given = self.disturbance
-        for channel in ("chi", "gamma") if given and given.as_wind else ():
-            amplitude = abs(getattr(given, f"{channel}_amplitude"))
-            omega = getattr(given, f"{channel}_omega_rad_s")
+        disturbance = self.disturbance
+        for channel in ("chi", "gamma") if disturbance and disturbance.as_wind else ():
+            amplitude = abs(getattr(disturbance, f"{channel}_amplitude"))
+            omega = getattr(disturbance, f"{channel}_omega_rad_s")
             wind = self.flight.V_a_mps * amplitude / omega if amplitude else 0.0
             if wind > FASTEST_WIND:
                 raise ValueError(
@@ -279,19 +279,19 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _scaling_fits(self) -> "Scenario":
-        given = self.tuning.state_scaling
-        if given is not None:
+        scaling = self.tuning.state_scaling
+        if scaling is not None:
             n, _, p = self.linear_model().shape
-            if len(given) != n + p:
+            if len(scaling) != n + p:
                 raise ValueError(
                     f"`state_scaling` of [tuning] must be {n + p} numbers, one a state and one an "
-                    f"error, got {len(given)}"
+                    f"error, got {len(scaling)}"
                 )
         return self
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is flown otherwise than the file says, a sentence each."""
+        """One sentence for each deviation of the flight from the file."""
         duration, dt = self.flight.duration_s, 1.0 / self.controller.rate_hz
         flown = round(duration / dt) * dt
         if math.isclose(flown, duration, rel_tol=ROUNDING):
@@ -335,14 +335,10 @@ class Scenario(Table):
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
         """The law that flies a gain set, and the gain set as ``gains`` lists it.
 
-        Parameters
-        ----------
-        name : str
-            One of `gain_names`. A law that the scenario does not name but can (``exact:tuned``) is
-            meant as it is by default; without a law it is the paper's, or the only one there is.
-        gains : PIGains, optional
-            The gains themselves, which may come from a file. Where they act on something else than
-            the law so named wants, it is the law of `law_for`.
+        `name` is one of `gain_names`. A law that the scenario does not name but can
+        (``exact:tuned``) has its default settings; without a law it is the paper's, or the only one
+        there is. `gains` may come from a file: if they act on other inputs than those of the named
+        law, the law is `law_for` of the gains.
         """
         law, own = self.law_table(name).law(), split_name(name)[1]
         if gains is not None and law.by_gains and gains.inputs != law.inputs:
@@ -355,18 +351,12 @@ class Scenario(Table):
         return next(fitting, None) or made_law(gains.law)
 
     def plant_table(self, label: str) -> PlantTable:
-        """The table of one of its plants.
-
-        Raises
-        ------
-        InputError
-            If it has none of that label.
-        """
+        """The table of one of its plants."""
         for table in self.plant:
             if table.label == label:
                 return table
-        known = ", ".join(table.label for table in self.plant)
-        raise InputError(f"`plant` must be one of {known}, got {label}.")
+        labels = ", ".join(table.label for table in self.plant)
+        raise InputError(f"`plant` must be one of {labels}, got {label}.")
 
     @property
     def windy(self) -> bool:
@@ -380,7 +370,7 @@ class Scenario(Table):
         return next(aircraft, None) if self.windy else None
 
     def weather(self) -> Weather | None:
-        """What the air of the full aircraft does; None for still air."""
+        """Motion of the air around the full aircraft; None for still air."""
         swing = self.disturbance if self.disturbance and self.disturbance.as_wind else None
         if not (self.windy or swing):
             return None
@@ -394,7 +384,7 @@ class Scenario(Table):
 
     @property
     def condition(self) -> FlightCondition:
-        """Where the flight starts."""
+        """Condition in which the flight starts."""
         f = self.flight
         return FlightCondition(
             V_a=f.V_a_mps,
@@ -406,12 +396,9 @@ class Scenario(Table):
         )
 
     def followed(self) -> Reference | FeasibleReference:
-        """What the outer loop is asked to follow.
+        """The reference that the outer loop follows.
 
-        Raises
-        ------
-        InputError
-            If the reference is to be feasible and none is found, or limits are missing.
+        An InputError says that no feasible reference was found, or that it lacks limits.
         """
         f = self.flight
         if self.reference.shape == "feasible":
@@ -446,8 +433,8 @@ class Scenario(Table):
                 )
         condition = self.condition
         start_deg = [
-            flown if given is None else given
-            for flown, given in (
+            flown if start is None else start
+            for flown, start in (
                 (f.chi_deg, reference.chi_from_deg),
                 (f.gamma_deg, reference.gamma_from_deg),
             )
@@ -490,16 +477,9 @@ class Scenario(Table):
     def identified_models(self, law: Law | None = None) -> tuple[DesignModel, ...]:
         """A law, by default the first, behind the identified inner loop and half a sample of delay.
 
-        Returns
-        -------
-        tuple of DesignModel
-            About wings-level flight on the first reference with the lags of the nearest condition;
-            one a condition, each at its own airspeed and climb, where [tuning] says ``robust``.
-
-        Raises
-        ------
-        InputError, ScenarioError
-            If there is no such aircraft, or no model file.
+        The model is about wings-level flight on the first reference with the lags of the nearest
+        condition. Where [tuning] says ``robust`` there is one model for each condition, at its own
+        airspeed and climb.
         """
         identified, law = load_identified(self._identified()), law or self.laws[0]
         V_a, gamma = self.flight.V_a_mps, self.followed().initial[1]
@@ -554,10 +534,12 @@ def _lift_and_limits(aircraft: str, V_a: float) -> Limits:
     return replace(limits, lower=at_lift * limits.lower, upper=at_lift * limits.upper)
 
 
-def _bounds(*given: float | list[float] | None) -> FloatArray:
+def _bounds(*limits: float | list[float] | None) -> FloatArray:
     """Lower and upper bounds of (phi in deg, n_z) as rows, in rad and 1."""
-    ranges = [
-        [-np.inf, np.inf] if one is None else one if isinstance(one, list) else [-one, one]
-        for one in given
-    ]
+    ranges = []
+    for limit in limits:
+        if limit is None:
+            ranges.append([-np.inf, np.inf])
+        else:
+            ranges.append(limit if isinstance(limit, list) else [-limit, limit])
     return np.array(ranges).T * [DEG, 1.0]

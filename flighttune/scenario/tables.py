@@ -64,17 +64,17 @@ Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
 
 
-MOST_BYTES = 80
-"""Of the name of gains, a plant or an aircraft's folder: together they name a file."""
+MAX_BYTES = 80
+"""Longest name of gains, a plant or an aircraft's folder: together they name a file."""
 
-MOST_BYTES_OF_PART = 255
-"""Of a part of a path, on any file system."""
+MAX_BYTES_OF_PART = 255
+"""Longest part of a path on any file system."""
 
 
 def _short(value: str) -> str:
     *above, name = (len(part.encode()) for part in ("", *Path(value).parts))
-    if name > MOST_BYTES or max(above, default=0) > MOST_BYTES_OF_PART or "\0" in value:
-        raise ValueError(f"must be a name of at most {MOST_BYTES} bytes, it has {name}")
+    if name > MAX_BYTES or max(above, default=0) > MAX_BYTES_OF_PART or "\0" in value:
+        raise ValueError(f"must be a name of at most {MAX_BYTES} bytes, it has {name}")
     return value
 
 
@@ -82,7 +82,7 @@ Name: TypeAlias = Annotated[
     str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(_short)
 ]
 PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_short)]
-"""Of something that ships, or a path."""
+"""Longest name of something that ships, or longest path."""
 
 
 def _pair(value: object) -> object:
@@ -203,16 +203,12 @@ class ReferenceTable(Table):
                 yield f"reference.{key}", segment.start_s
 
     def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
-        """Time (s) and value (deg) of the largest path angle asked for, up or down.
+        """Time (s) and value (deg) of the steepest path angle asked for, up or down.
 
-        Parameters
-        ----------
-        start_deg : float, deg
-            Path angle of ``[flight]``.
-        duration : float, s
+        `start_deg` is the path angle of ``[flight]``; `duration` is in s.
         """
         segments = self.gamma_deg if isinstance(self.gamma_deg, list) else []
-        inside = {t for one in segments for t in one.breaks if t < duration}
+        inside = {t for segment in segments for t in segment.breaks if t < duration}
         ends = np.array(sorted({0.0, duration, *inside}))
         # Between two breaks the sum is straight; it may jump at a break, or just beside it.
         before, between = np.nextafter(ends[1:], 0.0), 0.5 * (ends[1:] + ends[:-1])
@@ -334,7 +330,7 @@ class PlantTable(OwnTable):
 
     @property
     def family(self) -> PlantKind:
-        """What the other rooms ask about its kind."""
+        """Description of its kind for the other rooms."""
         return PLANT_KINDS[self.kind]
 
     @property
@@ -477,11 +473,11 @@ class WindTable(Table):
     @model_validator(mode="after")
     def _one_or_levels(self) -> "WindTable":
         fields = {name: field.default for name, field in type(self).model_fields.items()}
-        given = {name for name, default in fields.items() if getattr(self, name) != default}
-        given -= {"level"}
+        constant = {name for name, default in fields.items() if getattr(self, name) != default}
+        constant -= {"level"}
         if self.level is not None:
-            if given:
-                raise ValueError(f"`{min(given)}` must be absent where there are levels")
+            if constant:
+                raise ValueError(f"`{min(constant)}` must be absent where there are levels")
             heights = [level.h_m for level in self.level]
             if any(a >= b for a, b in pairwise(heights)):
                 raise ValueError(f"`level` must rise in h_m, got {heights}")
@@ -629,18 +625,9 @@ def check_air(
 ) -> None:
     """Refuse air that the plants of a scenario cannot fly in.
 
-    Parameters
-    ----------
-    disturbance, wind, unsteady
-        Tables of the scenario; `unsteady` is its gust or turbulence.
-    aircraft : bool
-        Whether one of its plants is a jsbsim one.
-
-    Raises
-    ------
-    ValueError
-        If a sinusoid of the kinematic law is to disturb an aircraft, nobody meets the wind that
-        the others replay, or an aircraft is to be steered through the air in other wind as well.
+    `unsteady` is the table of its gust or turbulence; `aircraft` says that one of its plants is of
+    kind jsbsim. Refused are a sinusoid of the kinematic law on an aircraft, a wind that no plant
+    meets for the others to replay, and steering an aircraft through the air in other wind as well.
     """
     if disturbance and aircraft and not disturbance.as_wind:
         raise ValueError(
@@ -725,7 +712,7 @@ CHANNEL_MEASURES = (*METRICS, "peak_rad")
 
 
 class ExpectTable(Table):
-    """What runs must come to: of one plant, of one gain set, of both, or of all.
+    """Requirements for the runs of one plant, of one gain set, of both, or for all runs.
 
     Bounds are grouped by ``chi``, ``gamma`` (measures of the channel, and ``peak_rad``, the largest
     error) and ``flight``; a measure in rad may be given in deg under that ending.
@@ -743,17 +730,17 @@ class ExpectTable(Table):
             raise ValueError("`status`, `at_most` or `at_least` must be given")
         for bounds in (self.at_most, self.at_least):
             for subject, limits in bounds.items():
-                known = FLIGHT_METRICS if subject == "flight" else CHANNEL_MEASURES
+                measures = FLIGHT_METRICS if subject == "flight" else CHANNEL_MEASURES
                 for name in limits:
-                    if in_rad(name) not in known:
+                    if in_rad(name) not in measures:
                         raise ValueError(
-                            f"`{subject}.{name}` must be one of {', '.join(known)} "
+                            f"`{subject}.{name}` must be one of {', '.join(measures)} "
                             "(or _deg in place of _rad)"
                         )
         return self
 
     def meant(self, plant: str, gains: str) -> bool:
-        """Whether a run of this plant and these gains is meant."""
+        """Whether the requirements apply to a run of this plant and these gains."""
         return goes_by(plant, self.plant) and self.gains in (None, gains)
 
 

@@ -43,21 +43,6 @@ SENSED_AT_ONCE = 256
 class Flights:
     """N flights of the kinematic loop.
 
-    Attributes
-    ----------
-    K : ndarray, shape (N, 2, 4)
-        Stacked gains (K_P, K_I), rows phi and n_z, columns e_chi and e_gamma.
-    start : ndarray, shape (N, 5), rad, rad, rad, 1, m/s
-        Course, flight-path angle, roll, load factor and airspeed at t = 0.
-    ref : ndarray, shape (N or 1, k or 1, 2), rad
-        Course and flight-path angle to follow: one pair, or one a sample.
-    bounds : ndarray, shape (N, 4, 2), input units
-        Rows lower, upper, rate_lower, rate_upper; infinite for no limit.
-    waves : ndarray, shape (N, 4), rad/s
-        Disturbance: chi_amplitude, chi_omega, gamma_amplitude, gamma_omega.
-    ref_rates : ndarray, shape of `ref`, rad/s
-        Rates of the reference, which the exact law follows; zero by default.
-
     Raises
     ------
     ShapeError
@@ -70,11 +55,18 @@ class Flights:
     Values are copied and checked; ``dataclasses.replace`` makes a changed set of flights.
     """
 
+    # (N, 2, 4): Stacked gains (K_P, K_I), rows phi and n_z, columns e_chi and e_gamma
     K: FloatArray
+    # (N, 5), rad, rad, rad, 1, m/s: Course, flight-path angle, roll, load factor and airspeed at
+    # t = 0
     start: FloatArray
+    # (N or 1, k or 1, 2), rad: Course and flight-path angle to follow: one pair, or one a sample
     ref: FloatArray
+    # (N, 4, 2), input units: Rows lower, upper, rate_lower, rate_upper; infinite for no limit
     bounds: FloatArray
+    # (N, 4), rad/s: Disturbance: chi_amplitude, chi_omega, gamma_amplitude, gamma_omega
     waves: FloatArray
+    # as `ref`, rad/s: Rates of the reference, which the exact law follows; zero by default
     ref_rates: FloatArray | None = None
 
     def __post_init__(self) -> None:
@@ -153,8 +145,8 @@ class Flights:
                 for c in _many(FlightCondition, condition)
             ],
             "bounds": [
-                (one.lower, one.upper, one.rate_lower, one.rate_upper)
-                for one in _many(Limits, Limits.none(2) if limits is None else limits)
+                (ranges.lower, ranges.upper, ranges.rate_lower, ranges.rate_upper)
+                for ranges in _many(Limits, Limits.none(2) if limits is None else limits)
             ],
             "waves": [
                 (d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in waves
@@ -170,31 +162,20 @@ class Flights:
 
 
 class BatchResult(NamedTuple):
-    """What N flights did, as arrays.
+    """Results of N flights as arrays."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (k,), s
-        Times of the samples.
-    measures : ndarray, shape (N, 2, 10)
-        `ErrorMeasures` of the course (0) and of the flight-path angle (1); NaN where a measure has
-        no value or the flight has fewer than two samples.
-    samples : ndarray of int, shape (N,)
-        Samples of each flight, k unless it ended before its time.
-    ends : ndarray of int, shape (N,)
-        0 where the flight was completed, 1 where it ended at 90 deg of roll, 2 where an angle went
-        beyond 1000 rad.
-    last : ndarray, shape (N, 14)
-        `SIGNALS` at the last sample.
-    trajectories : ndarray, shape (N, k, 14)
-        `SIGNALS` over time, NaN after the end; of no flight where only measures were asked for.
-    """
-
-    t: FloatArray
+    t: FloatArray  # (k,), s: Times of the samples
+    # (N, 2, 10): `ErrorMeasures` of the course (0) and of the flight-path angle (1); NaN where a
+    # measure has no value or the flight has fewer than two samples
     measures: FloatArray
+    # (N,): Samples of each flight, k unless it ended before its time
     samples: npt.NDArray[np.int64]
+    # (N,): 0 where the flight was completed, 1 where it ended at 90 deg of roll, 2 where an angle
+    # went beyond 1000 rad
     ends: npt.NDArray[np.int64]
-    last: FloatArray
+    last: FloatArray  # (N, 14): `SIGNALS` at the last sample
+    # (N, k, 14): `SIGNALS` over time, NaN after the end; of no flight where only measures were
+    # asked for
     trajectories: FloatArray
 
     def measure(self, name: str) -> FloatArray:
@@ -207,7 +188,7 @@ class BatchResult(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """What the kernel needs to know besides the flights; arrays have shape (N,)."""
+    """Settings of the kernel besides the flights; arrays have shape (N,)."""
 
     conditional: bool
     wrapped: bool
@@ -352,7 +333,7 @@ def _sensor_errors(
 ) -> FloatArray:
     """Errors of the sensors of some flights, shape (flights, samples, 3)."""
     chosen = sensors[first:end] if len(sensors) > 1 else sensors[: end - first]
-    made = np.array([one.errors(samples, dt) for one in chosen])
+    made = np.array([sensor.errors(samples, dt) for sensor in chosen])
     return np.resize(made, (end - first if sensors else 0, samples, len(SENSED)))
 
 
@@ -394,8 +375,8 @@ def _one_each(flights: Flights, name: str, value: Floats) -> FloatArray:
     return np.ascontiguousarray(np.broadcast_to(values, len(flights)))
 
 
-def _many(kind: type[T], given: T | Iterable[T]) -> list[T]:
-    return [given] if isinstance(given, kind) else list(given)  # type: ignore[arg-type]
+def _many(kind: type[T], values: T | Iterable[T]) -> list[T]:
+    return [values] if isinstance(values, kind) else list(values)  # type: ignore[arg-type]
 
 
 def _repeated(name: str, values: list[Any], flights: int) -> FloatArray:

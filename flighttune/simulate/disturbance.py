@@ -16,33 +16,25 @@ class Sinusoid:
 
     A channel with switching times has its amplitude instead, of the other sign after each of them.
 
-    Attributes
-    ----------
-    chi_amplitude, gamma_amplitude : float, rad/s
-        Amplitudes a_chi, a_gamma.
-    chi_omega, gamma_omega : float, rad/s
-        Angular frequencies.
-    chi_phase, gamma_phase : float, rad
-        Added to the arguments.
-    square : bool
-        Take the amplitude with the sign of the sinusoid: the worst disturbance of a size switches
-        between its bounds.
-    chi_switches, gamma_switches : tuple of float, s; or None
-        Rising times at which a constant amplitude changes its sign; None for a sinusoid.
-
     Notes
     -----
     Eq. (39) of arXiv 2411.13140, which calls the amplitudes Lipschitz constants. The bound of the
     derivative that enters the guarantees is `rate_bound`.
     """
 
+    # rad/s: Amplitudes a_chi, a_gamma
     chi_amplitude: float = 0.0
+    # rad/s: Angular frequencies
     chi_omega: float = 0.0
     gamma_amplitude: float = 0.0
     gamma_omega: float = 0.0
+    # rad: Phases, added to the arguments
     chi_phase: float = 0.0
     gamma_phase: float = 0.0
+    # Take the amplitude with the sign of the sinusoid: the worst disturbance of a size switches
+    # between its bounds
     square: bool = False
+    # s: Rising times at which a constant amplitude changes its sign; None for a sinusoid
     chi_switches: tuple[float, ...] | None = None
     gamma_switches: tuple[float, ...] | None = None
 

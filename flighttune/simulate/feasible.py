@@ -22,7 +22,7 @@ DIFFERENCE = 1e-6
 PENALTY = 50.0
 """Seconds that a radian of missed course or path angle costs: far more than flying it takes."""
 
-MOST_STEPS = 60
+MAX_STEPS = 60
 CLOSE = 1e-4
 """Improvement (s) of a linear program below which the plan is found."""
 
@@ -30,7 +30,7 @@ FIRST_RADIUS, NEXT_RADIUS, SMALLEST_RADIUS = 0.25, 0.02, 1e-4
 """Trust region as a share of each range, from a first guess and near a plan; below the last a plan
 is not improved any more."""
 
-MOST_CORRECTIONS = 8
+MAX_CORRECTIONS = 8
 ARRIVED = 1e-4
 """Error of the end behind the lag, rad, with which the plan is kept."""
 
@@ -40,38 +40,26 @@ TAIL = 12.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manoeuvre:
-    """A change of course and path angle, and the limits that it keeps.
+    """A change of course and path angle, and the limits that it keeps."""
 
-    Attributes
-    ----------
-    V_a, g : float, m/s and m/s^2
-        Airspeed, and acceleration of gravity.
-    start, end : tuple of two floats, rad
-        Course and flight-path angle; the shorter way round is flown.
-    phi_0, n_z_0 : float, rad and 1
-        Roll and load factor at the start; at the end flight is steady, wings level.
-    phi, n_z : tuple of two floats, rad and 1
-        Range of the commands.
-    phi_rate, n_z_rate : tuple of two floats, rad/s and 1/s
-        Range of their rates, which holds zero.
-    lags : tuple of InnerLag or None
-        Of roll and load factor; None where they follow at once.
-    dt : float, s
-        Sample time of the controller, over which commands are held.
-    """
-
+    # m/s and m/s^2: Airspeed, and acceleration of gravity
     V_a: float
     g: float
+    # rad: Course and flight-path angle; the shorter way round is flown
     start: tuple[float, float]
     end: tuple[float, float]
+    # rad and 1: Roll and load factor at the start; at the end flight is steady, wings level
     phi_0: float
     n_z_0: float
+    # rad and 1: Range of the commands
     phi: tuple[float, float]
     n_z: tuple[float, float]
+    # rad/s and 1/s: Range of their rates, which holds zero
     phi_rate: tuple[float, float]
     n_z_rate: tuple[float, float]
+    # Lags of roll and load factor; None where both follow at once
     lags: tuple[InnerLag, InnerLag] | None
-    dt: float
+    dt: float  # s: Sample time of the controller, over which commands are held
 
     @property
     def change(self) -> tuple[float, float]:
@@ -82,25 +70,16 @@ class Manoeuvre:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FeasibleReference:
-    """A flight of the exact point mass behind the inner loop, as the reference of a real one.
+    """A flight of the exact point mass behind the inner loop, as the reference of a real one."""
 
-    Attributes
-    ----------
-    duration : float, s
-        Until the commands are those of steady flight; the inner loop is at rest a little later.
-    dt : float, s
-        Sample time.
-    chi, gamma : ndarray, shape (n,), rad
-        Course and flight-path angle at the samples, constant after the last one.
-    planned : ndarray, shape (n, 2), rad and 1
-        Commands of roll and load factor under which the point mass flies them, each held until the
-        next sample.
-    """
-
+    # s: Until the commands are those of steady flight; the inner loop is at rest a little later
     duration: float
-    dt: float
+    dt: float  # s: Sample time
+    # (n,), rad: Course and flight-path angle at the samples, constant after the last one
     chi: FloatArray
     gamma: FloatArray
+    # (n, 2), rad and 1: Commands of roll and load factor under which the point mass flies them,
+    # each held until the next sample
     planned: FloatArray
 
     @property
@@ -117,7 +96,8 @@ class FeasibleReference:
         """Return the mean rates of chi and gamma (rad/s) over the sample of each time `t` (s)."""
         sample = np.clip(np.floor(np.asarray(t) / self.dt + 1e-6).astype(np.intp), 0, len(self.chi))
         chi, gamma = (
-            np.append(np.diff(one), [0.0, 0.0])[sample] / self.dt for one in (self.chi, self.gamma)
+            np.append(np.diff(angle), [0.0, 0.0])[sample] / self.dt
+            for angle in (self.chi, self.gamma)
         )
         return chi, gamma
 
@@ -130,14 +110,6 @@ class FeasibleReference:
 @lru_cache(maxsize=64)
 def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
     """The fastest reference that the commands of a manoeuvre can make an aircraft fly.
-
-    Parameters
-    ----------
-    manoeuvre : Manoeuvre
-
-    Returns
-    -------
-    FeasibleReference
 
     Raises
     ------
@@ -155,7 +127,7 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
     _check(manoeuvre)
     aimed, plan, radius = manoeuvre, _first_plan(manoeuvre), FIRST_RADIUS
     missed = list(manoeuvre.change)
-    for _ in range(MOST_CORRECTIONS):
+    for _ in range(MAX_CORRECTIONS):
         plan, radius = _fastest(aimed, plan, radius), NEXT_RADIUS
         reference = _flown(manoeuvre, plan)
         arrived = reference.chi[-1] - manoeuvre.start[0], reference.gamma[-1] - manoeuvre.start[1]
@@ -228,11 +200,11 @@ def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
 
     x = np.concatenate([plan.phi, plan.n_z, [plan.duration]])
     best = merit(x)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         near = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
         slopes = (near[1:] - near[0]) / DIFFERENCE
         reach = radius * scale
-        found = linprog(
+        program = linprog(
             cost,
             A_ub=np.hstack([rows, broken]),
             b_ub=bounds - rows @ x,
@@ -247,10 +219,10 @@ def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
                 *[(0.0, None)] * 5,
             ],
         )
-        if found.x is None:
+        if program.x is None:
             break
-        expected = best - x[-1] - float(cost @ found.x)
-        step = x + found.x[:size]
+        expected = best - x[-1] - float(cost @ program.x)
+        step = x + program.x[:size]
         better = best - (reached := merit(step))
         if better > 0.1 * expected:
             x, best, radius = step, reached, min(1.6 * radius, 0.5)
@@ -294,7 +266,8 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     before = np.minimum(at.astype(np.intp), KNOTS - 1)
     share = at - before
     fine_phi, fine_n_z = (
-        (1.0 - share) * one[:, before] + share * one[:, before + 1] for one in (phi, n_z)
+        (1.0 - share) * command[:, before] + share * command[:, before + 1]
+        for command in (phi, n_z)
     )
     turned, gamma = np.zeros(len(x)), np.full(len(x), manoeuvre.start[1])
 

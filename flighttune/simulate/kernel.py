@@ -29,7 +29,7 @@ try:
 except ImportError:
 
     def _interpreted(function: Any = None, **_: Any) -> Any:
-        return function or (lambda one: one)
+        return function or (lambda decorated: decorated)
 
     njit = register_jitable = cast("Any", _interpreted)
 
@@ -44,7 +44,7 @@ SOURCES = (
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
 
 COMPLETED, ROLLED, DIVERGED = 0, 1, 2
-"""How a flight ended."""
+"""Codes of the ways in which a flight ends."""
 
 register_jitable(wrap_angle)
 register_jitable(limits.limit_command)
@@ -87,8 +87,8 @@ def fly_block(first, end, sensor_errors, flights, settings, result):
 
 
 @njit
-def _measure(t, rows, ref, found):
-    found[:] = math.nan
+def _measure(t, rows, ref, measures):
+    measures[:] = math.nan
     if len(t) < 2:
         return
     for j in range(2):
@@ -97,7 +97,7 @@ def _measure(t, rows, ref, found):
             effort -= np.cos(ref[: len(t), 1])  # of one row where the reference is constant
         of_channel = error_measures(t, rows[:, 2 + j].copy(), effort, rows[:, 12 + j].copy())
         for m in range(len(of_channel)):
-            found[j, m] = of_channel[m]
+            measures[j, m] = of_channel[m]
 
 
 @njit

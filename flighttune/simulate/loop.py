@@ -30,9 +30,9 @@ LOOP_SIGNALS = (
     *("chi_ref", "gamma_ref", "chi_err", "gamma_err"),
     *("phi_cmd", "n_z_cmd", "phi_unlimited", "n_z_unlimited", "phi_limited", "n_z_limited"),
 )
-"""What the loop adds to the signals of the plant, one row a sample of the controller.
+"""Signals that the loop adds to those of the plant, one row per sample of the controller.
 
-What the controller wants recorded stands before the last two.
+Signals that the controller records stand before the last two.
 """
 
 _LIMITED = LOOP_SIGNALS[-2:]
@@ -148,7 +148,7 @@ def simulate(
 def _measured(
     signals: tuple[str, ...], h_0: float, sensed: int | None
 ) -> Callable[[tuple[float, ...]], Measured]:
-    """What makes `Measured` of the signals of a plant; those of sensors begin at `sensed`."""
+    """A function that makes `Measured` of a plant's signals; sensor signals begin at `sensed`."""
     chi, gamma, V_a = (0, 1, _V_A) if sensed is None else range(sensed, sensed + len(MEASURED))
     first = (chi, gamma, V_a, _PHI, _N_Z)
     new = tuple.__new__  # a third of the time of the call of the class

@@ -23,7 +23,7 @@ STEADY_FROM = 0.75
 
 
 class ErrorMeasures(NamedTuple):
-    """What `error_measures` returns; NaN where a measure has no value."""
+    """Error measures of one channel, from `error_measures`; NaN where a measure has no value."""
 
     ITAE: float
     ITAE_mean: float

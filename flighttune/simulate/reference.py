@@ -1,4 +1,4 @@
-"""What the outer loop is asked to follow: constants, steps, ramps and doublets."""
+"""References for the outer loop to follow: constants, steps, ramps and doublets."""
 
 from dataclasses import dataclass
 from typing import Protocol

@@ -52,7 +52,7 @@ WORST_SIGNALS = ("chi_err_worst", "gamma_err_worst")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """What made a run: enough to fly it again to the same bits.
+    """Origin of a run: enough to fly it again to the same bits.
 
     Attributes
     ----------
@@ -122,9 +122,9 @@ class Run:
     reason : str
         A sentence with time and numbers where `status` is not ``completed``.
     provenance : Provenance
-        What made the run.
+        Scenario, plant and gains that made the run.
     units : mapping of str to str
-        Of signals that `SIGNAL_UNITS` does not know: those of a law of the user's.
+        Units of signals that `SIGNAL_UNITS` does not know: those of a user's own law.
     """
 
     signals: "pd.DataFrame"

@@ -45,7 +45,7 @@ class Exact(Law):
 
     @property
     def options(self) -> ExactOptions:
-        """What it does where both lifts cannot be had."""
+        """Priority where a limit allows only one of the two lifts."""
         return ExactOptions(self.priority, self.lift_floor, self.braking)
 
     def make(self, setup: LawSetup, /) -> ExactLaw:

@@ -55,7 +55,7 @@ class Own(Law):
     def loop(
         self, _model: LinearModel, _gains: PIGains, setup: LawSetup, /
     ) -> tuple[LinearModel, PIGains] | None:
-        """What its ``linear()`` returns; None where it has none or fails."""
+        """Result of its ``linear()``; None where it has none or fails."""
         try:
             return self.controller(setup).linear()
         except LawError:

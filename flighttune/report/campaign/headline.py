@@ -1,4 +1,4 @@
-"""The headline of a campaign's report: which gains hold, what goes wrong, what matters."""
+"""The headline of a campaign's report: success, failures, the certified set, influences."""
 
 from collections import Counter
 
@@ -12,38 +12,38 @@ from flighttune.present.numbers import percent
 from flighttune.report.campaign.words import demands
 
 CHANCE = "noise and turbulence"
-"""What the seed of a flight changes."""
+"""Effects of the seed of a flight."""
 
 CONFIDENCE = {"clopper-pearson": "Clopper and Pearson's", "wilson": "Wilson's"}
 
 
-def headline(found: Findings) -> tuple[Question, ...]:
-    """Which gains succeed, what goes wrong, whether the certified set holds, what matters."""
-    questions = [_holds(found), _wrong(found)]
-    if any(summary.certified is not None for summary in found.groups):
-        questions.append(_certified(found))
-    if found.flights.keys:
-        questions.append(_matters(found))
+def headline(findings: Findings) -> tuple[Question, ...]:
+    """Answers on success, failures, the certified set and the influential parameters."""
+    questions = [_holds(findings), _wrong(findings)]
+    if any(summary.certified is not None for summary in findings.groups):
+        questions.append(_certified(findings))
+    if findings.flights.keys:
+        questions.append(_matters(findings))
     return tuple(questions)
 
 
-def _holds(found: Findings) -> Question:
-    plants = dict.fromkeys(summary.group.plant for summary in found.groups)
+def _holds(findings: Findings) -> Question:
+    flights = findings.flights
+    plants = dict.fromkeys(summary.group.plant for summary in findings.groups)
     return Question(
         question="Which gains hold, and how often?",
         verdict=share_verdict(
-            sum(summary.successes for summary in found.groups),
-            sum(summary.n for summary in found.groups),
+            sum(summary.successes for summary in findings.groups),
+            sum(summary.n for summary in findings.groups),
         ),
-        short="; ".join(_best_and_lowest(found, plant) for plant in plants),
-        criterion=f"{demands(found.flights.plan.scenario.expect)} In brackets "
-        f"{CONFIDENCE[found.flights.method]} interval of {100.0 * found.flights.confidence:g} % "
-        "confidence.",
+        short="; ".join(_best_and_lowest(findings, plant) for plant in plants),
+        criterion=f"{demands(flights.plan.scenario.expect)} In brackets "
+        f"{CONFIDENCE[flights.method]} interval of {100.0 * flights.confidence:g} % confidence.",
     )
 
 
-def _best_and_lowest(found: Findings, plant: str) -> str:
-    there = [summary for summary in found.groups if summary.group.plant == plant]
+def _best_and_lowest(findings: Findings, plant: str) -> str:
+    there = [summary for summary in findings.groups if summary.group.plant == plant]
     most = max(summary.success.value for summary in there)
     best = [summary for summary in there if summary.success.value == most]
     others = [summary for summary in there if summary not in best]
@@ -55,9 +55,9 @@ def _best_and_lowest(found: Findings, plant: str) -> str:
     return f"{text} on {plant}"
 
 
-def _wrong(found: Findings) -> Question:
-    n = sum(summary.n for summary in found.groups)
-    failed = n - sum(summary.successes for summary in found.groups)
+def _wrong(findings: Findings) -> Question:
+    n = sum(summary.n for summary in findings.groups)
+    failed = n - sum(summary.successes for summary in findings.groups)
     return Question(
         question="What goes wrong?",
         verdict="none",
@@ -65,23 +65,23 @@ def _wrong(found: Findings) -> Question:
     )
 
 
-def _certified(found: Findings) -> Question:
-    counts = [summary.certified for summary in found.groups if summary.certified is not None]
-    held, n = sum(count.held for count in counts), sum(count.of_all.n for count in counts)
-    vacuous = bool(found.claims) and all(claim.vacuous for claim in found.claims.values())
+def _certified(findings: Findings) -> Question:
+    counts = [summary.certified for summary in findings.groups if summary.certified is not None]
+    kept, n = sum(count.held for count in counts), sum(count.of_all.n for count in counts)
+    vacuous = bool(findings.claims) and all(claim.vacuous for claim in findings.claims.values())
     return Question(
         question="Does the certified bound hold?",
-        verdict="none" if vacuous else share_verdict(held, n),
-        short=f"in {held} of {n} flights",
+        verdict="none" if vacuous else share_verdict(kept, n),
+        short=f"in {kept} of {n} flights",
         criterion="The certified ultimate set was entered and held.",
     )
 
 
-def _matters(found: Findings) -> Question:
+def _matters(findings: Findings) -> Question:
     strongest = [
-        _strongest(found, summary.group, name)
-        for summary in found.groups
-        for name in (SUCCESS, found.measure)
+        _strongest(findings, summary.group, name)
+        for summary in findings.groups
+        for name in (SUCCESS, findings.measure)
         if name is not None
     ]
     counts = Counter(name for name in strongest if name)
@@ -95,11 +95,11 @@ def _matters(found: Findings) -> Question:
     )
 
 
-def _strongest(found: Findings, group: Group, name: str) -> str:
+def _strongest(findings: Findings, group: Group, name: str) -> str:
     """The strongest factor by its total Sobol index, else by ranks; empty if none matters."""
-    indices = found.sobol.get((group, name))
+    indices = findings.sobol.get((group, name))
     if indices is not None:
-        factor = found.flights.plan.factors[int(np.argmax(indices.total[0]))]
+        factor = findings.flights.plan.factors[int(np.argmax(indices.total[0]))]
         return CHANCE if factor == SEED else factor
-    influences = found.influences.get((group, name), ())
+    influences = findings.influences.get((group, name), ())
     return next((influence.parameter for influence in influences if influence.apart), "")

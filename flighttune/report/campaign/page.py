@@ -25,27 +25,27 @@ from flighttune.report.toml_text import toml_text
 from flighttune.shipped import scenario_files
 
 
-def write_campaign_report(found: Findings, path: str | Path) -> Report:
+def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     """Write one self-contained page about a campaign; parent folders are made.
 
     Raises OutputError if the file cannot be written.
     """
-    flown, campaign = found.flights, found.flights.plan.campaign
-    styles = styles_of(found)
-    questions, values = headline(found), findings_values(found)
+    flown, campaign = findings.flights, findings.flights.plan.campaign
+    styles = styles_of(findings)
+    questions, values = headline(findings), findings_values(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
         Path(path),
         page_template("flighttune.report.campaign", "page.html.jinja"),
         summary=(f"Success: {questions[0].short}.",),
         questions=questions,
-        sections=[part for part in _sections(found, values) if part.charts or part.tables],
+        sections=[part for part in _sections(findings, values) if part.charts or part.tables],
         title=campaign.title,
         claim=campaign.verifies,
         legend=list(styles.items()),
         styles=styles,
-        notes=notes(found),
-        provenance=_provenance(found),
+        notes=notes(findings),
+        provenance=_provenance(findings),
         url=flown.url,
         example_run=int(flown.rows["run"].to_numpy()[0]),
         runs=flown.plan.runs,
@@ -56,9 +56,9 @@ def write_campaign_report(found: Findings, path: str | Path) -> Report:
     )
 
 
-def notes(found: Findings) -> tuple[str, ...]:
-    """How many flights there are, and what the design does to the intervals."""
-    flown, plan = found.flights, found.flights.plan
+def notes(findings: Findings) -> tuple[str, ...]:
+    """Number of flights, and effect of the design on the intervals."""
+    flown, plan = findings.flights, findings.flights.plan
     found_notes = []
     if len(flown.rows) < plan.runs:
         found_notes.append(
@@ -77,16 +77,16 @@ def notes(found: Findings) -> tuple[str, ...]:
     return tuple(found_notes)
 
 
-def _sections(found: Findings, values: dict[str, Any]) -> list[Section]:
+def _sections(findings: Findings, values: dict[str, Any]) -> list[Section]:
     groups = values["groups"]
     sections = [
-        Section(id="runs", title="", charts=rates(found), folded=False),
+        Section(id="runs", title="", charts=rates(findings), folded=False),
         Section(
             id="rates",
             title="How often",
             note="Of all flights of a group, with intervals in brackets.",
             tables=_filled(
-                tables.success_table(found, groups),
+                tables.success_table(findings, groups),
                 tables.reasons_table(groups),
                 tables.certified_table(groups),
             ),
@@ -96,7 +96,7 @@ def _sections(found: Findings, values: dict[str, Any]) -> list[Section]:
             id="worst",
             title="Worst flights",
             note="With the most influential parameters, and the command that flies them again.",
-            tables=_filled(tables.worst_table(found, groups), tables.failures_table(found)),
+            tables=_filled(tables.worst_table(findings, groups), tables.failures_table(findings)),
             legend=False,
         ),
         Section(
@@ -105,12 +105,12 @@ def _sections(found: Findings, values: dict[str, Any]) -> list[Section]:
             note="Curves count all flights: where some were not completed they end below 100 %. "
             "The table is of completed flights that have a value; --json has the confidence "
             "interval of each percentile.",
-            charts=distributions(found),
-            tables=_filled(tables.metrics_table(found, groups)),
+            charts=distributions(findings),
+            tables=_filled(tables.metrics_table(findings, groups)),
         ),
-        _matters(found, groups),
+        _matters(findings, groups),
     ]
-    if found.paired:
+    if findings.paired:
         sections.append(
             Section(
                 id="paired",
@@ -118,25 +118,25 @@ def _sections(found: Findings, values: dict[str, Any]) -> list[Section]:
                 note="Every gain set flies every draw, so that only gains differ. A flight that "
                 "was not completed counts as the worst. Below the diagonal the gains on the "
                 "vertical axis do better.",
-                charts=against(found),
-                tables=[tables.paired_table(found, values["paired"])],
+                charts=against(findings),
+                tables=[tables.paired_table(findings, values["paired"])],
                 legend=False,
             )
         )
-    if found.convergence:
+    if findings.convergence:
         sections.append(
             Section(
                 id="convergence",
                 title="Convergence",
                 note="Estimates from the first flights of each group, with intervals: enough have "
                 "flown where the band is as narrow as the question needs.",
-                charts=convergence(found),
+                charts=convergence(findings),
             )
         )
     return sections
 
 
-def _matters(found: Findings, groups: list[dict[str, Any]]) -> Section:
+def _matters(findings: Findings, groups: list[dict[str, Any]]) -> Section:
     sobol = tables.sobol_table(groups)
     note = (
         "Filled: significant. A rank correlation has a direction; the share explained alone is "
@@ -152,13 +152,13 @@ def _matters(found: Findings, groups: list[dict[str, Any]]) -> Section:
         title="What matters",
         note=note,
         charts=[
-            *influence_panels(found),
-            *sobol_panels(found),
-            *split_panels(found),
-            *scatter_panels(found),
+            *influence_panels(findings),
+            *sobol_panels(findings),
+            *split_panels(findings),
+            *scatter_panels(findings),
         ],
         tables=_filled(
-            *(tables.influence_table(groups, name) for name in (found.measure, SUCCESS) if name),
+            *(tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name),
             sobol,
         ),
     )
@@ -168,8 +168,8 @@ def _filled(*some: Table) -> list[Table]:
     return [table for table in some if table.records]
 
 
-def _provenance(found: Findings) -> Table:
-    flown, plan = found.flights, found.flights.plan
+def _provenance(findings: Findings) -> Table:
+    flown, plan = findings.flights, findings.flights.plan
     versions = ", ".join(f"{name} {value}" for name, value in flown.versions.items())
     seconds = float(np.sum(flown.rows["wall_s"].to_numpy()))
     return facts_table(

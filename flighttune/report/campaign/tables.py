@@ -61,16 +61,16 @@ SOBOL_COLUMNS = [
 ]
 
 
-def success_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
-    """How often each group succeeds, how its flights ended, and the metric that ranks them."""
+def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
+    """Success rate of each group, ends of its flights, and the metric that ranks them."""
     statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
     shown = [
         *columns("group n successes"),
         Column("success", "rate", "%", percent, best="high", ends=("lo", "hi")),
         *(Column(f"statuses.{s}", status_words(s), digits=".0f", missing="0") for s in statuses),
     ]
-    if found.measure is not None:
-        label, key = metric_label(found.measure), f"metrics.{found.measure}"
+    if findings.measure is not None:
+        label, key = metric_label(findings.measure), f"metrics.{findings.measure}"
         for name, percentile in (("median", "p50"), ("95 %", "p95")):
             ends = (f"{key}.{percentile}_interval.0", f"{key}.{percentile}_interval.1")
             heading = f"{label.name}, {name}"
@@ -81,7 +81,7 @@ def success_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table
 
 
 def certified_table(groups: Sequence[Mapping[str, Any]]) -> Table:
-    """In how many flights the certified set was entered and held, and how large it is."""
+    """Counts of flights that entered and held the certified set, with its size."""
     records = [group for group in groups if group["certified"]]
     return _by_group("The certified set", CERTIFIED_COLUMNS, records)
 
@@ -100,19 +100,20 @@ def reasons_table(groups: Sequence[Mapping[str, Any]]) -> Table:
     return _by_group("Why flights fail", REASON_COLUMNS, records)
 
 
-def worst_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
+def worst_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """The worst completed flights of each group, with the most influential parameters."""
-    keys = influential_parameters(found)
+    keys = influential_parameters(findings)
     records = [
         {
             "group": group["group"],
             **flight,
-            "command": f"flighttune campaign fly {found.flights.url} --run {flight['run']}",
+            "command": f"flighttune campaign fly {findings.flights.url} --run {flight['run']}",
         }
         for group in groups
         for flight in group["worst"]
     ]
-    measured = [] if found.measure is None else [metric_label(found.measure).column(found.measure)]
+    measure = findings.measure
+    measured = [] if measure is None else [metric_label(measure).column(measure)]
     shown = [
         *columns("group run draw"),
         *measured,
@@ -123,7 +124,7 @@ def worst_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     return _by_group("Worst completed flights", shown, records)
 
 
-def failures_table(found: Findings) -> Table:
+def failures_table(findings: Findings) -> Table:
     """Flights that ended early: the first ones of every status."""
     records = [
         {
@@ -131,17 +132,17 @@ def failures_table(found: Findings) -> Table:
             "group": f"{flight['plant']} / {flight['gains']}",
             "ended": f"{status_words(str(flight['status']))}: {flight['reason']}",
         }
-        for flight in failures(found.flights.rows, FAILURES).to_dict("records")
+        for flight in failures(findings.flights.rows, FAILURES).to_dict("records")
     ]
-    parameters = _parameter_columns("", influential_parameters(found))
+    parameters = _parameter_columns("", influential_parameters(findings))
     shown = [*columns("group run draw"), *parameters, *columns("ended")]
     return _by_group("Flights that ended early", shown, records)
 
 
-def metrics_table(found: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
+def metrics_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """Median of each metric of completed flights, with the 5th and 95th percentile."""
     records = []
-    for metric in dict.fromkeys([found.measure or "", *METRICS]):
+    for metric in dict.fromkeys([findings.measure or "", *METRICS]):
         if not any(metric in group["metrics"] for group in groups):
             continue
         label = metric_label(metric)
@@ -183,12 +184,12 @@ def sobol_table(groups: Sequence[Mapping[str, Any]]) -> Table:
     return _by_group("Sobol indices", SOBOL_COLUMNS, records)
 
 
-def paired_table(found: Findings, paired: Sequence[Mapping[str, Any]]) -> Table:
+def paired_table(findings: Findings, paired: Sequence[Mapping[str, Any]]) -> Table:
     """Gain sets compared draw by draw."""
     records = [
         {**pair, "pair": f"{pair['a']} against {pair['b']}, {pair['plant']}"} for pair in paired
     ]
-    label = metric_label(found.measure or "chi.ITAE")
+    label = metric_label(findings.measure or "chi.ITAE")
     shown = [
         Column("pair", "first against second"),
         Column("n", "draws"),
@@ -208,20 +209,20 @@ def paired_table(found: Findings, paired: Sequence[Mapping[str, Any]]) -> Table:
     return Table(title="Gains on the same draws", columns=shown, records=records)
 
 
-def influential_parameters(found: Findings) -> list[str]:
+def influential_parameters(findings: Findings) -> list[str]:
     """The most influential parameters of any group, the strongest first."""
     strength: dict[str, float] = {}
-    for influences in found.influences.values():
+    for influences in findings.influences.values():
         for influence in influences:
             key = influence.parameter
             strength[key] = max(influence.strength, strength.get(key, 0.0))
-    ordered = sorted(found.flights.keys, key=lambda key: -strength.get(key, 0.0))
+    ordered = sorted(findings.flights.keys, key=lambda key: -strength.get(key, 0.0))
     return ordered[:PARAMETERS]
 
 
-def groups_of(found: Findings) -> list[Group]:
+def groups_of(findings: Findings) -> list[Group]:
     """Groups that have flown, in the order of the plan."""
-    return [summary.group for summary in found.groups]
+    return [summary.group for summary in findings.groups]
 
 
 def _parameter_columns(prefix: str, keys: Sequence[str]) -> Iterator[Column]:

@@ -1,4 +1,4 @@
-"""The findings of a campaign as plain values: what ``--json`` prints and tables show."""
+"""The findings of a campaign as plain values, for ``--json`` and for tables."""
 
 from dataclasses import asdict
 from typing import Any
@@ -14,9 +14,9 @@ WORST = 5
 """Worst flights of a group."""
 
 
-def findings_values(found: Findings) -> dict[str, Any]:
+def findings_values(findings: Findings) -> dict[str, Any]:
     """Findings as plain values, shares between 0 and 1, units as in the columns."""
-    flown = found.flights
+    flown = findings.flights
     return {
         "dataset": flown.url,
         "title": flown.plan.campaign.title,
@@ -25,16 +25,16 @@ def findings_values(found: Findings) -> dict[str, Any]:
         "design": flown.plan.campaign.design,
         "interval": flown.method,
         "confidence": flown.confidence,
-        "worst_by": found.measure,
+        "worst_by": findings.measure,
         "groups": [
             {
-                **_group(group, found.claims.get(group.group)),
-                "worst": _worst(found, group),
-                "sensitivity": _sensitivity(found, group),
+                **_group(group, findings.claims.get(group.group)),
+                "worst": _worst(findings, group),
+                "sensitivity": _sensitivity(findings, group),
             }
-            for group in found.groups
+            for group in findings.groups
         ],
-        "paired": [asdict(pair) for pair in found.paired],
+        "paired": [asdict(pair) for pair in findings.paired],
     }
 
 
@@ -60,31 +60,31 @@ def _group(group: GroupSummary, claim: UltimateSet | None) -> dict[str, Any]:
     }
 
 
-def _worst(found: Findings, group: GroupSummary) -> list[dict[str, Any]]:
+def _worst(findings: Findings, group: GroupSummary) -> list[dict[str, Any]]:
     """The worst completed flights, with all that was drawn."""
-    if found.measure is None:
+    if findings.measure is None:
         return []
-    rows = next(rows for of, rows in found.flights.groups() if of == group.group)
+    rows = next(rows for of, rows in findings.flights.groups() if of == group.group)
     return [
         {
             "run": flight["run"],
             "draw": flight["draw"],
-            found.measure: flight[found.measure],
+            findings.measure: flight[findings.measure],
             "success": flight["success"],
-            "parameters": {key: flight[key] for key in found.flights.keys},
+            "parameters": {key: flight[key] for key in findings.flights.keys},
         }
-        for flight in worst_first(rows, found.measure, WORST).to_dict("records")
+        for flight in worst_first(rows, findings.measure, WORST).to_dict("records")
     ]
 
 
-def _sensitivity(found: Findings, group: GroupSummary) -> dict[str, Any]:
+def _sensitivity(findings: Findings, group: GroupSummary) -> dict[str, Any]:
     by_measure = {}
-    for name in (SUCCESS, found.measure):
+    for name in (SUCCESS, findings.measure):
         if name is None:
             continue
-        indices = found.sobol.get((group.group, name))
+        indices = findings.sobol.get((group.group, name))
         by_measure[name] = {
-            "ranks": [asdict(influence) for influence in found.influences[group.group, name]],
+            "ranks": [asdict(influence) for influence in findings.influences[group.group, name]],
             "sobol": None
             if indices is None
             else {
@@ -93,7 +93,7 @@ def _sensitivity(found: Findings, group: GroupSummary) -> dict[str, Any]:
                     "total": indices.total[:, i].tolist(),
                     "blocks": indices.n,
                 }
-                for i, factor in enumerate(found.flights.plan.factors)
+                for i, factor in enumerate(findings.flights.plan.factors)
             },
         }
     return by_measure

@@ -1,4 +1,4 @@
-"""How groups, metrics and demands are written for a reader."""
+"""Names of groups, metrics and requirements for a reader."""
 
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
@@ -7,9 +7,9 @@ from flighttune.present.palette import LineStyle, line_styles
 from flighttune.scenario.tables import ExpectTable
 
 
-def styles_of(found: Findings) -> dict[str, LineStyle]:
+def styles_of(findings: Findings) -> dict[str, LineStyle]:
     """Line style of every group by its label, as in the report of its scenario."""
-    plan = found.flights.plan
+    plan = findings.flights.plan
     pairs = [(plant.label, name) for plant in plan.scenario.plant for name in plan.gain_sets]
     styles = line_styles(pairs)
     return {Group(*pair).label: style for pair, style in styles.items()}
@@ -26,12 +26,12 @@ def status_words(status: str) -> str:
 
 
 def probability(p: float) -> str:
-    """A p-value, or that it is below what matters."""
+    """A p-value as text; a very small one as an upper bound."""
     return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
 
 
 def demands(tables: list[ExpectTable]) -> str:
-    """What a flight must do to succeed, in a sentence."""
+    """Requirements for a successful flight, in a sentence."""
     if not tables:
         return "A flight succeeds if it is completed."
     clauses = []
