@@ -10,6 +10,7 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
+import pandas as pd
 import pytest
 import typer
 from commands import answer, flighttune
@@ -159,7 +160,7 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
 
     runs = json.loads(out)["runs"]
     assert [run["status"] for run in runs] == ["completed", "no_gains"]
-    assert runs[1]["signals"] is None
+    assert pd.read_parquet(runs[1]["signals"]).empty
     assert "no_gains" in err
 
 
