@@ -26,6 +26,7 @@ ROLLED = 1
 NOT_IN_BATCH = (
     *("wind", "gust", "turbulence", "reference.shape"),
     *("disturbance.wave", "disturbance.chi_phase_deg", "disturbance.gamma_phase_deg"),
+    *("disturbance.chi_switch_s", "disturbance.gamma_switch_s"),
 )
 """Keys of a scenario that the kernel does not fly: with one of them a flight is flown alone.
 
