@@ -141,7 +141,11 @@ def worst(
         "ratio": ratios,
         "ratio_of_search": None if flight.reach is None else _ratios(flight.reach),
     }
-    drawn = [{"key": key, "value": value} for key, value in flight.drawn.items()]
+    drawn = [
+        # A seed is no quantity: all its digits are needed to fly it again.
+        {"key": key, "value": value if isinstance(value, float) else str(value)}
+        for key, value in flight.drawn.items()
+    ]
     title = f"worst {flight.metric} in {flight.flights} flights"
     emit(
         Answer(
