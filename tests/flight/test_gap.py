@@ -252,7 +252,7 @@ def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
     assert {plot.signal for plot in shown_plots(drawn)["Why"]} >= {"step_chi", "lift_chi"}
     for step, one in zip(paper_gap.steps, drawn[1:], strict=True):
         assert one.signals["step_chi"].to_numpy() == pytest.approx(step.chi, abs=1e-12)
-    low, high = value_range(plots["chi"], paper_gap.runs, height=200.0)
+    low, high = value_range(plots["chi"], paper_gap.runs, share=0.25)
     assert low < math.degrees(np.nanmin(tube.to_numpy()))
     assert high > math.degrees(np.nanmax(tube.to_numpy()))
 
