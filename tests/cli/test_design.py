@@ -72,7 +72,7 @@ def test_trim_shows_the_envelope_as_a_table():
     assert {row[1] for row in rows} == {"0"}  # the γ asked for
     throttles = [float(row[6]) for row in rows[1:]]
     assert throttles == sorted(throttles)  # the slowest flight is beyond the stall
-    assert rows[0][2] == "-"
+    assert rows[0][2] == "–"
     assert "full throttle" not in out
     assert err == ""
 

@@ -80,12 +80,14 @@ def table_of(plan: Plan, rows: Iterable[Row]) -> pa.Table:
 
 def batched_groups(plan: Plan) -> frozenset[Group]:
     """The groups whose flights the compiled kernel flies."""
+    # Draws that are given may set keys that the campaign does not disperse.
+    keys = {*plan.keys, *(key for values in plan.given or () for key in values)}
 
     def batched(group: Group) -> bool:
         table = plan.scenario.plant_table(group.plant)
         law, _ = plan.scenario.law_of(group.gains)
         flown = plan.gain_sets[group.gains] is not None and plan.tube is None
-        return flown and batchable(plan.scenario, table, law, plan.keys)
+        return flown and batchable(plan.scenario, table, law, keys)
 
     return frozenset(filter(batched, plan.groups))
 
