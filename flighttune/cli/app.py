@@ -137,7 +137,7 @@ def _writable(name: str) -> Any:
         io.BufferedWriter(_Descriptor(stream.fileno(), "wb", closefd=False)),
         encoding=stream.encoding,
         errors="replace",
-        line_buffering=True,  # the address that `view` prints is read while it waits
+        line_buffering=stream.line_buffering or name == "stderr",
     )
 
 

@@ -95,9 +95,9 @@ def pick(value: object, names: str) -> dict[str, Any]:
 
 
 def say(line: str) -> None:
-    """Print one line on stdout while a command still runs."""
+    """Print one line on stdout while a command still runs: a pipe gets it at once."""
     clear()
-    print(line)
+    print(line, flush=True)
 
 
 def tell(line: str) -> None:
