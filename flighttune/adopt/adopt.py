@@ -30,7 +30,8 @@ from flighttune.identify.identify import AircraftIdentification, identify_aircra
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash, models_of_jsbsim
-from flighttune.plants.jsbsim.trim import TrimRow, trim_table
+from flighttune.plants.jsbsim.trim import TrimRow, trim_record, trim_table
+from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.scenario.load import load_scenario
 from flighttune.shipped import nearest_name
 from flighttune.table_file import toml_tables
@@ -42,8 +43,8 @@ Status: TypeAlias = Literal["adopted", "flies", "refused"]
 # Share of the variance, in percent, that the lags must explain in both channels.
 GOOD_FIT = 90.0
 
-# Largest standard deviation of the course error over the last quarter of the turn.
-CALM = 0.5 * DEG
+# Largest standard deviation of the course error over the last quarter of the turn, deg.
+CALM_DEG = 0.5
 
 RECORD = "adoption.json"
 
@@ -95,7 +96,7 @@ class Adoption:
     V_a: float = math.nan  # m/s: airspeed; NaN if none was chosen
     engines: int = 0
     fit_percent: Mapping[str, float] = field(default_factory=dict)  # of ``phi`` and ``n_z``
-    # ``tuned`` and ``paper``: per channel ``ITAE`` (rad s^2), ``ST`` (rad), and ``status``
+    # ``tuned`` and ``paper``: ``status``, and by channel ``ITAE`` (rad s^2) and ``ST_deg``
     flown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # what was done to the model, a sentence each
     seconds: float = 0.0  # wall time of the adoption
@@ -201,7 +202,7 @@ def _best(
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
     config = load_aircraft(folder)
     trims = trim_table(config, V_a=speeds.tolist(), gamma=(-3.0 * DEG, 0.0, 3.0 * DEG), h=h)
-    best = replace(best, trims=trims, notes=surveyed.notes)
+    best = replace(best, trims=trims)
     write_text(folder / RECORD, json.dumps(_record(best, surveyed, config), indent=2) + "\n")
     return best
 
@@ -237,7 +238,7 @@ def _tried(
     nominal = identified.identified.conditions[0]
     fits = {"phi": nominal.phi.fit_percent, "n_z": nominal.n_z.fit_percent}
     flights = {
-        name: _measures(flown, f"jsbsim:{folder.name} / {gains}")
+        name: _measures(flown, name, f"jsbsim:{folder.name} / {gains}")
         for name, gains in (("tuned", TUNED), ("paper", PAPER))
     }
     missed = "; ".join(_missed(fits, flights))
@@ -256,16 +257,15 @@ def _tried(
     )
 
 
-def _measures(flown: FlownScenario, label: str) -> dict[str, Any]:
+def _measures(flown: FlownScenario, gains: str, label: str) -> dict[str, Any]:
     run = flown[label]
     measured = flown.metrics_of(run)
+    channels = [channel for channel in CHANNEL_SYMBOLS if channel in measured]
     return {
+        "gains": gains,
         "status": run.status,
-        **{
-            channel: {"ITAE": measured[channel]["ITAE"], "ST": measured[channel]["ST_rad"]}
-            for channel in ("chi", "gamma")
-            if measured
-        },
+        "ITAE": {channel: measured[channel]["ITAE"] for channel in channels},
+        "ST_deg": {channel: measured[channel]["ST_rad"] / DEG for channel in channels},
     }
 
 
@@ -278,12 +278,12 @@ def _missed(fits: Mapping[str, float], flights: Mapping[str, Mapping[str, Any]])
     if tuned["status"] != "completed":
         yield f"the turn ended early: {tuned['status'].replace('_', ' ')}"
         return
-    swing = tuned["chi"]["ST"] / DEG
-    if not swing <= CALM / DEG:
+    swing = tuned["ST_deg"]["chi"]
+    if not swing <= CALM_DEG:
         yield f"the course error swings by {swing:.2f} deg in the last quarter of the turn"
     if paper["status"] == "completed":
-        for channel in ("chi", "gamma"):
-            ours, theirs = tuned[channel]["ITAE"], paper[channel]["ITAE"]
+        for channel, ours in tuned["ITAE"].items():
+            theirs = paper["ITAE"][channel]
             if not ours < theirs:
                 yield f"ITAE of {channel} is {ours:.3g}, with the paper's scaled gains {theirs:.3g}"
 
@@ -357,7 +357,7 @@ def elevator_zero(at: Airframe) -> float:
 def _record(best: Adoption, surveyed: Survey, config: AircraftConfig) -> dict[str, Any]:
     """Criteria of the adoption, with the versions and the hash of the model it was made with."""
     return {
-        "format": "flighttune adoption 1",
+        "format": "flighttune adoption 2",
         "status": best.status,
         "reason": best.reason,
         "model": model_hash(config),
@@ -365,16 +365,8 @@ def _record(best: Adoption, surveyed: Survey, config: AircraftConfig) -> dict[st
         "V_a_mps": best.V_a,
         "stall_mps": surveyed.lift.V_s,
         "spare_thrust": surveyed.spare_thrust,
-        "fit_percent": dict(best.fit_percent),
-        "flown": {name: dict(flight) for name, flight in best.flown.items()},
+        "fit_percent": best.fit_percent,
+        "flown": best.flown,
         "notes": surveyed.notes,
-        "trims": [
-            {
-                "V_a_mps": row.condition.V_a,
-                "gamma_deg": row.condition.gamma / DEG,
-                "throttle": row.point and row.point.throttle,
-                "reason": row.reason,
-            }
-            for row in best.trims
-        ],
+        "trims": [trim_record(row) for row in best.trims],
     }

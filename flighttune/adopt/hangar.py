@@ -1,6 +1,5 @@
 """All models that come with JSBSim: each adopted in a process of its own, and one table."""
 
-import math
 import multiprocessing
 import os
 import signal
@@ -10,13 +9,27 @@ from importlib.metadata import version
 from multiprocessing.connection import Connection
 from typing import Any
 
-from flighttune.present.numbers import number
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 
 MAX_TIME_S = 300.0  # time that one model may take
 
 TABLE = "hangar.md"
 
 STATUSES = ("adopted", "flies", "refused")
+
+COLUMNS = [
+    *columns("model status engines V_a_mps"),
+    Column("fit_percent.phi", "fit φ", "%", ".1f"),
+    Column("fit_percent.n_z", "fit n_z", "%", ".1f"),
+    Column("flown.tuned.ITAE.chi", "tuned: ITAE χ", digits=".3g"),
+    Column("flown.tuned.ITAE.gamma", "ITAE γ", digits=".3g"),
+    Column("flown.paper.ITAE.chi", "K* scaled: ITAE χ", digits=".3g"),
+    Column("flown.paper.ITAE.gamma", "ITAE γ", digits=".3g"),
+    Column("flown.paper.status", "K* scaled"),
+    Column("seconds", "time", "s", ".0f"),
+    *columns("remarks"),
+]
 
 # A forked process would share JSBSim and the threads of the libraries with this one.
 SPAWN = multiprocessing.get_context("spawn")
@@ -86,12 +99,11 @@ def counts(answers: Sequence[dict[str, Any]]) -> str:
 def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     """The table as Markdown."""
     ordered = sorted(answers, key=lambda answer: STATUSES.index(answer["status"]))
-    rows = [
-        "| model | status | engines | V_a m/s | fit φ / n_z % | ITAE χ / γ, tuned "
-        "| ITAE χ / γ, K* scaled | s | why not adopted, or what was done to the model |",
-        "|---|---|--:|--:|--:|--:|--:|--:|---|",
+    records = [
+        answer | {"remarks": [*filter(None, [answer["reason"], *answer.get("notes", ())])]}
+        for answer in ordered
     ]
-    rows += [f"| {' | '.join(_cells(answer))} |" for answer in ordered]
+    table = Table(columns=COLUMNS, records=records)
     return f"""# The hangar: every model of JSBSim's own set
 
 Made by `flighttune adopt --all` with flighttune {version("flighttune")} and JSBSim
@@ -100,29 +112,5 @@ ITAE in rad s² of a turn of 20° with a climb of 3°, of gains tuned on the ide
 of the paper's K* scaled with airspeed.
 What the statuses mean, and how to bring a model of your own: [aircraft.md](aircraft.md).
 
-{chr(10).join(rows)}
+{table.markdown()}
 """
-
-
-def _cells(answer: dict[str, Any]) -> list[str]:
-    fits = answer.get("fit_percent") or {}
-    flown = answer.get("flown") or {}
-    said = [text for text in (answer.get("reason"), *(answer.get("notes") or ())) if text]
-    return [
-        answer["model"],
-        answer["status"],
-        str(answer.get("engines") or ""),
-        number(answer.get("V_a_mps") or math.nan, ".0f", missing=""),
-        " / ".join(f"{fit:.1f}" for fit in fits.values()),
-        *(_itae(flown.get(name)) for name in ("tuned", "paper")),
-        f"{answer['seconds']:.0f}" if answer.get("seconds") else "",
-        "; ".join(said).replace("|", "/"),
-    ]
-
-
-def _itae(flight: dict[str, Any] | None) -> str:
-    if not flight or not flight["ITAE"]:
-        return ""
-    numbers = " / ".join(f"{value:.3g}" for value in flight["ITAE"].values())
-    ended = "" if flight["status"] == "completed" else f" ({flight['status'].replace('_', ' ')})"
-    return numbers + ended

@@ -3,19 +3,19 @@
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from flighttune.adopt.adopt import CALM, GOOD_FIT, Adoption
+from flighttune.adopt.adopt import CALM_DEG, GOOD_FIT, Adoption
 from flighttune.adopt.files import TURN
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.identify.experiment import DT
 from flighttune.identify.model import lags_table
 from flighttune.identify.steps import steps_table
+from flighttune.plants.jsbsim.trim import trim_record
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Question, Section, page_template, write_page
-from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.names import columns
 from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
 from flighttune.present.tables import Column, Table, facts_table
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
@@ -31,7 +31,14 @@ FLIGHT_COLUMNS = [
     Column("ST_deg.chi", "ST χ", "deg"),
     Column("ST_deg.gamma", "ST γ", "deg"),
 ]
-TRIM_COLUMNS = columns("V_a_mps gamma_deg alpha_deg throttle reason")
+TRIM_COLUMNS = columns("V_a_mps gamma_deg trim.alpha_deg trim.throttle reason")
+
+
+CRITERION = (
+    f"Fits of at least {GOOD_FIT:g} %, the turn completed, the course error within {CALM_DEG:g} "
+    "deg (standard deviation of the last quarter), less ITAE than the paper's gains in both "
+    "channels."
+)
 
 
 def write_adoption(adoption: Adoption) -> Path:
@@ -39,6 +46,7 @@ def write_adoption(adoption: Adoption) -> Path:
     assert adoption.folder is not None
     assert adoption.turn is not None
     config = load_aircraft(adoption.folder)
+    verdict = f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status
     names = (
         "tuned on the identified aircraft",
         "the paper's, scaled with airspeed",
@@ -51,16 +59,28 @@ def write_adoption(adoption: Adoption) -> Path:
     page = write_page(
         adoption.folder / PAGE,
         page_template("flighttune.adopt", "page.html.jinja"),
-        summary=(
-            f"{adoption.status.capitalize()}{': ' if adoption.reason else ''}{adoption.reason}.",
+        questions=(
+            Question(
+                question="Is it adopted?",
+                verdict="yes" if adoption.status == "adopted" else "partly",
+                short=verdict,
+                criterion=CRITERION,
+            ),
         ),
-        questions=tuple(_questions(adoption)),
         sections=[_turn(adoption, runs, styles), _inner_loop(adoption), _trims(adoption)],
         title=f"{config.title} at {adoption.V_a:.0f} m/s",
         legend=list(styles.items()),
         styles=styles,
         notes=adoption.notes,
-        provenance=facts_table("", _provenance(adoption)),
+        provenance=facts_table(
+            "",
+            {
+                "airspeed": f"{adoption.V_a:.4g} m/s",
+                "engines": str(adoption.engines),
+                "flighttune": version("flighttune"),
+                "JSBSim": version("jsbsim"),
+            },
+        ),
         name=adoption.name,
         model=config.model,
         V_a=f"{adoption.V_a:.4g}",
@@ -71,51 +91,12 @@ def write_adoption(adoption: Adoption) -> Path:
     return page.path
 
 
-def flights_of(adoption: Adoption) -> list[dict[str, Any]]:
-    """Results of the turn by gain set."""
-    return [
-        {
-            "gains": name,
-            "status": flight["status"],
-            "ITAE": {c: flight[c]["ITAE"] for c in CHANNEL_SYMBOLS if c in flight},
-            "ST_deg": {c: flight[c]["ST"] / DEG for c in CHANNEL_SYMBOLS if c in flight},
-        }
-        for name, flight in adoption.flown.items()
-    ]
-
-
 def flights_table(adoption: Adoption) -> Table:
     """Results of the turn by gain set, as a table."""
     return Table(
         title=f"{adoption.name} at {adoption.V_a:.0f} m/s: turn of 20 deg, climb of 3",
         columns=FLIGHT_COLUMNS,
-        records=flights_of(adoption),
-    )
-
-
-def _questions(adoption: Adoption) -> Iterator[Question]:
-    adopted = adoption.status == "adopted"
-    yield Question(
-        question="Is it adopted?",
-        verdict="yes" if adopted else "partly",
-        short=f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status,
-        criterion=f"Fits of at least {GOOD_FIT:g} %, the turn completed, the course error within "
-        f"{CALM / DEG:g} deg (standard deviation of the last quarter), less ITAE than the paper's "
-        "gains in both channels.",
-    )
-    fits = adoption.fit_percent
-    yield Question(
-        question="Does a lag describe its inner loop?",
-        verdict="yes" if min(fits.values()) >= GOOD_FIT else "no",
-        short=" and ".join(f"{fit:.1f} %" for fit in fits.values()),
-        criterion="Of roll and of load factor, on a manoeuvre not used for the fit.",
-    )
-    completed = adoption.flown["tuned"]["status"] == "completed"
-    better = completed and "ITAE" not in adoption.reason
-    yield Question(
-        question="Are its gains better than the paper's?",
-        verdict="yes" if better else "no",
-        short="yes" if better else "no",
+        records=list(adoption.flown.values()),
     )
 
 
@@ -174,16 +155,7 @@ def _check_charts(adoption: Adoption) -> Iterator[Chart]:
 
 
 def _trims(adoption: Adoption) -> Section:
-    records = [
-        {
-            "V_a_mps": row.condition.V_a,
-            "gamma_deg": row.condition.gamma / DEG,
-            "alpha_deg": row.point.alpha / DEG if row.point else None,
-            "throttle": row.point.throttle if row.point else None,
-            "reason": row.reason,
-        }
-        for row in adoption.trims
-    ]
+    records = [trim_record(row) for row in adoption.trims]
     return Section(
         id="trims",
         title="Where it flies",
@@ -191,13 +163,3 @@ def _trims(adoption: Adoption) -> Section:
         tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=records)],
         legend=False,
     )
-
-
-def _provenance(adoption: Adoption) -> dict[str, str]:
-    return {
-        "aircraft": adoption.name,
-        "airspeed": f"{adoption.V_a:.4g} m/s",
-        "engines": str(adoption.engines),
-        "flighttune": version("flighttune"),
-        "JSBSim": version("jsbsim"),
-    }

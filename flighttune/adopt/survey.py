@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS
 from flighttune.plants.jsbsim.model_files import main_root, model_files, source_folders
-from flighttune.units import DEG, FT, G_0, LBF
+from flighttune.units import DEG, FT, G_0
 
 # Most properties of another simulator that are declared for a model.
 MAX_DECLARED = 60
@@ -303,33 +303,26 @@ def _engines(
     propeller = settle > 0.0
     tables["engines"]["settle_s"] = settle
     full = settled(V, 1.0)
-    dead = [i for i in range(count) if not (running[i]() or full[i] > 0.0)]
-    if dead:
-        raise Refusal(f"engine {dead[0] + 1} of {count} does not run after a start in flight")
-    if not full.max() > 0.0:
-        raise Refusal(
-            f"its engines run and do not push: thrust {full.sum() * LBF:.0f} N at full throttle"
-        )
-    weak = [i for i in range(count) if full[i] < 0.2 * full.max()]
-    if weak:
-        raise Refusal(f"engine {weak[0] + 1} of {count} does not push at full throttle")
+    idle = [i for i in range(count) if not full[i] > max(0.0, 0.2 * full.max())]
+    if idle:
+        does = "does not push" if running[idle[0]]() else "does not run"
+        raise Refusal(f"engine {idle[0] + 1} of {count} {does} at full throttle")
     if abs(full.sum() - at_once.sum()) < 1e-3 * abs(full.sum()):
         raise Refusal("its thrust does not follow the throttle")
-    best = -math.inf
-    chosen: tuple[float, float] | None = None
+    flown = []  # spare thrust, airspeed, thrust over drag
     for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
         drag = lift.at(V)[1]
         thrust = float(settled(V, 1.0).sum()) / weight
-        best = max(best, thrust / drag if drag > 0.0 else math.inf)
-        if chosen is None or thrust - drag > chosen[1]:
-            chosen = V, thrust - drag
         if thrust - drag >= SPARE_THRUST:
             return V, thrust - drag
-    if chosen is None or not best > 1.0:
+        flown.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
+    best = max(ratio for _, _, ratio in flown)
+    if not best > 1.0:
         raise Refusal(
             f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
         )
-    return chosen
+    spare, V, _ = max(flown, key=lambda place: place[0])
+    return V, spare
 
 
 def _settling(
@@ -360,20 +353,13 @@ def _surfaces(
 ) -> tuple[dict[str, Any], list[str]]:
     """The table of the surfaces, through the model's flight control or past it, and notes."""
     surfaces, notes = tables["surfaces"], []
-    try:
-        moved, drift = _answers(tables, folder, level, h)
-    except Refusal as error:
-        moved, drift = {}, str(error)
+    moved, drift = _answers(tables, folder, level, h)
     past = _past_flight_control(tables, folder) if drift else {}
     if past:
-        try:
-            moved_past, drift_past = _answers(tables | {"surfaces": past}, folder, level, h)
-        except Refusal as error:
-            moved_past, drift_past = {}, str(error)
+        moved_past, drift_past = _answers(tables | {"surfaces": past}, folder, level, h)
         if not drift_past:
             notes.append(f"its flight control is passed by: {drift}")
-            moved, drift = moved_past, ""
-            surfaces = past
+            moved, drift, surfaces = moved_past, "", past
     if not moved:
         raise Refusal(drift)
     if drift:
@@ -392,10 +378,16 @@ def _surfaces(
 def _answers(
     tables: dict[str, Any], folder: Path, level: AirframeState, h: float
 ) -> tuple[dict[str, _Moved], str]:
-    """Response of each surface to its command, and the fault of the flight control, if any."""
+    """Response of each surface to its command, and the fault of the flight control, if any.
+
+    There is no response where a command moves nothing.
+    """
     fdm = _loaded(tables, folder)
     bench = Bench(fdm, h)
-    moved = {name: _moved(fdm, bench, level, name) for name in SURFACES}
+    try:
+        moved = {name: _moved(fdm, bench, level, name) for name in SURFACES}
+    except Refusal as error:
+        return {}, str(error)
     return moved, _drift(fdm, bench, level, moved)
 
 
@@ -413,30 +405,28 @@ def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
     neutral, rest = at(0.0)
     sides = []
     for side in (-1.0, 1.0):
-        effects = np.array([at(side * full * part)[0] - neutral for part in COMMANDS])
+        answers = [at(side * full * part) for part in COMMANDS]
+        effects = np.array([effect - neutral for effect, _ in answers])
         slopes = np.diff(effects, prepend=0.0) / np.diff(COMMANDS, prepend=0.0)
         first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
         more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)
         last = len(more) if more.all() else int(np.argmin(more))
         usable = float(COMMANDS[last - 1]) if last else 0.0
         reach = [
-            max(
-                (abs(p - was) for p, was in zip(at(side * full * part)[1], rest, strict=True)),
-                default=0,
-            )
-            for part in (COMMANDS[0], usable)
+            max((abs(p - was) for p, was in zip(shown, rest, strict=True)), default=0)
+            for _, shown in (answers[0], answers[last - 1])
         ]
         # Position at the whole command, and the part of it that is used: a command may be clipped.
         whole = max(reach[0] / COMMANDS[0], reach[1] / usable) if usable else 0.0
         used = reach[1] / whole if whole else usable
         sides.append((float(effects[-1]), float(whole), float(used)))
     (effect_low, travel_low, usable_low), (effect_high, travel_high, usable_high) = sides
-    if max(abs(effect_low), abs(effect_high)) < MIN_EFFECT or not (usable_low and usable_high):
-        how = max(abs(effect_low), abs(effect_high))
+    largest = max(abs(effect_low), abs(effect_high))
+    if largest < MIN_EFFECT or not (usable_low and usable_high):
         command = surface.command or f"fcs/{name}-cmd-norm"
         raise Refusal(
             f"its {name} command ({command}) moves nothing that can be used: "
-            f"{how:.2g} rad/s2 at full travel"
+            f"{largest:.2g} rad/s2 at full travel"
         )
     sense = math.copysign(1.0, sign * (effect_high - effect_low))
     if surface.replaces:
@@ -472,23 +462,16 @@ def _drift(fdm: Fdm, bench: Bench, level: AirframeState, moved: dict[str, _Moved
 
 def _past_flight_control(tables: dict[str, Any], folder: Path) -> dict[str, dict[str, Any]]:
     """Surfaces that the aerodynamics read past the flight control; none where that is unknown."""
-    config = aircraft_from(tables, folder)
     read = set()
-    for file in model_files(config):
+    for file in model_files(aircraft_from(tables, folder)):
         root = read_xml(file, str(file))
         parts = [root] if root.tag == "aerodynamics" else root.findall("aerodynamics")
-        read |= {
-            (element.text or "").strip().lstrip("-") for part in parts for element in part.iter()
-        }
+        read |= {(part.text or "").strip().lstrip("-") for top in parts for part in top.iter()}
     surfaces = {}
     for name in SURFACES:
-        own = sorted(_of_surface(name, read))
+        pattern = re.compile(rf"fcs/(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
+        own = sorted(entry for entry in read if pattern.fullmatch(entry))
         if not own:
             return {}
         surfaces[name] = {**tables["surfaces"][name], "replaces": own}
     return surfaces
-
-
-def _of_surface(name: str, read: set[str]) -> Iterator[str]:
-    pattern = re.compile(rf"fcs/(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
-    return (entry for entry in read if pattern.fullmatch(entry))

@@ -70,14 +70,14 @@ def _adopt_one(model: str, V_a: float | None, h: float, out: Path | None) -> Non
 
 
 def _answer(adoption: "Adoption", page: Path | None) -> Answer:
-    from flighttune.adopt.page import flights_of, flights_table
+    from flighttune.adopt.page import flights_table
 
     return Answer(
         values={
             **pick(adoption, "status reason engines seconds"),
             "V_a_mps": adoption.V_a,
-            "fit_percent": dict(adoption.fit_percent),
-            "flown": {flight["gains"]: flight for flight in flights_of(adoption)},
+            "fit_percent": adoption.fit_percent,
+            "flown": adoption.flown,
         },
         tables=[flights_table(adoption)],
         notes=adoption.notes,

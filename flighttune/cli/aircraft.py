@@ -1,21 +1,18 @@
 """Commands about an aircraft itself: trims, and design and identification of its inner loop."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from flighttune.cli.options import aircraft_names, check_ending, out_folder
-from flighttune.cli.show import NO, emit, fail, pick
+from flighttune.cli.show import NO, emit, fail
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 from flighttune.shipped import is_shipped
-from flighttune.units import DEG, DEG_PER_RAD
-
-if TYPE_CHECKING:
-    from flighttune.plants.jsbsim.trim import TrimRow
+from flighttune.units import DEG
 
 GOOD_FIT = 90.0
 """Share of the variance, in percent, below which the answer of `identify` is no."""
@@ -63,13 +60,13 @@ def trim(
 ) -> None:
     """Trim AIRCRAFT over its envelope; where no trim exists, say why."""
     from flighttune.aircraft.aircraft import load_aircraft
-    from flighttune.plants.jsbsim.trim import trim_table
+    from flighttune.plants.jsbsim.trim import trim_record, trim_table
 
     config = load_aircraft(aircraft)
     angles = [angle * DEG for angle in gamma] if gamma else None
     rows = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
     title = f"{config.title}: steady flight"
-    records = [_trim(row) for row in rows]
+    records = [trim_record(row) for row in rows]
     trims = Table(title=title, name="trims", columns=TRIM_COLUMNS, records=records)
     emit(Answer(values={"aircraft": aircraft}, tables=[trims]))
     if not any(row.point for row in rows):
@@ -196,20 +193,3 @@ def identify(
     ]
     if poor:
         fail(f"{aircraft}: a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}", NO)
-
-
-def _trim(row: "TrimRow") -> dict[str, Any]:
-    """A trim, or why there is none; angles in degrees."""
-    point = None
-    if row.point is not None:
-        angles = pick(row.point, "alpha beta theta aileron elevator rudder")
-        degrees = {f"{name}_deg": angle * DEG_PER_RAD for name, angle in angles.items()}
-        point = {**degrees, "throttle": row.point.throttle}
-    return {
-        "V_a_mps": row.condition.V_a,
-        "gamma_deg": row.condition.gamma * DEG_PER_RAD,
-        "phi_deg": row.condition.phi * DEG_PER_RAD,
-        "h_m": row.condition.h,
-        "trim": point,
-        "reason": row.reason,
-    }

@@ -156,29 +156,21 @@ def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
     assert load_aircraft(tmp_path / "mine").model == "../models/aerosonde.xml"
 
 
-@pytest.mark.parametrize(("arguments", "status"), [((), 2), (("737", "--all"), 2)])
-def test_a_model_or_all_of_them(arguments, status):
-    _, err = flighttune("adopt", *arguments, status=status)
-
-    assert err == "flighttune: adopt takes a model, or --all.\n"
-
-
-def test_a_model_that_is_not_there_is_one_line(tmp_path):
-    _, err = flighttune("adopt", "concorde9", "--out", tmp_path / "x", status=2)
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "adopt takes a model, or --all"),
+        (("737", "--all"), "adopt takes a model, or --all"),
+        (("concorde9",), "Concorde"),
+        (("nowhere/x8.xml",), "nowhere/x8.xml"),
+    ],
+)
+def test_a_model_that_cannot_be_taken_is_one_line(tmp_path, arguments, said):
+    _, err = flighttune("adopt", *arguments, "--out", tmp_path / "x", status=2)
 
     (line,) = err.splitlines()
-    assert "must be a model of JSBSim's set" in line
-    assert "Concorde" in line
+    assert said in line
     assert not (tmp_path / "x").exists()
-
-
-def test_a_main_file_that_is_not_there_is_one_line(tmp_path):
-    _, err = flighttune("adopt", tmp_path / "x8.xml", "--out", tmp_path / "x", status=2)
-
-    assert (
-        err
-        == f"flighttune: {tmp_path / 'x8.xml'}: must be the main file of a model, got no file.\n"
-    )
 
 
 def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
@@ -205,18 +197,17 @@ def test_the_table_has_a_row_for_every_model():
     ]  # fmt: skip
 
     text = hangar_text(answers)
-    rows = [line for line in text.splitlines() if line.startswith("| ")]
+    rows = [line for line in text.splitlines() if line.startswith("| ")][2:]
 
     assert "1 adopted, 0 flies, 1 refused, of 2" in text
-    assert rows[1] == (
-        "| b | adopted | 2 | 100 | 99.0 / 98.0 | 1 / 0.5 | 2 / 1 (left envelope) | 2 | x |"
-    )
-    assert rows[2].endswith("| no/engine |")
+    assert rows[0].startswith("| b | adopted | 2 | 100 | 99.0 | 98.0 | 1 | 0.5 | 2 | 1 |")
+    assert rows[0].endswith("| left_envelope | 2 | x |")
+    assert rows[1].endswith("| no\\|engine |")
 
 
 def test_the_table_of_the_docs_names_every_model_of_the_wheel():
     text = (Path(__file__).parents[2] / "docs/hangar.md").read_text(encoding="utf-8")
-    rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| ")][1:]
+    rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| ")][2:]
     status = {name.strip(): status.strip() for name, status in rows}
 
     assert set(status) == set(models_of_jsbsim())

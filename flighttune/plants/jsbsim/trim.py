@@ -14,7 +14,7 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.start_check import start_faults
-from flighttune.units import DEG, G_0
+from flighttune.units import DEG, DEG_PER_RAD, G_0
 
 _MIN_GAIN, _FAST_GAIN = 0.5, 0.1
 """Share by which a step must reduce the residual, and share to which it must for its slopes to be
@@ -365,6 +365,23 @@ class TrimRow:
     # Why there is no trim; empty where there is one. Outside the envelope: the range, and what
     # stands against steady flight there, if anything.
     reason: str
+
+
+def trim_record(row: TrimRow) -> dict[str, Any]:
+    """Condition and trim as numbers of a file, angles in degrees; ``trim`` is None without one."""
+    point = None
+    if row.point is not None:
+        names = ("alpha", "beta", "theta", "aileron", "elevator", "rudder")
+        point = {f"{name}_deg": getattr(row.point, name) * DEG_PER_RAD for name in names}
+        point["throttle"] = row.point.throttle
+    return {
+        "V_a_mps": row.condition.V_a,
+        "gamma_deg": row.condition.gamma * DEG_PER_RAD,
+        "phi_deg": row.condition.phi * DEG_PER_RAD,
+        "h_m": row.condition.h,
+        "trim": point,
+        "reason": row.reason,
+    }
 
 
 def trim_table(
