@@ -1,14 +1,41 @@
 """Numbers and float arrays: the aliases, and the checks applied where they come in."""
 
 import math
-from typing import TypeAlias
+import sys
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from flighttune.errors import InputError, ShapeError
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+class _Lists:
+    """In files an array is a list of finite numbers, or of such lists."""
+
+    @staticmethod
+    def __get_pydantic_core_schema__(_kind: Any, _handler: Any) -> Any:
+        from pydantic_core import core_schema as schema  # where values are read or written
+
+        lists = schema.plain_serializer_function_ser_schema(np.ndarray.tolist)
+        return schema.no_info_plain_validator_function(_array_of, serialization=lists)
+
+
+def _array_of(lists: Any) -> "FloatArray":
+    pending = [lists]
+    while pending:
+        entry = pending.pop()
+        if isinstance(entry, list):
+            pending += entry
+        elif type(entry) not in (int, float) or not abs(entry) <= sys.float_info.max:
+            raise ValueError("must be lists of finite numbers")
+    try:
+        return np.array(lists, dtype=float)
+    except ValueError as error:
+        raise ValueError("must have rows of one length") from error
+
+
+FloatArray: TypeAlias = Annotated[npt.NDArray[np.float64], _Lists]
 Floats: TypeAlias = float | FloatArray
 
 

@@ -54,6 +54,10 @@ def first_mistake(error: ValidationError) -> str:
     """The first mistake in a file of ours: dotted key, what its value must be and what it is."""
     problem = error.errors(include_url=False)[0]
     key = ".".join(map(str, problem["loc"]))
+    # A class that checks itself named the field; the table that it stands in comes in front.
+    by_class = re.fullmatch(r"Value error, `([^`]*)`(.*?)\.?", problem["msg"], re.DOTALL)
+    if by_class:
+        return f"`{shown(f'{key}.{by_class[1]}'.removeprefix('.'))}`{by_class[2]}."
     return f"`{shown(key)}` {_requirement(problem)}."
 
 
@@ -119,13 +123,14 @@ def _requirement(problem: ErrorDetails) -> str:
     plain = {
         "missing": "must be given",
         "extra_forbidden": "must not be there: the key is unknown",
+        "unexpected_keyword_argument": "must not be there: the key is unknown",
     }
     if problem["type"] in plain:
         return plain[problem["type"]]
     # "List should have at least 1 item after validation, ..." becomes "must have at least 1 item".
     message = re.sub(r"^(Value error,|Input|List|Tuple|String) ", "", problem["msg"])
     message = message.split(" after validation")[0].replace("should", "must")
-    if problem["type"] in ("model_type", "dict_type"):
+    if problem["type"] in ("model_type", "dict_type", "dataclass_type"):
         message = "must be a table"
     return f"{message}, got {abridged(problem.get('input'))}"
 

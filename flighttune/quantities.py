@@ -92,5 +92,4 @@ def _rectangular(rows: list[list[float]]) -> list[list[float]]:
     return rows
 
 
-Matrix: TypeAlias = Annotated[list[list[Finite]], AfterValidator(_rectangular)]
 GainMatrix: TypeAlias = Annotated[list[list[Gain]], AfterValidator(_rectangular)]

@@ -21,7 +21,6 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.certificates import load_certificate, verify
-from flighttune.certificates.file import certificate_tables
 from flighttune.comparison import load_tolerances
 from flighttune.conformance import Windows, load_conformance
 from flighttune.conformance.boxes import RateBoxes
@@ -42,6 +41,7 @@ from flighttune.seal import BLANK, seal
 from flighttune.shipped import aircraft_folder
 from flighttune.theory.indicators import indicators
 from flighttune.units import G_0
+from flighttune.value_file import tables_of
 
 CASES, MANY = 40, 200
 """Of each kind of file, in the short and in the long run."""
@@ -203,7 +203,7 @@ IDENTIFIED = json.loads((aircraft_folder("aerosonde") / "identified.json").read_
 
 def certificate_of(name, **settings):
     found = certify_scenario(load_scenario(name), PAPER_GAINS, **settings)
-    return certificate_tables(found.certificate)
+    return tables_of(found.certificate)
 
 
 def with_a_law(folder):

@@ -4,7 +4,7 @@ docs/certificate.md explains what a certificate says, and what it does not.
 """
 
 from flighttune.certificates.certificate import Certificate, Claim
-from flighttune.certificates.file import certificate_from, load_certificate, save_certificate
+from flighttune.certificates.file import load_certificate, save_certificate
 from flighttune.certificates.make import Certification, certify
 from flighttune.certificates.verify import verify
 from flighttune.theory.certificate import Check, Verification
@@ -15,7 +15,6 @@ __all__ = [
     "Check",
     "Claim",
     "Verification",
-    "certificate_from",
     "certify",
     "load_certificate",
     "save_certificate",

@@ -3,6 +3,9 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+from pydantic import Field
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix
 from flighttune.control.envelope import Envelope, JacobianHull
@@ -11,6 +14,7 @@ from flighttune.control.linear_model import LAW_NAMES, LinearModel
 from flighttune.errors import InputError
 from flighttune.present.numbers import matrix, number
 from flighttune.present.tables import html
+from flighttune.value_file import STRICT
 
 KINDS = "states", "inputs", "errors"
 
@@ -73,7 +77,7 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certificate:
-    """A claim, what it is about, and the matrices that prove it.
+    """A claim, what it is about, and the matrices that prove it; also the format of its file.
 
     Attributes
     ----------
@@ -105,7 +109,18 @@ class Certificate:
     hull: JacobianHull | None = None
     models: tuple[LinearModel, ...] = ()
     made_with: Mapping[str, str] = field(default_factory=dict)
-    scenario_sha256: str | None = None
+    scenario_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+
+    __pydantic_config__: ClassVar = STRICT
+    FORMAT: ClassVar[str] = "flighttune certificate 2"
+    UNITS: ClassVar[Mapping[str, str]] = {
+        "angles and times": "rad and s; V_a in m/s, g in m/s^2",
+        "claim.rate": "1/s: decay of s' Q s, s = (rates of the states, errors); its norm: half",
+        "claim.radius": "norm of s: states' units per second and errors' units (rad/s and rad)",
+        "claim.L_d": "norm of the disturbance's derivative: states' units per second^2",
+        "claim.conditions": "V_a and gamma of each of `models`",
+        "hull": "ranges of a, b1, b2, b3 of the chi/gamma law's Jacobians, over those of `factor`",
+    }
 
     def __post_init__(self) -> None:
         self._check_model()

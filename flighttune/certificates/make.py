@@ -11,7 +11,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.certificates.certificate import Certificate, Claim
 from flighttune.certificates.verify import verify, vertex_matrices
-from flighttune.control.envelope import Envelope, Hull, jacobian_hull, vertex_loops
+from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
 from flighttune.errors import InputError
@@ -43,7 +43,6 @@ def certify(
     envelope: Envelope | None = None,
     g: float | None = None,
     L_d: float | None = None,
-    hull: Hull = "speed",
     conditions: Sequence[Condition] = (),
     scenario_sha256: str | None = None,
 ) -> Certification:
@@ -60,8 +59,6 @@ def certify(
         Acceleration of gravity; needed with an envelope.
     L_d : float, unit of x' per second, optional
         Bound on the norm of the disturbance's derivative; without one only the rate is claimed.
-    hull : "entries" or "speed"
-        The polytope drawn around the envelope's Jacobians; see `jacobian_hull`.
     conditions : sequence of ((V_a, gamma), model), optional
         Claim the same at these, behind the same gains, and for every mixture of their loops; not
         together with an envelope.
@@ -89,8 +86,8 @@ def certify(
     if envelope is None or g is None:
         loops = _distinct([closed_loop(linear, gains) for linear in (model, *models)])
     else:
-        polytope = jacobian_hull(envelope, g=g, hull=hull)
-        loops = vertex_loops(envelope, gains, g=g, hull=hull)
+        polytope = jacobian_hull(envelope, g=g)
+        loops = vertex_loops(envelope, gains, g=g)
     vertices = vertex_matrices(model, gains, polytope, models)
     Q, reason = _Q(loops)
     proven = None if Q is None else provable_rate(vertices, Q)

@@ -83,11 +83,7 @@ def coverage_checks(
         product(n_z, sine_phi),
         cosine_phi,
     ]
-    checks = []
-    if hull.factor == (1.0, 1.0):
-        boxes = [product(rates, box) for box in boxes]
-    else:
-        checks.append(_inside("g/V of the envelope", rates, hull.factor))
+    checks = [_inside("g/V of the envelope", rates, hull.factor)]
     for name, box, ends in zip(ENTRIES, boxes, _ends(hull), strict=True):
         checks.append(_inside(f"{name} of the envelope", box, ends))
     return [*checks, _model_check(model, hull)]

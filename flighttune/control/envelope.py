@@ -5,13 +5,12 @@ below Eq. (40)): ``a = (g/V) sin(gamma)``, ``b1 = (g/V) / cos(phi)^2``, ``b2 = (
 and ``b3 = (g/V) cos(phi)``. A_K is affine in them, so that the box of their ranges, 16 vertices,
 contains every Jacobian of the envelope. The corners of (V, gamma, phi, n_z) alone do not: the
 extremes of a product or of a cosine need not lie there. The four share the factor g/V; keeping it
-apart, 32 vertices, contains them all as well and is never larger.
+apart, 32 vertices, contains them all as well and is never larger, and so it is done here.
 """
 
 import itertools
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -25,7 +24,6 @@ ENTRIES = ("a", "b1", "b2", "b3")
 OUTWARD = 1e-14
 """Relative widening of each range: some 50 times the rounding of the formulas."""
 
-Hull = Literal["entries", "speed"]
 Range = tuple[float, float]
 
 
@@ -114,9 +112,9 @@ class JacobianHull:
     Attributes
     ----------
     factor : (float, float)
-        (1, 1) where the box holds the entries themselves, else the range of g/V in 1/s.
+        Range of g/V, 1/s.
     lower, upper : ndarray, shape (4,)
-        The box, in 1/s over the unit of `factor`.
+        The box of the entries over g/V.
     """
 
     factor: Range
@@ -162,15 +160,13 @@ def entry_model(entries: FloatArray) -> LinearModel:
     )
 
 
-def jacobian_hull(envelope: Envelope, *, g: float, hull: Hull = "speed") -> JacobianHull:
+def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
     """A polytope that contains the law's Jacobian at every condition of an envelope.
 
     Parameters
     ----------
     g : float, m/s^2
         Acceleration of gravity, positive.
-    hull : "entries" or "speed"
-        The box of the four entries (16 vertices), or the factor g/V apart from a box (32).
 
     Returns
     -------
@@ -180,7 +176,7 @@ def jacobian_hull(envelope: Envelope, *, g: float, hull: Hull = "speed") -> Jaco
     Raises
     ------
     InputError
-        If `g` is not positive or `hull` is not one of the two.
+        If `g` is not positive.
 
     Notes
     -----
@@ -189,8 +185,6 @@ def jacobian_hull(envelope: Envelope, *, g: float, hull: Hull = "speed") -> Jaco
     numbers lies, over a box of them, in the convex hull of its corner values.
     """
     check_positive("m/s^2", g=g)
-    if hull not in ("entries", "speed"):
-        raise InputError(f'`hull` must be "entries" or "speed", got {hull!r}.')
     factor = (g / envelope.V_a[1], g / envelope.V_a[0])
     level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
     cosines = sorted(map(math.cos, envelope.phi))
@@ -203,18 +197,11 @@ def jacobian_hull(envelope: Envelope, *, g: float, hull: Hull = "speed") -> Jaco
         _product(envelope.n_z, sine_phi),
         cosine,
     )
-    if hull == "entries":
-        box = tuple(_product(factor, ends) for ends in box)
-        factor = (1.0, 1.0)
-    else:
-        factor = _outward(factor)
     lower, upper = np.array([_outward(ends) for ends in box]).T
-    return JacobianHull(factor=factor, lower=lower, upper=upper)
+    return JacobianHull(factor=_outward(factor), lower=lower, upper=upper)
 
 
-def vertex_loops(
-    envelope: Envelope, gains: PIGains, *, g: float, hull: Hull = "speed"
-) -> FloatArray:
+def vertex_loops(envelope: Envelope, gains: PIGains, *, g: float) -> FloatArray:
     """A_K at the vertices of `jacobian_hull`, shape (k, 4, 4).
 
     Raises
@@ -222,7 +209,7 @@ def vertex_loops(
     InputError
         As `jacobian_hull`, or if the channels of `gains` are not (chi, gamma) to (phi, n_z).
     """
-    models = jacobian_hull(envelope, g=g, hull=hull).models()
+    models = jacobian_hull(envelope, g=g).models()
     return np.array([closed_loop(model, gains) for model in models])
 
 

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from flighttune.arrays import FloatArray, read_only_vector
-from flighttune.control.envelope import Envelope, Hull, jacobian_hull, vertex_loops
+from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
 from flighttune.present.chart import DASHED, Chart
@@ -70,14 +70,13 @@ class EnvelopeTuning:
     wall_s: float  # time it took, s
 
 
-def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float, hull: Hull = "speed") -> CommonQ:
+def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float) -> CommonQ:
     """The rate of gains over an envelope of the chi/gamma law, and its common Q.
 
-    `g` is in m/s^2; `gains` lead from (chi, gamma) to (phi, n_z). `hull`: see `jacobian_hull`; with
-    "speed" the rate is never lower. Raises InputError if `g` is not positive or the channels do not
-    fit.
+    `g` is in m/s^2; `gains` lead from (chi, gamma) to (phi, n_z). Raises
+    InputError if `g` is not positive or the channels do not fit.
     """
-    return common_Q(vertex_loops(envelope, gains, g=g, hull=hull))
+    return common_Q(vertex_loops(envelope, gains, g=g))
 
 
 def largest_envelope(

@@ -12,13 +12,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flighttune.certificates import (
-    certificate_from,
+    Certificate,
     certify,
     load_certificate,
     save_certificate,
     verify,
 )
-from flighttune.certificates.file import certificate_tables
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel, kinematic_model
@@ -26,6 +25,7 @@ from flighttune.errors import InputError
 from flighttune.theory import common, lmi
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import largest_envelope
+from flighttune.value_file import tables_of, value_of
 
 G = 9.81
 MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=G)
@@ -54,12 +54,12 @@ def over_envelope():
 
 def changed(certificate, path, change):
     """The certificate with one number of its file put through `change`."""
-    tables = json.loads(json.dumps(certificate_tables(certificate)))
+    tables = json.loads(json.dumps(tables_of(certificate)))
     at = tables
     for key in path[:-1]:
         at = at[key]
     at[path[-1]] = change(at.get(path[-1]) if isinstance(at, dict) else at[path[-1]])
-    return certificate_from(tables)
+    return value_of(tables, Certificate)
 
 
 def test_the_papers_gains_are_certified_for_their_rate_and_the_ellipsoids_radius(at_trim):
@@ -89,20 +89,13 @@ def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
     assert sum("of the envelope" in name for name in names) == 5
 
 
-def test_a_certificate_of_the_box_of_entries_has_16_vertices():
-    certified = certify(MODEL, TUNED, envelope=ENVELOPE, g=G, hull="entries")
-
-    assert certified.status == "certified"
-    assert sum("A' Q + Q A" in check.name for check in certified.verification.checks) == 16
-
-
 def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path):
     path = tmp_path / "gains.json"
 
     save_certificate(over_envelope, path)
     again = load_certificate(path)
 
-    assert certificate_tables(again) == certificate_tables(over_envelope)
+    assert tables_of(again) == tables_of(over_envelope)
     assert np.array_equal(again.Q, over_envelope.Q)
     assert verify(path).valid
     assert again.scenario_sha256 == "0" * 64
@@ -118,7 +111,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_other(at_trim, tmp_path, 
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", full_disk)
-    with pytest.raises(InputError, match=r"must be writable, got no space left"):
+    with pytest.raises(InputError, match="no space left"):
         save_certificate(at_trim, path)
 
     assert path.read_text() == "old"
@@ -152,22 +145,22 @@ def test_verifying_a_file_does_not_even_import_a_solver(over_envelope, tmp_path)
 
 
 CHANGES = [
-    (("claim", "rate_per_s"), lambda rate: 1.0001 * rate, "rate Q <= I"),
+    (("claim", "rate"), lambda rate: 1.0001 * rate, "rate Q <= I"),
     (("claim", "radius"), lambda radius: 0.9999 * radius, "W <= radius^2 I"),
-    (("claim", "disturbance_rate_bound"), lambda L_d: 1.01 * L_d, "A W + W A' + a W"),
-    (("claim", "envelope", "V_a_mps"), lambda V_a: [21.9, V_a[1]], "g/V of the envelope"),
-    (("claim", "envelope", "gamma_rad"), lambda gamma: [gamma[0], 0.8], "a of the envelope"),
-    (("claim", "envelope", "phi_rad"), lambda phi: [phi[0], 0.4], "of the envelope"),
+    (("claim", "L_d"), lambda L_d: 1.01 * L_d, "A W + W A' + a W"),
+    (("claim", "envelope", "V_a"), lambda V_a: [21.9, V_a[1]], "g/V of the envelope"),
+    (("claim", "envelope", "gamma"), lambda gamma: [gamma[0], 0.8], "a of the envelope"),
+    (("claim", "envelope", "phi"), lambda phi: [phi[0], 0.4], "of the envelope"),
     (("claim", "envelope", "n_z"), lambda n_z: [n_z[0], 1.31], "b2 of the envelope"),
-    (("claim", "envelope", "g_mps2"), lambda g: 9.82, "g/V of the envelope"),
-    (("evidence", "Q", 0), lambda row: [1.02 * row[0], *row[1:]], ""),
-    (("evidence", "Q", 3), lambda row: [*row[:3], 0.99 * row[3]], "A' Q + Q A + I <= 0 at vertex"),
-    (("evidence", "W", 1), lambda row: [row[0], 1.02 * row[1], *row[2:]], ""),
-    (("evidence", "multiplier_per_s"), lambda a: 1.1 * a, "A W + W A' + a W"),
+    (("claim", "g"), lambda g: 9.82, "g/V of the envelope"),
+    (("Q", 0), lambda row: [1.02 * row[0], *row[1:]], ""),
+    (("Q", 3), lambda row: [*row[:3], 0.99 * row[3]], "A' Q + Q A + I <= 0 at vertex"),
+    (("W", 1), lambda row: [row[0], 1.02 * row[1], *row[2:]], ""),
+    (("multiplier",), lambda a: 1.1 * a, "A W + W A' + a W"),
     (("gains", "K_I", 0), lambda row: [1.1 * row[0], row[1]], "at vertex"),
     (("gains", "K_P", 1), lambda row: [row[0], 0.9 * row[1]], "at vertex"),
-    (("evidence", "polytope", "upper"), lambda upper: [*upper[:3], 1.01], "at vertex"),
-    (("evidence", "polytope", "upper"), lambda upper: [*upper[:3], 0.99], "b3 of the envelope"),
+    (("hull", "upper"), lambda upper: [*upper[:3], 1.01], "at vertex"),
+    (("hull", "upper"), lambda upper: [*upper[:3], 0.99], "b3 of the envelope"),
     (("model", "A"), lambda A: [[0.1, 0.0], A[1]], "trim model inside the polytope"),
     (("model", "B"), lambda B: [[2.0 * B[0][0], 0.0], B[1]], "trim model inside the polytope"),
 ]
@@ -188,7 +181,7 @@ def test_a_change_that_breaks_the_claim_is_refused_and_the_inequality_named(
 def test_a_single_late_digit_of_Q_is_enough(at_trim):
     """The claim leaves 1e-9 of room: the ninth digit breaks it, the fifteenth does not."""
     late, later = (
-        changed(at_trim, ("evidence", "Q", 0, 0), lambda q, digit=digit: q * (1.0 - 10.0**-digit))
+        changed(at_trim, ("Q", 0, 0), lambda q, digit=digit: q * (1.0 - 10.0**-digit))
         for digit in (8, 15)
     )
 
@@ -291,26 +284,26 @@ def test_a_model_with_lag_states_is_certified_at_its_trim():
 
 
 def test_envelope_and_gravity_go_together():
-    with pytest.raises(InputError, match="`envelope` and `g` must be given together"):
+    with pytest.raises(InputError, match="`envelope` and `g`"):
         certify(MODEL, TUNED, envelope=ENVELOPE)
 
 
 def test_a_claim_must_be_positive(at_trim):
     with pytest.raises(InputError, match=r"`rate` must be positive, got -1\.0"):
         replace(at_trim.claim, rate=-1.0)
-    with pytest.raises(InputError, match="`radius` and `L_d` must be given together"):
+    with pytest.raises(InputError, match="`radius` and `L_d`"):
         replace(at_trim.claim, L_d=None)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "the file must be valid JSON"),
-        ("[]", "the file must hold one object, got list"),
-        ('{"format": "flighttune certificate 2"}', "`format` must .* 2'"),
-        ('{"format": "flighttune certificate 1", "claim": {}}', "`claim.rate_per_s` must be given"),
-        ('{"format": "flighttune certificate 1", "format": "x"}', "`format` is given twice"),
-        ('{"format": "flighttune certificate 1", "guess": 1}', "`claim` must be given"),
+        ("{", "valid JSON"),
+        ("[]", "one object, got list"),
+        ('{"format": "flighttune certificate 1"}', "`format`.* 2'"),
+        ('{"format": "flighttune certificate 3"}', "`format`.* 2'"),
+        ('{"format": "flighttune certificate 2", "format": "x"}', "`format` is given twice"),
+        ('{"format": "flighttune certificate 2"}', "`units`"),
     ],
 )
 def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, text, message):
@@ -324,56 +317,35 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("evidence", "Q"), [[1.0]], r"`evidence\.Q` must have shape \(4, 4\)"),
-        (("evidence", "Q"), "many", r"`evidence\.Q` must be a valid list"),
-        (("evidence", "Q"), [[1.0], [1.0, 2.0]], "rows of one length"),
-        (("evidence", "Q"), [[True]], r"`evidence\.Q\.0\.0` must be a valid number, got True"),
-        (("claim", "rate_per_s"), None, r"`claim\.rate_per_s` must be a valid number, got None"),
-        (("guess",), 1, "`guess` must not be there"),
+        (("Q",), [[1.0]], r"`Q`.*\(4, 4\)"),
+        (("Q",), "many", "`Q` must be lists.*'many'"),
+        (("Q",), [[1.0], [1.0, 2.0]], "`Q`.* rows of one length"),
+        (("Q",), [[True]], "`Q`.*True"),
+        (("Q",), None, "`Q`.*None"),
+        (("W",), None, "`radius`, `W` and `multiplier`"),
+        (("hull",), None, "`envelope` and `hull`"),
+        (("hull", "lower"), [1.0], r"`hull\.lower`.*\(4,\)"),
+        (("claim", "rate"), None, r"`claim\.rate`.*None"),
+        (("claim", "rate"), "1.0", r"`claim\.rate`.*'1\.0'"),
         (("claim", "envelope"), 3, r"`claim\.envelope` must be a table"),
-        (
-            ("evidence", "polytope"),
-            None,
-            r"`claim\.envelope` and `evidence\.polytope` must",
-        ),
-        (
-            ("evidence", "W"),
-            None,
-            r"`claim\.radius`, `evidence\.W` and `evidence\.mul",
-        ),
-        (("made_with"), 3, "`made_with` must be a table, got 3"),
-        (
-            ("model", "inputs"),
-            ["n_z", "phi"],
-            r"`model\.inputs` must be phi, n_z with an .*envelope`",
-        ),
-        (("model", "errors"), ["gamma", "chi"], r"`model\.errors` must be chi, gamma with an"),
-        (
-            ("model", "states"),
-            ["h", "V"],
-            r"`model\.states` must be chi, gamma with an .*, got h, V",
-        ),
-        (("model", "inputs"), "ab", r"`model\.inputs` must be a valid list"),
-        (("model", "inputs"), [None, 3], r"`model\.inputs\.0` must be a valid string"),
-        (
-            ("gains", "K_P"),
-            [["1.6968", 0.0], [0.0, 1.0]],
-            r"`gains\.K_P\.0\.0` must be a valid num",
-        ),
-        (("gains", "K_P"), [[1.0], [0.0, 1.0]], r"`gains\.K_P` must have rows of one length"),
-        (("model", "A"), [], r"`model\.A` must have rows of one length, and at least one number"),
-        (("evidence", "polytope", "lower"), [1.0], r"`evidence\.polytope\.lower` must have shape"),
-        (("claim", "envelope", "phi_rad"), [-2.0, 2.0], r"`claim\.envelope` must lie inside"),
-        (("scenario_sha256",), "forged", r"`scenario_sha256` must match pattern"),
+        (("claim", "envelope", "phi"), [-2.0, 2.0], r"`claim\.envelope\.phi`.*pi/2"),
+        (("claim", "guess"), 1, r"`claim\.guess`"),
+        (("guess",), 1, "`guess`"),
+        (("made_with",), 3, "`made_with` must be a table, got 3"),
+        (("model", "inputs"), ["n_z", "phi"], r"\('n_z', 'phi'\)"),
+        (("model", "states"), ["h", "V"], "`states`.*got h, V"),
+        (("model", "inputs"), "ab", r"`model\.inputs`.*'ab'"),
+        (("model", "inputs"), [None, 3], r"`model\.inputs\.0`.*None"),
+        (("model", "A"), [], r"`model\.A`"),
+        (("gains", "K_P"), [["1.6968", 0.0], [0.0, 1.0]], r"`gains\.K_P`.*1\.6968"),
+        (("scenario_sha256",), "forged", "`scenario_sha256`.*'forged'"),
     ],
 )
 def test_values_of_the_wrong_kind_are_refused_in_one_line(over_envelope, path, value, message):
-    path = (path,) if isinstance(path, str) else path
-
     with pytest.raises(InputError, match=message):
         changed(over_envelope, path, lambda _: value)
 
 
 def test_a_missing_file_is_an_input_error(tmp_path):
-    with pytest.raises(InputError, match=r"none\.json: the file must be readable"):
+    with pytest.raises(InputError, match=r"none\.json.*readable"):
         verify(tmp_path / "none.json")

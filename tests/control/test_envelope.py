@@ -38,8 +38,8 @@ fractions = st.floats(0.0, 1.0)
 
 @pytest.mark.slow
 @settings(max_examples=150)
-@given(st.tuples(*[fractions] * 4), st.sampled_from(["entries", "speed"]))
-def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at, hull):
+@given(st.tuples(*[fractions] * 4))
+def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at):
     values = {
         name: low + part * (high - low)
         for part, (name, (low, high)) in zip(
@@ -48,9 +48,7 @@ def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at, hull):
         )
     }  # fmt: skip
 
-    assert inside(
-        entries(kinematic_model(**values, g=G)), jacobian_hull(WIDE, g=G, hull=hull).corners
-    )
+    assert inside(entries(kinematic_model(**values, g=G)), jacobian_hull(WIDE, g=G).corners)
 
 
 def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
@@ -62,55 +60,30 @@ def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
     level = entries(kinematic_model(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0, g=G))
 
     assert not inside(level, np.array(corners))
-    assert inside(level, jacobian_hull(WIDE, g=G, hull="entries").corners)
+    assert inside(level, jacobian_hull(WIDE, g=G).corners)
 
 
 def test_the_entries_range_over_hand_computed_ends():
-    hull = jacobian_hull(WIDE, g=G, hull="entries")
+    hull = jacobian_hull(WIDE, g=G)
 
+    assert hull.factor == pytest.approx((G / 30.0, G / 20.0), rel=ROUNDING)
     assert hull.lower == pytest.approx(
-        [
-            -G / 20.0 * math.sin(0.35),
-            G / 30.0,
-            -1.5 * G / 20.0 * math.sin(0.52),
-            G / 30.0 * math.cos(0.7),
-        ],
-        rel=ROUNDING,
-    )  # fmt: skip
-    assert hull.upper == pytest.approx(
-        [
-            G / 20.0 * math.sin(0.785),
-            G / 20.0 / math.cos(0.7) ** 2,
-            1.5 * G / 20.0 * math.sin(0.7),
-            G / 20.0,
-        ],
-        rel=ROUNDING,
+        [-math.sin(0.35), 1.0, -1.5 * math.sin(0.52), math.cos(0.7)], rel=ROUNDING
     )
+    assert hull.upper == pytest.approx(
+        [math.sin(0.785), math.cos(0.7) ** -2, 1.5 * math.sin(0.7), 1.0], rel=ROUNDING
+    )
+    assert vertex_loops(WIDE, PAPER_GAINS, g=G).shape == (32, 4, 4)
 
 
 def test_roll_on_one_side_has_its_extremes_at_the_ends():
     turning = Envelope(V_a=(25.0, 25.0), gamma=(0.0, 0.0), phi=(0.2, 0.6), n_z=(1.0, 1.0))
 
-    hull = jacobian_hull(turning, g=G, hull="speed")
+    hull = jacobian_hull(turning, g=G)
 
     assert hull.lower[3] == pytest.approx(math.cos(0.6), rel=ROUNDING)
     assert hull.upper[3] == pytest.approx(math.cos(0.2), rel=ROUNDING)
     assert hull.lower[1] == pytest.approx(math.cos(0.2) ** -2, rel=ROUNDING)
-
-
-@pytest.mark.parametrize(("hull", "vertices"), [("entries", 16), ("speed", 32)])
-def test_a_polytope_has_16_vertices_or_32_with_the_speed_apart(hull, vertices):
-    assert len(jacobian_hull(WIDE, g=G, hull=hull).corners) == vertices
-    assert vertex_loops(WIDE, PAPER_GAINS, g=G, hull=hull).shape == (vertices, 4, 4)
-
-
-def test_the_polytope_with_the_speed_apart_lies_inside_the_box_of_entries():
-    box = jacobian_hull(WIDE, g=G, hull="entries")
-
-    corners = jacobian_hull(WIDE, g=G, hull="speed").corners
-
-    assert (box.lower - ROUNDING <= corners).all()
-    assert (corners <= box.upper + ROUNDING).all()
 
 
 def test_the_polytope_of_a_single_condition_is_the_models_own_loop():
@@ -157,10 +130,8 @@ def test_an_envelope_must_be_one_a_law_can_fly_in(change, message):
         Envelope(**(ranges | change))
 
 
-def test_a_factor_gravity_and_the_name_of_a_polytope_must_make_sense():
+def test_a_factor_and_gravity_must_make_sense():
     with pytest.raises(InputError, match="`factor` must not be negative"):
         WIDE.scaled(TRIM, -1.0)
     with pytest.raises(InputError, match="`g` must be positive"):
         jacobian_hull(WIDE, g=0.0)
-    with pytest.raises(InputError, match='`hull` must be "entries" or "speed"'):
-        jacobian_hull(WIDE, g=G, hull="corners")

@@ -41,12 +41,12 @@ MODERATE = envelope((20.0, 30.0), (-20.0, 45.0), (-30.0, 30.0), (0.7, 1.5))
 STEEP = envelope((20.0, 30.0), (-20.0, 45.0), (-45.0, 45.0), (0.5, 2.1))
 
 TABLE = [  # rates of K*, the optimum for I* = 5 and lag-aware gains; None: no common Q
-    # envelope,  corners of the conditions,  box of entries,  speed apart
-    (FIXED_SPEED, (0.367, 0.461, 0.256), (0.367, 0.461, 0.256), (0.367, 0.461, 0.256)),
-    (LEVEL, (0.274, 0.377, 0.228), (0.243, 0.352, 0.214), (0.274, 0.377, 0.228)),
-    (GENTLE, (0.095, 0.209, 0.175), (0.0156, 0.112, 0.136), (0.0658, 0.172, 0.166)),
-    (MODERATE, (None, 0.055, 0.111), (None, 0.0072, 0.0346), (None, 0.0276, 0.0887)),
-    (STEEP, (None, 0.0085, 0.0335), (None, None, 0.0039), (None, 0.0007, 0.0148)),
+    # envelope,  corners of the conditions,  polytope
+    (FIXED_SPEED, (0.367, 0.461, 0.256), (0.367, 0.461, 0.256)),
+    (LEVEL, (0.274, 0.377, 0.228), (0.274, 0.377, 0.228)),
+    (GENTLE, (0.095, 0.209, 0.175), (0.0658, 0.172, 0.166)),
+    (MODERATE, (None, 0.055, 0.111), (None, 0.0276, 0.0887)),
+    (STEEP, (None, 0.0085, 0.0335), (None, 0.0007, 0.0148)),
 ]
 SHOWN = 0.006  # half a unit of three digits, relative
 
@@ -61,20 +61,13 @@ def corner_rate(gains, envelope):
     return common_Q(np.array([closed_loop(model, gains) for model in models])).R
 
 
-@pytest.mark.parametrize(("over", "corners", "box", "speed"), TABLE)
-def test_rates_fall_from_corners_to_the_polytope_with_speed_apart_to_the_box(
-    over, corners, box, speed
-):
-    for gains, at_corners, in_box, apart in zip(SETS, corners, box, speed, strict=True):
-        rates = (
-            corner_rate(gains, over),
-            envelope_rate(gains, over, g=G, hull="speed").R,
-            envelope_rate(gains, over, g=G, hull="entries").R,
-        )
-        expected = [0.0 if rate is None else rate for rate in (at_corners, apart, in_box)]
+@pytest.mark.parametrize(("over", "corners", "polytope"), TABLE)
+def test_rates_fall_from_corners_to_the_polytope(over, corners, polytope):
+    for gains, at_corners, inside in zip(SETS, corners, polytope, strict=True):
+        rates = corner_rate(gains, over), envelope_rate(gains, over, g=G).R
+        expected = [0.0 if rate is None else rate for rate in (at_corners, inside)]
         assert rates == pytest.approx(expected, rel=SHOWN, abs=5e-5)
         assert rates[0] * (1.0 + SOLVER) >= rates[1]
-        assert rates[1] * (1.0 + SOLVER) >= rates[2]
 
 
 def test_one_common_Q_holds_at_a_thousand_conditions_drawn_from_the_envelope():
