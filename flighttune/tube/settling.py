@@ -134,7 +134,13 @@ def hand_over(
             return None
         after, passed = mapped
         if inside(after, centre, tight):
-            reached = [k for k, ranges in hulls.items() if inside(ranges, centre, tight)]
+            # Bounds of the first sample in the set lack the margin of the interval that leads to
+            # it: that sample must still have the tube's own.
+            reached = [
+                k for k, ranges in hulls.items() if k < last and inside(ranges, centre, tight)
+            ]
+            if not reached:
+                return None
             return HandOver(
                 sample=min(reached),
                 W=W,

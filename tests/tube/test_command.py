@@ -4,6 +4,7 @@ import json
 import math
 import re
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -126,6 +127,22 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
     assert re.search(r"rate limit.* of roll to the left from 0\.\d\d s", found["reason"])
     assert found["reason"] in stderr
     assert not out.exists()
+
+
+@pytest.mark.slow
+def test_a_lost_set_says_from_when_on_its_width_doubles_again_and_again(scenario):
+    stdout, _ = flighttune("tube", scenario(), "--disturbance", "1", "--json", status=1)
+
+    found = json.loads(stdout)
+    said = re.search(r"from (\d\.\d\d) s on the width doubles within 0\.2 s", found["reason"])
+    bounds = pd.read_parquet(found["signals"])
+    sides = ("chi_err", "gamma_err")
+    widths = np.column_stack([bounds[f"{s}_high"] - bounds[f"{s}_low"] for s in sides])
+    span = round(0.2 / bounds["t"][1])
+    doubles = (widths[span:] >= 2.0 * widths[:-span]).any(axis=1)
+    first = int(np.searchsorted(bounds["t"], float(said[1]) - 1e-9))
+    assert doubles[first:].all()
+    assert first == 0 or not doubles[first - 1]
 
 
 @pytest.mark.slow
