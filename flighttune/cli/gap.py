@@ -41,7 +41,7 @@ def gap(
 ) -> None:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
-    Exit status 1 if a flight ends early, or the aircraft does not stay in the certified set.
+    Exit status 1 if a flight ends early, or the aircraft leaves its tube.
     """
     from flighttune.flight.gap import explain_gap
     from flighttune.flight.gap_charts import gap_sheet
@@ -84,10 +84,6 @@ def gap(
     fail_if_outside(tubes)
     if explained.status != "explained":
         fail(f"{scenario}: {explained.reason}", NO)
-    if explained.verdict is None or not explained.verdict.held:
-        verdict = explained.verdict
-        why = explained.indicators.reason if verdict is None else verdict.sentence
-        fail(f"{scenario}: gains {name}: the certified set: {why}", NO)
 
 
 def _failed(gap: "Gap") -> list[str]:

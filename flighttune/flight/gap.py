@@ -1,4 +1,4 @@
-"""The gap between the paper's law and an aircraft: ladder, mismatch, guarantee in flight."""
+"""The gap between the paper's law and an aircraft: ladder and mismatch."""
 
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -18,9 +18,7 @@ from flighttune.flight.ladder import (
     aircraft_table,
     fly_ladder,
 )
-from flighttune.guarantee.flight_check import FlightCheck, FreeFlight, flight_check, free_flight
 from flighttune.guarantee.mismatch import CHANNELS, Mismatch, mismatch
-from flighttune.guarantee.ultimate_set import Verdict
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import Indicators, indicators
@@ -40,18 +38,12 @@ class Gap:
     reason : str
         Why the status is not ``explained``; else empty.
     runs : tuple of Run
-        The rungs, lowest first; the aircraft with its mismatch and error bounds as signals.
+        The rungs, lowest first; the aircraft with its mismatch as signals.
     indicators : Indicators
         Indicators of the kinematic law's loop about wings-level flight on the first reference.
     ladder : Ladder or None
     mismatch : Mismatch or None
         Mismatch of the aircraft against the paper's law.
-    check : FlightCheck or None
-        The aircraft's flight against the guarantee; None also where the loop is unstable.
-    verdict : Verdict or None
-        On the whole flight of the aircraft.
-    free : FreeFlight or None
-        The part of the flight in which no command is limited, against the linear loop's reach.
     """
 
     scenario: Scenario
@@ -61,9 +53,6 @@ class Gap:
     indicators: Indicators
     ladder: Ladder | None = None
     mismatch: Mismatch | None = None
-    check: FlightCheck | None = None
-    verdict: Verdict | None = None
-    free: FreeFlight | None = None
 
     @property
     def aircraft(self) -> Run:
@@ -163,34 +152,26 @@ def explain_flight(
         raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
     ladder = fly_ladder(scenario, aircraft, lag=lag, progress=progress)
     top = ladder.runs[-1]
-    measured, check = mismatch(top), flight_check(top)
+    measured = mismatch(top)
     early = [run for run in ladder.runs if run.reason]
     return Gap(
         scenario=scenario,
         status="cut_short" if early else "explained",
         reason=f"{early[0].label}: {early[0].reason}" if early else "",
-        runs=(*ladder.runs[:-1], with_mismatch(top, measured, check)),
+        runs=(*ladder.runs[:-1], with_mismatch(top, measured)),
         indicators=indicators(
             closed_loop(scenario.kinematic_model(aircraft.provenance.law), gains)
         ),
         ladder=ladder,
         mismatch=measured,
-        check=check,
-        verdict=None if check is None else check.verdict(),
-        free=None if check is None else free_flight(check),
     )
 
 
-def with_mismatch(run: Run, mismatch: Mismatch, check: FlightCheck | None) -> Run:
-    """The run with the mismatch and, around its reference, the error bounds as signals.
+def with_mismatch(run: Run, mismatch: Mismatch) -> Run:
+    """The run with the mismatch as signals.
 
     Values that are constant over a sample interval are stored at its start; the last is repeated.
     """
     columns = {f"mismatch_{name}": mismatch.d[:, i] for i, name in enumerate(CHANNELS)}
-    if check is not None:
-        for i, name in enumerate(CHANNELS):
-            reference = run.signals[f"{name}_ref"].to_numpy()[:-1]
-            columns[f"{name}_bound_low"] = reference - check.error_bounds[:, i]
-            columns[f"{name}_bound_high"] = reference + check.error_bounds[:, i]
     added = {key: np.append(values, values[-1]) for key, values in columns.items()}
     return replace(run, signals=run.signals.assign(**added))

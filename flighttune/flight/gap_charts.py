@@ -1,22 +1,17 @@
-"""Charts of a gap: rungs, effects of the steps, the mismatch, the error bounds and ITAE."""
+"""Charts of a gap: rungs, effects of the steps, the mismatch, the error in its tube and ITAE."""
 
 import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.flight.gap import Gap
 from flighttune.flight.ladder import rung_metrics
-from flighttune.guarantee.ultimate_set import held_or_broken
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
-from flighttune.present.numbers import degrees
 from flighttune.present.palette import INK, LIMIT, NEUTRAL
 from flighttune.simulate.run import run_styles
 from flighttune.units import DEG_PER_RAD
 
 BAR_NAMES = ("paper's\nlaw", "+ exact\nlift", "+ inner\nloop", "+ six\nd.o.f.", "aircraft")
-
-WIDEST = 3.0
-"""An error bound is shown whole where it is at most so many times the largest error."""
 
 
 def colours(gap: Gap) -> tuple[str, ...]:
@@ -86,7 +81,7 @@ def steps_chart(gap: Gap, channel: str) -> Chart:
 
 
 def bound_chart(gap: Gap, channel: str) -> Chart:
-    """The error on the aircraft, the bounds certified for it, and whether they held."""
+    """The error on the aircraft in its tube, and whether the flight stayed inside."""
     run, own = gap.aircraft, colours(gap)[-1]
     title = f"{gap.name}: {CHANNEL_NAMES[channel]} error on the aircraft"
     chart = _over_time(gap, title, f"e_{CHANNEL_SYMBOLS[channel]} [deg]")
@@ -101,32 +96,8 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
         if f"{channel}_err_worst" in run.signals:
             worst = run.signals[f"{channel}_err_worst"].to_numpy() * DEG_PER_RAD
             chart.line(run.t, worst, LIMIT, dash=DASHED, name="worst flight found in it")
-        return chart
-    if gap.check is None or gap.verdict is None:
-        chart.title += "; the linear loop has no certificate"
-        return chart
-    column = list(CHANNEL_SYMBOLS).index(channel)
-    largest = float(np.nanmax(np.abs(error), initial=1e-3))
-    ultimate = float(gap.verdict.claim.tube[column]) * DEG_PER_RAD
-    half = 1.1 * max(largest, min(ultimate, WIDEST * largest))
-    chart.y_range = (-half, half)
-    bound = gap.check.error_bounds[:, column] * DEG_PER_RAD
-    outcome = held_or_broken(gap.check.t_broken)
-    chart.band(gap.check.t, -bound, bound, LIMIT, name=f"bound while nothing is limited: {outcome}")
-    for side in (-ultimate, ultimate):
-        chart.level(side, LIMIT, dash=DASHED)
-    verdict = (
-        f"{gap.verdict.outcome}{', too loose to be useful' if gap.verdict.claim.vacuous else ''}"
-    )
-    chart.legend.append(
-        (f"ultimate set ±{degrees(ultimate / DEG_PER_RAD)}: {verdict}", LIMIT, DASHED)
-    )
-    if gap.free is not None:
-        centre, width = (
-            each[:, column] * DEG_PER_RAD for each in (gap.free.centre, gap.free.width)
-        )
-        name = f"reach from {gap.free.t_from:.1f} s on, without limits: {gap.free.sentence}"
-        chart.band(gap.free.t, centre - width, centre + width, INK, opacity=0.35, name=name)
+    else:
+        chart.title += "; no tube yet"
     return chart
 
 

@@ -1,9 +1,9 @@
 """Check of a flight against the guarantee of its gains.
 
-Every output uses this check (`flighttune gap`, reports, recordings and campaigns), so that all
-state the same bound and the same verdict about the same flight. The loop is always that of the
-kinematic law, whatever model the gains were tuned on: the mismatch is measured against that law,
-and a bound of it enters that loop alone.
+Every output uses this check (reports, recordings and campaigns), so that all state the same bound
+and the same verdict about the same flight. The loop is that of the law that flies, whatever model
+the gains were tuned on: the mismatch is measured against that law. An aircraft has no such check:
+its mismatch makes the bound wider than anything it could fly, and its tube says more.
 """
 
 import math
@@ -31,18 +31,13 @@ from flighttune.guarantee.ultimate_set import (
     Verdict,
     certified_loop,
     entered_and_left,
-    held_or_broken,
     largest_command,
     outcomes,
 )
 from flighttune.simulate.run import Run
-from flighttune.units import DEG
 
 NEEDED = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 LIMITED = ("phi_limited", "n_z_limited")
-
-SHORTEST = 1.0
-"""Time without limits, s, below which the reach is not computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,10 +126,12 @@ def flight_check(run: Run) -> FlightCheck | None:
     Returns
     -------
     FlightCheck or None
-        None if there is no guarantee: no gains, an unstable loop, a flight of fewer than four
-        samples, or signals of the loop that are missing.
+        None if there is no guarantee: an aircraft, no gains, an unstable loop, a flight of fewer
+        than four samples, or signals of the loop that are missing.
     """
     trim, gains, signals = trim_of(run), run.provenance.gains, run.signals
+    if run.provenance.aircraft is not None:
+        return None
     if trim is None or gains is None or len(signals) < LEAST_SAMPLES:
         return None
     if not set(NEEDED) <= set(signals) or not np.isfinite(signals[list(NEEDED)].to_numpy()).all():
@@ -224,108 +221,3 @@ def _forced_response(
     for k in np.flatnonzero(claimed[1:] & claimed[:-1]).tolist():
         bound[k + 1] = fades[k] * bound[k] + (1.0 - fades[k]) * squares[k]
     return bound
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FreeFlight:
-    """The last part of a flight, without limits: how far the mismatch can have pushed it."""
-
-    t: FloatArray  # (n,), s: Middle of each sample interval since then
-    # (n, 2), rad: Errors of course and path angle that the linear loop has from its state then
-    # on, alone
-    centre: FloatArray
-    # (n, 2), rad: How far from there the mismatch can have pushed them, whatever its direction
-    width: FloatArray
-    errors: FloatArray  # (n, 2), rad: As flown
-    L_d: float  # rad/s^2: Bound of the mismatch's derivative in that time
-
-    @property
-    def t_from(self) -> float:
-        """When it begins, s."""
-        return round(float(self.t[0]), 9)
-
-    @property
-    def widest(self) -> tuple[float, float]:
-        """Largest width of course and path angle, rad."""
-        chi, gamma = self.width.max(axis=0).tolist()
-        return chi, gamma
-
-    @property
-    def at_end(self) -> tuple[float, float]:
-        """Largest errors of course and path angle that the tube leaves room for at the end, rad."""
-        chi, gamma = (np.abs(self.centre[-1]) + self.width[-1]).tolist()
-        return chi, gamma
-
-    @property
-    def outside(self) -> FloatArray:
-        """How far each error is out of its tube, shape (n, 2), rad; 0 inside."""
-        room = self.width * (1.0 + ROUNDING) + ROUNDING
-        return np.maximum(np.abs(self.errors - self.centre) - room, 0.0)
-
-    @property
-    def t_broken(self) -> float | None:
-        """When an error first was outside, s; None where none was."""
-        out = (self.outside > 0.0).any(axis=1)
-        return round(float(self.t[int(np.argmax(out))]), 9) if out.any() else None
-
-    @property
-    def sentence(self) -> str:
-        """``held``, or when an error first was outside and how far any ever was."""
-        by = f", by at most {self.outside.max() / DEG:.2f} deg"
-        return held_or_broken(self.t_broken) + (by if self.t_broken is not None else "")
-
-
-def free_flight(check: FlightCheck) -> FreeFlight | None:
-    """Hold the part of a flight that no limit holds against the reach of its linear loop.
-
-    Parameters
-    ----------
-    check : FlightCheck
-        Check of the flight.
-
-    Returns
-    -------
-    FreeFlight or None
-        None where limits held the commands, or the reference moved, until less than `SHORTEST`
-        before the end.
-
-    Notes
-    -----
-    ``e(t) = C exp(A t) s(0) - int C exp(A (t - tau)) E d'(tau) dtau``, so each error is off its
-    free response by at most the integral of ``norm(c exp(A (t - tau)) E) |d'(tau)|``, and some
-    direction of d' at each instant gets there: no ellipsoid is closer. What the law's own curvature
-    adds, ``tan(phi) - phi``, is neither in d nor in the loop: by that much a flight can be outside.
-    """
-    disturbed = np.flatnonzero(check.limited | check.moved)
-    first = int(disturbed[-1]) + 1 if len(disturbed) else 0
-    states, strength = check.states[first:], check.strength[first:]
-    dt = float(check.t[1] - check.t[0])
-    if len(states) * dt < SHORTEST:
-        return None
-    centre, pushes = _responses(check.loop.A_K, check.loop.E, states[0], len(states), dt)
-    width = np.zeros_like(centre)
-    for i in range(centre.shape[1]):
-        width[1:, i] = np.convolve(pushes[:, i], strength)[: len(strength)]
-    return FreeFlight(
-        t=check.t[first:],
-        centre=centre,
-        width=width,
-        errors=states[:, 2:],
-        L_d=float(strength.max()),
-    )
-
-
-def _responses(
-    A_K: FloatArray, E: FloatArray, start: FloatArray, count: int, dt: float
-) -> tuple[FloatArray, FloatArray]:
-    """Errors from `start` alone, and the most a unit of strength in one interval adds to them."""
-    from scipy.linalg import expm
-
-    step, half = expm(A_K * dt), expm(A_K * 0.5 * dt)
-    to_errors = np.eye(len(A_K))[2:]
-    centre, pushes = np.empty((count, 2)), np.empty((count, 2))
-    for k in range(count):
-        centre[k] = to_errors @ start
-        pushes[k] = np.linalg.norm(to_errors @ half @ E, axis=1) * dt
-        to_errors = to_errors @ step
-    return centre, pushes

@@ -16,7 +16,6 @@ from flighttune.metrics import signal_arrays
 from flighttune.simulate.run import Run
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.theory.reachable import ReachableSet
 from flighttune.units import DEG
 
 ROUNDING = 1e-6
@@ -89,13 +88,6 @@ class UltimateSet:
     def tube(self) -> tuple[float, float]:
         """Largest errors of course and of flight-path angle in the set, rad."""
         chi, gamma = (np.sqrt(np.diag(self.loop.unit.W))[2:] * self.L_d).tolist()
-        return chi, gamma
-
-    @property
-    def reach(self) -> tuple[float, float]:
-        """Largest errors that the linear loop can be pushed to, rad: exact, never above `tube`."""
-        reachable = ReachableSet.of(self.loop.A_K, self.loop.E, L_d=1.0)
-        chi, gamma = (reachable.peak_gain(slice(2, 4)).channels * self.L_d).tolist()
         return chi, gamma
 
     @property

@@ -7,7 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flighttune.arrays import FloatArray
-from flighttune.guarantee.flight_check import FlightCheck, flight_check
+from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.present.thinning import peaks
 from flighttune.recording.entities import (
     GUARANTEE,
@@ -17,21 +17,12 @@ from flighttune.recording.entities import (
     plain_name,
 )
 from flighttune.recording.views import time_view
-from flighttune.simulate.run import Run
 
 TAB = "Certificate"
 SMALLEST = 1e-6  # smaller sizes are drawn as this: they are rounding
 DECADES = 4.5  # most shown at first: a run that stands on its reference goes down for ever
 FAINT = 130  # opacity of bounds, of 255
 ROOM = 0.04  # of the range, above and below it
-
-
-def claim_of(run: Run) -> FlightCheck | None:
-    """The guarantee of the linear loop, held against a flight of a plant that flies the law.
-
-    On an aircraft that bound is wider than anything it could fly: there the tube says more.
-    """
-    return flight_check(run) if run.provenance.aircraft is None else None
 
 
 def log_certificates(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:

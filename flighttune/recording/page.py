@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from flighttune.guarantee.flight_check import flight_check
 from flighttune.present.names import METRIC_LABELS, SYMBOLS
 from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import markdown
 from flighttune.recording import geometry
-from flighttune.recording.certificate_tab import claim_of
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import SEEN_AS
 from flighttune.recording.scene import WIND_TIMES, metres_per_mps
@@ -99,7 +99,7 @@ def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
 def _certificates(runs: Sequence[Run]) -> list[str]:
     rows = []
     for run in runs:
-        check = claim_of(run)
+        check = flight_check(run)
         if check is None:
             continue
         ultimate_set = [MISSING] * 3

@@ -55,9 +55,6 @@ COMMANDS_TAB, LAW_TAB = "Commands and limits", "Controller"
 # under the same commands, and the resulting differences of course, path angle and path.
 WHY_TAB = "Why"
 
-# Certified bounds around the reference of a channel, where a run has them.
-BOUNDS = {name: (f"{name}_bound_low", f"{name}_bound_high") for name in ("chi", "gamma")}
-
 # Name of the measured value of a signal, in runs with sensors.
 SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
 
@@ -69,8 +66,8 @@ LOAD_FACTOR = Plot(
 # Tabs of plots, in order. A plot is left out if no run has any of its signals.
 TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
-        Plot("chi", "Course chi, reference grey", common="chi_ref", band=BOUNDS["chi"]),
-        Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref", band=BOUNDS["gamma"]),
+        Plot("chi", "Course chi, reference grey", common="chi_ref"),
+        Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
         Plot("chi_err", "Course error, certified bounds thin", band=TUBE_SIGNALS[:2]),
         Plot("gamma_err", "Path angle error, certified bounds thin", band=TUBE_SIGNALS[2:]),
     ),
@@ -163,12 +160,10 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     A measured course stays beside the true one.
     """
     values = signals[name].to_numpy(dtype=float)
-    # unwrap would spread the gaps of the bound over the rest: it follows its reference instead
-    around = {SEEN_AS["chi"]: "chi", **dict.fromkeys(BOUNDS["chi"], "chi_ref")}
     if name in ("chi", "chi_ref"):
         values = np.unwrap(values)
-    elif name in around:
-        centre = signals[around[name]].to_numpy(dtype=float)
+    elif name == SEEN_AS["chi"]:
+        centre = signals["chi"].to_numpy(dtype=float)
         values = np.unwrap(centre) + (values - centre)
     return values * shown_unit(unit_of(name))[1]
 

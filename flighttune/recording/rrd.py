@@ -13,12 +13,13 @@ import rerun.blueprint as rrb
 import rerun_bindings
 from rerun.error_utils import strict_mode
 
+from flighttune.guarantee.flight_check import flight_check
 from flighttune.guarantee.mismatch import CHANNELS
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
-from flighttune.recording.certificate_tab import claim_of, log_certificates
+from flighttune.recording.certificate_tab import log_certificates
 from flighttune.recording.derived import with_derived
 from flighttune.recording.entities import (
     DrawnRun,
@@ -83,7 +84,9 @@ def log_recording(
     stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
 ) -> None:
     """Log all runs of a scenario, their page and the layout; see `write_recording`."""
-    flown = [replace(drawn_run, claim=claim_of(drawn_run.run)) for drawn_run in runs_to_draw(runs)]
+    flown = [
+        replace(drawn_run, claim=flight_check(drawn_run.run)) for drawn_run in runs_to_draw(runs)
+    ]
     drawn = with_derived(flown)
     plots = shown_plots([drawn_run.run for drawn_run in drawn])
     _send_layout(stream, blueprint(drawn, plots))

@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Any
 from flighttune.flight.ladder import rung_metrics
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
-from flighttune.simulate.run import TUBE_SIGNALS
 from flighttune.units import DEG_PER_RAD
 
 if TYPE_CHECKING:
     from flighttune.flight.gap import Gap
     from flighttune.flight.ladder import Step
-    from flighttune.guarantee.flight_check import FreeFlight
-    from flighttune.guarantee.ultimate_set import Verdict
     from flighttune.identify.fit import FittedLag
 
 METRICS = [
@@ -36,18 +33,6 @@ STEP_COLUMNS = [
 ]
 LAG_COLUMNS = columns("channel order natural_frequency_rad_s delay_s fit_percent")
 MISMATCH_COLUMNS = [Column("bound", "largest |d|", "rad/s"), *columns("L_d")]
-CHECK_COLUMNS = [
-    *columns("gains"),
-    Column("check", "bound"),
-    Column("t_from", "from", "s"),
-    *columns("L_d"),
-    *(
-        Column(f"{key}.{channel}", f"{symbol} {where}", "deg", ".3g", DEG_PER_RAD)
-        for key, where in (("tube_rad", "within"), ("at_end_rad", "at the end"))
-        for channel, symbol in CHANNEL_SYMBOLS.items()
-    ),
-    Column("sentence", "flight"),
-]
 
 
 def gap_values(gap: "Gap", signals: Mapping[str, Path]) -> dict[str, Any]:
@@ -70,10 +55,7 @@ def gap_values(gap: "Gap", signals: Mapping[str, Path]) -> dict[str, Any]:
         }
     mismatch = None
     if gap.mismatch is not None:
-        mismatch = {"L_d": gap.mismatch.L_d, "bound": gap.mismatch.bound, **_kept(gap)}
-        for key, verdict in (("verdict", gap.verdict), ("settled", _settled(gap))):
-            if verdict is not None:  # reachable sets take time: they are of no table
-                mismatch[key]["reach_rad"] = _channels(verdict.claim.reach)
+        mismatch = {"L_d": gap.mismatch.L_d, "bound": gap.mismatch.bound}
     return {
         "status": gap.status,
         "reason": gap.reason,
@@ -95,7 +77,7 @@ def gap_values(gap: "Gap", signals: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def gap_tables(gap: "Gap", values: Mapping[str, Any]) -> Iterator[Table]:
-    """Tables of a gap from its values: rungs, steps, inner loop and bounds."""
+    """Tables of a gap from its values: rungs, steps, inner loop and mismatch."""
     if gap.ladder is None:
         return
     title = f"{gap.scenario.title}; gains {values['gains']}"
@@ -108,30 +90,6 @@ def gap_tables(gap: "Gap", values: Mapping[str, Any]) -> Iterator[Table]:
     if values["mismatch"] is not None:
         title = "mismatch d: rates flown minus the law's"
         yield Table(title=title, columns=MISMATCH_COLUMNS, records=[values["mismatch"]])
-        yield check_table([gap])
-
-
-def check_table(gaps: Sequence["Gap"]) -> Table:
-    """Certified bounds for the measured mismatch, and whether the flight kept them.
-
-    A flight with a tube is left out: its tube is the tighter bound.
-    """
-    records = []
-    for gap in gaps:
-        if gap.mismatch is None or set(TUBE_SIGNALS) <= set(gap.aircraft.signals):
-            continue
-        kept = _kept(gap)
-        for check, key in (
-            ("ultimate set, whole flight", "verdict"),
-            ("ultimate set, second half", "settled"),
-            ("transient bound, no limit active", "approach"),
-            ("unforced linear loop", "free"),
-        ):
-            own = kept[key]
-            if own is not None:
-                within = own.get("tube_rad", own.get("widest_rad"))
-                records.append({"gains": gap.name, "check": check, **own, "tube_rad": within})
-    return Table(title="Bounds for the mismatch", columns=CHECK_COLUMNS, records=records)
 
 
 def step_table(gaps: Sequence["Gap"]) -> Table:
@@ -172,66 +130,6 @@ def largest_step(gap: "Gap") -> str:
         largest = max(rms, key=lambda adds: rms[adds])
         parts.append(f"{name}, from {largest} ({rms[largest] * DEG_PER_RAD:.1f}° rms)")
     return f"With {gap.name} most of the difference comes, in {' and in '.join(parts)}."
-
-
-def _kept(gap: "Gap") -> dict[str, Any]:
-    """Outcome of the flight for each bound; None where there is no bound."""
-    from flighttune.guarantee.ultimate_set import held_or_broken
-
-    verdict, settled, check = gap.verdict, _settled(gap), gap.check
-    return {
-        "held": verdict.held if verdict else None,
-        "t_broken": verdict.t_broken if verdict else None,
-        "says_nothing": verdict.claim.vacuous if verdict else None,
-        "verdict": _verdict(verdict) if verdict else None,
-        "settled": _verdict(settled) if settled else None,
-        "free": _free(gap.free) if gap.free else None,
-        "approach": {
-            "held": check.t_broken is None,
-            "t_broken": check.t_broken,
-            "sentence": held_or_broken(check.t_broken),
-        }
-        if check
-        else None,
-    }
-
-
-def _settled(gap: "Gap") -> "Verdict | None":
-    return gap.check.settled if gap.check else None
-
-
-def _verdict(verdict: "Verdict") -> dict[str, Any]:
-    claim = verdict.claim
-    return {
-        "held": verdict.held,
-        "t_entered": verdict.t_entered,
-        "t_broken": verdict.t_broken,
-        "t_from": claim.t_from,
-        "L_d": claim.L_d,
-        "radius": claim.radius,
-        "tube_rad": _channels(claim.tube),
-        "asked_rad": claim.commanded,
-        "says_nothing": claim.vacuous,
-        "sentence": verdict.sentence,
-    }
-
-
-def _free(free: "FreeFlight") -> dict[str, Any]:
-    """Bounds relative to the errors of the linear loop left alone."""
-    return {
-        "t_from": free.t_from,
-        "L_d": free.L_d,
-        "widest_rad": _channels(free.widest),
-        "at_end_rad": _channels(free.at_end),
-        "held": free.t_broken is None,
-        "t_broken": free.t_broken,
-        "outside_rad": float(free.outside.max()),
-        "sentence": free.sentence,
-    }
-
-
-def _channels(pair: tuple[float, float]) -> dict[str, float]:
-    return dict(zip(CHANNEL_SYMBOLS, pair, strict=True))
 
 
 def _lag(fitted: "FittedLag") -> dict[str, Any]:

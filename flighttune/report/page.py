@@ -8,7 +8,7 @@ from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.report.facts import Facts, facts_of
-from flighttune.report.gap_tables import check_table, step_table
+from flighttune.report.gap_tables import step_table
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel
 from flighttune.report.headline import headline
 from flighttune.report.panels import commands, errors, paths, tracking
@@ -146,8 +146,8 @@ def _gap_section(facts: Facts) -> Section:
         id="gap",
         title="From the law to the aircraft",
         note="The same gains under the same limits in the same air, on the paper's law, the exact "
-        "point mass, the point mass behind the inner loop and the aircraft. Red: the bound "
-        f"certified for the measured mismatch while no command is limited.{unseen}",
+        "point mass, the point mass behind the inner loop and the aircraft. Red: the tube of the "
+        f"aircraft, where there is one; flighttune fly SCENARIO --tube makes it.{unseen}",
         charts=[
             kind(gap, channel)
             for gap in drawn
@@ -155,6 +155,6 @@ def _gap_section(facts: Facts) -> Section:
             for kind in (itae_chart, steps_chart, bound_chart)
         ],
         columns=3,
-        tables=[step_table(facts.gaps), check_table(facts.gaps), *aircraft_tables(facts)],
+        tables=[step_table(facts.gaps), *aircraft_tables(facts)],
         legend=False,
     )

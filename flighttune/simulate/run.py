@@ -22,8 +22,7 @@ RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
 _SIGNALS_BY_UNIT = {
     "rad": "chi gamma phi chi_ref gamma_ref chi_err gamma_err phi_cmd phi_unlimited phi_integral "
     "chi_meas gamma_meas alpha beta theta psi chi_ground gamma_ground aileron elevator "
-    "rudder chi_bound_low chi_bound_high gamma_bound_low gamma_bound_high chi_err_low "
-    "chi_err_high gamma_err_low gamma_err_high chi_err_worst gamma_err_worst",
+    "rudder chi_err_low chi_err_high gamma_err_low gamma_err_high chi_err_worst gamma_err_worst",
     "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle",
     "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down",
     "m": "north east down h",

@@ -38,15 +38,10 @@ def test_the_contributions_add_up_to_the_difference_of_first_and_last(found):
     assert found["largest_residual"] < ROUNDING
 
 
-def test_the_mismatch_says_whether_the_certified_set_held(found):
-    mismatch = found["mismatch"]
-
-    assert {"L_d", "bound", "held", "t_broken"} <= mismatch.keys()
-    assert mismatch["held"] is True
-    assert mismatch["says_nothing"] is mismatch["verdict"]["says_nothing"] is True
-    assert mismatch["verdict"]["asked_rad"] == pytest.approx(1.0471975512)
-    assert mismatch["t_broken"] is None
-    assert 0.0 < mismatch["settled"]["L_d"] < mismatch["L_d"]
+def test_the_mismatch_has_its_size_and_the_tube_is_one_command_away(found):
+    assert found["mismatch"].keys() == {"L_d", "bound"}
+    assert found["tubes"] == {}
+    assert any("gap paper --tube --conformance FILE" in note for note in found["notes"])
 
 
 def test_figure_recording_and_signals_are_where_it_says(found):
@@ -56,9 +51,6 @@ def test_figure_recording_and_signals_are_where_it_says(found):
     aircraft = read_run(found["ladder"][-1]["signals"])
     error = aircraft.signals["mismatch_chi"].abs().max()
     assert 0.0 < error <= found["mismatch"]["bound"]
-    tube = aircraft.signals[["chi_bound_low", "chi_bound_high"]].dropna()
-    assert 100 < len(tube) < len(aircraft.signals)  # no bound while a limit holds a command
-    assert (tube["chi_bound_low"] <= tube["chi_bound_high"]).all()
 
 
 def test_without_json_there_is_a_table_and_sentences(tmp_path):
@@ -66,18 +58,7 @@ def test_without_json_there_is_a_table_and_sentences(tmp_path):
 
     assert "lag of the inner loop" in out
     assert "(fitted)" in out
-    assert "ultimate set" in out
     assert err == ""
-
-
-def test_gains_that_have_no_certificate_are_a_no(tmp_path):
-    path = tmp_path / "wrong_sign.toml"
-    path.write_text("K_P = [[-1.0, 0.0], [0.0, 1.0]]\nK_I = [[1.0, 0.0], [0.0, 1.0]]\n")
-
-    _, err = flighttune("gap", "level_turn", "--gains", path, "--out", tmp_path, status=1)
-
-    assert err.count("\n") == 1
-    assert "level_turn" in err
 
 
 def test_rungs_that_failed_give_no_metrics_and_no_cell_is_cut(tmp_path, monkeypatch):

@@ -17,7 +17,7 @@ from flighttune.metrics import METRICS, channel_metrics
 from flighttune.present.palette import line_styles
 from flighttune.recording.derived import with_derived
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.plots import TABS, shown_plots, value_range
+from flighttune.recording.plots import shown_plots
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 
@@ -113,22 +113,6 @@ def test_in_still_air_the_rungs_below_the_aircraft_have_no_wind(paper_gap):
         assert not {*WIND} & {*rung.signals}
 
 
-def test_the_bound_over_the_whole_of_a_turbulent_flight_is_wider_than_a_circle(windy_gap):
-    assert windy_gap.verdict.claim.tube[0] > math.pi
-    assert windy_gap.verdict.claim.vacuous
-    assert windy_gap.verdict.sentence.startswith("held, but at ±")
-
-
-def test_a_bound_wider_than_half_the_command_is_vacuous_and_the_outcome_stays(paper_gap):
-    verdict = paper_gap.verdict
-
-    assert verdict.claim.commanded == pytest.approx(math.radians(60.0))
-    assert math.radians(30.0) < max(verdict.claim.tube) < math.pi / 2.0
-    assert verdict.held
-    assert verdict.claim.vacuous
-    assert verdict.sentence == "held, but at ±49 deg the bound is too loose to be useful"
-
-
 @pytest.mark.slow
 def test_the_aircrafts_own_limits_hold_on_every_rung():
     gap = explain_gap(changed("paper", limits={}), PAPER_GAINS)
@@ -149,7 +133,6 @@ def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
     assert len({len(run.signals) for run in gap.runs}) == 1
     assert gap.ladder.residual < ROUNDING
     assert gap.indicators.status == "unstable"
-    assert gap.verdict is None
     assert len(gap_charts(gap)) == 10
 
 
@@ -240,9 +223,7 @@ def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
 
 
 @pytest.mark.slow
-def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
-    plots = {plot.signal: plot for tab in TABS.values() for plot in tab}
-    tube = paper_gap.runs[-1].signals[["chi_bound_low", "chi_bound_high"]]
+def test_the_recording_shows_what_each_step_adds(paper_gap, tmp_path):
 
     files = record(paper_gap.flown(), tmp_path)
 
@@ -252,30 +233,3 @@ def test_the_recording_shows_mismatch_and_tube(paper_gap, tmp_path):
     assert {plot.signal for plot in shown_plots(drawn)["Why"]} >= {"step_chi", "lift_chi"}
     for step, one in zip(paper_gap.steps, drawn[1:], strict=True):
         assert one.signals["step_chi"].to_numpy() == pytest.approx(step.chi, abs=1e-12)
-    low, high = value_range(plots["chi"], paper_gap.runs, share=0.25)
-    assert low < math.degrees(np.nanmin(tube.to_numpy()))
-    assert high > math.degrees(np.nanmax(tube.to_numpy()))
-
-
-def test_the_ultimate_set_of_the_papers_manoeuvre_holds_and_so_does_the_way_into_it(paper_gap):
-    settled, check = paper_gap.check.settled, paper_gap.check
-
-    assert paper_gap.verdict.held
-    assert settled.held
-    assert not settled.claim.vacuous
-    assert settled.claim.L_d < 0.2 * paper_gap.verdict.claim.L_d
-    limited = paper_gap.runs[-1].signals["n_z_limited"].to_numpy()
-    assert limited[:10].all()
-    assert np.isnan(check.bound[:10]).all()
-    assert check.t_broken is None
-
-
-def test_the_papers_manoeuvre_is_certified_closely_once_no_limit_holds_it(paper_gap):
-    free, signals = paper_gap.free, paper_gap.runs[-1].signals
-    limited = signals[["phi_limited", "n_z_limited"]].to_numpy().any(axis=1)
-
-    assert free.t_from == pytest.approx(signals.index[np.flatnonzero(limited)[-1]], abs=0.05)
-    assert free.sentence == "held"
-    assert max(free.widest) < 0.1 * max(paper_gap.verdict.claim.tube)
-    assert max(free.widest) < 0.6 * max(paper_gap.check.settled.claim.tube)
-    assert max(free.at_end) < math.radians(2.0)

@@ -14,7 +14,6 @@ from flighttune.guarantee.flight_check import check_against
 from flighttune.guarantee.mismatch import Mismatch
 from flighttune.guarantee.ultimate_set import certified_loop
 from flighttune.theory.attractor import invariant_ellipsoid
-from flighttune.theory.reachable import ReachableSet
 
 LOOP = certified_loop(kinematic_model(V_a=25.0, gamma=0.26, g=9.81), PAPER_GAINS)
 A_K, E = LOOP.A_K, LOOP.E
@@ -81,17 +80,7 @@ def test_a_linear_loop_under_its_worst_disturbance_stays_in_the_set(pushed):
     assert found.t_broken is None
 
 
-def test_the_worst_disturbance_takes_the_error_to_the_exact_reach():
-    step = expm(np.block([[A_K, E], [np.zeros((2, 6))]]) * DT)
-    s = np.zeros(4)
-    for v in worst([0.0, 0.0, 1.0, 0.0], 40.0):
-        s = step[:4, :4] @ s + step[:4, 4:] @ v
-
-    loop = linear_flight(np.full((100, 2), L_D / np.sqrt(2.0)), np.zeros(4))
-    assert s[2] == pytest.approx(loop.verdict().claim.reach[0], rel=1e-3)
-
-
-def test_radius_and_reach_are_those_of_the_theory(pushed):
+def test_radius_and_widths_are_those_of_the_theory(pushed):
     found = pushed.verdict().claim
     ellipsoid = invariant_ellipsoid(A_K, E, L_d=found.L_d)
 
@@ -99,9 +88,6 @@ def test_radius_and_reach_are_those_of_the_theory(pushed):
     assert found.tube == pytest.approx(
         [ellipsoid.reach(np.eye(4)[2]), ellipsoid.reach(np.eye(4)[3])], rel=1e-6
     )
-    exact = ReachableSet.of(A_K, E, L_d=found.L_d)
-    assert found.reach == pytest.approx([exact.reach(np.eye(4)[i]) for i in (2, 3)], rel=1e-6)
-    assert (np.array(found.reach) < found.tube).all()
 
 
 def random_pushes(seconds=30):

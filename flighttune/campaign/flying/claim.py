@@ -25,8 +25,9 @@ def claims(plan: Plan, groups: Collection[Group] | None = None) -> Claims:
     """The claim of each group of a plan, or of some of its groups.
 
     There is none without gains, for a loop that is not stable, and where the undispersed flight
-    that ``L_d`` is measured on was not completed or has no mismatch. The loop is that of the
-    kinematic law about wings-level flight on the first reference of the undispersed scenario.
+    that ``L_d`` is measured on was not completed or has no mismatch; nor for an aircraft, unless
+    the campaign states ``L_d``: its tube says more. The loop is that of the law about wings-level
+    flight on the first reference of the undispersed scenario.
     Every process computes the claims anew, to the same bits. PlantError if an aircraft cannot be
     built.
     """
@@ -38,9 +39,10 @@ def claims(plan: Plan, groups: Collection[Group] | None = None) -> Claims:
     if table and table.L_d_rad_s2:
         bounds: dict[Group, float | None] = dict.fromkeys(groups, table.L_d_rad_s2)
     else:
-        nominal = nominal_flights(plan, groups)
+        own = [group for group in groups if plan.scenario.plant_table(group.plant).aircraft is None]
+        nominal = nominal_flights(plan, own)
         bounds = {group: _measured(run, t_from) for group, run in nominal.items()}
-    return {group: _claim(plan, group, bounds[group], t_from) for group in groups}
+    return {group: _claim(plan, group, bounds.get(group), t_from) for group in groups}
 
 
 def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> UltimateSet | None:

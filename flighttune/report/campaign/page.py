@@ -74,6 +74,11 @@ def notes(findings: Findings) -> tuple[str, ...]:
             "Draws are spread evenly (" + plan.campaign.design.replace("_", " ") + "); intervals "
             "are those of independent draws, which is conservative."
         )
+    if any(plan.scenario.plant_table(group.plant).aircraft for group in plan.groups):
+        found_notes.append(
+            "How far an aircraft can be off: flighttune conform CAMPAIGN --out FILE, then "
+            "flighttune tube SCENARIO --conformance FILE."
+        )
     return tuple(found_notes)
 
 
