@@ -23,7 +23,7 @@ def turn(*, roll_rate):
 def test_the_gain_is_that_of_a_roll_taken_out_in_time():
     scenario = turn(roll_rate=True)
     gains = gain_set(scenario, "tuned_identified")
-    lag = load_identified(FOLDER).conditions[0].phi.lag.whole + 0.01  # half a sample at 50 Hz
+    lag = load_identified(FOLDER).conditions[0].lags[0].whole + 0.01  # half a sample at 50 Hz
     phi, rate = math.radians(45.0), math.radians(scenario.limits.phi_rate_dps)
     late = phi / (2.0 * rate) + lag
 

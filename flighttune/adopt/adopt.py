@@ -236,7 +236,7 @@ def _tried(
     say("flying the turn")
     flown = fly(load_scenario(folder / TURN))
     nominal = identified.identified.conditions[0]
-    fits = {"phi": nominal.phi.fit_percent, "n_z": nominal.n_z.fit_percent}
+    fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
     flights = {
         name: _measures(flown, name, f"jsbsim:{folder.name} / {gains}")
         for name, gains in (("tuned", TUNED), ("paper", PAPER))

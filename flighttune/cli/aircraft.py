@@ -188,7 +188,7 @@ def identify(
     poor = [
         f"{channel} at {c.V_a:g} m/s, {c.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
         for c in made.identified.conditions
-        for channel, fitted in (("phi", c.phi), ("n_z", c.n_z))
+        for channel, fitted in c.channels.items()
         if fitted.fit_percent < GOOD_FIT
     ]
     if poor:

@@ -5,131 +5,35 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from flighttune.aircraft.aircraft import GAINS_FILE, load_aircraft
-from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import ScenarioError
-from flighttune.identify.model import (
-    IdentifiedAircraft,
-    IdentifiedChannel,
-    IdentifiedCondition,
-    design_model,
-)
+from flighttune.identify.model import IdentifiedAircraft
 from flighttune.mistakes import abridged, first_mistake, shown
-from flighttune.quantities import (
-    Airspeed,
-    Bandwidth,
-    Damping,
-    Delay,
-    Finite,
-    Height,
-    Inclination,
-    TimeConstant,
-)
 from flighttune.shipped import aircraft_folder
 from flighttune.table_file import json_tables, stamp
-from flighttune.units import DEG, G_0
 from flighttune.whole_file import write_text
-
-# Readers refuse what they do not know.
-FORMAT = "flighttune identified aircraft 1"
 
 FILE_NAME = "identified.json"
 
 # Significant digits written: more than a flight gives, fewer than two machines differ in.
 DIGITS = 6
 
+EXACT = ("V_a_mps", "h_m")
+
 # Share by which a number may differ from the one that the rounded lags give.
 ROUNDING = 1e-4
-
-UNITS = {
-    "cross": "largest answer of the other channel to this command: 1/rad (phi), rad (n_z)",
-    "model": "states, inputs and errors in rad, n_z in 1, time in s; g 9.80665 m/s^2",
-}
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
-
-
-class _Lag(_Table):
-    order: Literal[1, 2, 3]
-    natural_frequency_rad_s: Bandwidth
-    damping: Damping | None
-    lag_s: TimeConstant | None
-    delay_s: Delay
-
-    def value(self) -> InnerLag:
-        """The lag; what its order does not have keeps the default."""
-        return InnerLag(
-            order=self.order,
-            natural_frequency=self.natural_frequency_rad_s,
-            damping=self.damping or 1.0,
-            lag=self.lag_s or 1.0,
-            delay=self.delay_s,
-        )
-
-
-class _Channel(_Lag):
-    fit_percent: Finite
-    residual: Finite
-    cross: Finite
-    simpler: _Lag
-
-    def channel(self) -> IdentifiedChannel:
-        """The channel as a value."""
-        return IdentifiedChannel(
-            lag=self.value(),
-            fit_percent=self.fit_percent,
-            residual=self.residual,
-            cross=self.cross,
-            simpler=self.simpler.value(),
-        )
-
-
-class _Channels(_Table):
-    phi: _Channel
-    n_z: _Channel
-
-
-class _Condition(_Table):
-    V_a_mps: Airspeed
-    gamma_deg: Inclination
-    h_m: Height
-    channels: _Channels
-
-    def condition(self) -> IdentifiedCondition:
-        """The condition as a value."""
-        return IdentifiedCondition(
-            V_a=self.V_a_mps,
-            gamma=self.gamma_deg * DEG,
-            h=self.h_m,
-            phi=self.channels.phi.channel(),
-            n_z=self.channels.n_z.channel(),
-        )
-
-
-class _File(_Table):
-    format: Literal["flighttune identified aircraft 1"]
-    aircraft: str
-    seed: int
-    gains_sha256: str = ""
-    conditions: Annotated[list[_Condition], Field(min_length=1)]
 
 
 def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
     """An identified aircraft as the object of its file."""
-    return {
-        "format": FORMAT,
-        "aircraft": aircraft.aircraft,
-        "seed": aircraft.seed,
-        **({"gains_sha256": aircraft.gains} if aircraft.gains else {}),
-        "units": UNITS,
-        "conditions": [_condition_table(condition) for condition in aircraft.conditions],
-    }
+    tables = aircraft.model_dump()
+    if not aircraft.gains:
+        del tables["gains_sha256"]
+    return _rounded(tables)
 
 
 def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
@@ -184,15 +88,9 @@ def _read(path: Path, _stamp: tuple[int, ...]) -> IdentifiedAircraft:
     """The identified aircraft of a file, read anew when it was written to."""
     tables = json_tables(path)
     try:
-        file = _File.model_validate(tables)
+        aircraft = IdentifiedAircraft.model_validate(tables)
     except ValidationError as error:
         raise ScenarioError(f"{path}: {first_mistake(error)}") from error
-    aircraft = IdentifiedAircraft(
-        aircraft=file.aircraft,
-        conditions=tuple(condition.condition() for condition in file.conditions),
-        seed=file.seed,
-        gains=file.gains_sha256,
-    )
     for fault in _contradictions(tables, identified_tables(aircraft)):
         raise ScenarioError(f"{path}: {fault}.")
     return aircraft
@@ -233,45 +131,10 @@ def _same(stated: Any, derived: Any) -> bool:
     return stated == derived
 
 
-def lag_table(lag: InnerLag) -> dict[str, Any]:
-    """A lag as plain values; None for a parameter that its order does not have."""
-    return {**_parameters(lag), "bandwidth_rad_s": lag.bandwidth}
-
-
-def _parameters(lag: InnerLag) -> dict[str, Any]:
-    return {
-        "order": lag.order,
-        "natural_frequency_rad_s": lag.natural_frequency,
-        "damping": lag.damping if lag.order > 1 else None,
-        "lag_s": lag.lag if lag.order > 2 else None,
-        "delay_s": lag.delay,
-    }
-
-
-def _condition_table(condition: IdentifiedCondition) -> dict[str, Any]:
-    model = design_model(condition, g=G_0).model
-    rounded = {
-        "gamma_deg": condition.gamma / DEG,
-        "channels": {name: _channel_table(getattr(condition, name)) for name in ("phi", "n_z")},
-        "model": {
-            "states": model.states,
-            "inputs": [f"{name}_cmd" for name in model.inputs],
-            "errors": model.errors,
-            **{name: getattr(model, name).tolist() for name in ("A", "B", "C")},
-        },
-    }
-    return {"V_a_mps": condition.V_a, "h_m": condition.h, **_rounded(rounded)}
-
-
-def _channel_table(channel: IdentifiedChannel) -> dict[str, Any]:
-    numbers = {name: getattr(channel, name) for name in ("fit_percent", "residual", "cross")}
-    return {**lag_table(channel.lag), **numbers, "simpler": _parameters(channel.simpler)}
-
-
 def _rounded(value: Any) -> Any:
-    """Nested values with every number rounded to `DIGITS`."""
+    """Nested values with every number rounded to `DIGITS`, but for airspeed and height."""
     if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
+        return {key: item if key in EXACT else _rounded(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_rounded(item) for item in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value

@@ -28,7 +28,13 @@ from flighttune.identify.fit import (
     frequency_responses,
     lag_response,
 )
-from flighttune.identify.model import IdentifiedAircraft, IdentifiedChannel, IdentifiedCondition
+from flighttune.identify.model import (
+    IdentifiedAircraft,
+    IdentifiedChannel,
+    IdentifiedCondition,
+    LagTable,
+    lag_table,
+)
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.linearize import RigidBodyModel, linearize
 from flighttune.plants.jsbsim.plant import JSBSimPlant
@@ -139,7 +145,7 @@ def identify_aircraft(
         raise TrimError(skipped[0])
     chosen = of_one_order(identifications)
     return AircraftIdentification(
-        identified=IdentifiedAircraft(
+        identified=IdentifiedAircraft.model_construct(
             aircraft=plant.config.folder.name,
             conditions=tuple(identification.condition for identification in chosen),
             seed=seed,
@@ -162,17 +168,13 @@ def of_one_order(identifications: Sequence[Identification]) -> tuple[Identificat
     )
     chosen = []
     for identification in identifications:
-        fitted = tuple(
-            tuple(sorted(of_channel, key=lambda fit: fit.lag.order != order))
-            for of_channel, order in zip(identification.candidates, orders, strict=True)
+        # The fits of the chosen order come first, the others stay in their order.
+        phi, n_z = (
+            tuple(sorted(fits, key=lambda fit: fit.lag.order != order))
+            for fits, order in zip(identification.candidates, orders, strict=True)
         )
-        at = identification.condition
-        condition = FlightCondition(V_a=at.V_a, gamma=at.gamma, h=at.h)
-        chosen.append(
-            _identification(
-                condition, identification.frequency, (fitted[0], fitted[1]), identification.check
-            )
-        )
+        at, check = identification.condition, identification.check
+        chosen.append(_identification(at, identification.frequency, (phi, n_z), check))
     return tuple(chosen)
 
 
@@ -184,7 +186,7 @@ def _best_order(candidates: Sequence[tuple[LagCandidate, ...]]) -> Order:
 
 
 def _identification(
-    condition: FlightCondition,
+    condition: FlightCondition | IdentifiedCondition,
     frequency: tuple[FrequencyResponse, FrequencyResponse],
     fitted: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]],
     check: Response,
@@ -192,13 +194,14 @@ def _identification(
     change = check.commanded - check.commanded[0]
     responses = [lag_response(fitted[i][0].lag, DT, change[:, i], 0.0) for i in range(2)]
     model = check.measured[0] + np.column_stack(responses)
-    phi, n_z = (
-        _channel(frequency[i], fitted[i], fit_percent(check.measured[:, i], model[:, i]))
-        for i in range(2)
-    )
+    channels = {
+        name: _channel(frequency[i], fitted[i], fit_percent(check.measured[:, i], model[:, i]))
+        for i, name in enumerate(("phi", "n_z"))
+    }
     return Identification(
-        condition=IdentifiedCondition(
-            V_a=condition.V_a, gamma=condition.gamma, h=condition.h, phi=phi, n_z=n_z
+        # Not checked: rounding may put a lag beyond the range that it was fitted in.
+        condition=IdentifiedCondition.model_construct(
+            V_a=condition.V_a, gamma=condition.gamma, h=condition.h, channels=channels
         ),
         candidates=fitted,
         frequency=frequency,
@@ -211,15 +214,11 @@ def _channel(
     response: FrequencyResponse, fitted: tuple[LagCandidate, ...], fit_percent: float
 ) -> IdentifiedChannel:
     best = fitted[0]
-    return IdentifiedChannel(
-        lag=best.lag,
+    simpler = next(fit.lag for fit in fitted if fit.lag.order < 3)
+    return IdentifiedChannel.model_construct(
+        **lag_table(best.lag),
         fit_percent=fit_percent,
         residual=best.residual,
         cross=float(np.abs(response.other).max()),
-        simpler=best.lag
-        if best.lag.order < 3
-        else min(
-            (candidate for candidate in fitted if candidate.lag.order < 3),
-            key=lambda candidate: candidate.bic,
-        ).lag,
+        simpler=LagTable.model_construct(**lag_table(simpler)),
     )

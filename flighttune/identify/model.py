@@ -2,62 +2,150 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    computed_field,
+)
 
 from flighttune.arrays import FloatArray
-from flighttune.control.inner_loop import InnerLag, with_inner_loop
+from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
-from flighttune.errors import InputError
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
-from flighttune.units import DEG_PER_RAD
+from flighttune.quantities import (
+    Airspeed,
+    Bandwidth,
+    Damping,
+    Delay,
+    Finite,
+    Height,
+    Inclination,
+    TimeConstant,
+)
+from flighttune.units import DEG_PER_RAD, G_0
+
+Channel: TypeAlias = Literal["phi", "n_z"]
 
 # Difference of climb that counts like a doubling of airspeed in `nearest`.
 ANGLE_PER_SPEED = math.radians(60.0)
 
+UNITS = {
+    "cross": "largest answer of the other channel to this command: 1/rad (phi), rad (n_z)",
+    "model": "states, inputs and errors in rad, n_z in 1, time in s; g 9.80665 m/s^2",
+}
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifiedChannel:
+
+class _Table(BaseModel):
+    """A value that is its file: units in the keys, what is derived from it besides."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="ignore", strict=True, validate_by_name=True, serialize_by_alias=True
+    )
+
+
+class LagTable(_Table):
+    """A lag in a file; None for a parameter that its order does not have."""
+
+    order: Order
+    natural_frequency_rad_s: Bandwidth
+    damping: Damping | None
+    lag_s: TimeConstant | None
+    delay_s: Delay
+
+    @property
+    def lag(self) -> InnerLag:
+        """The lag; what its order does not have keeps the default."""
+        return InnerLag(
+            order=self.order,
+            natural_frequency=self.natural_frequency_rad_s,
+            damping=self.damping or 1.0,
+            lag=self.lag_s or 1.0,
+            delay=self.delay_s,
+        )
+
+
+def lag_table(lag: InnerLag) -> dict[str, Any]:
+    """The keys of a `LagTable` and ``bandwidth_rad_s``."""
+    return {
+        "order": lag.order,
+        "natural_frequency_rad_s": lag.natural_frequency,
+        "damping": lag.damping if lag.order > 1 else None,
+        "lag_s": lag.lag if lag.order > 2 else None,
+        "delay_s": lag.delay,
+        "bandwidth_rad_s": lag.bandwidth,
+    }
+
+
+class IdentifiedChannel(LagTable):
     """One channel: the identified lag, and how well it fits."""
 
-    lag: InnerLag
     # %: share of the variance explained on a manoeuvre that was not used for the fit
-    fit_percent: float
-    residual: float  # 1: root mean square distance between fitted and measured frequency response
+    fit_percent: Finite
+    residual: Finite  # 1: root mean square distance between fitted and measured frequency response
     # unit of the other channel over that of this one: largest response of the other channel to this
     # one's command over the band
-    cross: float
-    simpler: InnerLag  # the best lag of at most second order; `lag` itself where that is one
+    cross: Finite
+    simpler: LagTable  # the best lag of at most second order; the lag itself where that is one
+
+    @computed_field
+    @property
+    def bandwidth_rad_s(self) -> float:
+        """Frequency from which on the magnitude stays below 1/sqrt(2)."""
+        return self.lag.bandwidth
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifiedCondition:
+class IdentifiedCondition(_Table):
     """The inner loop at one flight condition."""
 
-    V_a: float  # m/s: airspeed
-    gamma: float  # rad: flight-path angle, climb positive
-    h: float  # m: height above sea level
-    phi: IdentifiedChannel
-    n_z: IdentifiedChannel
+    V_a: Airspeed = Field(alias="V_a_mps")  # m/s: airspeed
+    # rad: flight-path angle, climb positive
+    gamma: Annotated[Inclination, AfterValidator(math.radians), PlainSerializer(math.degrees)] = (
+        Field(alias="gamma_deg")
+    )
+    h: Height = Field(alias="h_m")  # m: height above sea level
+    channels: Annotated[dict[Channel, IdentifiedChannel], Field(min_length=2)]
 
     @property
     def lags(self) -> tuple[InnerLag, InnerLag]:
         """Lags of roll and load factor."""
-        return self.phi.lag, self.n_z.lag
+        return self.channels["phi"].lag, self.channels["n_z"].lag
+
+    @computed_field
+    @property
+    def model(self) -> dict[str, Any]:
+        """The linear model of the paper's law behind the lags, for other programs."""
+        model = design_model(self, g=G_0).model
+        return {
+            "states": model.states,
+            "inputs": [f"{name}_cmd" for name in model.inputs],
+            "errors": model.errors,
+            **{name: getattr(model, name).tolist() for name in ("A", "B", "C")},
+        }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifiedAircraft:
+class IdentifiedAircraft(_Table):
     """An aircraft's inner loop at every condition identified."""
 
+    format: Literal["flighttune identified aircraft 1"] = "flighttune identified aircraft 1"
     aircraft: str
-    conditions: tuple[IdentifiedCondition, ...]  # at least one; the first is the nominal one
     seed: int = 0  # of the excitation
-    gains: str = ""  # Hash of the inner loop's gains; empty where it is not known
+    # Hash of the inner loop's gains; empty where it is not known
+    gains: str = Field(alias="gains_sha256", default="")
+    # The first is the nominal one
+    conditions: Annotated[tuple[IdentifiedCondition, ...], Field(strict=False, min_length=1)]
 
-    def __post_init__(self) -> None:
-        if not self.conditions:
-            raise InputError("`conditions` must not be empty.")
+    @computed_field
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of what has none in its key."""
+        return UNITS
 
     def nearest(self, V_a: float, gamma: float) -> IdentifiedCondition:
         """The condition nearest to an airspeed (m/s) and a flight-path angle (rad)."""
@@ -82,17 +170,10 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
             "V_a_mps": at.V_a,
             "gamma_deg": at.gamma * DEG_PER_RAD,
             "channel": name,
-            "order": channel.lag.order,
-            "natural_frequency_rad_s": channel.lag.natural_frequency,
-            "damping": channel.lag.damping if channel.lag.order > 1 else None,
-            "lag_s": channel.lag.lag if channel.lag.order > 2 else None,
-            "delay_s": channel.lag.delay,
-            "bandwidth_rad_s": channel.lag.bandwidth,
-            "cross": channel.cross,
-            "fit_percent": channel.fit_percent,
+            **channel.model_dump(exclude={"simpler"}),
         }
         for at in aircraft.conditions
-        for name, channel in (("phi", at.phi), ("n_z", at.n_z))
+        for name, channel in at.channels.items()
     ]
     title = f"{aircraft.aircraft}: identified inner loop"
     return Table(title=title, columns=LAG_COLUMNS, records=records)

@@ -133,7 +133,7 @@ def largest_step(gap: "Gap") -> str:
 
 
 def _lag(fitted: "FittedLag") -> dict[str, Any]:
-    from flighttune.identify.file import lag_table
+    from flighttune.identify.model import lag_table
 
     return {**lag_table(fitted.lag), "fit_percent": fitted.fit_percent}
 

@@ -55,7 +55,7 @@ def _coupling(identification: Identification, i: int) -> Chart:
 
 
 def _held_out(identification: Identification, i: int) -> Chart:
-    channel = (identification.condition.phi, identification.condition.n_z)[i]
+    channel = list(identification.condition.channels.values())[i]
     chart = Chart(
         title=f"Not used for the fit: {channel.fit_percent:.1f} % of the variance explained",
         y=LABELS[i],
