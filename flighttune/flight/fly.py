@@ -35,8 +35,6 @@ from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.tuning.result import TuningResult
 
-"""The flight dynamics run at the lowest multiple of the controller's rate from here on."""
-
 VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
 
 Progress = Callable[[str, float], None]
@@ -151,8 +149,24 @@ def fly(
         linear = None if gains is None else linear_loop(scenario, name, gains)
         if linear is not None:
             indicators_of[name] = indicators(closed_loop(*linear))
-    runs = _flights(scenario, sets, progress, observer)
-    return FlownScenario(scenario, runs, MappingProxyType(indicators_of), tuning)
+    # In wind the first aircraft flies first: plants without weather replay the wind it met.
+    source = scenario.wind_source
+    runs: dict[tuple[str, str], Run] = {}
+    for table in sorted(scenario.plant, key=lambda plant: scenario.windy and not plant.aircraft):
+        replays = source if table.aircraft is None else None
+        for name, gains in sets.items():
+            wind_run = runs[replays.label, name] if replays else None
+            runs[table.label, name] = fly_alone(
+                scenario,
+                table,
+                gains,
+                name,
+                wind_run=wind_run,
+                progress=progress,
+                observer=observer,
+            )
+    flown = tuple(runs[table.label, name] for table in scenario.plant for name in sets)
+    return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning)
 
 
 def linear_loop(
@@ -225,37 +239,6 @@ def steered(plant: Plant, scenario: Scenario) -> Plant:
     return AirPathPlant(plant) if by_air else plant
 
 
-def _flights(
-    scenario: Scenario,
-    sets: Mapping[str, PIGains | None],
-    progress: Progress | None,
-    observer: Observer | None,
-) -> tuple[Run, ...]:
-    # In wind the first aircraft flies first: plants without weather replay the wind it met.
-    order = sorted(scenario.plant, key=lambda plant: scenario.windy and plant.aircraft is None)
-    source = scenario.wind_source
-    runs: dict[tuple[str, str], Run] = {}
-    for plant in order:
-        for name, gains in sets.items():
-            if observer is not None and observer.stopped and gains is not None:
-                reason = "the flights were stopped before this one began"
-                made_by = _provenance(scenario, plant.label, name, gains)
-                run = _unflown(made_by, "interrupted", reason)
-            else:
-                replays = source is not None and plant.aircraft is None
-                run = fly_alone(
-                    scenario,
-                    plant,
-                    gains,
-                    name,
-                    wind_run=runs[source.label, name] if source and replays else None,
-                    progress=progress,
-                    observer=observer,
-                )
-            runs[plant.label, name] = run
-    return tuple(runs[plant.label, name] for plant in scenario.plant for name in sets)
-
-
 def fly_alone(
     scenario: Scenario,
     table: PlantTable,
@@ -271,24 +254,25 @@ def fly_alone(
     `gains` is None where tuning found none. A plant that is no aircraft replays the wind of
     `wind_run`, a flight of the same gains; without one it flies in the steady wind of the scenario.
     """
-    if wind_run is not None and gains is not None and not len(wind_run.signals):
-        source = wind_run.provenance.plant
-        reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
-        made_by = _provenance(scenario, table.label, gains_name, gains)
-        return _unflown(made_by, wind_run.status, reason)
-    scenario, wind = with_own(scenario), _steady_wind(scenario)
+    scenario, label = with_own(scenario), table.label
+    if observer is not None and observer.stopped and gains is not None:
+        reason = "the flights were stopped before this one began"
+        return _run(scenario, label, gains_name, gains, "interrupted", reason)
+    wind, weather = None, scenario.weather()
     if wind_run is not None and len(wind_run.signals):
         wind = wind_met(wind_run)
-    plant = plant_of(scenario.plant_table(table.label), scenario, wind)
+    elif wind_run is not None and gains is not None:
+        source = wind_run.provenance.plant
+        reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
+        return _run(scenario, label, gains_name, gains, wind_run.status, reason)
+    elif weather is not None and scenario.windy:
+        north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
+        wind = WindRecord.steady(north=north, east=east, down=down)
+    plant = plant_of(scenario.plant_table(label), scenario, wind)
     if observer is not None:
-        plant = observer.watch(plant, f"{table.label} / {gains_name}")
+        plant = observer.watch(plant, f"{label} / {gains_name}")
     return fly_once(
-        scenario,
-        plant,
-        gains,
-        plant_label=table.label,
-        gains_name=gains_name,
-        progress=progress,
+        scenario, plant, gains, plant_label=label, gains_name=gains_name, progress=progress
     )
 
 
@@ -297,14 +281,6 @@ def wind_met(run: Run) -> WindRecord:
     north, east, down = (run.signals[name].to_numpy() for name in WIND)
     t = run.t
     return WindRecord(t=t, north=north, east=east, down=down)
-
-
-def _steady_wind(scenario: Scenario) -> WindRecord | None:
-    weather = scenario.weather()
-    if weather is None or not scenario.windy:
-        return None
-    north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
-    return WindRecord.steady(north=north, east=east, down=down)
 
 
 def fly_once(
@@ -324,24 +300,20 @@ def fly_once(
     not start says so in its status and reason; only an aircraft that cannot be built raises a
     PlantError.
     """
+    scenario = with_own(scenario)
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
-        made_by = _provenance(scenario, plant_label, gains_name, None)
-        return _unflown(made_by, "no_gains", reason)
+        return _run(scenario, plant_label, gains_name, None, "no_gains", reason)
     started = time.perf_counter()
     duration = scenario.flight.duration_s
     if limits is None:
         limits = scenario.limits.limits().within(plant.limits)
-    scenario = with_own(scenario)
     law, _ = scenario.law_of(gains_name, gains)
     # A law that gains do not describe flies by something of its own, and its run has none.
-    made_by = _provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
-    try:
-        controller = law.controller(law_setup(scenario, gains, limits))
-    except LawError as error:
-        return _unflown(made_by, "law_failed", str(error))
+    of_run = scenario, plant_label, gains_name, gains if law.by_gains else None
     label = f"{plant_label} / {gains_name}"
     try:
+        controller = law.controller(law_setup(scenario, gains, limits))
         signals, stop = simulate(
             plant,
             controller,
@@ -351,40 +323,42 @@ def fly_once(
             sensors=None if scenario.sensors is None else scenario.sensors.sensors(scenario.seed),
             progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
+    except LawError as error:
+        return _run(*of_run, "law_failed", str(error))
     except TrimError as error:
-        return _unflown(made_by, "no_trim", str(error))
+        return _run(*of_run, "no_trim", str(error))
     if progress is not None:
         progress(label, 1.0)
-    wall_s = time.perf_counter() - started
-    return Run(
-        signals=signals,
-        status="completed" if stop is None else stop.status,
-        reason="" if stop is None else stop.reason,
-        provenance=replace(made_by, wall_s=wall_s),
-        units={name: u for name, u in controller.signals.items() if name not in SIGNAL_UNITS},
-    )
+    status, reason = ("completed", "") if stop is None else (stop.status, stop.reason)
+    flown = _run(*of_run, status, reason, signals, time.perf_counter() - started)
+    units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
+    return replace(flown, units=units)
 
 
-def _unflown(made_by: Provenance, status: RunStatus, reason: str) -> Run:
-    """The run, without samples, of a flight that could not begin."""
-    signals = pd.DataFrame(
-        columns=pd.Index(LOOP_SIGNALS), index=pd.Index([], name="t"), dtype=float
-    )
-    return Run(signals=signals, status=status, reason=reason, provenance=made_by)
-
-
-def _provenance(
-    scenario: Scenario, plant_label: str, gains_name: str, gains: PIGains | None
-) -> Provenance:
-    return Provenance(
+def _run(
+    scenario: Scenario,
+    plant_label: str,
+    gains_name: str,
+    gains: PIGains | None,
+    status: RunStatus,
+    reason: str,
+    signals: pd.DataFrame | None = None,
+    wall_s: float = 0.0,
+) -> Run:
+    """A run of a scenario; without samples where the flight could not begin."""
+    if signals is None:
+        index = pd.Index([], name="t")
+        signals = pd.DataFrame(columns=pd.Index(LOOP_SIGNALS), index=index, dtype=float)
+    made_by = Provenance(
         scenario=scenario.as_dict(),
         plant=plant_label,
         gains_name=gains_name,
         gains=gains,
         seed=scenario.seed,
         versions=library_versions(),
-        wall_s=0.0,
+        wall_s=wall_s,
     )
+    return Run(signals=signals, status=status, reason=reason, provenance=made_by)
 
 
 def library_versions() -> dict[str, str]:

@@ -4,18 +4,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pandas as pd
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import InputError
 from flighttune.flight.fly import Progress, fly_once, plant_of, steered, wind_met
-from flighttune.identify.file import load_identified
+from flighttune.identify.file import FILE_NAME, load_identified
 from flighttune.identify.fit import FittedLag, assessed_lag, fitted_lag
-from flighttune.identify.model import IdentifiedAircraft
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.plants.base import Plant
 from flighttune.plants.point_mass import PointMassPlant
@@ -199,22 +200,15 @@ def _failure(run: Run) -> str:
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
-    """A jsbsim plant of a scenario, by default the first: the top of the ladder."""
-    aircraft = [table for table in scenario.plant if table.kind == "jsbsim"]
-    if not aircraft:
+    """An aircraft of a scenario, by default the first: the top of the ladder."""
+    aircraft = {table.label: table for table in scenario.plant if table.aircraft is not None}
+    label = plant or next(iter(aircraft), None)
+    if label not in aircraft:
         raise InputError(
-            "`plant` must have one of kind jsbsim, an aircraft, got "
-            f"{', '.join(table.label for table in scenario.plant)}."
+            f"`plant` must be an aircraft (jsbsim), of which {scenario.title!r} has "
+            f"{', '.join(aircraft) or 'none'}, got {label}."
         )
-    if plant is None:
-        return aircraft[0]
-    for table in aircraft:
-        if table.label == plant:
-            return table
-    labels = ", ".join(table.label for table in aircraft)
-    raise InputError(
-        f"`plant` must be one of {labels}, the aircraft of the scenario, got {plant!r}."
-    )
+    return aircraft[label]
 
 
 def inner_loop_of(
@@ -231,20 +225,13 @@ def inner_loop_of(
         (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())
         for name in ("phi", "n_z")
     )
-    model = None if wanted == "fitted" else _model(aircraft, required=wanted == "identified")
-    if model is None:
-        return InnerLoop(phi=fitted_lag(t, *phi), n_z=fitted_lag(t, *n_z), source="fitted")
+    if wanted is None:
+        file = Path(load_aircraft(aircraft).file).with_name(FILE_NAME)
+        wanted = "identified" if file.exists() else "fitted"
+    if wanted == "fitted":
+        return InnerLoop(phi=fitted_lag(t, *phi), n_z=fitted_lag(t, *n_z), source=wanted)
     _, gamma = scenario.followed().initial
-    roll, load = model.nearest(scenario.flight.V_a_mps, gamma).lags
+    roll, load = load_identified(aircraft).nearest(scenario.flight.V_a_mps, gamma).lags
     return InnerLoop(
-        phi=assessed_lag(roll, t, *phi), n_z=assessed_lag(load, t, *n_z), source="identified"
+        phi=assessed_lag(roll, t, *phi), n_z=assessed_lag(load, t, *n_z), source=wanted
     )
-
-
-def _model(aircraft: str, *, required: bool) -> IdentifiedAircraft | None:
-    try:
-        return load_identified(aircraft)
-    except ScenarioError as error:
-        if required or not isinstance(error.__cause__, FileNotFoundError):
-            raise
-        return None

@@ -89,56 +89,40 @@ def test_expectations_hold_for_the_runs_they_name():
     assert len(check_claim(wanted, [flown(off, gains="K5")]).missed) == 1
 
 
-TIGHT = {"at_most": {"flight": {"n_z_max": 1.232}}}
-MET = (
-    "Claim met: ITAE χ 1.75 <= 1.8 rad s²; peak error χ 2 <= 2.5, γ 0 <= 1 deg (kinematic / paper)"
-)
 MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "saturation_s": 3.0}}
-CLOSEST = (
-    "Claim met: 5 of 5 requirements; closest to its bound: "
-    "peak error χ 2 <= 2.1 deg (kinematic / paper)"
-)
 
 
 @pytest.mark.parametrize(
-    ("expect", "run", "verdict", "sentence"),
+    ("expect", "run", "verdict", "told"),
     [
-        ([{"at_most": {"chi": {"ITAE": 1.8, "peak_deg": 2.5}, "gamma": {"peak_deg": 1.0}}}], {},
-         "met", MET),
-        # to three figures, 1.23, it would keep the bound
-        ([TIGHT], {"n_z": 1.2344}, "not met",
-         "Claim not met: maximum n_z 1.234 > 1.232 (kinematic / paper)"),
-        ([{"at_most": MANY}], {}, "met", CLOSEST),
-        ([{"status": "left_envelope"}], {"status": "left_envelope"}, "met",
-         "Claim met: kinematic / paper left_envelope"),
-        ([], {}, "not tested", "Claim not tested: no [[expect]] is about these runs; all were "
-         "completed"),
-        ([], {"status": "crashed", "reason": "t = 3 s"}, "not met",
-         "Claim not met: kinematic / paper: crashed: t = 3 s"),
+        ([{"at_most": MANY}], {}, "met", ("5 of 5", "chi.peak_deg", "2.1")),
+        ([{"at_most": {"chi": {"ITAE": 1.8}, "gamma": {"peak_deg": 1.0}}}], {}, "met",
+         ("2 of 2", "chi.ITAE", "1.745")),
+        ([{"at_most": {"flight": {"n_z_max": 1.232}}}], {"n_z": 1.2344}, "not met",
+         ("0 of 1", "n_z_max", "1.232", "1.234", "0.0024")),
+        ([{"status": "left_envelope"}], {"status": "left_envelope"}, "met", ("1 of 1",)),
+        ([], {}, "not tested", ("[[expect]]",)),
+        ([], {"status": "crashed", "reason": "t = 3 s"}, "not met", ("0 of 1", "t = 3 s")),
     ],
 )  # fmt: skip
-def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, sentence):
+def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
     # 2 deg of error for 10 s: the integral of t |e| is 50 s^2 times 0.034907 rad, 1.74533.
     found = check_claim(scenario(*expect), [flown(np.deg2rad(2.0), **run)])
 
-    assert (found.verdict, found.sentence) == (verdict, sentence)
-    assert found.short in (
-        sentence,
-        "Claim met: 5 of 5 requirements",
-        "Claim met: 3 of 3 requirements",
-    )
-    assert len(found.short.split()) <= 16
+    assert found.verdict == verdict
+    assert found.sentence.startswith(found.short)
+    assert all(part in found.sentence for part in told), found.sentence
 
 
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({"gains": "paper"}, "`status`, `at_most` or `at_least` must be given"),
-        ({"at_most": {"chi": {"MO": 1.0}}}, "`chi.MO` must be one of ITAE, .*MO_rad"),
-        ({"at_most": {"flight": {"ITAE": 1.0}}}, "`flight.ITAE` must be one of V_a_dev_mps"),
-        ({"at_most": {"psi": {"ITAE": 1.0}}}, "must be 'chi', 'gamma' or 'flight'"),
-        ({"gains": "K6", "status": "completed"}, "must be one of paper, K5, got 'K6'"),
-        ({"plant": "jsbsim:f16", "status": "completed"}, "must be one of kinematic, got"),
+        ({"gains": "paper"}, "`status`, `at_most`"),
+        ({"at_most": {"chi": {"MO": 1.0}}}, "`chi.MO`.*MO_rad"),
+        ({"at_most": {"flight": {"ITAE": 1.0}}}, "`flight.ITAE`.*V_a_dev_mps"),
+        ({"at_most": {"psi": {"ITAE": 1.0}}}, "'chi', 'gamma' or 'flight'"),
+        ({"gains": "K6", "status": "completed"}, "paper, K5, got 'K6'"),
+        ({"plant": "jsbsim:f16", "status": "completed"}, "kinematic, got"),
         ({"status": "crashed"}, "`status` must be 'completed', "),
     ],
 )

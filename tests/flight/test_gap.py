@@ -2,6 +2,7 @@
 
 import math
 import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import shown_plots
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
+from flighttune.shipped import aircraft_folder
 
 ROUNDING = 1e-12
 LIMITS_IN_RADIANS = 1e-9
@@ -191,8 +193,20 @@ def test_a_pull_up_without_roll_is_explained_too():
         assert gap.ladder.residual < ROUNDING
 
 
+@pytest.mark.slow
+def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
+    folder = tmp_path / "unmeasured"
+    shutil.copytree(aircraft_folder("aerosonde"), folder)
+    (folder / "identified.json").unlink()
+    plant = [{"kind": "jsbsim", "aircraft": str(folder)}]
+
+    gap = explain_gap(changed("paper", plant=plant, envelope=None), PAPER_GAINS)
+
+    assert gap.ladder.inner_loop.source == "fitted"
+
+
 def test_a_scenario_without_aircraft_has_no_gap():
-    with pytest.raises(InputError, match="`plant` must have one of kind jsbsim"):
+    with pytest.raises(InputError, match=r"`plant`.*jsbsim"):
         explain_gap(changed("level_turn", plant=[{"kind": "kinematic"}]), PAPER_GAINS)
 
 
