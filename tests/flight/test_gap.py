@@ -200,7 +200,7 @@ def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
     (folder / "identified.json").unlink()
     plant = [{"kind": "jsbsim", "aircraft": str(folder)}]
 
-    gap = explain_gap(changed("paper", plant=plant, envelope=None), PAPER_GAINS)
+    gap = explain_gap(changed("paper", plant=plant, expect=[]), PAPER_GAINS)
 
     assert gap.ladder.inner_loop.source == "fitted"
 
