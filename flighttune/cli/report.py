@@ -15,7 +15,7 @@ from flighttune.present.answer import Answer
 from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
-    from flighttune.paper.claims.base import Finding
+    from flighttune.paper.claims import Finding
 
 PRINTED = ("convergence", "certificates", "aircraft")
 """Tables of the page that are printed too; ``--json`` has the records of all."""
@@ -93,7 +93,7 @@ def reproduce(
     ),
 ) -> None:
     """Reproduce the figures and tables of arXiv 2411.13140 and judge its claims."""
-    from flighttune.paper.claims.base import VERDICTS
+    from flighttune.paper.claims import VERDICTS
     from flighttune.paper.reproduce import reproduce as reproduce_items
 
     with progress_bar() as progress:
@@ -120,7 +120,7 @@ def reproduce(
 
 def _compared(finding: "Finding") -> dict[str, str | None]:
     """Count of comparisons that agree, and both sides of the first that does not."""
-    from flighttune.paper.claims.base import text_of
+    from flighttune.paper.claims import text_of
 
     checks = finding.checks
     if not checks:

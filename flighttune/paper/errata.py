@@ -5,13 +5,12 @@ The text is in ``errata.toml``; `numbers` computes what its braces name.
 
 import math
 import tomllib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.paper import parameters as printed
-from flighttune.paper.commands import initial_commands, largest_share
+from flighttune.paper.flight import initial_commands, largest_share
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
@@ -26,24 +25,15 @@ printed parameters.
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Erratum:
-    """One disagreement or slip."""
-
-    where: str  # its place in the paper
-    printed: str  # what the paper prints
-    holds: str  # what holds instead, with the numbers
-
-
-def errata(study: Study) -> dict[str, tuple[Erratum, ...]]:
-    """All errata by part, in the order of ``errata.toml``."""
+def errata(study: Study) -> dict[str, list[dict[str, str]]]:
+    """All errata by part, in the order of ``errata.toml``: where, what is printed, what holds."""
     named = numbers(study)
     return {
-        part: tuple(
-            Erratum(*(entry[key].format(**named) for key in ("where", "printed", "holds")))
+        part: [
+            {key: entry[key].format(**named) for key in ("where", "printed", "holds")}
             for entry in entries
             if named.get(entry.get("only_if"), True)
-        )
+        ]
         for part, entries in tomllib.loads(TEXT.read_text(encoding="utf-8")).items()
     }
 
@@ -51,9 +41,7 @@ def errata(study: Study) -> dict[str, tuple[Erratum, ...]]:
 def numbers(study: Study) -> dict[str, Any]:
     """Every name that stands in braces, or after ``only_if``, in ``errata.toml``."""
     star, flight, duffing = study.indicators[STAR], study.flights[STAR], study.duffing
-    rate_limited = study.readings["ranges and rate limits"]
-    anti_windup = study.readings["with rate limits and anti-windup"]
-    unlimited = study.readings["no limits"]
+    _, rate_limited, anti_windup, unlimited = study.readings.values()
     rate_bound = printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound
     n_z_trim = math.cos(printed.GAMMA_C)
     A_K = closed_loop(study.model, study.star)
@@ -87,13 +75,13 @@ def numbers(study: Study) -> dict[str, Any]:
     return named
 
 
-def errata_text(parts: dict[str, tuple[Erratum, ...]]) -> str:
+def errata_text(parts: dict[str, list[dict[str, str]]]) -> str:
     """The errata as Markdown."""
     lines = [HEAD]
     for title, entries in parts.items():
         lines += [f"## {title}", "", "| where | printed | what holds |", "| --- | --- | --- |"]
         for entry in entries:
-            cells = [cell.replace("|", "\\|") for cell in (entry.where, entry.printed, entry.holds)]
-            lines.append(f"| {' | '.join(cells)} |")
+            cells = " | ".join(cell.replace("|", "\\|") for cell in entry.values())
+            lines.append(f"| {cells} |")
         lines.append("")
     return "\n".join(lines).rstrip() + "\n"

@@ -1,9 +1,10 @@
-"""One flight of the paper's loop over time, and its measures."""
+"""One flight of the paper's loop over time, its measures, and the commands it begins with."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,6 @@ from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.paper import parameters as printed
 from flighttune.paper.continuous import ContinuousLoop, integrate
-from flighttune.paper.measures import measures
 from flighttune.simulate.disturbance import Sinusoid
 
 # Time between the samples of a flight, s.
@@ -48,7 +48,7 @@ class PaperFlight:
 
     @cached_property
     def channels(self) -> dict[str, FloatArray]:
-        """`flighttune.paper.measures.CHANNELS` over time, each of shape (k,)."""
+        """Errors, their rates, and ``s = sqrt(e^2 + e_dot^2)`` over time, each of shape (k,)."""
         error, rate = self.error.T, self.error_rate.T
         return {
             "chi": error[0],
@@ -88,10 +88,8 @@ class PaperFlight:
     @property
     def converged(self) -> bool:
         """Whether both errors stay below `NEAR` for the last two seconds."""
-        if self.status != "completed":
-            return False
         late = self.t >= self.t[-1] - 2.0
-        return bool(np.max(np.abs(self.error[late])) < NEAR)
+        return not self.reason and bool(np.max(np.abs(self.error[late])) < NEAR)
 
 
 def fly(
@@ -131,3 +129,69 @@ def decay_rate(t: FloatArray, norm: FloatArray) -> float:
     """Rate of the exponential that `norm` follows, by a straight line through its logarithm."""
     seen = norm > 0.0
     return -float(np.polyfit(t[seen], np.log(norm[seen]), 1)[0]) if seen.sum() > 2 else math.nan
+
+
+def measures(t: FloatArray, signals: Mapping[str, FloatArray]) -> pd.DataFrame:
+    """The paper's measures: a row per signal, a column per measure; ``_rad`` is rad/s for rates.
+
+    Every signal should go to zero; `t` is equally spaced, from zero.
+
+    Notes
+    -----
+    ITAE is the integral of ``t |x|`` by the trapezoidal rule; MO the largest value of x and PT its
+    time (the errors of the paper begin below zero and overshoot upwards); MS and ST the mean and
+    standard deviation over the last quarter; mean and std those over the whole time; energy the
+    integral of x^2. Section 5.2 of arXiv 2411.13140, in words.
+    """
+    late = t >= 0.75 * t[-1]
+    rows = {}
+    for name, x in signals.items():
+        peak = int(np.argmax(x))
+        rows[name] = {
+            "ITAE": float(np.trapezoid(t * np.abs(x), t)),
+            "MO_rad": max(0.0, float(x[peak])),
+            "PT_s": float(t[peak]),
+            "MS_rad": float(np.mean(x[late])),
+            "ST_rad": float(np.std(x[late])),
+            "mean": float(np.mean(x)),
+            "std": float(np.std(x)),
+            "energy": float(np.trapezoid(x**2, t)),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index")
+
+
+class LimitUse(NamedTuple):
+    """A command, or its rate, and the range printed for it."""
+
+    value: float
+    lower: float
+    upper: float
+
+    @property
+    def share(self) -> float:
+        """Value as a share of the limit on its side; above one it breaks that limit."""
+        return self.value / (self.upper if self.value > 0.0 else self.lower)
+
+
+def initial_commands(gains: PIGains) -> dict[str, LimitUse]:
+    """Both commands and their rates at the first instant, by name (``phi``, ``phi rate``, ...).
+
+    Notes
+    -----
+    ``u(t_0) = K (x_0; x_0 dt)`` and ``u'(t_0) = K (0; x_0)`` of section 4.4 with dt = 0.1 s.
+    """
+    x_0, limits = printed.E_0, printed.printed_limits()
+    u = gains.K @ np.concatenate([x_0, x_0 * printed.OPTIMISATION_DT])
+    u_dot = gains.K @ np.concatenate([np.zeros(2), x_0])
+    uses = {}
+    for i, name in enumerate(("phi", "n_z")):
+        ranges = u[i], limits.lower[i], limits.upper[i]
+        rates = u_dot[i], limits.rate_lower[i], limits.rate_upper[i]
+        uses[name] = LimitUse(*map(float, ranges))
+        uses[f"{name} rate"] = LimitUse(*map(float, rates))
+    return uses
+
+
+def largest_share(gains: PIGains) -> float:
+    """Largest share of a limit among `initial_commands`; at most one where all limits hold."""
+    return max(use.share for use in initial_commands(gains).values())

@@ -5,14 +5,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.integrate import cumulative_trapezoid
 
-from flighttune.control.gains import PIGains
 from flighttune.flight.fly import library_versions
 from flighttune.metrics import metric_tables
 from flighttune.paper import parameters as printed
 from flighttune.paper.flight import PaperFlight
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
+from flighttune.recording.page import scenario_page
+from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import Provenance, Run
 from flighttune.units import DEG
 
@@ -29,21 +31,29 @@ MAGNITUDE_LIMITED = 1.0
 
 def family_runs(study: Study) -> list[Run]:
     """K1 to K6 under the printed disturbance, then K* under d1 to d9."""
-    by_gains = [
-        _run("kinematic", name, study.gains[name], study.flights[name]) for name in printed.TABLE_2
+    flights = {("kinematic", name): study.flights[name] for name in printed.TABLE_2}
+    flights |= {(f"kinematic, {name}", STAR): study.disturbed[name] for name in study.disturbed}
+    return [
+        Run(
+            signals=_signals(flight).iloc[::EVERY],
+            status="diverged" if flight.reason else "completed",
+            reason=flight.reason,
+            provenance=Provenance(
+                scenario=_scenario(),
+                plant=plant,
+                gains_name=name,
+                gains=study.gains[name],
+                seed=0,
+                versions=library_versions(),
+                wall_s=0.0,  # the study does not time its flights one by one
+            ),
+        )
+        for (plant, name), flight in flights.items()
     ]
-    by_disturbance = [
-        _run(f"kinematic, {name}", STAR, study.star, flight)
-        for name, flight in study.disturbed.items()
-    ]
-    return by_gains + by_disturbance
 
 
 def write_families(study: Study, folder: Path) -> Path:
     """Write the recording of the families; return its file."""
-    from flighttune.recording.page import scenario_page
-    from flighttune.recording.rrd import write_recording
-
     runs = family_runs(study)
     page = scenario_page(
         runs,
@@ -71,33 +81,13 @@ def _scenario() -> dict[str, Any]:
     }
 
 
-def _run(plant: str, name: str, gains: PIGains, flight: PaperFlight) -> Run:
-    return Run(
-        signals=_signals(flight).iloc[::EVERY],
-        status="completed" if flight.status == "completed" else "diverged",
-        reason=flight.reason,
-        provenance=Provenance(
-            scenario=_scenario(),
-            plant=plant,
-            gains_name=name,
-            gains=gains,
-            seed=0,
-            versions=library_versions(),
-            wall_s=0.0,  # the study does not time its flights one by one
-        ),
-    )
-
-
 def _signals(flight: PaperFlight) -> pd.DataFrame:
-    from scipy.integrate import cumulative_trapezoid
-
     t, (chi, gamma) = flight.t, flight.x.T
     velocity = printed.V_A * np.stack(
         [np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)]
     )
     disturbance = flight.disturbance or (lambda _: (0.0, 0.0))
-    columns: dict[str, Any] = {"V_a": printed.V_A, "chi_ref": printed.CHI_C}
-    columns |= {"gamma_ref": printed.GAMMA_C}
+    columns = {"V_a": printed.V_A, "chi_ref": printed.CHI_C, "gamma_ref": printed.GAMMA_C}
     for names, values in (
         (("chi", "gamma"), flight.x.T),
         (("phi", "n_z"), flight.u.T),

@@ -1,15 +1,14 @@
 """The paper reproduced in a folder: figures, tables, texts, page, errata and recording."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flighttune.paper.claims import CLAIMS
-from flighttune.paper.claims.base import VERDICTS, Finding, text_of
-from flighttune.paper.errata import Erratum, errata, errata_text
-from flighttune.paper.items import chosen
-from flighttune.paper.items.base import Item, Made
+from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
+from flighttune.paper.errata import errata, errata_text
+from flighttune.paper.items import Item, chosen
+from flighttune.paper.items.base import Made
 from flighttune.paper.record import write_families
 from flighttune.paper.study import Study
 from flighttune.present.frame import page_template, page_text
@@ -31,20 +30,11 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MadeItem:
-    """An item in the folder."""
-
-    item: Item
-    made: Made
-    files: tuple[Path, ...]  # figures, tables and text
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reproduction:
     """Files and results of `reproduce`."""
 
-    items: tuple[MadeItem, ...]
-    findings: tuple[Finding, ...]  # every claim with its verdict
+    items: list[tuple[Item, Made, list[Path]]]  # with their files: figures, tables and text
+    findings: list[Finding]  # every claim with its verdict
     page: Path
     errata: Path
     recording: Path | None  # none where no family was among the items
@@ -53,24 +43,10 @@ class Reproduction:
         """Plain values, as ``--json`` prints them."""
         return {
             "items": [
-                {
-                    "name": made.item.name,
-                    "files": [str(path) for path in made.files],
-                    "values": dict(made.made.values),
-                }
-                for made in self.items
+                {"name": item.name, "files": [str(path) for path in files], "values": made.values}
+                for item, made, files in self.items
             ],
-            "claims": [
-                {
-                    "id": finding.claim.id,
-                    "text": finding.claim.text,
-                    "where": finding.claim.where,
-                    "verdict": finding.verdict,
-                    "expected": finding.expected,
-                    "computed": finding.computed,
-                }
-                for finding in self.findings
-            ],
+            "claims": [finding.as_dict() for finding in self.findings],
             "page": str(self.page),
             "errata": str(self.errata),
             "recording": None if self.recording is None else str(self.recording),
@@ -85,39 +61,26 @@ def reproduce(
     progress: Progress | None = None,
 ) -> Reproduction:
     """Make items of the paper, all by default, and judge every claim."""
-    items = chosen(names)
+    chosen_items, tell = chosen(names), progress or (lambda *_: None)
     study, folder = Study() if study is None else study, Path(out)
-    tell = progress if progress is not None else _silent
-    made = tuple(_made(item, study, folder, k / len(items), tell) for k, item in enumerate(items))
+    items = []
+    for k, item in enumerate(chosen_items):
+        tell("items", k / len(chosen_items))
+        made = item.make(study)
+        items.append((item, made, _written(item, made, folder)))
     tell("items", 1.0)
     findings = []
-    for k, claim in enumerate(CLAIMS):
+    for k, name in enumerate(CLAIMS):
         tell("claims", k / len(CLAIMS))
-        findings.append(claim.judge(study))
+        findings.append(judge(name, study))
     tell("claims", 1.0)
     recording = None
-    if RECORDED & {item.name for item in items}:
+    if RECORDED & {item.name for item in chosen_items}:
         tell("recording", 0.0)
         recording = write_families(study, folder)
         tell("recording", 1.0)
     parts = errata(study)
-    page = _page(made, findings, parts)
-    return Reproduction(
-        items=made,
-        findings=tuple(findings),
-        page=write_text(folder / "index.html", page),
-        errata=write_text(folder / "errata.md", errata_text(parts)),
-        recording=recording,
-    )
-
-
-def _page(
-    items: Sequence[MadeItem],
-    findings: Sequence[Finding],
-    parts: Mapping[str, Sequence[Erratum]],
-) -> str:
-    """The page with everything, as HTML that needs no other file."""
-    return page_text(
+    page = page_text(
         page_template("flighttune.paper", "page.html.jinja"),
         title=TITLE,
         items=items,
@@ -126,11 +89,17 @@ def _page(
         errata=parts,
         text=text_of,
     )
+    return Reproduction(
+        items=items,
+        findings=findings,
+        page=write_text(folder / "index.html", page),
+        errata=write_text(folder / "errata.md", errata_text(parts)),
+        recording=recording,
+    )
 
 
-def _made(item: Item, study: Study, folder: Path, part: float, tell: Progress) -> MadeItem:
-    tell("items", part)
-    made = item.make(study)
+def _written(item: Item, made: Made, folder: Path) -> list[Path]:
+    """Write figures, tables and text of an item."""
     files = []
     for name, figure in made.figures.items():
         files.append(folder / f"{name}.svg")
@@ -139,8 +108,4 @@ def _made(item: Item, study: Study, folder: Path, part: float, tell: Progress) -
         text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
         files.append(write_text(folder / f"{name}.csv", text))
     files.append(write_text(folder / f"{item.name}.md", item.text(made)))
-    return MadeItem(item=item, made=made, files=tuple(files))
-
-
-def _silent(_: str, __: float) -> None:
-    pass
+    return files

@@ -117,16 +117,16 @@ class Study:
         return self.by_gains.xs(channel, level=1)[measure].loc[order]
 
     def of_disturbances(self, channel: str, measure: str) -> pd.DataFrame:
-        """One measure of one channel: index L_d, columns omega_d."""
-        values = {
-            name: flight.measures.loc[channel, measure] for name, flight in self.disturbed.items()
-        }
-        return self.over_disturbances(pd.Series(values))
+        """One measure of one channel: index L_d, columns omega_d.
 
-    def over_disturbances(self, values: pd.Series) -> pd.DataFrame:
-        """Values by name of the disturbance as a table: index L_d, columns omega_d."""
-        keys = pd.DataFrame.from_dict(printed.TABLE_3, orient="index", columns=["L_d", "omega_d"])
-        return keys.assign(value=values).pivot(index="L_d", columns="omega_d", values="value")
+        The measure ``after`` is the largest magnitude after the printed 20 s.
+        """
+        table = pd.DataFrame.from_dict(printed.TABLE_3, orient="index", columns=["L_d", "omega_d"])
+        if measure == "after":
+            values = [flight.after(channel, printed.DURATION) for flight in self.disturbed.values()]
+        else:
+            values = self.by_disturbance.xs(channel, level=1)[measure]
+        return table.assign(value=values).pivot(index="L_d", columns="omega_d", values="value")
 
     def growth_of_ST(self, channel: str) -> float:
         """Largest change of ST of a channel from the smallest L_d to the largest, rad."""

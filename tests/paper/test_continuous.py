@@ -18,16 +18,16 @@ from flighttune.simulate.loop import simulate
 from flighttune.simulate.reference import Reference
 
 TRAJECTORY = 1e-6  # rad, what the reproduction of the paper asks for
-STEEPNESS = 1e7  # 1/s: an error of the softened law of about 1e-7 rad
+STEEPNESS = 1e5  # 1/s: an error of the softened law of some 1e-5 rad, in proportion to its inverse
 HALF_A_SECOND = 50  # samples
 REF = np.array([printed.CHI_C, printed.GAMMA_C])
 WAVE = printed.disturbance(printed.PRINTED_DISTURBANCE)
 RANGES, BOTH = printed.printed_ranges(), printed.printed_limits()
 
 
-def softened_errors(gains, limits, conditional):
-    """Errors of the law with every jump replaced by a slope of `STEEPNESS`, by Radau IIA."""
-    k, limited = STEEPNESS, bool(np.isfinite(limits.rate_upper).all())
+def softened_errors(gains, limits, conditional, k):
+    """Errors of the law with every jump replaced by a slope of k (1/s), by Radau IIA."""
+    limited = bool(np.isfinite(limits.rate_upper).all())
     following = 2.0 * limits.rate_upper.max() / k if limited else 0.0
 
     def loop(t, y):
@@ -61,7 +61,10 @@ def test_errors_agree_with_an_implicit_method_on_the_softened_law(name, limits, 
 
     flight = fly(gains, WAVE, limits=limits, conditional=conditional)
 
-    expected = softened_errors(gains, limits, conditional)
+    # On slopes of 1e7 the method now and then jumps over a corner, as the last bits of its matrices
+    # decide, and is 1e-5 off. It does not on these two, which together tell what no slope gives.
+    steep, half = (softened_errors(gains, limits, conditional, k * STEEPNESS) for k in (2.0, 1.0))
+    expected = 2.0 * steep - half
     assert flight.status == "completed"
     assert np.abs(flight.error[::HALF_A_SECOND] - expected).max() < TRAJECTORY
 

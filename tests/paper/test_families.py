@@ -7,9 +7,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flighttune.metrics import channel_metrics
-from flighttune.paper.commands import initial_commands, largest_share
-from flighttune.paper.flight import decay_rate, fly, oscillations
-from flighttune.paper.measures import measures
+from flighttune.paper.flight import (
+    decay_rate,
+    fly,
+    initial_commands,
+    largest_share,
+    measures,
+    oscillations,
+)
 from flighttune.paper.parameters import disturbance
 from flighttune.paper.record import family_runs
 

@@ -1,13 +1,15 @@
 """The items that can be made again: to add one, describe it in ``items.toml`` and list it here."""
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.errors import InputError
 from flighttune.paper import parameters as printed
 from flighttune.paper.items import gains, histories, oscillator, trends
-from flighttune.paper.items.base import Assumption, Item
+from flighttune.paper.items.base import Made
+from flighttune.paper.study import Study
 from flighttune.shipped import nearest_name
 
 # Maker of each item, in the order of the paper.
@@ -27,11 +29,42 @@ MAKERS = {
 }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """A table or figure of the paper that can be made again."""
+
+    name: str  # as on the command line: the label in the paper's source
+    title: str
+    printed: str  # where it stands in the paper
+    make: Callable[[Study], Made]  # from a study to the item as computed
+    parameters: list[str]  # the printed parameters used, a line each
+    # What the paper does not print: what is missing, what was taken instead, and why
+    assumed: list[dict[str, str]]
+    outcome: list[str]  # the results, a sentence each, with braces where `Made` has the numbers
+    captions: Mapping[str, str]  # captions of the figures by file name, with braces as well
+
+    def filled_in(self, text: str, made: Made) -> str:
+        """A caption or a sentence of the outcome with the numbers as computed."""
+        return text.format(printed=printed, values=made.values, **made.numbers)
+
+    def text(self, made: Made) -> str:
+        """The short text of the item, Markdown."""
+        assumed = ["{what}: {taken}. Why: {why}.".format(**choice) for choice in self.assumed]
+        parts = [f"# {self.name}: {self.title}\n\n{self.printed} of arXiv 2411.13140.\n"]
+        for title, lines in (
+            ("What comes out", [self.filled_in(line, made) for line in self.outcome]),
+            ("Parameters", self.parameters),
+            ("Assumed, because the paper does not print it", assumed or ["nothing"]),
+        ):
+            parts.append(f"## {title}\n\n" + "".join(f"- {line}\n" for line in lines))
+        return "\n".join(parts)
+
+
 def _described() -> dict[str, Item]:
     """Each maker with its text from ``items.toml``."""
     text = tomllib.loads(Path(__file__).with_name("items.toml").read_text(encoding="utf-8"))
     assumptions = {
-        name: Assumption(**{key: words.format(**vars(printed)) for key, words in entry.items()})
+        name: {key: words.format(**vars(printed)) for key, words in entry.items()}
         for name, entry in text["assumption"].items()
     }
     items = {}
@@ -47,12 +80,12 @@ def _described() -> dict[str, Item]:
 ITEMS = _described()
 
 
-def chosen(names: Sequence[str]) -> tuple[Item, ...]:
+def chosen(names: Sequence[str]) -> list[Item]:
     """Items by name in the order of the paper; all for no names."""
     for name in names:
         if name not in ITEMS:
-            names_of_items = ", ".join(ITEMS)
+            listed = ", ".join(ITEMS)
             raise InputError(
-                f"`ITEM` must be one of {names_of_items}, got {name}{nearest_name(name, ITEMS)}"
+                f"`ITEM` must be one of {listed}, got {name}{nearest_name(name, ITEMS)}"
             )
-    return tuple(item for item in ITEMS.values() if not names or item.name in names)
+    return [item for item in ITEMS.values() if not names or item.name in names]

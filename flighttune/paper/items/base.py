@@ -1,14 +1,37 @@
-"""An item of the paper, and the result of making it."""
+"""What the figures of the paper share: colours, labels, kinds of panel, and what an item gives."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy.typing as npt
 import pandas as pd
 
-from flighttune.paper import parameters as printed
-from flighttune.paper.study import Study
-from flighttune.present.chart import Sheet
+from flighttune.paper.flight import PaperFlight
+from flighttune.paper.parameters import DURATION, STAR, TABLE_2, TABLE_3
+from flighttune.present.chart import DASHED, DOTTED, Chart, LegendEntry, Sheet
+from flighttune.present.palette import HUES, INK
+
+STRONG = [strong for (strong, _), _ in HUES]
+CHI, GAMMA, GREEN, MAGENTA = STRONG[:4]  # the first two: course and path angle of one flight
+
+# A gain set has the same colour in the recording.
+GAIN_COLOURS = {STAR: INK, **dict(zip(TABLE_2, STRONG, strict=True))}
+
+AMPLITUDE_COLOURS = {0.1: CHI, 0.2: GREEN, 0.3: MAGENTA}
+OMEGA_DASHES = {0.1: "", 0.15: DASHED, 0.2: DOTTED}
+
+# Name, symbol and unit of each channel.
+CHANNEL_LABELS = {
+    "chi": ("course error", "e_χ", "rad"),
+    "gamma": ("path-angle error", "e_γ", "rad"),
+    "chi_dot": ("rate of the course error", "ė_χ", "rad/s"),
+    "gamma_dot": ("rate of the path-angle error", "ė_γ", "rad/s"),
+    "s_chi": ("course error and its rate", "s_χ", "rad"),
+    "s_gamma": ("path-angle error and its rate", "s_γ", "rad"),
+}
+INDICATOR_LABELS = {"R_K": "R_K [1/s]", "I_K": "I_K [s²]"}
+COMMAND_LABELS = {"roll": "φ [rad]", "load factor": "n_z [1]"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,40 +46,48 @@ class Made:
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Assumption:
-    """A choice that had to be made because the paper does not print it."""
+def sheet(charts: Sequence[Chart], *, legend: Sequence[LegendEntry] = ()) -> Sheet:
+    """Charts as one figure, lettered like the panels of the paper where there are several."""
+    if len(charts) > 1:
+        for letter, chart in zip("abcdefgh", charts, strict=False):
+            chart.title = f"({letter}) {chart.title}"
+    return Sheet(charts=charts, columns=min(len(charts), 2), legend=legend)
 
-    what: str  # what is missing
-    taken: str  # what was taken instead
-    why: str  # the reason for that choice
+
+def over_time(
+    flights: Mapping[str, PaperFlight],
+    looks: Mapping[str, Mapping[str, Any]],
+    channel: str,
+    *,
+    x_range: tuple[float, float] = (0.0, DURATION),
+    y_range: tuple[float, float] | None = None,
+) -> Chart:
+    """A channel of each flight over time, in the colour and dashes of `looks`."""
+    name, symbol, unit = CHANNEL_LABELS[channel]
+    chart = Chart(title=name, y=f"{symbol} [{unit}]", x_range=x_range, y_range=y_range)
+    for label, flight in flights.items():
+        chart.line(flight.t, flight.channels[channel], run=label, **looks[label])
+    return chart
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Item:
-    """A table or figure of the paper that can be made again."""
+def marked_line(
+    chart: Chart,
+    x: npt.ArrayLike,
+    y: npt.ArrayLike,
+    colour: str,
+    *,
+    dash: str = "",
+    name: str = "",
+    run: str = "",
+) -> None:
+    """Draw a line with a dot at each of its points, hollow on a dashed line."""
+    chart.line(x, y, colour, dash=dash, name=name, run=run)
+    chart.points(x, y, colour, filled=not dash)
 
-    name: str  # as on the command line: the label in the paper's source
-    title: str
-    printed: str  # where it stands in the paper
-    make: Callable[[Study], Made]  # from a study to the item as computed
-    parameters: list[str]  # the printed parameters used, a line each
-    assumed: list[Assumption]  # what the paper does not print
-    outcome: list[str]  # the results, a sentence each, with braces where `Made` has the numbers
-    captions: Mapping[str, str]  # captions of the figures by file name, with braces as well
 
-    def filled_in(self, text: str, made: Made) -> str:
-        """A caption or a sentence of the outcome with the numbers as computed."""
-        return text.format(printed=printed, values=made.values, **made.numbers)
-
-    def text(self, made: Made) -> str:
-        """The short text of the item, Markdown."""
-        assumed = [f"{a.what}: {a.taken}. Why: {a.why}." for a in self.assumed] or ["nothing"]
-        parts = [f"# {self.name}: {self.title}\n\n{self.printed} of arXiv 2411.13140.\n"]
-        for title, lines in (
-            ("What comes out", [self.filled_in(line, made) for line in self.outcome]),
-            ("Parameters", self.parameters),
-            ("Assumed, because the paper does not print it", assumed),
-        ):
-            parts.append(f"## {title}\n\n" + "".join(f"- {line}\n" for line in lines))
-        return "\n".join(parts)
+def disturbance_looks() -> dict[str, dict[str, str]]:
+    """Lines of d1 to d9: the hue tells the amplitude L_d, the dashes the frequency omega_d."""
+    return {
+        name: {"colour": AMPLITUDE_COLOURS[L_d], "dash": OMEGA_DASHES[omega_d]}
+        for name, (L_d, omega_d) in TABLE_3.items()
+    }

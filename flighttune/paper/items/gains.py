@@ -9,15 +9,15 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PAPER_EPSILON, PIGains
 from flighttune.control.linear_model import closed_loop, closed_loops
 from flighttune.paper import parameters as printed
-from flighttune.paper.commands import initial_commands, largest_share
-from flighttune.paper.items.base import Made
-from flighttune.paper.items.panels import (
+from flighttune.paper.flight import initial_commands, largest_share
+from flighttune.paper.items.base import (
     CHI,
     GAIN_COLOURS,
     GAMMA,
     GREEN,
     INDICATOR_LABELS,
     MAGENTA,
+    Made,
     sheet,
 )
 from flighttune.paper.parameters import DURATION, STAR
@@ -43,12 +43,10 @@ def _indicators_over(study: Study, epsilon: FloatArray) -> IndicatorArrays:
 
 def gains(study: Study) -> Made:
     """Compare K* with the optimum, its indicators with the printed ones, and its constraints."""
-    sets = {STAR: study.star}
-    for name, result in ((OPTIMUM, study.optimum), (NEAREST, study.constrained)):
-        if result.gains is not None:
-            sets[name] = result.gains
-    table = pd.DataFrame({name: _row(study, gain_set) for name, gain_set in sets.items()}).T
     star, best, near = study.indicators[STAR], study.optimum, study.constrained
+    candidates = {STAR: study.star, OPTIMUM: best.gains, NEAREST: near.gains}
+    sets = {name: gain_set for name, gain_set in candidates.items() if gain_set is not None}
+    table = pd.DataFrame({name: _row(study, gain_set) for name, gain_set in sets.items()}).T
     return Made(
         figures={
             "gains": _plane(study),
@@ -65,8 +63,7 @@ def gains(study: Study) -> Made:
             "optimum": {
                 "R_K": best.R_K,
                 "I_K": best.I_K,
-                "K_P": None if best.gains is None else best.gains.K_P.tolist(),
-                "K_I": None if best.gains is None else best.gains.K_I.tolist(),
+                **(best.gains.as_lists() if best.gains else {"K_P": None, "K_I": None}),
             },
             "with_input_constraints": {
                 "status": near.status,
@@ -83,14 +80,10 @@ def gains(study: Study) -> Made:
 
 def _row(study: Study, gain_set: PIGains) -> dict[str, float]:
     loop = indicators(closed_loop(study.model, gain_set))
-    entries = {
-        f"{part}_{i + 1}{j + 1}": float(matrix[i, j])
-        for part, matrix in (("K_P", gain_set.K_P), ("K_I", gain_set.K_I))
-        for i in (0, 1)
-        for j in (0, 1)
-    }
+    places = ("11", "12", "21", "22")
     return {
-        **entries,
+        **{f"K_P_{at}": x for at, x in zip(places, gain_set.K_P.ravel(), strict=True)},
+        **{f"K_I_{at}": x for at, x in zip(places, gain_set.K_I.ravel(), strict=True)},
         "R_K_1_per_s": loop.R_K,
         "I_K_s2": loop.I_K,
         "spectral_abscissa_1_per_s": loop.spectral_abscissa,
@@ -132,13 +125,12 @@ def _disagreement(study: Study) -> Sheet:
             y_range=(1e-3, 1e3),
             x_ticks=list(enumerate(PAIRS_PRINTED)),
         )
-        sizes = []
-        for name, pair in PAIRS_PRINTED.items():
-            row = study.indicators[name]
-            off = abs(pair[k] - (row.R_K, row.I_K)[k])
-            sizes.append(
-                off / (printed.STAR_LAST_DIGIT if name == STAR else printed.LAST_DIGITS[k])
-            )
+        digits = {STAR: printed.STAR_LAST_DIGIT}
+        sizes = [
+            abs(pair[k] - getattr(study.indicators[name], key))
+            / digits.get(name, printed.LAST_DIGITS[k])
+            for name, pair in PAIRS_PRINTED.items()
+        ]
         # A logarithmic axis has no zero: the bar of full agreement ends at its lower edge.
         tops = np.maximum(sizes, 1e-3)
         chart.bars(np.full(len(tops), 1e-3), tops, [GAIN_COLOURS[name] for name in PAIRS_PRINTED])

@@ -7,13 +7,13 @@ import pandas as pd
 
 from flighttune.paper import parameters as printed
 from flighttune.paper.flight import PaperFlight
-from flighttune.paper.items.base import Made
-from flighttune.paper.items.panels import (
+from flighttune.paper.items.base import (
     CHI,
     COMMAND_LABELS,
     GAIN_COLOURS,
     GAMMA,
     GREEN,
+    Made,
     disturbance_looks,
     over_time,
     sheet,

@@ -5,8 +5,7 @@ import pandas as pd
 
 from flighttune.paper import parameters as printed
 from flighttune.paper.duffing import DuffingCases, bound
-from flighttune.paper.items.base import Made
-from flighttune.paper.items.panels import CHI, GAMMA, GREEN, STRONG, marked_line, sheet
+from flighttune.paper.items.base import CHI, GAMMA, GREEN, STRONG, Made, marked_line, sheet
 from flighttune.paper.study import Study
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import INK, LIMIT, NEUTRAL

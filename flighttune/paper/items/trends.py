@@ -4,17 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flighttune.paper.items.base import Made
-from flighttune.paper.items.histories import PROFILES, at_ends, measures_of, measures_table
-from flighttune.paper.items.panels import (
+from flighttune.paper.items.base import (
     AMPLITUDE_COLOURS,
     CHANNEL_LABELS,
     CHI,
     GAMMA,
     INDICATOR_LABELS,
+    Made,
     marked_line,
     sheet,
 )
+from flighttune.paper.items.histories import PROFILES, at_ends, measures_of, measures_table
 from flighttune.paper.study import Study, rank_correlation
 from flighttune.present.chart import DASHED, Chart, LegendEntry, Sheet
 

@@ -1,0 +1,535 @@
+"""Every checkable sentence of the abstract and of section 5, with the verdict on it.
+
+To add one, put the sentence into ``claims.toml`` and the function that checks it, under the same
+name, into this module.
+"""
+
+import math
+import operator
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.paper import parameters as printed
+from flighttune.paper.duffing import DuffingCase
+from flighttune.paper.flight import NEAR, decay_rate, largest_share, oscillations
+from flighttune.paper.parameters import DURATION, STAR, printed_limits
+from flighttune.paper.study import Study, rank_correlation
+from flighttune.plants.point_mass import turn_rates
+from flighttune.present.numbers import number
+
+Verdict: TypeAlias = Literal["reproduced", "partly", "not reproduced", "not checkable"]
+
+VERDICTS: tuple[Verdict, ...] = ("reproduced", "partly", "not reproduced", "not checkable")
+
+# In the order of the paper, by short name: the sentence, its place and how it is checked.
+CLAIMS: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("claims.toml").read_text(encoding="utf-8")
+)
+
+# Where the paper gives words and no number, a verdict needs one. Each is the mildest that an
+# engineer would still accept for the word, so that a claim fails for what comes out and not for a
+# strict reading. The page prints them in the column “expected”.
+
+# "A very small region": error left at the end, rad. 2 % of the first error in course, the usual
+# band of a settling time.
+VERY_SMALL = 0.02
+
+# "Exponential stabilisation": share of the first state left after 20 s without disturbance.
+SETTLED = 0.01
+
+# "Assesses", "correlates": size of a rank correlation over the seven gain sets. Only 17 of the 5040
+# orders of seven reach it, so that chance does so once in 300 times.
+CORRELATED = 0.9
+
+# "Linearity": R^2 of a straight line.
+LINEAR = 0.95
+
+# "Approximately inverse": correlation of a quantity with 1 / R_K.
+INVERSE = 0.95
+
+# "Of the order of 1e-3", "minor": anything below the next power of ten.
+ORDER_OF_1E3 = 1e-2
+
+# "No significant rise": relative rise up to which none is seen in the paper's figures.
+NOT_SIGNIFICANT = 0.1
+
+# "Pronounced upward trend": relative rise from here on.
+PRONOUNCED = 0.5
+
+# "Nearly all curves": of the nine disturbances.
+NEARLY_ALL = 8
+
+# "Optimal": relative distance from the best R_K. The printed gains have four decimals, which move
+# R_K by less than 1e-4 of itself.
+AS_GOOD = 1e-3
+
+# Distance at which two Jacobians, or a rate and zero, are the same: the error of central
+# differences with a step of 1e-6, where rounding and curvature are about equal.
+DERIVATIVE, SMALL_STEP = 1e-8, 1e-6
+
+# Excess of a limited command over its limit that is rounding.
+ROUNDING = 1e-9
+
+# The L_d for which the text speaks of ITAE over omega_d.
+STATED_AMPLITUDES = (0.1, 0.3)
+
+# The errors of the sentence on ITAE, MS and ST.
+ERRORS = ("chi", "gamma", "chi_dot", "gamma_dot")
+
+RELATIONS = {"≤": operator.le, "<": operator.lt, "≥": operator.ge}
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One comparison."""
+
+    what: str  # what is compared, with its unit
+    expected: str | float  # what the paper says
+    computed: str | float  # what comes out
+    holds: bool  # whether the two agree
+
+
+Checks: TypeAlias = Iterator[Check]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """A sentence of the paper with its comparisons made."""
+
+    id: str
+    text: str  # what the paper says, shortened
+    where: str  # its place in the paper
+    checks: tuple[Check, ...]
+    missing: str = ""  # what would be needed where there are no comparisons
+
+    @property
+    def verdict(self) -> Verdict:
+        """Reproduced where all comparisons agree, partly where some do."""
+        if not self.checks:
+            return "not checkable"
+        agreeing = {check.holds for check in self.checks}
+        return "partly" if len(agreeing) > 1 else "reproduced" if True in agreeing else VERDICTS[2]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, as ``--json`` prints them."""
+        computed = {check.what: check.computed for check in self.checks}
+        return {
+            "id": self.id,
+            "text": self.text,
+            "where": self.where,
+            "verdict": self.verdict,
+            "expected": {check.what: check.expected for check in self.checks},
+            "computed": computed or {"missing": self.missing},
+        }
+
+
+def judge(name: str, study: Study) -> Finding:
+    """Make the comparisons of a claim with the numbers of a study.
+
+    The function has the name of the claim if its entry has no ``check``; further keys of the entry
+    are its arguments.
+    """
+    entry = dict(CLAIMS[name])
+    claim = {key: entry.pop(key) for key in ("text", "where", "missing") if key in entry}
+    checks: Iterable[Check] = ()
+    if "missing" not in claim:
+        function = entry.pop("check", name).replace("-", "_")
+        checks = globals()[function](study, **entry)
+    return Finding(id=name, checks=tuple(checks), **claim)
+
+
+def text_of(value: str | float) -> str:
+    """An expected or computed value for a table: a number with five digits."""
+    return value if isinstance(value, str) else number(value, ".5g")
+
+
+def _compare(what: str, value: float, relation: str, limit: float, symbol: str = "") -> Check:
+    """`value` against a limit, which may be named by a symbol."""
+    name = f"{symbol} = " if symbol else ""
+    holds = RELATIONS[relation](value, limit)
+    return Check(what, f"{relation} {name}{limit:.4g}", value, holds)
+
+
+def _printed(what: str, value: float, number: float, last_digit: float) -> Check:
+    """`value` must be a printed number to one unit of its last digit."""
+    return Check(what, number, value, abs(value - number) <= last_digit)
+
+
+def _all_steps(what: str, agreeing: int, count: int) -> Check:
+    """Every step from one neighbour to the next must go the way that the paper says."""
+    computed = f"{agreeing} of {count} steps"
+    return Check(what, f"{count} of {count} steps", computed, agreeing == count)
+
+
+def _rising_steps(values: pd.Series) -> tuple[int, int]:
+    """Number of neighbours at which a series rises, and of all neighbours."""
+    change = values.diff().dropna()
+    return int((change > 0.0).sum()), len(change)
+
+
+def _lower_with_higher_R_K(name: str, from_high_to_low: pd.Series) -> Check:
+    """A measure must rise at every step from the highest R_K to the lowest."""
+    return _all_steps(f"{name} lower with higher R_K", *_rising_steps(from_high_to_low))
+
+
+# The abstract
+
+
+def exponential_stabilisation(study: Study) -> Checks:
+    """Without disturbance the state decays exponentially, at the rate the theory says."""
+    flight = study.undisturbed
+    s = np.hypot(flight.channels["s_chi"], flight.channels["s_gamma"])
+    late = flight.t >= 10.0  # the commands have left their ranges for the last time
+    rate = decay_rate(flight.t[late], s[late])
+    left = float(s[-1] / s[0])
+    yield _compare("part of |s| left after 20 s, no disturbance", left, "≤", SETTLED)
+    half = study.indicators[STAR].R_K / 2.0
+    yield _compare("decay of |s| from 10 s on [1/s]", rate, "≥", half, "R_K/2")
+
+
+def optimal_controller(study: Study) -> Checks:
+    """No gains with the same I_K have a higher R_K."""
+    best = study.optimum.R_K
+    share = study.indicators[STAR].R_K / best if best else math.nan
+    yield _compare("R_K over the best without input constraints [1]", share, "≥", 1.0 - AS_GOOD)
+
+
+def assesses_performance(study: Study) -> Checks:
+    """R_K orders the gain sets as each measure of performance does."""
+    R_K = study.indicator("R_K")
+    errors, sums = ("chi", "gamma"), ("s_chi", "s_gamma")
+    for measure in ("ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad"):
+        for channel in sums if measure in ("MS_rad", "ST_rad") else errors:
+            correlation = rank_correlation(R_K, study.of_gains(channel, measure))
+            what = f"rank correlation of R_K and {measure.split('_')[0]} of {channel}"
+            yield _compare(what, correlation, "≤", -CORRELATED)
+
+
+# Section 5.1, the Duffing oscillator
+
+
+def _disturbed(study: Study) -> dict[str, DuffingCase]:
+    """The printed oscillator under mild and hard disturbances, by name."""
+    return {"noise": study.duffing.noisy, **study.duffing.hard}
+
+
+def duffing_condition(_: Study) -> Checks:
+    """The origin is stable exactly where alpha and delta are positive."""
+    values = np.array([-2.0, -0.5, 0.5, 1.0, 3.0])
+    alpha, delta = map(np.ravel, np.meshgrid(values, values))
+    # Not `Duffing.jacobian`: an oscillator with an unstable origin is refused there.
+    J = np.zeros((alpha.size, 2, 2))
+    J[:, 0, 1], J[:, 1, 0], J[:, 1, 1] = 1.0, -alpha, -delta
+    stable = np.linalg.eigvals(J).real.max(axis=-1) < 0.0
+    agreeing = int(np.sum(stable == ((alpha > 0.0) & (delta > 0.0))))
+    yield Check("points of a grid that agree", alpha.size, agreeing, agreeing == alpha.size)
+
+
+def duffing_bound(study: Study) -> Checks:
+    """|f(x)| stays below the printed bound over time, under mild and hard disturbances."""
+    for name, case in _disturbed(study).items():
+        ratio = float(np.max(case.norm_f / case.bound_over_time[:, None]))
+        yield _compare(f"largest |f| over its bound, {name} [1]", ratio, "≤", 1.0)
+
+
+def duffing_attractor(study: Study) -> Checks:
+    """The claim that |f(x)| is inside S(0) in the last quarter."""
+    for name, case in _disturbed(study).items():
+        late = case.norm_f[case.t >= 0.75 * case.t[-1]].max()
+        yield _compare(f"largest |f| in the last quarter, {name}", late, "≤", case.theorem.radius)
+
+
+def duffing_rate(study: Study) -> Checks:
+    """|f(x)| decays at R(f) without disturbance: in (a), and for other alpha and delta."""
+    case = study.duffing.undisturbed
+    late = case.t >= 5.0  # the cubic stiffness has died away
+    rate = decay_rate(case.t[late], case.norm_f[late, 0])
+    yield _compare("decay of |f| in (a) [1/s]", rate, "≥", case.theorem.rate, "R(f)")
+    slowest = study.duffing.slowest_decay
+    yield _compare("smallest decay over R(f), 30 oscillators [1]", slowest, "≥", 1.0)
+
+
+def duffing_everywhere(study: Study) -> Checks:
+    """Every state reached lies where the condition of the theorem holds for the chosen P."""
+    for name, case in _disturbed(study).items():
+        yield _compare(f"largest |x1|, {name}", case.farthest, "<", study.duffing.model.region)
+
+
+# Sections 5.2 and 5.2.1, K*
+
+
+def _error_rates(z: FloatArray) -> FloatArray:
+    """f_e at z = (e_chi, e_gamma, phi, n_z)."""
+    gamma = printed.GAMMA_C - z[1]
+    return -np.array(turn_rates(printed.V_A, gamma, z[2], z[3], g=printed.G))
+
+
+def jacobians(study: Study) -> Checks:
+    """The printed Jacobians are those of the law, and the printed equilibrium is one."""
+    steady = np.array([0.0, 0.0, 0.0, np.cos(printed.GAMMA_C)])
+    differences = np.column_stack(
+        [
+            (_error_rates(steady + step) - _error_rates(steady - step)) / (2.0 * SMALL_STEP)
+            for step in SMALL_STEP * np.eye(4)
+        ]
+    )
+    off = float(np.max(np.abs(differences - np.hstack([study.model.A, study.model.B]))))
+    yield _compare("largest distance of the Jacobians from differences", off, "≤", DERIVATIVE)
+    n_z = np.cos(printed.GAMMA_C) / printed.G
+    rate = float(np.linalg.norm(_error_rates(np.array([0.0, 0.0, 0.0, n_z]))))
+    yield _compare("rate of the error at n_z = cos(γ_c)/g [rad/s]", rate, "≤", DERIVATIVE)
+
+
+def star_indicators(study: Study) -> Checks:
+    """R_K* and I_K* follow from the printed gains."""
+    row, digit = study.indicators[STAR], printed.STAR_LAST_DIGIT
+    yield _printed("R_K* [1/s]", row.R_K, printed.R_K_PRINTED, digit)
+    yield _printed("I_K* [s²]", row.I_K, printed.I_K_PRINTED, digit)
+
+
+def star_feasible(study: Study) -> Checks:
+    """K* is a point of the optimisation model: every command and rate at t_0 in its range."""
+    share = largest_share(study.star)
+    yield _compare("largest command or rate at t_0 over its limit [1]", share, "≤", 1.0)
+
+
+def star_optimal(study: Study) -> Checks:
+    """K* has the highest R_K of all gains that meet the constraints."""
+    result, bound = study.constrained, f"{printed.I_STAR:g}"
+    what = f"smallest I_K within the input constraints [s²], I* = {bound}"
+    yield Check(what, f"≤ {bound}", result.I_K, result.status == "optimal")
+    best, own = study.optimum.R_K, study.indicators[STAR].R_K
+    what = "R_K* against the best without input constraints [1/s]"
+    yield Check(what, f"{best:.5g}", own, own >= (1.0 - AS_GOOD) * best)
+
+
+def eigenvalues(study: Study) -> Checks:
+    """All eigenvalues of A_K(0) have a negative real part."""
+    yield _compare("largest real part [1/s]", study.indicators[STAR].spectral_abscissa, "<", 0.0)
+
+
+def small_region(study: Study) -> Checks:
+    """Both errors end in a very small region."""
+    for channel in ("chi", "gamma"):
+        left = study.flights[STAR].after(channel, DURATION)
+        yield _compare(f"|e_{channel}| at 20 s [rad]", left, "≤", VERY_SMALL)
+
+
+def overshoot(study: Study, channel: str) -> Checks:
+    """Maximum overshoot of an error."""
+    height, _ = study.flights[STAR].peak(channel)
+    yield _compare(f"MO of e_{channel} [rad]", height, "≤", printed.LARGEST_OVERSHOOT[channel])
+
+
+def peak_time(study: Study) -> Checks:
+    """The later of both peaks, which is the maximum the sentence speaks of."""
+    peaks = {channel: study.flights[STAR].peak(channel)[1] for channel in ("chi", "gamma")}
+    channel, latest = max(peaks.items(), key=lambda peak: peak[1])
+    what = f"largest PT, that of e_{channel} [s]"
+    yield _compare(what, latest, "<", printed.LARGEST_PEAK_TIME)
+
+
+def peak_time_gamma(study: Study) -> Checks:
+    """The peak of the path-angle error alone."""
+    _, t = study.flights[STAR].peak("gamma")
+    yield _compare("PT of e_gamma [s]", t, "<", printed.LARGEST_PEAK_TIME)
+
+
+def commands_in_range(study: Study) -> Checks:
+    """Roll and load factor after the limits stay in their ranges: the simulation sees to that."""
+    largest = np.max(np.abs(study.flights[STAR].u), axis=0)
+    for name, value, limit in zip(("φ", "n_z"), largest, printed_limits().upper, strict=True):
+        yield _compare(f"largest |{name}| flown", float(value), "≤", float(limit) + ROUNDING)
+
+
+def commands_in_rate(study: Study) -> Checks:
+    """Rates of roll and load factor after the limits stay in their ranges."""
+    rates = np.max(np.abs(study.flights[STAR].command_rates), axis=0)
+    for name, value, limit in zip(("φ", "n_z"), rates, printed_limits().rate_upper, strict=True):
+        yield _compare(f"largest rate of {name} flown [1/s]", float(value), "≤", float(limit))
+
+
+def converges_with_all_limits(study: Study) -> Checks:
+    """With ranges and rate limits together, as Table 1 has them, the errors still converge."""
+    flight = study.readings["ranges and rate limits"]
+    for channel in ("chi", "gamma"):
+        left = flight.after(channel, flight.t[-1] - 2.0)
+        yield _compare(
+            f"largest |e_{channel}| from 18 s on, rate limits too [rad]", left, "≤", NEAR
+        )
+
+
+# Section 5.2.2, K1 to K6
+
+
+def table_2(study: Study) -> Checks:
+    """R_K and I_K of every row."""
+    digit_R, digit_I = printed.LAST_DIGITS
+    for name, (R_K, I_K) in printed.TABLE_2.items():
+        row = study.indicators[name]
+        yield _printed(f"R_K of {name} [1/s]", row.R_K, R_K, digit_R)
+        yield _printed(f"I_K of {name} [s²]", row.I_K, I_K, digit_I)
+
+
+def faster_convergence(study: Study) -> Checks:
+    """The slowest eigenvalue and the late errors of every channel follow R_K."""
+    R_K = study.indicator("R_K")
+    rated = {"the spectral abscissa": study.indicator("spectral_abscissa")}
+    rated |= {f"ITAE of {channel}": study.of_gains(channel, "ITAE") for channel in ERRORS}
+    for name, values in rated.items():
+        what = f"rank correlation of R_K and {name}"
+        yield _compare(what, rank_correlation(R_K, values), "≤", -CORRELATED)
+
+
+def small_R_oscillates(study: Study) -> Checks:
+    """The smallest R_K crosses zero more often than the largest, and ends farther away."""
+    R_K = study.indicator("R_K")
+    high, low = study.flights[str(R_K.idxmax())], study.flights[str(R_K.idxmin())]
+    for channel in ("chi", "gamma"):
+        few, many = (oscillations(flight.channels[channel]) for flight in (high, low))
+        what = f"zero crossings of e_{channel}, lowest R_K"
+        yield Check(what, f"> {few} of the highest", many, many > few)
+        near, far = (float(f.measures.loc[channel, "ST_rad"]) for f in (high, low))
+        what = f"ST of e_{channel}, lowest R_K [rad]"
+        yield Check(what, f"> {near:.3g} of the highest", far, far > near)
+
+
+def slower_oscillation(study: Study) -> Checks:
+    """A larger R_K has smaller amplitudes and slower oscillation frequencies."""
+    for channel in ("chi", "gamma"):
+        yield _lower_with_higher_R_K(f"MO of e_{channel}", study.of_gains(channel, "MO_rad"))
+    order = study.indicator("R_K").sort_values(ascending=False).index
+    frequency = [float(np.max(study.indicators[str(name)].eigenvalues.imag)) for name in order]
+    yield _lower_with_higher_R_K("eigenfrequency", pd.Series(frequency))
+
+
+def R_more_than_I(study: Study) -> Checks:
+    """R_K orders convergence and steady error better than I_K does."""
+    R_K, I_K = study.indicator("R_K"), study.indicator("I_K")
+    for measure, channels in (("ITAE", ("chi", "gamma")), ("ST_rad", ("s_chi", "s_gamma"))):
+        for channel in channels:
+            values = study.of_gains(channel, measure)
+            by_R, by_I = (abs(rank_correlation(key, values)) for key in (R_K, I_K))
+            what = f"|rank correlation| of R_K and {measure.split('_')[0]} of {channel}"
+            yield Check(what, f"> {by_I:.3g} of I_K", by_R, by_R > by_I)
+
+
+def lower_measure(study: Study, measure: str, name: str, channels: Sequence[str]) -> Checks:
+    """The size of a measure falls with rising R_K at every step, in each channel."""
+    for channel in channels:
+        values = study.of_gains(channel, measure).abs()
+        yield _lower_with_higher_R_K(f"{name} of {channel}", values)
+
+
+def mostly_smaller_MO_PT(study: Study) -> Checks:
+    """MO and PT fall with rising R_K at most steps."""
+    for measure, name in (("MO_rad", "MO"), ("PT_s", "PT")):
+        for channel in ("chi", "gamma"):
+            rising, count = _rising_steps(study.of_gains(channel, measure))
+            what = f"{name} of e_{channel} lower with higher R_K"
+            computed = f"{rising} of {count} steps"
+            yield Check(what, f"most of {count} steps", computed, 2 * rising > count)
+
+
+def minor_means(study: Study) -> Checks:
+    """The mean rate of error differs by some 1e-3 over the gain sets."""
+    for channel in ("chi_dot", "gamma_dot"):
+        spread = float(np.ptp(study.of_gains(channel, "mean")))
+        what = f"spread of the mean of {channel} over the gain sets [rad/s]"
+        yield Check(what, "of the order of 1e-3", spread, spread < ORDER_OF_1E3)
+
+
+def inverse_deviation(study: Study) -> Checks:
+    """The deviation of the rates of error is proportional to 1 / R_K, about."""
+    for channel in ("chi_dot", "gamma_dot"):
+        values = study.of_gains(channel, "std")
+        R_K = study.indicator("R_K").loc[values.index].to_numpy()
+        stable = (R_K > 0.0).all()
+        correlation = float(np.corrcoef(1.0 / R_K, values)[0, 1]) if stable else 0.0
+        what = f"correlation of 1/R_K and the deviation of {channel}"
+        yield _compare(what, correlation, "≥", INVERSE)
+        yield _lower_with_higher_R_K(f"deviation of {channel}", values)
+
+
+# Section 5.2.3, d1 to d9
+
+
+def near_origin(study: Study) -> Checks:
+    """After 20 s the errors stay near the origin, for nearly all disturbances."""
+    for channel in ("chi", "gamma"):
+        left = study.of_disturbances(channel, "after")
+        near = int((left < NEAR).to_numpy().sum())
+        what = f"disturbances with |e_{channel}| < {NEAR:g} rad after 20 s"
+        computed = f"{near} of 9, largest {left.to_numpy().max():.3g} rad"
+        yield Check(what, f"≥ {NEARLY_ALL} of 9", computed, near >= NEARLY_ALL)
+
+
+def steps_along(
+    study: Study, measure: str, name: str, channels: Sequence[str], along: Sequence[str], way: str
+) -> Checks:
+    """A measure rises, or falls, at every step along L_d or omega_d."""
+    for channel in channels:
+        table = study.of_disturbances(channel, measure).to_numpy()
+        for axis, symbol in enumerate(("L_d", "ω_d")):
+            if symbol in along:
+                change = np.diff(table, axis=axis)
+                agreeing = int(((change if way == "rises" else -change) > 0.0).sum())
+                what = f"{name.format(channel)} {way} with {symbol}"
+                yield _all_steps(what, agreeing, change.size)
+
+
+def insensitive_ITAE(study: Study) -> Checks:
+    """For the stated L_d, ITAE does not rise significantly with omega_d."""
+    for L_d in STATED_AMPLITUDES:
+        for channel in ("chi", "gamma"):
+            row = study.of_disturbances(channel, "ITAE").loc[L_d]
+            rise = float(row.max() / row.iloc[0] - 1.0)
+            what = f"largest relative rise of ITAE of e_{channel} with ω_d, L_d = {L_d:g}"
+            yield _compare(what, rise, "≤", NOT_SIGNIFICANT)
+
+
+def decreasing_ITAE(study: Study) -> Checks:
+    """For the stated L_d, a straight line through ITAE over omega_d falls."""
+    for L_d in STATED_AMPLITUDES:
+        for channel in ("chi", "gamma"):
+            row = study.of_disturbances(channel, "ITAE").loc[L_d]
+            omega = row.index.to_numpy(dtype=float)
+            slope = np.polyfit(omega, row.to_numpy(), 1)[0]
+            change = float(slope * np.ptp(omega) / row.iloc[0])
+            what = f"relative change of ITAE of e_{channel} along a line over ω_d, L_d = {L_d:g}"
+            yield _compare(what, change, "<", 0.0)
+
+
+def linear_MS(study: Study) -> Checks:
+    """MS follows a straight line in L_d for each omega_d."""
+    for channel in ("s_chi", "s_gamma"):
+        table = study.of_disturbances(channel, "MS_rad")
+        for omega in table.columns:
+            R_squared = float(np.corrcoef(table.index.astype(float), table[omega])[0, 1] ** 2)
+            what = f"R² of MS of {channel} over L_d, ω_d = {omega:g}"
+            yield _compare(what, R_squared, "≥", LINEAR)
+
+
+def minimal_ST(study: Study) -> Checks:
+    """The growth of ST from the smallest to the largest L_d is of the order of 1e-3."""
+    for channel in ("s_chi", "s_gamma"):
+        growth = study.growth_of_ST(channel)
+        what = f"largest growth of ST of {channel} from L_d = 0.1 to 0.3 [rad]"
+        yield Check(what, "of the order of 1e-3", growth, growth < ORDER_OF_1E3)
+
+
+def insensitive_ST(study: Study) -> Checks:
+    """ST does not rise by half or more from the lowest omega_d to the highest, at any L_d."""
+    for channel in ("s_chi", "s_gamma"):
+        table = study.of_disturbances(channel, "ST_rad")
+        rise = table.iloc[:, -1] / table.iloc[:, 0] - 1.0
+        count = int((rise >= PRONOUNCED).sum())
+        what = f"amplitudes at which ST of {channel} rises by half or more with ω_d"
+        yield Check(what, "0 of 3", f"{count} of 3, largest {rise.max():+.0%}", count == 0)
