@@ -1,18 +1,15 @@
-"""The tables and keys of a scenario file, with their units at the end of each name."""
+"""A scenario: its tables, checked against each other, and what they mean in SI."""
 
 import hashlib
 import json
 import math
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.arrays import FloatArray
-from flighttune.control.controller import AntiWindup
-from flighttune.control.envelope import Envelope
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
 from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
 from flighttune.control.law import DEFAULT, Law, Trim, law_name, made_law, split_name
@@ -23,39 +20,23 @@ from flighttune.identify.file import load_identified
 from flighttune.identify.model import DesignModel, design_model
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile
-from flighttune.quantities import (
-    FASTEST_WIND,
-    STEEPEST_DEG,
-    Airspeed,
-    Course,
-    Duration,
-    GainMatrix,
-    Gravity,
-    Height,
-    Inclination,
-    LoadFactor,
-    PositiveRate,
-    TimeConstant,
-)
+from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG
 from flighttune.scenario.tables import (
-    INPUTS,
     LAWS,
     TUNED,
     TUNED_IDENTIFIED,
-    Airspeeds,
+    ControllerTable,
     DisturbanceTable,
+    EnvelopeTable,
     ExpectTable,
-    Ground,
+    FlightTable,
+    GainsTable,
     GustTable,
-    Inclinations,
     Laws,
     LawTable,
-    LoadFactors,
-    Name,
+    LimitsTable,
     PlantTable,
-    Rates,
     ReferenceTable,
-    Rolls,
     Seed,
     SensorsTable,
     Table,
@@ -67,7 +48,7 @@ from flighttune.scenario.tables import (
 )
 from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
 from flighttune.simulate.reference import Reference
-from flighttune.units import DEG, G_PAPER
+from flighttune.units import DEG
 
 MAX_SAMPLES = 1_000_000
 """Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals."""
@@ -78,97 +59,6 @@ ROUNDING = 1e-9
 
 MARGIN = 0.2
 """Share of every limit that a reference of shape feasible leaves to the feedback by default."""
-
-
-class FlightTable(Table):
-    """``[flight]``: start and length of the manoeuvre, and gravity of the kinematic law."""
-
-    V_a_mps: Airspeed
-    h_m: Height = 1000.0
-    chi_deg: Course = 0.0
-    gamma_deg: Inclination = 0.0
-    phi_deg: Inclination = 0.0
-    n_z: LoadFactor | None = None
-    duration_s: Duration = 20.0
-    ground_m: Ground = 0.0
-    g_mps2: Gravity = G_PAPER
-
-
-class LimitsTable(Table):
-    """``[limits]`` of the commands; what is absent is not limited.
-
-    A rate is one number (both ways) or a range.
-    """
-
-    phi_deg: Rolls | None = None
-    phi_rate_dps: PositiveRate | Rates | None = None
-    n_z: LoadFactors | None = None
-    n_z_rate_per_s: PositiveRate | Rates | None = None
-
-    @field_validator("phi_rate_dps", "n_z_rate_per_s")
-    @classmethod
-    def _includes_zero(cls, value: float | list[float] | None) -> float | list[float] | None:
-        if isinstance(value, list) and not value[0] <= 0.0 <= value[1]:
-            raise ValueError("must be a range of rates that includes zero")
-        return value
-
-    def limits(self) -> Limits:
-        """The limits in rad, 1 and seconds; infinite where the file gives none."""
-        lower, upper = _bounds(self.phi_deg, self.n_z)
-        rate_lower, rate_upper = _bounds(self.phi_rate_dps, self.n_z_rate_per_s)
-        return Limits(lower=lower, upper=upper, rate_lower=rate_lower, rate_upper=rate_upper)
-
-
-class ControllerTable(Table):
-    """``[controller]``: sample rate and options of the discrete MIMO-PI."""
-
-    rate_hz: Annotated[float, Field(ge=1.0, le=1000.0)] = 50.0
-    anti_windup: AntiWindup = "conditional"
-    tracking_time_s: TimeConstant | None = None
-    feed_forward: bool = False
-    schedule: bool = False
-
-
-class EnvelopeTable(Table):
-    """``[envelope]``: ranges of flight over which ``certify --envelope`` looks for one proof."""
-
-    V_a_mps: Airspeeds
-    gamma_deg: Inclinations
-    phi_deg: Inclinations
-    n_z: LoadFactors
-
-    def envelope(self) -> Envelope:
-        """The ranges in m/s, rad and 1."""
-        return Envelope(
-            V_a=(self.V_a_mps[0], self.V_a_mps[1]),
-            gamma=(self.gamma_deg[0] * DEG, self.gamma_deg[1] * DEG),
-            phi=(self.phi_deg[0] * DEG, self.phi_deg[1] * DEG),
-            n_z=(self.n_z[0], self.n_z[1]),
-        )
-
-
-class GainsTable(Table):
-    """Gains given as numbers: rows phi, n_z (or their rates); columns chi, gamma.
-
-    ``law`` says whose they are: the paper's, or the exact law's in 1/s and 1/s^2. By default the
-    exact law's where the scenario flies no other, else the paper's. Other laws get them mapped.
-    """
-
-    name: Name
-    K_P: GainMatrix
-    K_I: GainMatrix
-    law: Literal["paper", "exact"] | None = None
-
-    @field_validator("K_P", "K_I")
-    @classmethod
-    def _two_by_two(cls, value: list[list[float]]) -> list[list[float]]:
-        if [len(row) for row in value] != [INPUTS] * INPUTS:
-            raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
-        return value
-
-    def gains(self, law: str = DEFAULT) -> PIGains:
-        """The gains as a value; `law` is whose they are where the table does not say."""
-        return PIGains.from_lists(self.K_P, self.K_I, self.law or law)
 
 
 class Scenario(Table):
@@ -417,43 +307,37 @@ class Scenario(Table):
         for plant in self.plant:
             if plant.aircraft is not None:
                 limits = limits.within(_lift_and_limits(plant.aircraft, f.V_a_mps))
-        centre = np.array([0.0, 1.0])  # level flight
+        # Bounds of roll and load factor, and of their rates, less the margin about level flight.
         share = 1.0 - (MARGIN if reference.margin is None else reference.margin)
-        lower, upper = centre + share * np.array([limits.lower - centre, limits.upper - centre])
-        slower, faster = share * limits.rate_lower, share * limits.rate_upper
-        for name, bounds in (
-            ("phi_deg", (lower[0], upper[0])),
-            ("n_z", (lower[1], upper[1])),
-            ("phi_rate_dps", (slower[0], faster[0])),
-            ("n_z_rate_per_s", (slower[1], faster[1])),
-        ):
-            if not np.isfinite(bounds).all():
-                raise InputError(
-                    f"`{name}` of [limits] must be given with a reference of shape feasible."
-                )
-        condition = self.condition
-        start_deg = [
-            flown if start is None else start
+        level = np.array([[0.0, 1.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
+        ends = np.array([limits.lower, limits.upper, limits.rate_lower, limits.rate_upper])
+        bounds = level + share * (ends - level)
+        if not np.isfinite(bounds).all():
+            raise InputError(
+                "`phi_deg`, `n_z`, `phi_rate_dps` and `n_z_rate_per_s` of [limits] must all be "
+                "given with a reference of shape feasible."
+            )
+        (phi_low, n_z_low), (phi_high, n_z_high), slower, faster = bounds.tolist()
+        chi, gamma = (
+            DEG * (flown if start is None else start)
             for flown, start in (
                 (f.chi_deg, reference.chi_from_deg),
                 (f.gamma_deg, reference.gamma_from_deg),
             )
-        ]
-        end_deg = reference.chi_deg, reference.gamma_deg
-        assert not isinstance(end_deg[0], list) and not isinstance(end_deg[1], list)  # noqa: PT018
-        gamma = start_deg[1] * DEG
-        n_z = condition.n_z
+        )
+        end = self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+        phi, n_z = self.condition.phi, self.condition.n_z
         return Manoeuvre(
             V_a=f.V_a_mps,
             g=f.g_mps2,
-            start=(start_deg[0] * DEG, gamma),
-            end=(end_deg[0] * DEG, end_deg[1] * DEG),
-            phi_0=condition.phi,
-            n_z_0=math.cos(gamma) / math.cos(condition.phi) if n_z is None else n_z,
-            phi=(float(lower[0]), float(upper[0])),
-            n_z=(float(lower[1]), float(upper[1])),
-            phi_rate=(float(slower[0]), float(faster[0])),
-            n_z_rate=(float(slower[1]), float(faster[1])),
+            start=(chi, gamma),
+            end=(end.chi, end.gamma),
+            phi_0=phi,
+            n_z_0=math.cos(gamma) / math.cos(phi) if n_z is None else n_z,
+            phi=(phi_low, phi_high),
+            n_z=(n_z_low, n_z_high),
+            phi_rate=(slower[0], faster[0]),
+            n_z_rate=(slower[1], faster[1]),
             lags=self._lags_of_first_plant(gamma),
             dt=1.0 / self.controller.rate_hz,
         )
@@ -532,14 +416,3 @@ def _lift_and_limits(aircraft: str, V_a: float) -> Limits:
     share = 1.0 if config.design is None else min(1.0, (V_a / config.design.V_a) ** 2)
     at_lift = np.array([1.0, share])
     return replace(limits, lower=at_lift * limits.lower, upper=at_lift * limits.upper)
-
-
-def _bounds(*limits: float | list[float] | None) -> FloatArray:
-    """Lower and upper bounds of (phi in deg, n_z) as rows, in rad and 1."""
-    ranges = []
-    for limit in limits:
-        if limit is None:
-            ranges.append([-np.inf, np.inf])
-        else:
-            ranges.append(limit if isinstance(limit, list) else [-limit, limit])
-    return np.array(ranges).T * [DEG, 1.0]

@@ -14,13 +14,19 @@ from pydantic import (
     ConfigDict,
     Field,
     PrivateAttr,
+    field_validator,
     model_validator,
 )
 
 from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.arrays import FloatArray
+from flighttune.control.controller import AntiWindup
+from flighttune.control.envelope import Envelope
 from flighttune.control.exact_law import Priority
+from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
-from flighttune.control.law import Law, law_kinds, made_law, plain_laws
+from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
+from flighttune.control.limits import Limits
 from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
 from flighttune.plants.kinds import PLANT_KINDS, PlantKind
@@ -40,6 +46,8 @@ from flighttune.quantities import (
     Duration,
     Factor,
     Finite,
+    GainMatrix,
+    Gravity,
     Height,
     Inclination,
     Instant,
@@ -48,6 +56,7 @@ from flighttune.quantities import (
     Oscillation,
     OscillationRate,
     PositiveGain,
+    PositiveRate,
     Scale,
     Shift,
     TimeConstant,
@@ -55,10 +64,10 @@ from flighttune.quantities import (
     WindSpeed,
 )
 from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.reference import Doublet, Ramp, Reference, Segment, Step
+from flighttune.simulate.reference import Reference, Segment, doublet, ramp, step
 from flighttune.simulate.run import RunStatus
 from flighttune.tuning.problem import Method
-from flighttune.units import DEG
+from flighttune.units import DEG, G_PAPER
 
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
@@ -113,6 +122,84 @@ class Table(BaseModel):
     )
 
 
+class FlightTable(Table):
+    """``[flight]``: start and length of the manoeuvre, and gravity of the kinematic law."""
+
+    V_a_mps: Airspeed
+    h_m: Height = 1000.0
+    chi_deg: Course = 0.0
+    gamma_deg: Inclination = 0.0
+    phi_deg: Inclination = 0.0
+    n_z: LoadFactor | None = None
+    duration_s: Duration = 20.0
+    ground_m: Ground = 0.0
+    g_mps2: Gravity = G_PAPER
+
+
+class LimitsTable(Table):
+    """``[limits]`` of the commands; what is absent is not limited.
+
+    A rate is one number (both ways) or a range.
+    """
+
+    phi_deg: Rolls | None = None
+    phi_rate_dps: PositiveRate | Rates | None = None
+    n_z: LoadFactors | None = None
+    n_z_rate_per_s: PositiveRate | Rates | None = None
+
+    @field_validator("phi_rate_dps", "n_z_rate_per_s")
+    @classmethod
+    def _includes_zero(cls, value: float | list[float] | None) -> float | list[float] | None:
+        if isinstance(value, list) and not value[0] <= 0.0 <= value[1]:
+            raise ValueError("must be a range of rates that includes zero")
+        return value
+
+    def limits(self) -> Limits:
+        """The limits in rad, 1 and seconds; infinite where the file gives none."""
+        lower, upper = _bounds(self.phi_deg, self.n_z)
+        rate_lower, rate_upper = _bounds(self.phi_rate_dps, self.n_z_rate_per_s)
+        return Limits(lower=lower, upper=upper, rate_lower=rate_lower, rate_upper=rate_upper)
+
+
+def _bounds(*limits: float | list[float] | None) -> FloatArray:
+    """Lower and upper bounds of (phi in deg, n_z) as rows, in rad and 1."""
+    ranges = []
+    for limit in limits:
+        if limit is None:
+            ranges.append([-np.inf, np.inf])
+        else:
+            ranges.append(limit if isinstance(limit, list) else [-limit, limit])
+    return np.array(ranges).T * [DEG, 1.0]
+
+
+class ControllerTable(Table):
+    """``[controller]``: sample rate and options of the discrete MIMO-PI."""
+
+    rate_hz: Annotated[float, Field(ge=1.0, le=1000.0)] = 50.0
+    anti_windup: AntiWindup = "conditional"
+    tracking_time_s: TimeConstant | None = None
+    feed_forward: bool = False
+    schedule: bool = False
+
+
+class EnvelopeTable(Table):
+    """``[envelope]``: ranges of flight over which ``certify --envelope`` looks for one proof."""
+
+    V_a_mps: Airspeeds
+    gamma_deg: Inclinations
+    phi_deg: Inclinations
+    n_z: LoadFactors
+
+    def envelope(self) -> Envelope:
+        """The ranges in m/s, rad and 1."""
+        return Envelope(
+            V_a=(self.V_a_mps[0], self.V_a_mps[1]),
+            gamma=(self.gamma_deg[0] * DEG, self.gamma_deg[1] * DEG),
+            phi=(self.phi_deg[0] * DEG, self.phi_deg[1] * DEG),
+            n_z=(self.n_z[0], self.n_z[1]),
+        )
+
+
 class StepTable(Table):
     """A jump of a reference."""
 
@@ -120,14 +207,9 @@ class StepTable(Table):
     start_s: Instant = 0.0
     change_deg: Course
 
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Times (s) at which it begins and its shape changes."""
-        return (self.start_s,)
-
     def segment(self) -> Segment:
         """The segment in s and rad."""
-        return Step(start=self.start_s, change=self.change_deg * DEG)
+        return step(start=self.start_s, change=self.change_deg * DEG)
 
 
 class RampTable(Table):
@@ -138,14 +220,9 @@ class RampTable(Table):
     duration_s: Duration
     rate_dps: AngularRate
 
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Times (s) at which it begins and its shape changes."""
-        return self.start_s, self.start_s + self.duration_s
-
     def segment(self) -> Segment:
         """The segment in s and rad."""
-        return Ramp(start=self.start_s, duration=self.duration_s, rate=self.rate_dps * DEG)
+        return ramp(start=self.start_s, duration=self.duration_s, rate=self.rate_dps * DEG)
 
 
 class DoubletTable(Table):
@@ -156,14 +233,9 @@ class DoubletTable(Table):
     width_s: Duration
     amplitude_deg: Course
 
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Times (s) at which it begins and its shape changes."""
-        return self.start_s, self.start_s + self.width_s, self.start_s + 2.0 * self.width_s
-
     def segment(self) -> Segment:
         """The segment in s and rad."""
-        return Doublet(start=self.start_s, width=self.width_s, amplitude=self.amplitude_deg * DEG)
+        return doublet(start=self.start_s, width=self.width_s, amplitude=self.amplitude_deg * DEG)
 
 
 SegmentTable: TypeAlias = Annotated[
@@ -208,7 +280,7 @@ class ReferenceTable(Table):
         `start_deg` is the path angle of ``[flight]``; `duration` is in s.
         """
         segments = self.gamma_deg if isinstance(self.gamma_deg, list) else []
-        inside = {t for segment in segments for t in segment.breaks if t < duration}
+        inside = {t for table in segments for t in table.segment().times if t < duration}
         ends = np.array(sorted({0.0, duration, *inside}))
         # Between two breaks the sum is straight; it may jump at a break, or just beside it.
         before, between = np.nextafter(ends[1:], 0.0), 0.5 * (ends[1:] + ends[:-1])
@@ -219,19 +291,15 @@ class ReferenceTable(Table):
 
     def reference(self, *, chi_deg: float, gamma_deg: float) -> Reference:
         """The reference in s and rad, for a flight that starts at `chi_deg` and `gamma_deg`."""
-        chi, chi_segments = _channel(self.chi_deg, chi_deg)
-        gamma, gamma_segments = _channel(self.gamma_deg, gamma_deg)
+        (chi, chi_segments), (gamma, gamma_segments) = (
+            (start * DEG, tuple(table.segment() for table in value))
+            if isinstance(value, list)
+            else (value * DEG, ())
+            for value, start in ((self.chi_deg, chi_deg), (self.gamma_deg, gamma_deg))
+        )
         return Reference(
             chi=chi, gamma=gamma, chi_segments=chi_segments, gamma_segments=gamma_segments
         )
-
-
-def _channel(
-    value: float | list[StepTable | RampTable | DoubletTable], start_deg: float
-) -> tuple[float, tuple[Segment, ...]]:
-    if isinstance(value, list):
-        return start_deg * DEG, tuple(table.segment() for table in value)
-    return value * DEG, ()
 
 
 class AirframeTable(Table):
@@ -703,6 +771,30 @@ class TuningTable(Table):
         if self.model == "identified" and changed:
             raise ValueError(f"`{changed[0]}` must be absent with model identified")
         return self
+
+
+class GainsTable(Table):
+    """Gains given as numbers: rows phi, n_z (or their rates); columns chi, gamma.
+
+    ``law`` says whose they are: the paper's, or the exact law's in 1/s and 1/s^2. By default the
+    exact law's where the scenario flies no other, else the paper's. Other laws get them mapped.
+    """
+
+    name: Name
+    K_P: GainMatrix
+    K_I: GainMatrix
+    law: Literal["paper", "exact"] | None = None
+
+    @field_validator("K_P", "K_I")
+    @classmethod
+    def _two_by_two(cls, value: list[list[float]]) -> list[list[float]]:
+        if [len(row) for row in value] != [INPUTS] * INPUTS:
+            raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
+        return value
+
+    def gains(self, law: str = DEFAULT) -> PIGains:
+        """The gains as a value; `law` is whose they are where the table does not say."""
+        return PIGains.from_lists(self.K_P, self.K_I, self.law or law)
 
 
 Subject: TypeAlias = Literal["chi", "gamma", "flight"]

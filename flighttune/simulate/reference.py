@@ -1,7 +1,7 @@
 """References for the outer loop to follow: constants, steps, ramps and doublets."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,71 +11,52 @@ SAME_INSTANT = 1e-9
 """Times that differ by less are one, s."""
 
 
-class Segment(Protocol):
-    """A change that adds to a reference over time."""
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A change that adds to a reference from `start` on, straight between its breaks."""
+
+    start: float  # s
+    breaks: tuple[float, ...]  # s after the start, rising
+    jumps: tuple[float, ...] = ()  # at each break, in the unit of the channel
+    rates: tuple[float, ...] = ()  # from each break to the next, in that unit per second
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Times (s) at which it begins and its shape changes."""
+        return tuple(self.start + after for after in self.breaks)
 
     def __call__(self, t: FloatArray) -> FloatArray:
         """Return the change at times `t`, in the unit of the channel."""
-        ...
+        since, change = t - self.start, np.zeros_like(t)
+        for after, jump in zip(self.breaks, self.jumps, strict=False):
+            change += np.where(since >= after, jump, 0.0)
+        for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=False):
+            change += rate * np.clip(since - low, 0.0, high - low)
+        return change
 
     def slope(self, t: FloatArray) -> FloatArray:
-        """Return its slope from times `t` on, in that unit per second; a jump has none."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
-    """A jump by `change` at `start` (s)."""
-
-    start: float
-    change: float
-
-    def __call__(self, t: FloatArray) -> FloatArray:
-        """Return the change at times `t`."""
-        return np.where(t >= self.start, self.change, 0.0)
-
-    def slope(self, t: FloatArray) -> FloatArray:
-        """Return zeros: a jump has no rate."""
-        return np.zeros_like(t)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ramp:
-    """A change at `rate` per second from `start` for `duration` (s), kept afterwards."""
-
-    start: float
-    duration: float
-    rate: float
-
-    def __call__(self, t: FloatArray) -> FloatArray:
-        """Return the change at times `t`."""
-        return self.rate * np.clip(t - self.start, 0.0, self.duration)
-
-    def slope(self, t: FloatArray) -> FloatArray:
-        """Return `rate` while the change lasts, 0 before and after."""
+        """Return the slope from times `t` on, in that unit per second; a jump has none."""
         # What rounding makes of a sample time shall not decide whether a sample is inside.
-        since = t - self.start + SAME_INSTANT
-        return np.where((since >= 0.0) & (since < self.duration), self.rate, 0.0)
+        since, slope = t - self.start + SAME_INSTANT, np.zeros_like(t)
+        for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=False):
+            slope += np.where((since >= low) & (since < high), rate, 0.0)
+        return slope
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Doublet:
+def step(*, start: float, change: float) -> Segment:
+    """A jump by `change` at `start` (s)."""
+    return Segment(start, (0.0,), jumps=(change,))
+
+
+def ramp(*, start: float, duration: float, rate: float) -> Segment:
+    """A change at `rate` per second from `start` for `duration` (s), kept afterwards."""
+    return Segment(start, (0.0, duration), rates=(rate,))
+
+
+def doublet(*, start: float, width: float, amplitude: float) -> Segment:
     """`amplitude` for `width` seconds from `start`, its opposite for as long, then nothing."""
-
-    start: float
-    width: float
-    amplitude: float
-
-    def __call__(self, t: FloatArray) -> FloatArray:
-        """Return the change at times `t`."""
-        since = t - self.start
-        up = (since >= 0.0) & (since < self.width)
-        down = (since >= self.width) & (since < 2.0 * self.width)
-        return self.amplitude * (up.astype(float) - down)
-
-    def slope(self, t: FloatArray) -> FloatArray:
-        """Return zeros: its jumps have no rate."""
-        return np.zeros_like(t)
+    jumps = (amplitude, -2.0 * amplitude, amplitude)
+    return Segment(start, (0.0, width, 2.0 * width), jumps=jumps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

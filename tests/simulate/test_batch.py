@@ -17,7 +17,7 @@ from flighttune.simulate.batch import SIGNALS, Flights, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.simulate.measures import ErrorMeasures
-from flighttune.simulate.reference import Doublet, Ramp, Reference, Step
+from flighttune.simulate.reference import Reference, doublet, ramp, step
 from flighttune.simulate.run import Provenance, Run
 
 SAME = 1e-12
@@ -35,8 +35,8 @@ PAPER = Flights.of(PAPER_GAINS, condition=START, ref=REF, limits=PRINTED, distur
 MANOEUVRE = Reference(
     chi=3.0,
     gamma=0.1,
-    chi_segments=(Step(start=2.0, change=2.5), Ramp(start=4.0, duration=3.0, rate=-0.3)),
-    gamma_segments=(Doublet(start=1.0, width=2.0, amplitude=0.2),),
+    chi_segments=(step(start=2.0, change=2.5), ramp(start=4.0, duration=3.0, rate=-0.3)),
+    gamma_segments=(doublet(start=1.0, width=2.0, amplitude=0.2),),
 )
 
 

@@ -163,9 +163,9 @@ def test_the_reference_may_begin_elsewhere_than_the_flight():
             "`chi_deg` of .reference. must be a number",
         ),
         ({"reference": {"margin": 1.0}}, "margin"),
-        ({"limits": {"phi_rate_dps": None}}, "`phi_rate_dps` of .limits. must be given"),
-        ({"flight": {"phi_deg": 37.0}}, r"`phi` of a feasible reference must begin in"),
-        ({"limits": {"n_z": [1.2, 1.8]}}, r"`n_z` of a feasible reference must begin in"),
+        ({"limits": {"phi_rate_dps": None}}, "`phi_rate_dps`"),
+        ({"flight": {"phi_deg": 37.0}}, "`phi`.*begin"),
+        ({"limits": {"n_z": [1.2, 1.8]}}, "`n_z`.*begin"),
     ],
 )
 def test_what_cannot_be_is_one_line(tables, message):
