@@ -7,7 +7,6 @@ out; a bound on the gains, ``K W K' <= size^2 I``, keeps it finite. Its solution
 start the gradient method, which restores what was left out.
 """
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -30,10 +29,8 @@ def tune_from_convex_start(problem: TuningProblem) -> TuningResult:
     or delay it is then a guess, no longer an optimum. There is no random start, so that the seed
     plays no part. The status is "failed" where no convex start stabilises the loop.
     """
-    began = time.perf_counter()
-    K = convex_starts(problem)
-    result = tune_by_gradient(problem, starts=0, first=K)
-    return replace(result, method=METHOD, wall_s=time.perf_counter() - began)
+    result = tune_by_gradient(problem, starts=0, first=convex_starts(problem))
+    return replace(result, method=METHOD)
 
 
 def convex_starts(problem: TuningProblem) -> FloatArray:

@@ -1,10 +1,10 @@
 """Why a problem is infeasible, and what would have to give."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
@@ -58,8 +58,8 @@ def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:
     smallest = smallest_radius(problem, k)
     unlimited = replace(problem, I_star=math.inf)
     fastest = [candidate for candidate in searches(unlimited, k, "R_K") if candidate.within_limits]
-    factor, at_factor = _smallest_factor(problem, np.ones(len(space.names), dtype=bool), k)
-    groups = dict.fromkeys(_group(name) for name in space.names)
+    groups = tuple(dict.fromkeys(map(_group, space.names)))
+    factor, at_factor = _smallest_factor(problem, groups, k)
     used = _use(space, at_factor)
     limits = [_limit_diagnosis(problem, name, k, used.get(name, math.nan)) for name in groups]
     return Diagnosis(
@@ -77,12 +77,11 @@ def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:
 def _limit_diagnosis(
     problem: TuningProblem, name: str, k: FloatArray, use: float
 ) -> LimitDiagnosis:
-    space = search_space(problem)
-    own = np.array([_group(row) == name for row in space.names])
-    without = smallest_radius(_with_factor(problem, own, math.inf), k)
+    without = smallest_radius(_relaxed(problem, (name,), math.inf), k)
     alone = math.inf
     if without is not None and without.I_K <= problem.I_star:
-        alone, _ = _smallest_factor(problem, own, np.vstack([without.K[space.free], k]))
+        free = search_space(problem).free
+        alone, _ = _smallest_factor(problem, (name,), np.vstack([without.K[free], k]))
     return LimitDiagnosis(
         name=name,
         factor_alone=alone,
@@ -92,34 +91,29 @@ def _limit_diagnosis(
 
 
 def _smallest_factor(
-    problem: TuningProblem, relaxable: npt.NDArray[np.bool_], k: FloatArray
+    problem: TuningProblem, groups: Sequence[str], k: FloatArray
 ) -> tuple[float, Assessment | None]:
-    """Smallest factor on the relaxable rows that is feasible, with its gains; inf if none is."""
+    """Smallest factor on some limits that is feasible, with its gains; inf if none is."""
     space = search_space(problem)
-    if not relaxable.any():
+    if not groups:
         ends = [end for end in searches(problem, k, "R_K") if is_feasible(problem, end)]
         return (0.0, ends[0]) if ends else (math.inf, None)
+    relaxable = np.array([_group(row) in groups for row in space.names])
     task = Program([problem], "factor", relaxable=relaxable)
     best: tuple[float, Assessment | None] = (math.inf, None)
     for gains, factor in zip(*task.descend(k), strict=True):
-        relaxed = _with_factor(problem, relaxable, factor)
+        relaxed = _relaxed(problem, groups, factor)
         measured = assessment(relaxed, space.K(gains))
         if factor < best[0] and is_feasible(relaxed, measured):
             best = float(factor), measured
     return best
 
 
-def _with_factor(
-    problem: TuningProblem, rows: npt.NDArray[np.bool_], factor: float
-) -> TuningProblem:
-    """The problem with the limits of the given rows multiplied."""
-    names = {
-        _group(n) for n, chosen in zip(search_space(problem).names, rows, strict=True) if chosen
-    }
+def _relaxed(problem: TuningProblem, groups: Sequence[str], factor: float) -> TuningProblem:
+    """The problem with some of its limits multiplied."""
+    inputs = problem.model.inputs
     factors = [
-        np.array(
-            [factor if f"{channel}{kind}" in names else 1.0 for channel in problem.model.inputs]
-        )
+        np.array([factor if f"{name}{kind}" in groups else 1.0 for name in inputs])
         for kind in ("", "_rate")
     ]
     return problem.relaxed(*factors)

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, read_only_vector
+from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
@@ -125,15 +125,6 @@ class RateCurve:
     rates: FloatArray  # shape (k,), 1/s
     ends: bool  # whether the last point is such an end, and not just where sampling stopped
 
-    def __post_init__(self) -> None:
-        for name in ("factors", "rates"):
-            object.__setattr__(self, name, read_only_vector(name, getattr(self, name)))
-        if self.factors.shape != self.rates.shape:
-            raise InputError(
-                f"`factors` and `rates` must have one length, "
-                f"got {len(self.factors)} and {len(self.rates)}."
-            )
-
 
 def rate_curve(
     name: str,
@@ -150,8 +141,7 @@ def rate_curve(
     about. `up_to`: largest factor sampled, positive. Raises InputError if the trim is not inside
     the envelope or `up_to` is not positive.
     """
-    if not up_to > 0.0:
-        raise InputError(f"`up_to` must be positive, got {up_to}.")
+    check_positive(up_to=up_to)
     largest = largest_envelope(gains, envelope, trim, g=g).factor
     ends = largest < up_to
     factors = np.linspace(0.0, END_SHOWN * largest if ends else up_to, SAMPLES)
@@ -214,35 +204,28 @@ def tune_over_envelope(
     began = time.perf_counter()
     if not envelope.contains(trim):
         raise InputError(f"`envelope` must contain the trim {trim}, got {envelope}.")
-    if problem.scaling is not None and not np.all(problem.scaling == 1.0):
+    if not np.all(np.asarray(problem.scaling) == 1.0):
         raise InputError("`scaling` must be all ones for a rate over an envelope.")
     space = search_space(problem)
     nominal = tune_by_gradient(problem)
-    if nominal.status != "optimal" or nominal.gains is None:
+    firsts = []
+    if nominal.status == "optimal" and nominal.gains is not None:
+        drawn = stabilising_starts(problem, space, starts)
+        firsts = [nominal.gains.K[space.free], *drawn]
+    searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
+    reached = [search for search in searches if search is not None]
+    if not reached:
         return EnvelopeTuning(
             status="failed" if nominal.status == "failed" else "infeasible",
-            reason=nominal.reason,
+            reason=nominal.reason or "No gains met the constraints.",
             wall_s=time.perf_counter() - began,
         )
-    firsts = [nominal.gains.K[space.free], *stabilising_starts(problem, space, starts)]
-    searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
-    factor, best = max(
-        (search for search in searches if search is not None),
-        key=lambda search: (search[0], search[1].R),
-        default=(0.0, None),
-    )
-    if best is None:
-        return EnvelopeTuning(
-            status="infeasible",
-            reason="No gains met the constraints.",
-            wall_s=time.perf_counter() - began,
-        )
+    factor, best = max(reached, key=lambda search: (search[0], search[1].R))
     certified = factor >= 1.0
+    beyond = f"No common Q was found beyond {factor:.3g} of the envelope about the trim."
     return EnvelopeTuning(
         status="found" if certified else "infeasible",
-        reason=""
-        if certified
-        else f"No common Q was found beyond {factor:.3g} of the envelope about the trim.",
+        reason="" if certified else beyond,
         gains=problem.gains(space.K(best.k)),
         R=best.R if certified else 0.0,
         R_bound=best.R_bound if certified else math.inf,

@@ -1,7 +1,5 @@
 """Tuning by SLSQP on exact gradients from several starts."""
 
-import time
-
 import numpy as np
 
 from flighttune.arrays import FloatArray
@@ -44,7 +42,6 @@ def tune_by_gradient(
     does not bind, R_K is that of the slowest channel and leaves the others open: the gains are
     those of (nearly) that rate with the smallest trace of Q, the mean-square transient.
     """
-    began = time.perf_counter()
     space = search_space(problem)
     k = stabilising_starts(problem, space, starts)
     if first is not None:
@@ -56,7 +53,6 @@ def tune_by_gradient(
             status="failed",
             reason="No stabilising gains were found to start from.",
             method=METHOD,
-            wall_s=time.perf_counter() - began,
         )
     ends = searches(problem, k[:PROBES], "R_K")
     smallest, warm = None, k[:0]
@@ -80,7 +76,6 @@ def tune_by_gradient(
         method=METHOD,
         starts=len(k),
         agreeing=sum(end.R_K >= (1.0 - AGREEMENT) * value for end in feasible),
-        wall_s=time.perf_counter() - began,
         smallest_I_K=best.I_K if best and not feasible else None,
     )
 

