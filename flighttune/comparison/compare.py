@@ -1,36 +1,46 @@
 """The comparison: pairs of runs with their metrics, differences and distances."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from flighttune.comparison.pairs import (
-    Row,
-    differences,
-    largest_distance,
-    metric_rows,
-    paired,
-    until,
-    why_not,
-)
 from flighttune.comparison.source import Source, load_source
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario
+from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.names import shown_unit
 from flighttune.present.numbers import number
 from flighttune.present.tables import Column, Table, html
+from flighttune.scenario.load import leaves
 from flighttune.simulate.run import Run
 
 SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
 """Metrics shown in a notebook; `Comparison.metrics` has them all."""
 
-MAX_PAIRS = 3
-"""Pairs shown in a notebook."""
+BETTER_IF = {
+    **dict.fromkeys((*METRICS, *FLIGHT_METRICS), "low"),
+    **dict.fromkeys(("PT_s", "n_z_min", "n_z_max"), "neither"),
+    "MS_rad": "near zero",
+}
+"""Better direction of each metric. A time that is never reached is worse than any other."""
 
-BETTER = {"a": "A", "b": "B"}
+NEVER = ("rise_s", "settling_s")
+"""Metrics whose missing value means that it was never reached."""
+
+EQUAL = 1e-12
+"""Relative difference up to which neither is better."""
+
+MANOEUVRE = ("V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "duration_s")
+"""Keys of ``[flight]`` that belong to the manoeuvre, as does all of ``[reference]``."""
+
+DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference")
+"""Keys that are text, or are compared elsewhere."""
+
 COMPARED = (
     Column("pair", "A | B"),
     Column("channel", "channel"),
@@ -60,7 +70,6 @@ class Pair:
     t_max_distance: float  # s: when that was
     # Settings of the two scenarios that are not the same, by dotted key
     differs: dict[str, tuple[Any, Any]]
-    status: tuple[str, str]  # status at the end of `a` and of `b`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -97,19 +106,14 @@ class Comparison:
     @property
     def max_distance(self) -> float:
         """Largest distance of any pair, m; nan without pairs."""
-        return max((pair.max_distance for pair in self.pairs), default=float("nan"))
+        return max((pair.max_distance for pair in self.pairs), default=math.nan)
 
     def _repr_html_(self) -> str:
         if not self.comparable:
             return html("Comparison: not comparable", (), [("reason", self.reason)])
         title = f"Comparison: paths at most {number(self.max_distance)} m apart"
-        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
-        table = comparison_table(title, self.metrics.loc[shown])
-        rows = table.rows
-        if len(self.pairs) > MAX_PAIRS:
-            more = f"{len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
-            rows.append([more, *[""] * (len(table.columns) - 1)])
-        return html(title, table.head, rows)
+        table = comparison_table(title, self.metrics[self.metrics["name"].isin(SHOWN)])
+        return html(title, table.head, table.rows)
 
 
 def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
@@ -124,7 +128,7 @@ def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
                 "metric": row["name"].removesuffix("_rad"),
                 "unit": unit,
                 **{key: row[key] * factor for key in ("a", "b", "diff")},
-                "better": BETTER.get(str(row["better"]), row["better"]),
+                "better": {"a": "A", "b": "B"}.get(str(row["better"]), row["better"]),
             }
         )
     return Table(title=title, columns=COMPARED, records=records, grouped=True)
@@ -159,57 +163,168 @@ def compare(
         raise InputError("`others` must hold at least one more source, got none.")
     first, *rest = (_source(runs_of, place) for place, runs_of in enumerate((a, *others)))
     pairs: list[Pair] = []
-    unpaired: list[str] = []
+    unpaired: dict[str, None] = {}
     for other in rest:
-        matched = paired(first.runs, other.runs)
-        reason = why_not(first, other, matched)
+        matched = _paired(first.runs, other.runs)
+        reason = _why_not(first, other, matched)
         if reason:
             return Comparison(reason=reason)
         pairs += [_pair(first, other, *two) for two in matched]
-        unpaired += _left_over(first, other, matched)
-    rows: list[Row] = []
-    for place, pair in enumerate(pairs):
-        names: Row = {"pair": place, "run_a": pair.a.label, "run_b": pair.b.label}
-        rows += [{**names, **row} for row in metric_rows(pair.a, pair.b)]
+        used = {id(run) for two in matched for run in two}
+        for source in (first, other):
+            alone = [run.label for run in source.runs if id(run) not in used]
+            unpaired |= dict.fromkeys(f"{source.name}: {label}" for label in alone)
+    rows = [
+        {"pair": place, "run_a": pair.a.label, "run_b": pair.b.label, **row}
+        for place, pair in enumerate(pairs)
+        for row in _metric_rows(pair.a, pair.b)
+    ]
     return Comparison(
         pairs=tuple(pairs),
         metrics=pd.DataFrame(rows, columns=list(COLUMNS)),
-        unpaired=tuple(dict.fromkeys(unpaired)),
+        unpaired=tuple(unpaired),
         missing=tuple(line for source in (first, *rest) for line in source.missing),
     )
 
 
+def better(name: str, a: float, b: float) -> str:
+    """Better of two values of a metric: ``a``, ``b``, ``same``, or empty if there is none."""
+    if name in NEVER:
+        a, b = (math.inf if math.isnan(value) else value for value in (a, b))
+    if BETTER_IF[name] == "neither" or math.isnan(a) or math.isnan(b):
+        return ""
+    if BETTER_IF[name] == "near zero":
+        a, b = abs(a), abs(b)
+    if math.isclose(a, b, rel_tol=EQUAL):
+        return "same"
+    return "a" if a < b else "b"
+
+
+def largest_distance(a: Run, b: Run) -> tuple[float, float]:
+    """Largest distance of two runs at the same time after the start, m, and that time, s.
+
+    The samples of both count, over the time both flew; positions between samples are linear.
+    """
+    t = np.union1d(a.t, b.t)
+    t = t[t <= min(a.duration, b.duration)]
+
+    def path(run: Run) -> list[Any]:
+        axes = ("north", "east", "down")
+        return [np.interp(t, run.t, run.signals[axis].to_numpy()) for axis in axes]
+
+    distance = np.linalg.norm(np.subtract(path(b), path(a)), axis=0)
+    at = int(np.argmax(distance))
+    return float(distance[at]), float(t[at])
+
+
 def _source(runs_of: str | Path | Run | FlownScenario | Source, place: int) -> Source:
+    letter = chr(ord("A") + place)
     if isinstance(runs_of, Source):
         return runs_of
     if isinstance(runs_of, Run):
-        return Source(name=f"{chr(ord('A') + place)}: {runs_of.label}", runs=(runs_of,))
+        return Source(name=f"{letter}: {runs_of.label}", runs=(runs_of,))
     if isinstance(runs_of, FlownScenario):
-        return Source(name=f"{chr(ord('A') + place)}: {runs_of.scenario.title}", runs=runs_of.runs)
+        return Source(name=f"{letter}: {runs_of.scenario.title}", runs=runs_of.runs)
     return load_source(runs_of)
+
+
+def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
+    """Pair two single runs; else the runs of equal label, plant or gains.
+
+    Plants pair runs where each side has a single gain set, and gains where it has a single plant.
+    """
+    if len(a) == len(b) == 1:
+        return [(a[0], b[0])]
+
+    def by(key: Callable[[Run], str]) -> list[tuple[Run, Run]]:
+        partners = {key(run): run for run in b}
+        return [(run, partners[key(run)]) for run in a if key(run) in partners]
+
+    def plant(run: Run) -> str:
+        return run.provenance.plant
+
+    def gains(run: Run) -> str:
+        return run.provenance.gains_name
+
+    pairs = by(lambda run: run.label)
+    for key, single in ((plant, gains), (gains, plant)):
+        if not pairs and all(len(set(map(single, side))) == 1 for side in (a, b)):
+            pairs = by(key)
+    return pairs
+
+
+def _why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
+    """Why two sources cannot be compared, in one sentence; empty where they can."""
+    between = f"{a.name} and {b.name}"
+    for source, other in ((a, b), (b, a)):
+        several = not source.chosen and len(source.gain_sets) > 1
+        if several and set(source.gain_sets) != set(other.gain_sets):
+            choices = ", ".join(f"{source.name}@{gains}" for gains in source.gain_sets)
+            return f"{between}: {source.name} has several gain sets, name one of {choices}."
+    if not pairs:
+        labels = " | ".join(", ".join(run.label for run in side.runs) for side in (a, b))
+        return f"{between}: a run must have a partner of the same plant or gains, got {labels}."
+    for pair in pairs:
+        for source, run in zip((a, b), pair, strict=True):
+            if len(run.signals) < 2:
+                return f"{source.name}: {run.label} must have flown, got {run.status}: {run.reason}"
+        aircraft = [run.provenance.aircraft for run in pair]
+        if all(aircraft) and aircraft[0] != aircraft[1]:
+            return f"{between}: the aircraft must be the same, got {aircraft[0]} and {aircraft[1]}."
+        for key, (value, got) in _changes(*map(_manoeuvre, pair)).items():
+            return f"{between}: the manoeuvre must be the same, `{key}` is {value} and {got}."
+    return ""
+
+
+def _manoeuvre(run: Run) -> dict[str, Any]:
+    """Start, length and reference of a run: what must agree for a comparison."""
+    scenario = run.provenance.scenario
+    flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
+    return dict(leaves({"flight": flight, "reference": scenario["reference"]}))
+
+
+def _settings(run: Run) -> dict[str, Any]:
+    scenario = run.provenance.scenario.items()
+    return dict(leaves({key: value for key, value in scenario if key not in DESCRIPTION}))
+
+
+def _changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    return {key: (a.get(key), b.get(key)) for key in sorted({*a, *b}) if a.get(key) != b.get(key)}
 
 
 def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
     end = min(a.duration, b.duration)
     distance, at = largest_distance(a, b)
+    cut = [
+        run if run.duration <= end else replace(run, signals=run.signals.loc[:end])
+        for run in (a, b)
+    ]
     return Pair(
-        a=until(a, end),
-        b=until(b, end),
+        a=cut[0],
+        b=cut[1],
         source_a=first.name,
         source_b=second.name,
         durations=(a.duration, b.duration),
         max_distance=distance,
         t_max_distance=at,
-        differs=differences(a, b),
-        status=(a.status, b.status),
+        differs=_changes(_settings(a), _settings(b)),
     )
 
 
-def _left_over(first: Source, second: Source, pairs: Sequence[tuple[Run, Run]]) -> list[str]:
-    used = {id(run) for pair in pairs for run in pair}
+def _metric_rows(a: Run, b: Run) -> list[dict[str, Any]]:
+    """Metrics that both runs have, side by side."""
+    first, second = measures(a), measures(b)
     return [
-        f"{source.name}: {run.label}"
-        for source in (first, second)
-        for run in source.runs
-        if id(run) not in used
+        {
+            "channel": channel,
+            "name": name,
+            "unit": unit_of(channel, name),
+            "a": value,
+            "b": second[channel][name],
+            "diff": second[channel][name] - value,
+            "better": better(name, value, second[channel][name]),
+        }
+        for channel, own in first.items()
+        for name, value in own.items()
+        if name in BETTER_IF and name in second[channel]
     ]

@@ -25,16 +25,18 @@ def write_overlay(comparison: Comparison, path: str | Path) -> None:
     write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{compared}\n", title=title)
 
 
+def sources_of(comparison: Comparison) -> list[str]:
+    """Names of the sources, the first one before all others."""
+    firsts = [pair.source_a for pair in comparison.pairs]
+    return list(dict.fromkeys([*firsts, *(pair.source_b for pair in comparison.pairs)]))
+
+
 def overlaid(comparison: Comparison) -> list[Run]:
     """Every run of a comparison once, with a letter for the source if runs share a label.
 
     The first source is A, the next one B and so on.
     """
-    sources = list(
-        dict.fromkeys(
-            [p.source_a for p in comparison.pairs] + [p.source_b for p in comparison.pairs]
-        )
-    )
+    letters = {name: chr(ord("A") + i) for i, name in enumerate(sources_of(comparison))}
     runs: dict[tuple[str, str], Run] = {}
     for pair in comparison.pairs:
         for source, run in ((pair.source_a, pair.a), (pair.source_b, pair.b)):
@@ -42,13 +44,8 @@ def overlaid(comparison: Comparison) -> list[Run]:
             if earlier is None or earlier.duration < run.duration:
                 runs[source, run.label] = run
     labels = [label for _, label in runs]
-    return [
-        _named(run, f"{run.provenance.gains_name} ({chr(ord('A') + sources.index(source))})")
-        if labels.count(label) > 1
-        else run
-        for (source, label), run in runs.items()
-    ]
-
-
-def _named(run: Run, gains_name: str) -> Run:
-    return replace(run, provenance=replace(run.provenance, gains_name=gains_name))
+    for (source, label), run in runs.items():
+        if labels.count(label) > 1:
+            name = f"{run.provenance.gains_name} ({letters[source]})"
+            runs[source, label] = replace(run, provenance=replace(run.provenance, gains_name=name))
+    return list(runs.values())

@@ -1,6 +1,5 @@
 """Sources of a comparison: run folders, files of runs, and gains of a scenario, flown now."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,20 +46,17 @@ def load_source(name: str | Path) -> Source:
     if not (path.is_dir() or path.suffix.lower() in RECORDED):
         return Source(name=name, runs=_flown(place, choice), chosen=bool(choice))
     recording = load_recording(path)
-    return Source(name=name, runs=_chosen(name, recording.runs, choice), missing=recording.missing)
-
-
-def _chosen(name: str, runs: Sequence[Run], choice: str) -> tuple[Run, ...]:
-    names = [(run.provenance.gains_name, run.provenance.plant, run.label) for run in runs]
-    kept = [
-        run for run, own_names in zip(runs, names, strict=True) if not choice or choice in own_names
-    ]
-    if not kept:
-        labels = ", ".join(dict.fromkeys(run.label for run in runs)) or "no runs"
+    runs = tuple(
+        run
+        for run in recording.runs
+        if choice in ("", run.provenance.gains_name, run.provenance.plant, run.label)
+    )
+    if not runs:
+        labels = ", ".join(dict.fromkeys(run.label for run in recording.runs)) or "no runs"
         raise RecordingError(
             f"{name}: {choice or 'it'!r} must be a gain set, a plant or a run, got {labels}."
         )
-    return tuple(kept)
+    return Source(name=name, runs=runs, missing=recording.missing)
 
 
 def _flown(place: str, choice: str) -> tuple[Run, ...]:

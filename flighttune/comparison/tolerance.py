@@ -8,14 +8,13 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
-from flighttune.comparison.compare import Comparison, Pair
-from flighttune.comparison.pairs import BETTER_IF, FLIGHT, better
+from flighttune.comparison.compare import BETTER_IF, Comparison, better
 from flighttune.errors import InputError
 from flighttune.metrics import CHANNELS, FLIGHT_METRICS, METRICS
 from flighttune.scenario.load import validated
 from flighttune.table_file import toml_tables
 
-DISTANCE, DURATION = "max_distance_m", "duration_s"
+DISTANCE = "max_distance_m"
 STRICT = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
@@ -53,12 +52,11 @@ def _tables(name: str, metrics: Mapping[str, str], **more: Any) -> type[BaseMode
     return create_model(name, __config__=STRICT, **fields, **more)
 
 
-OfChannel = _tables("OfChannel", METRICS)
 ToleranceFile = _tables(
     "ToleranceFile",
     {**BETTER_IF, DISTANCE: "m"},
-    **dict.fromkeys(CHANNELS, (OfChannel, None)),
-    **{FLIGHT: (_tables("OfFlight", FLIGHT_METRICS), None)},
+    **dict.fromkeys(CHANNELS, (_tables("OfChannel", METRICS), None)),
+    flight=(_tables("OfFlight", FLIGHT_METRICS), None),
 )
 
 
@@ -97,12 +95,10 @@ def load_tolerances(path: str | Path) -> dict[str, Tolerance]:
     path = Path(path)
     tolerances: dict[str, Tolerance] = {}
     for key, value in validated(ToleranceFile, toml_tables(path), str(path)):
-        if isinstance(value, Tolerance):
-            tolerances[key] = value
-        elif value is not None:
-            tolerances |= {
-                f"{key}.{name}": tolerance for name, tolerance in value if tolerance is not None
-            }
+        own = {"": value} if isinstance(value, Tolerance) else dict(value or ())
+        for name, tolerance in own.items():
+            if tolerance is not None:
+                tolerances[f"{key}.{name}" if name else key] = tolerance
     if not tolerances:
         raise InputError(
             f"{path}: the file must hold a tolerance for at least one metric, got none."
@@ -116,38 +112,30 @@ def violations(comparison: Comparison, tolerances: Mapping[str, Tolerance]) -> l
     `tolerances` are those of `load_tolerances`; a metric without one is not checked. A run that
     ended early where the first one was completed violates any tolerance.
     """
-    out = []
+    broken = []
     for row in comparison.metrics.to_dict(orient="records"):
-        name, channel, a, b = (
-            str(row["name"]),
-            str(row["channel"]),
-            float(row["a"]),
-            float(row["b"]),
-        )
-        limit = tolerances.get(f"{channel}.{name}", tolerances.get(name))
+        name, a, b = str(row["name"]), float(row["a"]), float(row["b"])
+        limit = tolerances.get(f"{row['channel']}.{name}", tolerances.get(name))
         if limit is not None and not limit.allows(name, a, b):
-            out.append(
-                Violation(
-                    **{key: row[key] for key in ("run_a", "run_b", "channel", "name", "a", "b")},
-                    allowed=limit.largest_change(a),
-                )
-            )
-    apart = tolerances.get(DISTANCE)
+            values = {key: row[key] for key in ("run_a", "run_b", "channel", "name", "a", "b")}
+            broken.append(Violation(**values, allowed=limit.largest_change(a)))
     for pair in comparison.pairs:
-        if pair.status[0] == "completed" != pair.status[1]:
-            out.append(_of_flight(pair, DURATION, pair.durations, 0.0))
+        limits = []
+        if pair.a.status == "completed" != pair.b.status:
+            limits.append(("duration_s", *pair.durations, 0.0))
+        apart = tolerances.get(DISTANCE)
         if apart is not None and pair.max_distance > apart.absolute:
-            out.append(_of_flight(pair, DISTANCE, (0.0, pair.max_distance), apart.absolute))
-    return out
-
-
-def _of_flight(pair: Pair, name: str, values: tuple[float, float], allowed: float) -> Violation:
-    return Violation(
-        run_a=pair.a.label,
-        run_b=pair.b.label,
-        channel=FLIGHT,
-        name=name,
-        a=values[0],
-        b=values[1],
-        allowed=allowed,
-    )
+            limits.append((DISTANCE, 0.0, pair.max_distance, apart.absolute))
+        broken += [
+            Violation(
+                run_a=pair.a.label,
+                run_b=pair.b.label,
+                channel="flight",
+                name=name,
+                a=a,
+                b=b,
+                allowed=allowed,
+            )
+            for name, a, b, allowed in limits
+        ]
+    return broken

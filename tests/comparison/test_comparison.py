@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flighttune.comparison import compare, load_source
+from flighttune.comparison import Source, compare, load_source
+from flighttune.comparison.compare import better
 from flighttune.comparison.overlay import overlaid, write_overlay
-from flighttune.comparison.pairs import better, largest_distance, manoeuvre, paired
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.recording.origin import check_recording
@@ -62,16 +62,16 @@ def test_the_largest_distance_of_parallel_paths_is_pythagoras_of_the_offset(fly_
 
 
 def test_runs_that_drift_apart_are_farthest_at_the_end(fly_line):
-    distance, at = largest_distance(fly_line(), fly_line(drift=(0.0, 0.6, 0.8)))
+    (pair,) = compare(fly_line(), fly_line(drift=(0.0, 0.6, 0.8))).pairs
 
-    assert distance == pytest.approx(20.0, abs=MICROMETRE)
-    assert at == 20.0
+    assert pair.max_distance == pytest.approx(20.0, abs=MICROMETRE)
+    assert pair.t_max_distance == 20.0
 
 
 def test_runs_of_other_sample_times_are_compared_at_equal_times(fly_line):
-    distance, _ = largest_distance(fly_line(dt=0.02), fly_line(dt=0.05, offset=(0.0, 0.0, 2.0)))
+    found = compare(fly_line(dt=0.02), fly_line(dt=0.05, offset=(0.0, 0.0, 2.0)))
 
-    assert distance == pytest.approx(2.0, abs=MICROMETRE)
+    assert found.max_distance == pytest.approx(2.0, abs=MICROMETRE)
 
 
 @pytest.mark.parametrize(
@@ -94,10 +94,14 @@ def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
     law, craft = fly_line(), fly_line(plant="jsbsim:aerosonde")
     tuned = fly_line(gains="tuned"), fly_line(plant="jsbsim:aerosonde", gains="tuned")
 
-    assert paired([law, craft], [craft, law]) == [(law, law), (craft, craft)]
-    assert paired([law, craft], tuned) == [(law, tuned[0]), (craft, tuned[1])]
-    assert paired([law, tuned[0]], [craft, tuned[1]]) == [(law, craft), (tuned[0], tuned[1])]
-    assert paired([law], [tuned[1]]) == [(law, tuned[1])]
+    def paired(*sides):
+        sources = (Source(name="", runs=side) for side in sides)
+        return [(pair.a, pair.b) for pair in compare(*sources).pairs]
+
+    assert paired((law, craft), (craft, law)) == [(law, law), (craft, craft)]
+    assert paired((law, craft), tuned) == [(law, tuned[0]), (craft, tuned[1])]
+    assert paired((law, tuned[0]), (craft, tuned[1])) == [(law, craft), (tuned[0], tuned[1])]
+    assert paired((law,), (tuned[1],)) == [(law, tuned[1])]
 
 
 def test_a_run_without_a_partner_is_named(fly_line, tmp_path):
@@ -148,7 +152,6 @@ def test_limits_and_weather_may_differ_and_are_said(fly_line):
 
     assert found.comparable
     assert found.pairs[0].differs == {"limits.phi_deg": ([-45.0, 45.0], [-30.0, 30.0])}
-    assert manoeuvre(run) == manoeuvre(changed)
 
 
 def test_two_aircraft_cannot_be_compared_but_law_and_aircraft_can(fly_line):
