@@ -14,7 +14,7 @@ from flighttune.identify.model import lags_table
 from flighttune.identify.steps import steps_table
 from flighttune.plants.jsbsim.trim import trim_record
 from flighttune.present.chart import Chart
-from flighttune.present.frame import Question, Section, page_template, write_page
+from flighttune.present.frame import Section, page_template, write_page
 from flighttune.present.names import columns
 from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
 from flighttune.present.tables import Column, Table, facts_table
@@ -35,9 +35,9 @@ TRIM_COLUMNS = columns("V_a_mps gamma_deg trim.alpha_deg trim.throttle reason")
 
 
 CRITERION = (
-    f"Fits of at least {GOOD_FIT:g} %, the turn completed, the course error within {CALM_DEG:g} "
-    "deg (standard deviation of the last quarter), less ITAE than the paper's gains in both "
-    "channels."
+    f"Adopted means: both fits reach {GOOD_FIT:g} %, the turn is completed, the standard deviation "
+    f"of the course error in its last quarter is below {CALM_DEG:g} deg, and the ITAE of both "
+    "channels is below that of the paper's gains."
 )
 
 
@@ -59,14 +59,7 @@ def write_adoption(adoption: Adoption) -> Path:
     page = write_page(
         adoption.folder / PAGE,
         page_template("flighttune.adopt", "page.html.jinja"),
-        questions=(
-            Question(
-                question="Is it adopted?",
-                verdict="yes" if adoption.status == "adopted" else "partly",
-                short=verdict,
-                criterion=CRITERION,
-            ),
-        ),
+        summary=(f"{verdict[0].upper()}{verdict[1:]}.",),
         sections=[_turn(adoption, runs, styles), _inner_loop(adoption), _trims(adoption)],
         title=f"{config.title} at {adoption.V_a:.0f} m/s",
         legend=list(styles.items()),
@@ -121,6 +114,7 @@ def _turn(adoption: Adoption, runs: dict[str, Run], styles: dict[str, LineStyle]
     return Section(
         id="turn",
         title="The turn: course of 20 deg, climb of 3 deg",
+        note=CRITERION,
         charts=charts,
         tables=[flights_table(adoption)],
         columns=3,

@@ -8,21 +8,9 @@ from typer import Argument, Option
 from flighttune.cli.options import check_ending
 from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, pick
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.comparison import Comparison, Violation
-
-PAIR_COLUMNS = [
-    Column("source_a", "A"),
-    Column("run_a", "run of A"),
-    Column("status_a", "status"),
-    Column("source_b", "B"),
-    Column("run_b", "run of B"),
-    Column("status_b", "status"),
-    *columns("compared_s max_distance_m max_distance_at_s"),
-]
 
 
 def compare(
@@ -79,24 +67,10 @@ def compare(
 
 
 def _answer(comparison: "Comparison", broken: list["Violation"], out: Path | None) -> Answer:
-    from flighttune.comparison.compare import comparison_table
+    from flighttune.comparison.compare import comparison_table, pairs_table
 
     is_page = out is not None and out.suffix.lower() == ".html"
     written = out if comparison.comparable else None
-    pairs = [
-        {
-            "run_a": pair.a.label,
-            "run_b": pair.b.label,
-            **pick(pair, "source_a source_b"),
-            "status_a": pair.a.status,
-            "status_b": pair.b.status,
-            "compared_s": pair.a.duration,
-            "max_distance_m": pair.max_distance,
-            "max_distance_at_s": pair.t_max_distance,
-            "differs": pair.differs,
-        }
-        for pair in comparison.pairs
-    ]
     differs = {
         f"not the same: {key}: {first} and {second}"
         for pair in comparison.pairs
@@ -111,7 +85,7 @@ def _answer(comparison: "Comparison", broken: list["Violation"], out: Path | Non
             "violations": broken,
         },
         tables=[
-            Table(title="pairs", name="pairs", columns=PAIR_COLUMNS, records=pairs),
+            pairs_table(comparison),
             comparison_table("metrics", comparison.metrics),
         ],
         notes=[

@@ -46,8 +46,7 @@ def gap(
     from flighttune.flight.gap import explain_gap
     from flighttune.flight.gap_charts import gap_sheet
     from flighttune.recording.record import record
-    from flighttune.report.gap_page import write_gap_page
-    from flighttune.report.gap_tables import gap_tables, gap_values
+    from flighttune.report.gap import gap_tables, gap_values, write_gap_page
     from flighttune.scenario import load_scenario
 
     loaded = load_scenario(scenario)
@@ -64,16 +63,17 @@ def gap(
     tubes = run_tubes([top], folder, make=tube, conformance=conformance)
     explained = replace(explained, runs=(*explained.runs[:-1], *tubes.runs))
     files = record(explained.flown(), folder, name=stem)
+    values = gap_values(explained, files.signals)
+    tables = gap_tables(explained, values)
     figure = page = None
     if explained.ladder is not None:
         figure, page = folder / "gap.svg", folder / "gap.html"
         gap_sheet(explained).save(figure)
-        write_gap_page(explained, page)
-    values = gap_values(explained, files.signals)
+        write_gap_page(explained, tables, page)
     emit(
         Answer(
             values={**values, "tubes": run_tubes_values(tubes)},
-            tables=[*gap_tables(explained, values)],
+            tables=tables,
             notes=[
                 *_failed(explained),
                 *run_tubes_notes(tubes, f"flighttune gap {scenario} --tube --conformance FILE"),

@@ -47,7 +47,6 @@ def report(
     The page is one file and needs no network.
     """
     from flighttune.comparison import load_source
-    from flighttune.present.frame import questions_table
     from flighttune.report.page import write_report
 
     check_ending(out, ".html", ".htm")
@@ -72,10 +71,7 @@ def report(
                 "tables": {table.name: table.records for table in page.tables if table.name},
                 "tubes": run_tubes_values(tubes),
             },
-            tables=[
-                questions_table(page.questions),
-                *(replace(table, name="") for table in page.tables if table.name in PRINTED),
-            ],
+            tables=[replace(table, name="") for table in page.tables if table.name in PRINTED],
             notes=[*page.summary, *notes],
             files={"report": page.path},
         )

@@ -13,7 +13,7 @@ from flighttune.comparison.source import Source, load_source
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
-from flighttune.present.names import shown_unit
+from flighttune.present.names import columns, shown_unit
 from flighttune.present.numbers import number
 from flighttune.present.tables import Column, Table, html
 from flighttune.scenario.load import leaves
@@ -51,6 +51,17 @@ COMPARED = (
     Column("diff", "B − A", digits=".4f", missing="-"),
     Column("better", "better"),
 )
+PAIR_COLUMNS = [
+    Column("source_a", "A"),
+    Column("run_a", "run of A"),
+    Column("status_a", "status"),
+    Column("source_b", "B"),
+    Column("run_b", "run of B"),
+    Column("status_b", "status"),
+    *columns("compared_s max_distance_m max_distance_at_s"),
+    Column("better.a", "better in: A", digits=".0f"),
+    Column("better.b", "B", digits=".0f"),
+]
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
 
 
@@ -132,6 +143,28 @@ def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
             }
         )
     return Table(title=title, columns=COMPARED, records=records, grouped=True)
+
+
+def pairs_table(comparison: Comparison) -> Table:
+    """Which runs were compared, how far apart they flew, and in how many metrics each is better."""
+    better = comparison.metrics.groupby(["pair", "better"]).size()
+    records = [
+        {
+            "run_a": pair.a.label,
+            "run_b": pair.b.label,
+            "source_a": pair.source_a,
+            "source_b": pair.source_b,
+            "status_a": pair.a.status,
+            "status_b": pair.b.status,
+            "compared_s": pair.a.duration,
+            "max_distance_m": pair.max_distance,
+            "max_distance_at_s": pair.t_max_distance,
+            "better": {side: int(better.get((place, side), 0)) for side in ("a", "b", "same")},
+            "differs": pair.differs,
+        }
+        for place, pair in enumerate(comparison.pairs)
+    ]
+    return Table(title="pairs", name="pairs", columns=PAIR_COLUMNS, records=records)
 
 
 def compare(

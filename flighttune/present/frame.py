@@ -1,34 +1,21 @@
-"""Parts of every page: questions, sections with charts and tables, and the frame of HTML."""
+"""Parts of every page: sections with charts and tables, and the frame of HTML."""
 
 import base64
 import hashlib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 from flighttune.present.chart import Chart, dashes, key, marked_up, style
-from flighttune.present.tables import Column, Table
+from flighttune.present.tables import Table
 from flighttune.whole_file import write_text
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
-Verdict: TypeAlias = Literal["yes", "no", "partly", "none"]
-
 FRAME_PACKAGE = "flighttune.present"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
-    """A question of the headline; the tables of the page have the numbers behind its verdict."""
-
-    question: str
-    verdict: Verdict  # "none" where the question is not one of yes and no
-    short: str  # the answer in a few words
-    criterion: str = ""  # what the verdict goes by
-    sentences: tuple[str, ...] = ()  # what no table says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,36 +42,16 @@ class Report:
         The file.
     summary : tuple of str
         Sentences at its top.
-    questions : tuple of Question
-        Questions that it answers, each with its verdict.
     sections : tuple of str
         Titles.
     tables : tuple of Table
-        Tables below the questions.
+        Its tables.
     """
 
     path: Path
     summary: tuple[str, ...]
-    questions: tuple[Question, ...]
     sections: tuple[str, ...]
     tables: tuple[Table, ...]
-
-
-QUESTION_COLUMNS = (Column("question", "question"), Column("short", "answer"))
-
-
-def questions_table(questions: Sequence[Question]) -> Table:
-    """Questions with their answers, as a command prints them."""
-    return Table(
-        title="", name="headline", columns=QUESTION_COLUMNS, records=[asdict(q) for q in questions]
-    )
-
-
-def share_verdict(good: int, count: int) -> Verdict:
-    """Yes where all of `count` are good, no where none is, partly between; none of nothing."""
-    if not count:
-        return "none"
-    return "yes" if good == count else "partly" if good else "no"
 
 
 def write_page(
@@ -92,25 +59,22 @@ def write_page(
     template: "Template",
     *,
     summary: tuple[str, ...] = (),
-    questions: tuple[Question, ...] = (),
     sections: Sequence[Section] = (),
     **more: Any,
 ) -> Report:
-    """Write a page: summary, sections, answers, and what its template asks for besides.
+    """Write a page: summary, sections, and what its template asks for besides.
 
     Parent folders of `path` are made. Raises OutputError if the file cannot be written.
     """
-    write_text(
-        path, page_text(template, summary=summary, questions=questions, sections=sections, **more)
-    )
+    write_text(path, page_text(template, summary=summary, sections=sections, **more))
     titles = tuple(section.title for section in sections if section.title)
     tables = tuple(table for section in sections for table in section.tables)
-    return Report(path=path, summary=summary, questions=questions, sections=titles, tables=tables)
+    return Report(path=path, summary=summary, sections=titles, tables=tables)
 
 
 def page_text(template: "Template", **values: Any) -> str:
     """A page with the style and the script of all pages."""
-    empty = {"claim": "", "summary": (), "questions": (), "sections": (), "legend": ()}
+    empty = {"claim": "", "summary": (), "sections": (), "legend": ()}
     return template.render(
         **{**empty, **values},
         style=f"{style()}\n{_file('page.css')}",

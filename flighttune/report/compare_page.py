@@ -1,11 +1,10 @@
 """A comparison as a page: runs overlaid, and their metrics."""
 
-from collections import Counter
 from pathlib import Path
 
 from flighttune.comparison import Comparison
-from flighttune.comparison.compare import comparison_table
-from flighttune.comparison.overlay import overlaid
+from flighttune.comparison.compare import comparison_table, pairs_table
+from flighttune.comparison.overlay import overlaid, sources_of
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.report.panels import Flights, commands, errors, paths, tracking
 from flighttune.report.tables import provenance_table
@@ -22,20 +21,23 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
     runs = tuple(overlaid(comparison))
     flights = Flights(runs=runs, styles=run_styles(runs))
     scenario = runs[0].provenance.scenario
-    sources = dict.fromkeys(
-        source for pair in comparison.pairs for source in (pair.source_a, pair.source_b)
-    )
+    sources = sources_of(comparison)
     return write_page(
         Path(path),
         page_template("flighttune.report", "commands.html.jinja"),
-        summary=tuple(_sentences(comparison)),
         sections=[
-            Section(id="runs", title="", charts=tracking(flights), folded=False),
+            Section(
+                id="runs",
+                title="",
+                charts=tracking(flights),
+                tables=[pairs_table(comparison)],
+                folded=False,
+            ),
             Section(
                 id="metrics",
                 title="Errors and metrics",
                 charts=errors(flights),
-                tables=[comparison_table("", comparison.metrics)],
+                tables=[comparison_table("metrics", comparison.metrics)],
             ),
             Section(
                 id="commands",
@@ -50,20 +52,3 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         commands=f"flighttune compare {' '.join(sources)}",
         scenario_text=toml_text(scenario),
     )
-
-
-def _sentences(comparison: Comparison) -> list[str]:
-    """Who is better in how many metrics, and how far apart the paths are, a sentence a pair."""
-    lines = []
-    for place, pair in enumerate(comparison.pairs):
-        own = comparison.metrics[comparison.metrics["pair"] == place]
-        count = Counter(own["better"])
-        names = (pair.a.label, pair.b.label)
-        if names[0] == names[1]:
-            names = (pair.source_a, pair.source_b)
-        lines.append(
-            f"{names[0]} is better in {count['a']}, {names[1]} in {count['b']} of "
-            f"{count['a'] + count['b'] + count['same']} metrics; paths at most "
-            f"{pair.max_distance:.1f} m apart."
-        )
-    return lines

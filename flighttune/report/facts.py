@@ -2,19 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from flighttune.certificates import Certification
-from flighttune.comparison import Comparison, Source, compare
+from flighttune.comparison import Source
 from flighttune.errors import FlightTuneError, RecordingError
 from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.outer_loop import certify_scenario, tuning_problem
 from flighttune.guarantee.flight_check import FlightCheck, flight_check
-from flighttune.present.palette import LineStyle
+from flighttune.metrics import CHANNELS
 from flighttune.report.panels import Flights
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
@@ -23,6 +23,7 @@ from flighttune.tuning.frontier import frontier
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
+    from flighttune.present.palette import LineStyle
 
 CONVERGED_PART = 0.05
 CONVERGED_AT_LEAST = np.deg2rad(0.5)
@@ -32,22 +33,9 @@ largest or within 0.5 deg."""
 LATE = 0.75
 """Part of the flight after which its last quarter begins."""
 
-SMALLEST_ITAE = 0.05
-"""Smallest ITAE of which a ratio is meaningful, rad s^2."""
-
 FRONTIER_POINTS = 9
 LONGEST_LADDER = 6_000
 """Longest aircraft run for which the ladder is flown: beyond it a report would take minutes."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FinalErrors:
-    """Errors over the last quarter of a flight, and whether they are small."""
-
-    converged: bool  # Whether the flight was completed with both errors within their limits
-    # rad: Largest errors of course and path angle over the last quarter of the flight
-    residual: tuple[float, float]
-    allowed: tuple[float, float]  # rad: Their limits in a run that converged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,13 +58,11 @@ class Facts:
     claim: ClaimCheck  # The runs against the scenario's requirements
     runs: tuple[Run, ...]  # Runs that flew
     grounded: tuple[Run, ...]  # Runs that did not fly
-    styles: dict[str, LineStyle]  # Line of each run, by label
-    final_errors: dict[str, FinalErrors]  # Final errors of each run, by label
+    styles: "dict[str, LineStyle]"  # Line of each run, by label
+    convergence: dict[str, dict[str, Any]]  # `final_errors` of each run that flew, by label
     gains: tuple[GainFacts, ...]
     # Flights against the guarantee, by label; without runs whose gains have none
     checks: dict[str, FlightCheck]
-    # Each gain set on the first plant that is not an aircraft against the first aircraft
-    aircraft: Comparison | None
     # One for each run of the first aircraft, nominal or not, for which the ladder was flown
     gaps: tuple[Gap, ...]
     without_gap: tuple[str, ...]  # Why the others have no ladder
@@ -99,7 +85,7 @@ def facts_of(source: Source) -> Facts:
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
     scenario = _scenario(source, runs)
     gaps, without = _gaps(scenario, runs)
-    gains, curve = _certificates_and_frontier(scenario, runs)
+    gains = _gains(scenario, runs)
     return Facts(
         name=source.name,
         scenario=scenario,
@@ -107,28 +93,32 @@ def facts_of(source: Source) -> Facts:
         runs=runs,
         grounded=tuple(run for run in source.runs if len(run.signals) <= 1),
         styles=run_styles(source.runs),
-        final_errors={run.label: final_errors(run) for run in runs},
+        convergence={run.label: final_errors(run) for run in runs},
         gains=gains,
         checks={run.label: check for run in runs if (check := flight_check(run)) is not None},
-        aircraft=_aircraft(runs),
         gaps=gaps,
         without_gap=without,
         missing=source.missing,
-        frontier=curve,
+        frontier=frontier(
+            tuning_problem(scenario),
+            points=FRONTIER_POINTS,
+            marked={gain_set.name: gain_set.gains for gain_set in gains},
+            starts=0,  # drawn gains find the same curve in twice the time
+        ),
     )
 
 
-def final_errors(run: Run) -> FinalErrors:
-    """Errors of a run over its last quarter; see `CONVERGED_AT_LEAST`."""
+def final_errors(run: Run) -> dict[str, Any]:
+    """Whether a run converges: its largest errors over the last quarter and their limits, rad."""
     t = run.t
-    errors = np.abs(run.signals[["chi_err", "gamma_err"]].to_numpy())
+    errors = np.abs(run.signals[[f"{channel}_err" for channel in CHANNELS]].to_numpy())
     residual = errors[t >= LATE * t[-1]].max(axis=0)
     allowed = np.maximum(CONVERGED_PART * errors.max(axis=0), CONVERGED_AT_LEAST)
-    return FinalErrors(
-        converged=run.status == "completed" and bool((residual <= allowed).all()),
-        residual=(float(residual[0]), float(residual[1])),
-        allowed=(float(allowed[0]), float(allowed[1])),
-    )
+    return {
+        "converges": run.status == "completed" and bool((residual <= allowed).all()),
+        "residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
+        "allowed": dict(zip(CHANNELS, allowed.tolist(), strict=True)),
+    }
 
 
 def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
@@ -143,20 +133,6 @@ def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
                 f"{run.label} than for {first.label}; use compare for those."
             )
     return scenario_from(dict(first.provenance.scenario))
-
-
-def _certificates_and_frontier(
-    scenario: Scenario, runs: Sequence[Run]
-) -> tuple[tuple[GainFacts, ...], pd.DataFrame]:
-    """The gain sets with their certificates, and the frontier with the gains marked."""
-    gains = _gains(scenario, runs)
-    curve = frontier(
-        tuning_problem(scenario),
-        points=FRONTIER_POINTS,
-        marked={gain_set.name: gain_set.gains for gain_set in gains},
-        starts=0,  # drawn gains find the same curve in twice the time
-    )
-    return gains, curve
 
 
 def _gains(scenario: Scenario, runs: Sequence[Run]) -> tuple[GainFacts, ...]:
@@ -175,25 +151,14 @@ def _gains(scenario: Scenario, runs: Sequence[Run]) -> tuple[GainFacts, ...]:
     )
 
 
-def _aircraft(runs: Sequence[Run]) -> Comparison | None:
-    sides: list[tuple[Run, ...]] = []
-    for is_aircraft in (False, True):
-        side = [run for run in runs if (run.provenance.aircraft is not None) == is_aircraft]
-        if not side:
-            return None
-        sides.append(tuple(run for run in side if run.provenance.plant == side[0].provenance.plant))
-    law, craft = (Source(name=side[0].provenance.plant, runs=side) for side in sides)
-    comparison = compare(law, craft)
-    return comparison if comparison.comparable else None
-
-
 def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[tuple[Gap, ...], tuple[str, ...]]:
     """Gaps of the first aircraft, nominal and off-nominal; reasons for the missing ones."""
     gaps, without = [], []
     aircraft = [table for table in scenario.plant if table.aircraft is not None]
     plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
-    flown = [run for run in runs if run.provenance.plant in plants]
-    for run in flown:
+    for run in runs:
+        if run.provenance.plant not in plants:
+            continue
         if len(run.signals) > LONGEST_LADDER:
             without.append(
                 f"{run.label}: {len(run.signals)} samples are more than {LONGEST_LADDER}; "

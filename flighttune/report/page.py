@@ -1,34 +1,46 @@
 """The report as one HTML file that needs nothing else."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from flighttune.comparison import Source, load_source
 from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
-from flighttune.report.facts import Facts, facts_of
-from flighttune.report.gap_tables import step_table
+from flighttune.report.facts import CONVERGED_AT_LEAST, CONVERGED_PART, Facts, facts_of
+from flighttune.report.gap import step_table
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel
-from flighttune.report.headline import headline
 from flighttune.report.panels import commands, errors, paths, tracking
 from flighttune.report.tables import (
-    aircraft_tables,
     certificates_table,
     convergence_table,
     gains_table,
     kept_table,
+    paths_table,
     provenance_table,
+    runs_matrix,
     runs_table,
     tracking_table,
 )
 from flighttune.report.toml_text import toml_text
-from flighttune.report.top import best_sentence, matrix
+from flighttune.units import DEG_PER_RAD
 
 MAX_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
-SENSED = "It does not include sensor errors, by which alone a flight may exceed it. "
+CONVERGES = (
+    "A run converges if it was completed and over the last quarter of the flight both errors stay "
+    f"within {100.0 * CONVERGED_PART:.0f} % of their largest, or within "
+    f"{CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°."
+)
+BOUND = (
+    "The proof is about the linear law. s stacks error rates and errors. Dashed: the guaranteed "
+    "bound, i.e. the linear law's decay plus the ultimate bound (dotted) for the mismatch measured "
+    "in the second half of the flight. It pauses while a command is limited and restarts when the "
+    "reference changes slope. A red cross marks where a flight first exceeds it."
+)
+SENSED = "It does not include sensor errors, by which alone a flight may exceed it."
 NO_CURVE = (
     "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
     "scenario's tuning."
@@ -70,15 +82,19 @@ def write_report(
     source = source if isinstance(source, Source) else load_source(source)
     facts = facts_of(source)
     made = facts.runs[0].provenance
+    converged = sum(late["converges"] for late in facts.convergence.values())
     return write_page(
         Path(path),
         page_template("flighttune.report", "page.html.jinja"),
-        summary=(f"{facts.claim.short}.", best_sentence(facts), *at_a_glance),
-        questions=headline(facts, tubes),
+        summary=(
+            f"{facts.claim.short}.",
+            f"{converged} of {len(source.runs)} runs converge.",
+            *at_a_glance,
+        ),
         claim_sentence=f"{facts.claim.sentence}.",
-        matrix=matrix(facts),
+        matrix=runs_matrix(facts),
         duration=f"{max(run.duration for run in facts.runs):g}",
-        sections=_sections(facts),
+        sections=_sections(facts, tubes),
         title=facts.scenario.title,
         claim=facts.scenario.verifies,
         legend=[(run.label, facts.styles[run.label]) for run in facts.runs],
@@ -92,20 +108,19 @@ def write_report(
     )
 
 
-def _sections(facts: Facts) -> list[Section]:
+def _sections(facts: Facts, tubes: Sequence[str]) -> list[Section]:
+    errors_note = (
+        "Errors are reference minus actual, the course error wrapped to ±180°. A band is the tube "
+        "of a run: every flight of its model is in it."
+    )
     sections = [
         Section(id="runs", title="", charts=tracking(facts.flights), folded=False),
         Section(
             id="tracking",
             title="Errors and metrics",
-            note="Errors are reference minus actual, the course error wrapped to ±180°. A band is "
-            "the tube of a run: every flight of its model is in it.",
+            note=" ".join([errors_note, *tubes, CONVERGES]),
             charts=errors(facts.flights),
-            tables=[
-                convergence_table(facts),
-                tracking_table(facts),
-                runs_table(facts),
-            ],
+            tables=[convergence_table(facts), tracking_table(facts), runs_table(facts)],
         ),
         Section(
             id="commands",
@@ -116,32 +131,22 @@ def _sections(facts: Facts) -> list[Section]:
     ]
     if facts.gaps:
         sections.append(_gap_section(facts))
-    sections.append(_certificate_section(facts))
-    return sections
-
-
-def _certificate_section(facts: Facts) -> Section:
-    """The norm of s against its bound: for experts, last."""
     curve = frontier_panel(facts)
-    return Section(
+    notes = [BOUND, SENSED if facts.scenario.sensors else "", "" if curve else NO_CURVE]
+    certificate = Section(
         id="certificate",
         title="Certificate",
-        note="s stacks error rates and errors. Dashed: the guaranteed bound, i.e. the linear "
-        "law's decay plus the ultimate bound (dotted) for the mismatch measured in the second "
-        "half of the flight. It pauses while a command is limited and restarts when the "
-        "reference changes slope. A red cross marks where a flight first exceeds it. "
-        f"{SENSED if facts.scenario.sensors else ''}{'' if curve else NO_CURVE}",
+        note=" ".join(filter(None, notes)),
         charts=[*certificate_panels(facts), *curve],
         tables=[gains_table(facts), certificates_table(facts), kept_table(facts)],
     )
+    return [*sections, certificate]
 
 
 def _gap_section(facts: Facts) -> Section:
     drawn = facts.gaps[:MAX_GAPS]
     more = len(facts.gaps) - len(drawn)
-    several = len({gap.aircraft.provenance.plant for gap in facts.gaps}) > 1
-    rest = f"{more} more {'flight' if several else 'gain set'}{' is' if more == 1 else 's are'}"
-    unseen = f" {rest} in the table only." if more else ""
+    unseen = f" The tables have {more} more." if more else ""
     return Section(
         id="gap",
         title="From the law to the aircraft",
@@ -155,6 +160,6 @@ def _gap_section(facts: Facts) -> Section:
             for kind in (itae_chart, steps_chart, bound_chart)
         ],
         columns=3,
-        tables=[step_table(facts.gaps), *aircraft_tables(facts)],
+        tables=[replace(step_table(facts.gaps), name="gap"), paths_table(facts)],
         legend=False,
     )

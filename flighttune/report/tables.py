@@ -1,26 +1,25 @@
-"""Tables of a report."""
+"""Tables of a report, and its matrix of gains and plants."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from flighttune.comparison.compare import SHOWN, comparison_table
+from flighttune.comparison.compare import largest_distance
 from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.present.chart import spark
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.numbers import MISSING, matrix
+from flighttune.present.numbers import MISSING, matrix, number
 from flighttune.present.tables import Column, Table, facts_table
+from flighttune.report.certified import certification_values
 from flighttune.report.facts import Facts, GainFacts
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import SensorsTable
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
 
 TRACKING = "ITAE MO_rad PT_s rise_s settling_s MS_rad ST_rad saturation_s"
 FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad"
 
-TRACKING_COLUMNS = columns(f"run channel {TRACKING}")
 CONVERGENCE_COLUMNS = [
     *columns("run converges"),
     *(
@@ -29,7 +28,6 @@ CONVERGENCE_COLUMNS = [
         for key, name in (("residual", "largest late error"), ("allowed", "limit"))
     ),
 ]
-RUN_COLUMNS = columns(f"run flown_s {FLIGHT} outcome")
 GAIN_COLUMNS = [
     *columns("gains R_K I_K"),
     Column("K_P", "K_P, rows φ n_z, columns χ γ"),
@@ -47,7 +45,6 @@ KEPT_COLUMNS = [
     Column("kept", "‖s‖ below its bound", good=("yes",)),
     Column("t_broken", "exceeded from", "s"),
 ]
-PAIR_COLUMNS = columns("gains from to max_distance_m max_distance_at_s")
 
 
 def tracking_table(facts: Facts) -> Table:
@@ -57,22 +54,12 @@ def tracking_table(facts: Facts) -> Table:
         for run in facts.runs
         for channel, metrics in channel_metrics(run).to_dict(orient="index").items()
     ]
-    return _by_run("tracking", "Tracking", TRACKING_COLUMNS, records)
+    return _by_run("tracking", "Tracking", columns(f"run channel {TRACKING}"), records)
 
 
 def convergence_table(facts: Facts) -> Table:
     """Largest errors over the last quarter of each flight, and their limits."""
-    records = []
-    for run in facts.runs:
-        late = facts.final_errors[run.label]
-        records.append(
-            {
-                "run": run.label,
-                "converges": late.converged,
-                "residual": dict(zip(CHANNEL_SYMBOLS, late.residual, strict=True)),
-                "allowed": dict(zip(CHANNEL_SYMBOLS, late.allowed, strict=True)),
-            }
-        )
+    records = [{"run": label, **late} for label, late in facts.convergence.items()]
     records += [{"run": run.label, "converges": False} for run in facts.grounded]
     return _by_run("convergence", "Convergence", CONVERGENCE_COLUMNS, records)
 
@@ -88,7 +75,7 @@ def runs_table(facts: Facts) -> Table:
         }
         for run in (*facts.runs, *facts.grounded)
     ]
-    return _by_run("runs", "Runs", RUN_COLUMNS, records)
+    return _by_run("runs", "Runs", columns(f"run flown_s {FLIGHT} outcome"), records)
 
 
 def gains_table(facts: Facts) -> Table:
@@ -109,28 +96,26 @@ def gains_table(facts: Facts) -> Table:
 
 def certificates_table(facts: Facts) -> Table:
     """The proven claim of each gain set: ``‖s‖`` decays at half the rate, after its growth."""
-    records = [_certificate(gain_set) for gain_set in facts.gains]
-    return Table(
-        title="Certificates", name="certificates", columns=CERTIFICATE_COLUMNS, records=records
-    )
 
-
-def _certificate(gain_set: GainFacts) -> dict[str, Any]:
-    trim, envelope = gain_set.trim, gain_set.envelope
-    refused = [made.reason for made in (trim, envelope) if made and made.certificate is None]
-    values: dict[str, Any] = {"gains": gain_set.name, "reason": "; ".join(refused)}
-    if trim.certificate is not None:
-        claim = trim.certificate.claim
-        values |= {
-            "rate": claim.rate,
-            "growth": math.sqrt(float(np.linalg.cond(trim.certificate.Q))),
-            "radius": claim.radius,
-            "L_d": claim.L_d,
-            "checks": len(trim.verification.checks) if trim.verification else 0,
+    def record(gain_set: GainFacts) -> dict[str, Any]:
+        trim, envelope = gain_set.trim, gain_set.envelope
+        own = certification_values(trim)
+        reasons = [made.reason for made in (trim, envelope) if made and made.reason]
+        proven = envelope.certificate if envelope else None
+        return {
+            "gains": gain_set.name,
+            **{key: own[key] for key in ("rate", "growth", "radius", "L_d")},
+            "checks": len(own["checks"]),
+            "envelope_rate": proven.claim.rate if proven else None,
+            "reason": "; ".join(reasons),
         }
-    if envelope is not None and envelope.certificate is not None:
-        values["envelope_rate"] = envelope.certificate.claim.rate
-    return values
+
+    return Table(
+        title="Certificates",
+        name="certificates",
+        columns=CERTIFICATE_COLUMNS,
+        records=[record(gain_set) for gain_set in facts.gains],
+    )
 
 
 def kept_table(facts: Facts) -> Table:
@@ -147,25 +132,31 @@ def kept_table(facts: Facts) -> Table:
     return _by_run("kept", "Certificates in flight", KEPT_COLUMNS, records)
 
 
-def aircraft_tables(facts: Facts) -> list[Table]:
-    """The first aircraft against the first plant that is none: paths and metrics."""
-    if facts.aircraft is None:
-        return []
-    pairs = [
-        {
-            "gains": pair.a.provenance.gains_name,
-            "from": pair.a.provenance.plant,
-            "to": pair.b.provenance.plant,
-            "max_distance_m": pair.max_distance,
-            "max_distance_at_s": pair.t_max_distance,
-        }
-        for pair in facts.aircraft.pairs
-    ]
-    metrics = facts.aircraft.metrics
-    return [
-        Table(title="Paths", name="aircraft", columns=PAIR_COLUMNS, records=pairs),
-        comparison_table("Law (A) and aircraft (B)", metrics[metrics["name"].isin(SHOWN)]),
-    ]
+def paths_table(facts: Facts) -> Table:
+    """How far each aircraft flies from the first plant that is none, with the same gains."""
+    laws = [run for run in facts.runs if run.provenance.aircraft is None]
+    first = {
+        run.provenance.gains_name: run
+        for run in laws
+        if run.provenance.plant == laws[0].provenance.plant
+    }
+    records = []
+    for run in facts.runs:
+        law = first.get(run.provenance.gains_name)
+        if law is None or run.provenance.aircraft is None:
+            continue
+        distance, at = largest_distance(law, run)
+        records.append(
+            {
+                "gains": run.provenance.gains_name,
+                "from": law.provenance.plant,
+                "to": run.provenance.plant,
+                "max_distance_m": distance,
+                "max_distance_at_s": at,
+            }
+        )
+    shown = columns("gains from to max_distance_m max_distance_at_s")
+    return Table(title="Paths", name="aircraft", columns=shown, records=records)
 
 
 def provenance_table(name: str, scenario: Scenario, flown: Sequence[Run]) -> Table:
@@ -178,7 +169,6 @@ def provenance_table(name: str, scenario: Scenario, flown: Sequence[Run]) -> Tab
             "runs from": name,
             "scenario, SHA-256": scenario.sha256,
             "seed": str(made.seed),
-            **_sensors(scenario.sensors),
             "flown with": versions,
             "time to fly": f"{sum(run.provenance.wall_s for run in flown):.2f} s",
             "source of the scenario": scenario.source or MISSING,
@@ -186,25 +176,55 @@ def provenance_table(name: str, scenario: Scenario, flown: Sequence[Run]) -> Tab
     )
 
 
+def runs_matrix(facts: Facts) -> list[dict[str, Any]]:
+    """Errors, ITAE and settling time of every run: a row a gain set, a cell a plant."""
+    plants = dict.fromkeys(run.provenance.plant for run in facts.runs)
+    names = dict.fromkeys(run.provenance.gains_name for run in facts.runs)
+    runs = {(run.provenance.gains_name, run.provenance.plant): run for run in facts.runs}
+    metrics = {run.label: channel_metrics(run).to_dict() for run in facts.runs}
+    errors = {
+        run.label: {
+            f"error of {symbol}": run.signals[f"{channel}_err"].to_numpy()
+            for channel, symbol in CHANNEL_SYMBOLS.items()
+        }
+        for run in facts.runs
+    }
+    every = np.concatenate([error for own in errors.values() for error in own.values()])
+    ends = float(every.min()), float(every.max())  # one scale for all
+    longest = max(run.duration for run in facts.runs)
+
+    def is_lowest(run: Run, channel: str) -> bool:
+        others = [
+            metrics[other.label]["ITAE"][channel]
+            for other in facts.runs
+            if other.provenance.plant == run.provenance.plant and other.status == "completed"
+        ]
+        own = metrics[run.label]["ITAE"][channel]
+        return run.status == "completed" and len(names) > 1 and own == min(others)
+
+    def cell(run: Run | None) -> dict[str, Any] | None:
+        if run is None:
+            return None
+        own, done = metrics[run.label], run.status == "completed"
+        colour = facts.styles[run.label].colour
+        return {
+            "spark": spark(run.t, errors[run.label], colour, longest, ends),
+            "converged": facts.convergence[run.label]["converges"],
+            "ended": "" if done else f"{run.status.replace('_', ' ')} at {run.duration:.1f} s",
+            "itae": [
+                (f"{own['ITAE'][channel]:.2f}", is_lowest(run, channel))
+                for channel in CHANNEL_SYMBOLS
+            ],
+            "settling": [number(own["settling_s"][channel], ".1f") for channel in CHANNEL_SYMBOLS],
+        }
+
+    return [
+        {"gains": name, "cells": {plant: cell(runs.get((name, plant))) for plant in plants}}
+        for name in names
+    ]
+
+
 def _by_run(
     name: str, title: str, shown: Sequence[Column], records: Sequence[Mapping[str, Any]]
 ) -> Table:
     return Table(title=title, name=name, columns=shown, records=records, label="run")
-
-
-def _sensors(table: SensorsTable | None) -> dict[str, str]:
-    """Errors of the sensors that the controller read; empty without sensors."""
-    if table is None:
-        return {}
-    signals = (
-        ("χ", table.chi_bias_deg, table.chi_noise_sd_deg, "°"),
-        ("γ", table.gamma_bias_deg, table.gamma_noise_sd_deg, "°"),
-        ("V_a", table.V_a_bias_mps, table.V_a_noise_sd_mps, " m/s"),
-    )
-    biases = [f"{symbol} {bias:+g}{unit}" for symbol, bias, _, unit in signals if bias]
-    noises = [f"{symbol} {sd:g}{unit}" for symbol, _, sd, unit in signals if sd]
-    tau = table.noise_time_constant_s
-    colour = "white" if tau is None else f"time constant {tau:g} s"
-    bias = f"bias of {', '.join(biases)}" if biases else "no bias"
-    noise = f"noise, standard deviation {', '.join(noises)}, {colour}" if noises else "no noise"
-    return {"sensors of the controller": f"{bias}; {noise}"}

@@ -1,0 +1,156 @@
+"""A gap as plain values, its tables, and its page."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from flighttune.flight.gap import Gap
+from flighttune.flight.gap_charts import gap_charts
+from flighttune.flight.ladder import Step
+from flighttune.identify.model import lag_table
+from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.tables import Column, Table
+from flighttune.report.tables import provenance_table
+from flighttune.report.toml_text import toml_text
+from flighttune.simulate.run import run_styles
+from flighttune.units import DEG_PER_RAD
+
+TUBE_NOTE = (
+    "The error of the aircraft is drawn in its tube where there is one: "
+    "flighttune gap SCENARIO --tube --conformance FILE makes it."
+)
+METRICS = [
+    f"metrics.{channel}.{key}"
+    for key in ("ITAE", "MO_rad", "ST_rad", "saturation_s")
+    for channel in CHANNEL_SYMBOLS
+]
+"""Metrics of the tables; ``--json`` has them all."""
+
+
+RUNG_COLUMNS = columns(" ".join(["plant", "status", *METRICS]))
+STEP_COLUMNS = [
+    *columns("gains"),
+    Column("adds", "upper minus lower plant"),
+    Column("signals.chi.rms_rad", "Δχ rms", "deg", ".2f", DEG_PER_RAD),
+    Column("signals.gamma.rms_rad", "Δγ rms", "deg", ".2f", DEG_PER_RAD),
+    *(replace(column, digits="+.2f") for column in columns(" ".join(METRICS))),
+]
+LAG_COLUMNS = columns("channel order natural_frequency_rad_s delay_s fit_percent")
+MISMATCH_COLUMNS = [Column("bound", "largest |d|", "rad/s"), *columns("L_d")]
+
+
+def gap_values(gap: Gap, signals: Mapping[str, Path]) -> dict[str, Any]:
+    """A gap as ``--json`` has it; `signals` are the files of the rungs by label."""
+    flown, ladder = gap.flown(), gap.ladder
+    values: dict[str, Any] = {
+        "status": gap.status,
+        "reason": gap.reason,
+        "gains": gap.aircraft.provenance.gains_name,
+        "ladder": [
+            {
+                "plant": run.provenance.plant,
+                "status": run.status,
+                "reason": run.reason,
+                "duration_s": run.duration,
+                "signals": signals.get(run.label),
+                "metrics": flown.metrics_of(run),
+            }
+            for run in gap.runs
+        ],
+        "inner_loop": None,
+        "contributions": [_step(step) for step in gap.steps],
+        "whole": None if ladder is None else _step(ladder.whole),
+        "largest_residual": None if ladder is None else ladder.residual,
+        "mismatch": None,
+    }
+    if ladder is not None:
+        loop = ladder.inner_loop
+        values["inner_loop"] = {"source": loop.source} | {
+            name: {**lag_table(fitted.lag), "fit_percent": fitted.fit_percent}
+            for name, fitted in (("phi", loop.phi), ("n_z", loop.n_z))
+        }
+    if gap.mismatch is not None:
+        values["mismatch"] = {"L_d": gap.mismatch.L_d, "bound": gap.mismatch.bound}
+    return values
+
+
+def gap_tables(gap: Gap, values: Mapping[str, Any]) -> list[Table]:
+    """Tables of a gap from its values: rungs, steps, inner loop and mismatch."""
+    if gap.ladder is None:
+        return []
+    loop = values["inner_loop"]
+    lags = [{"channel": name, **loop[name]} for name in ("phi", "n_z")]
+    mismatch = [values["mismatch"]] if values["mismatch"] else []
+    return [
+        Table(
+            title=f"{gap.scenario.title}; gains {values['gains']}",
+            columns=RUNG_COLUMNS,
+            records=values["ladder"],
+        ),
+        step_table([gap]),
+        Table(title=f"inner loop ({loop['source']})", columns=LAG_COLUMNS, records=lags),
+        Table(
+            title="mismatch d: rates flown minus the law's",
+            columns=MISMATCH_COLUMNS,
+            records=mismatch,
+        ),
+    ]
+
+
+def step_table(gaps: Sequence[Gap]) -> Table:
+    """What each step from the paper's law to the aircraft adds, and all of them together."""
+    records = [
+        {"gains": gap.name, **_step(step)}
+        for gap in gaps
+        if gap.ladder is not None
+        for step in (*gap.ladder.steps, gap.ladder.whole)
+    ]
+    shown = STEP_COLUMNS if len(gaps) > 1 else STEP_COLUMNS[1:]
+    return Table(title="Steps", columns=shown, records=records)
+
+
+def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Report:
+    """Write one self-contained page about a gap; parent folders are made.
+
+    Raises InputError if the aircraft did not fly, OutputError if the file cannot be written.
+    """
+    made = gap.aircraft.provenance
+    return write_page(
+        Path(path),
+        page_template("flighttune.report", "commands.html.jinja"),
+        sections=[
+            Section(
+                id="runs",
+                title="",
+                note=TUBE_NOTE,
+                charts=gap_charts(gap),
+                legend=False,
+                folded=False,
+            ),
+            Section(id="numbers", title="Numbers", tables=tables, legend=False),
+        ],
+        title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
+        styles=run_styles(gap.runs),
+        provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),
+        commands=f"flighttune gap scenario.toml --gains {made.gains_name}",
+        scenario_text=toml_text(made.scenario),
+    )
+
+
+def _step(step: Step) -> dict[str, Any]:
+    return {
+        "from": step.lower,
+        "to": step.upper,
+        "adds": step.adds,
+        "signals": {
+            name: {
+                "rms_rad": math.sqrt(float((values**2).mean())),
+                "max_rad": float(abs(values).max()),
+            }
+            for name, values in (("chi", step.chi), ("gamma", step.gamma))
+        },
+        "metrics": {**step.metrics.to_dict(orient="index"), "flight": step.flight.to_dict()},
+    }
