@@ -47,7 +47,7 @@ def test_a_jet_is_adopted(adopted):
         *("adoption.json", "adoption.html"),
     }
     page = (folder / "adoption.html").read_text(encoding="utf-8")
-    assert "Is it adopted?" in page
+    assert "Adopted means: both fits reach" in page
 
 
 @pytest.mark.slow
