@@ -99,28 +99,25 @@ def report(
     from flighttune.campaign.dataset import dataset_hash
     from flighttune.campaign.statistics.findings import findings
     from flighttune.campaign.statistics.flights import load_flights
-    from flighttune.present.frame import questions_table
     from flighttune.report.campaign import tables
-    from flighttune.report.campaign.headline import headline
-    from flighttune.report.campaign.page import notes, write_campaign_report
+    from flighttune.report.campaign.page import notes, summary, write_campaign_report
     from flighttune.report.campaign.values import findings_values
 
-    summary = findings(load_flights(folder), method=interval, confidence=confidence)
+    made = findings(load_flights(folder), method=interval, confidence=confidence)
     if out is None and Path(folder).is_dir():
         out = Path(folder) / "report.html"
-    page = None if out is None else write_campaign_report(summary, out).path
-    values = findings_values(summary)
+    page = None if out is None else write_campaign_report(made, out).path
+    values = findings_values(made)
     emit(
         Answer(
             values={**values, "sha256": dataset_hash(folder)},
             tables=[
-                questions_table(headline(summary)),
-                tables.success_table(summary, values["groups"]),
+                tables.success_table(made, values["groups"]),
                 tables.reasons_table(values["groups"]),
                 tables.certified_table(values["groups"]),
-                tables.paired_table(summary, values["paired"]),
+                tables.paired_table(made, values["paired"]),
             ],
-            notes=notes(summary),
+            notes=[*summary(made), *notes(made)],
             files={"page": page},
         )
     )

@@ -1,6 +1,5 @@
 """The report of a campaign: the JSON object, the page, and what a browser makes of it."""
 
-import math
 import re
 import shutil
 
@@ -28,11 +27,9 @@ from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
 from flighttune.errors import InputError, RecordingError
-from flighttune.present.numbers import percent
 from flighttune.present.palette import line_styles
-from flighttune.report.campaign.headline import headline
-from flighttune.report.campaign.page import notes, write_campaign_report
-from flighttune.report.campaign.words import styles_of
+from flighttune.report.campaign.page import notes, summary, write_campaign_report
+from flighttune.report.campaign.panels import styles_of
 
 pytestmark = pytest.mark.slow
 
@@ -126,7 +123,7 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
     found = load_flights(out)
 
     assert 0 < len(found.rows) < RUNS
-    (said,) = notes(findings(found))
+    said = notes(findings(found))[0]
     assert f"{len(found.rows)} of {RUNS} flights" in said
     for path in first[: len(first) // 2]:
         path.unlink()
@@ -158,61 +155,39 @@ def records_of(page, title):
     return table.records
 
 
-def test_the_headline_says_which_gains_hold_and_how_surely(made_up, page):
-    holds, wrong, certified, matters = page.questions
-    by_group = {(g.group.plant, g.group.gains): g for g in made_up.groups}
+def test_the_summary_says_how_many_succeed_and_what_matters(made_up, page):
+    successes = sum(group.successes for group in made_up.groups)
 
-    assert holds.verdict == "partly"
-    law, aircraft = (by_group[plant, "paper"] for plant in ("kinematic", "jsbsim:aerosonde"))
-    assert holds.short == (
-        f"K3 100 % (paper {percent(law.successes / law.n)} %) on kinematic; "
-        f"K3 100 % (paper {percent(aircraft.successes / aircraft.n)} %) on jsbsim:aerosonde"
+    assert page.summary == (
+        f"{successes} of 800 flights succeed.",
+        "What matters most: flight.V_a_mps.",
     )
-    failed = sum(one.n - one.successes for one in by_group.values())
-    assert wrong.short == f"{failed} of 800 flights fail"
-    held = sum(one.certified.held for one in by_group.values())
-    assert certified.short == f"in {held} of 800 flights"
-    assert matters.short == "flight.V_a_mps"
 
 
 def test_the_tables_have_the_numbers_of_the_groups(made_up, page):
     groups = {record["group"]: record for record in records_of(page, "How often")}
 
-    for summary in made_up.groups:
-        record = groups[summary.group.label]
-        assert (record["successes"], record["n"]) == (summary.successes, summary.n)
-        assert (record["lo"], record["hi"]) == (summary.success.lo, summary.success.hi)
-    for group, claim in made_up.claims.items():
-        widths = groups[group.label]["certified"]["tube_deg"]
-        assert widths == pytest.approx([math.degrees(width) for width in claim.tube])
-    assert {group.plant for group in made_up.claims} == {"jsbsim:aerosonde"}
+    for group in made_up.groups:
+        record = groups[group.group.label]
+        assert (record["successes"], record["n"]) == (group.successes, group.n)
+        assert (record["lo"], record["hi"]) == (group.success.lo, group.success.hi)
     reasons = records_of(page, "Why flights fail")
     assert any("the course error passed 180 deg" in record["reason"] for record in reasons)
     for pair in records_of(page, "Gains on the same draws"):
         assert (pair["a"], pair["win_rate"]) == ("paper", 0.0)
 
 
-def test_where_everything_holds_the_headline_says_so(tmp_path):
-    made = made_up_plan(tmp_path, runs=80)
-    rows = made_up_rows(made).assign(status="completed", success=True, missed=None, reason=None)
-
-    holds, wrong, *_ = headline(findings(flights_of(rows, made)))
-
-    assert holds.verdict == "yes"
-    assert wrong.short == "nothing"
-    assert holds.short == "paper, K3 100 % on kinematic; paper, K3 100 % on jsbsim:aerosonde"
-
-
-def test_the_headline_names_all_that_matter_alike(tmp_path):
+def test_the_summary_names_all_that_matter_alike(tmp_path):
     """Roll alone moves the course with one gain set, airspeed alone with the other."""
     made = made_up_plan(tmp_path, runs=160)
     rows = made_up_rows(made).assign(status="completed", success=True, missed=None, reason=None)
     roll = (rows["gains"] == "paper").to_numpy()
     rows.loc[roll, "chi.ITAE"] = rows["flight.phi_deg"] + 20.0
 
-    matters = headline(findings(flights_of(rows, made)))[-1]
+    all_succeed, matters = summary(findings(flights_of(rows, made)))
 
-    assert matters.short == "flight.phi_deg, flight.V_a_mps"
+    assert all_succeed == "160 of 160 flights succeed."
+    assert matters == "What matters most: flight.phi_deg, flight.V_a_mps."
 
 
 def test_every_part_is_on_the_page_and_nothing_points_outside(page):
@@ -267,7 +242,7 @@ def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
 
     written = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
 
-    assert written.questions[0].verdict == "no"
+    assert written.summary[0] == "0 of 1 flights succeed."
     assert "`x` must be finite" in written.path.read_text(encoding="utf-8")
 
 

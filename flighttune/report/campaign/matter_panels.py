@@ -20,9 +20,9 @@ from flighttune.report.campaign.panels import (
     flight_tips,
     places,
     rows_chart,
+    styles_of,
 )
-from flighttune.report.campaign.tables import groups_of, influential_parameters
-from flighttune.report.campaign.words import metric_name, styles_of
+from flighttune.report.campaign.tables import groups_of, influential_parameters, metric_name
 
 PARAMETERS = 8
 """Rows of a panel of parameters."""

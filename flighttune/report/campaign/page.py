@@ -1,28 +1,40 @@
 """The report of a campaign as one HTML file that needs nothing else."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flighttune.campaign.dataset import dataset_hash
+from flighttune.campaign.planning.draws import SEED
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.numbers import MISSING
 from flighttune.present.tables import Table, facts_table
 from flighttune.report.campaign import tables
-from flighttune.report.campaign.headline import headline
 from flighttune.report.campaign.matter_panels import (
     influence_panels,
     scatter_panels,
     sobol_panels,
     split_panels,
 )
-from flighttune.report.campaign.panels import against, convergence, distributions, rates
+from flighttune.report.campaign.panels import (
+    against,
+    convergence,
+    distributions,
+    rates,
+    styles_of,
+)
 from flighttune.report.campaign.values import findings_values
-from flighttune.report.campaign.words import styles_of
 from flighttune.report.toml_text import toml_text
 from flighttune.shipped import scenario_files
+
+CHANCE = "noise and turbulence"
+"""Effects of the seed of a flight."""
+
+CONFIDENCE = {"clopper-pearson": "Clopper and Pearson's", "wilson": "Wilson's"}
 
 
 def write_campaign_report(findings: Findings, path: str | Path) -> Report:
@@ -32,13 +44,12 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     """
     flown, campaign = findings.flights, findings.flights.plan.campaign
     styles = styles_of(findings)
-    questions, values = headline(findings), findings_values(findings)
+    values = findings_values(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
         Path(path),
         page_template("flighttune.report.campaign", "page.html.jinja"),
-        summary=(f"Success: {questions[0].short}.",),
-        questions=questions,
+        summary=summary(findings),
         sections=[part for part in _sections(findings, values) if part.charts or part.tables],
         title=campaign.title,
         claim=campaign.verifies,
@@ -54,6 +65,31 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
         scenario_text=toml_text(flown.plan.scenario.as_dict()),
         version=flown.versions.get("flighttune", ""),
     )
+
+
+def summary(findings: Findings) -> tuple[str, ...]:
+    """How many flights succeed, and the parameters that matter most."""
+    n = sum(group.n for group in findings.groups)
+    successes = sum(group.successes for group in findings.groups)
+    strongest = Counter(
+        name
+        for group in findings.groups
+        for measure in (SUCCESS, findings.measure)
+        if measure is not None and (name := _strongest(findings, group.group, measure))
+    )
+    names = [name for name, count in strongest.items() if count == max(strongest.values())]
+    matters = ", ".join(names) if names else "no parameter significantly"
+    return f"{successes} of {n} flights succeed.", f"What matters most: {matters}."
+
+
+def _strongest(findings: Findings, group: Group, measure: str) -> str:
+    """The strongest factor by its total Sobol index, else by ranks; empty if none matters."""
+    indices = findings.sobol.get((group, measure))
+    if indices is not None:
+        factor = findings.flights.plan.factors[int(np.argmax(indices.total[0]))]
+        return CHANCE if factor == SEED else factor
+    influences = findings.influences.get((group, measure), ())
+    return next((influence.parameter for influence in influences if influence.apart), "")
 
 
 def notes(findings: Findings) -> tuple[str, ...]:
@@ -89,7 +125,11 @@ def _sections(findings: Findings, values: dict[str, Any]) -> list[Section]:
         Section(
             id="rates",
             title="How often",
-            note="Of all flights of a group, with intervals in brackets.",
+            note="Of all flights of a group, with "
+            f"{CONFIDENCE[findings.flights.method]} interval of "
+            f"{100.0 * findings.flights.confidence:g} % confidence in brackets. A flight succeeds "
+            "if it meets every [[expect]] of the scenario below; without one for its status it "
+            "must be completed.",
             tables=_filled(
                 tables.success_table(findings, groups),
                 tables.reasons_table(groups),

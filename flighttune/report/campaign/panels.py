@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
+from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import Findings
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.campaign.statistics.paired import scores
 from flighttune.campaign.statistics.summary import ConvergenceCurve
 from flighttune.present.chart import HEAD_AND_FOOT, WIDTH, Chart
 from flighttune.present.names import metric_label
-from flighttune.present.palette import NEUTRAL, LineStyle
-from flighttune.report.campaign.words import styles_of
+from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
 
 NAME, STEP = 20.0, 10.0
 """Height of the name of a row and of each of its dots, pixels."""
@@ -28,6 +28,13 @@ DOTS = 400
 """Flights of a group in a chart of dots."""
 
 MAX_PAIRS = 4
+
+
+def styles_of(findings: Findings) -> dict[str, LineStyle]:
+    """Line style of every group by its label, as in the report of its scenario."""
+    plan = findings.flights.plan
+    pairs = [(plant.label, name) for plant in plan.scenario.plant for name in plan.gain_sets]
+    return {Group(*pair).label: style for pair, style in line_styles(pairs).items()}
 
 
 def rows_chart(title: str, x: str, names: Sequence[str], dots: int = 1) -> Chart:

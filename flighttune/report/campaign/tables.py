@@ -4,12 +4,27 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from flighttune.campaign.planning.plan import Group
-from flighttune.campaign.statistics.findings import Findings
+from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.campaign.statistics.flights import failures
 from flighttune.present.names import columns, metric_label
 from flighttune.present.numbers import figures, percent
 from flighttune.present.tables import Column, Table
-from flighttune.report.campaign.words import metric_name, probability, status_words
+
+
+def metric_name(metric: str) -> str:
+    """Name of a metric by its column, or the word success itself."""
+    return metric if metric == SUCCESS else metric_label(metric).name
+
+
+def status_words(status: str) -> str:
+    """A status as it is read."""
+    return status.replace("_", " ")
+
+
+def probability(p: float) -> str:
+    """A p-value as text; a very small one as an upper bound."""
+    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
+
 
 METRICS = (
     *(f"{channel}.{metric}" for metric in ("ITAE", "MO_rad") for channel in ("chi", "gamma")),
