@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.control.controller import FlightCondition
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import first_mistake
@@ -37,6 +38,7 @@ from flighttune.quantities import (
 )
 from flighttune.shipped import aircraft_folder
 from flighttune.table_file import json_tables, stamp, toml_tables
+from flighttune.units import DEG
 from flighttune.whole_file import write_text
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -349,6 +351,29 @@ def _checked(model: type[Model], tables: dict[str, Any], file: Path) -> Model:
         return model.model_validate(tables)
     except ValidationError as error:
         raise ScenarioError(f"{file}: {first_mistake(error)}") from error
+
+
+def start_faults(
+    config: AircraftConfig, condition: FlightCondition, ground: float
+) -> Iterator[tuple[str, str]]:
+    """Attributes of a condition outside the aircraft's envelope or limits, with the reason.
+
+    `ground` (m): height of the ground above sea level. A reason has no full stop.
+    """
+    if not condition.h > ground:
+        yield "h", f"must be above the ground at {ground:g} m, got {condition.h:g} m"
+    watched = (
+        ("V_a", condition.V_a, config.envelope.V_a, 1.0, " m/s"),
+        ("phi", condition.phi, config.limits.phi, DEG, " deg"),
+        ("n_z", condition.n_z_start, config.limits.n_z, 1.0, ""),
+    )
+    for name, value, (low, high), unit, symbol in watched:
+        if not low <= value <= high:
+            yield (
+                name,
+                f"must lie in {low / unit:g} to {high / unit:g}{symbol} ({config.file}), "
+                f"got {value / unit:g}{symbol}",
+            )
 
 
 def files_hash(aircraft: str) -> str:

@@ -1,6 +1,5 @@
 """The main file of an aircraft, with placeholders where each flight has numbers of its own."""
 
-import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from flighttune.aircraft.aircraft import SURFACES
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
+from flighttune.shipped import nearest_name
 from flighttune.units import FT, SLUG
 
 _PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
@@ -158,10 +158,8 @@ def _one_of(name: str, named: list[tuple[Element, int, str]], file: Path) -> str
     meant = [full for full in names if full.rpartition("/")[2] == name]
     if meant:
         return f"one function of {file}: it means {', '.join(meant)}."
-    short = {full.rpartition("/")[2]: full for full in names}
-    close = difflib.get_close_matches(name, short, n=1)
-    hint = f"did you mean `{close[0]}`?" if close else f"it has {', '.join(list(short))}."
-    return f"a named aerodynamic function of {file}; {hint}"
+    short = [full.rpartition("/")[2] for full in names]
+    return f"a named aerodynamic function of {file}{nearest_name(name, short)}"
 
 
 def _inlined(holder: Element, folders: Sequence[Path]) -> Element:

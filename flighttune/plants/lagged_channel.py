@@ -1,6 +1,5 @@
 """An inner loop in flight, from commands to flown values, without a discretisation error."""
 
-import math
 from collections import deque
 from collections.abc import Iterable
 from functools import lru_cache
@@ -25,30 +24,11 @@ def transition(lag: InnerLag, t: float) -> FloatArray:
     A is that of `InnerLag.undelayed`, without the delay. `t` (s) is not negative. The matrix is
     read-only and has shape (order, order).
     """
-    matrix = _transition(lag, t)
+    from scipy.linalg import expm
+
+    matrix = np.asarray(expm(lag.undelayed[0] * t))
     matrix.flags.writeable = False
     return matrix
-
-
-def _transition(lag: InnerLag, t: float) -> FloatArray:
-    w = lag.natural_frequency
-    if lag.order == 1:
-        return np.array([[math.exp(-w * t)]])
-    if lag.order == 3:
-        from scipy.linalg import expm
-
-        return np.asarray(expm(lag.undelayed[0] * t))
-    decay = lag.damping * w
-    squared = w * w - decay * decay
-    if squared < 0.0:
-        root = math.sqrt(-squared)
-        # Not exp(-decay t) times cosh(root t), which overflows where their product is small.
-        slow, fast = math.exp(-w * w / (decay + root) * t), math.exp(-(decay + root) * t)
-        c, s = 0.5 * (slow + fast), 0.5 * (slow - fast) / root
-    else:
-        root, left = math.sqrt(squared), math.exp(-decay * t)
-        c, s = left * math.cos(root * t), left * (math.sin(root * t) / root if root else t)
-    return np.array([[c + decay * s, w * s], [-w * s, c - decay * s]])
 
 
 def rest(lag: InnerLag) -> FloatArray:

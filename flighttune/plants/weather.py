@@ -1,21 +1,18 @@
-"""Weather of a flight: wind over height, a gust, turbulence, an oscillating wind."""
+"""Weather of a flight: wind over height, a gust, turbulence, an oscillating wind.
+
+The tables of a scenario check the numbers.
+"""
 
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
-from itertools import pairwise
 from operator import itemgetter
 from typing import Literal, TypeAlias
 
-from flighttune.arrays import check_finite, check_not_negative, check_positive
-from flighttune.errors import InputError
 from flighttune.plants.wind import CALM, NED
 
 GustAxis: TypeAlias = Literal["ahead", "right", "down"]
 TurbulenceModel: TypeAlias = Literal["tustin", "milspec"]
-
-MOST_SEVERE = 7
-"""Last curve of Fig. 7 of MIL-F-8785C."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +22,6 @@ class WindProfile:
     # m above sea level and m/s: heights, rising, and the wind there: air that moves north, east and
     # down.
     levels: tuple[tuple[float, NED], ...] = ((0.0, CALM),)
-
-    def __post_init__(self) -> None:
-        heights = [h for h, _ in self.levels]
-        if not heights or any(not a < b for a, b in pairwise(heights)):
-            raise InputError(f"`levels` must rise in height and hold at least one, got {heights}.")
-        check_finite(levels=[(h, *wind) for h, wind in self.levels])
 
     @property
     def varies(self) -> bool:
@@ -65,13 +56,6 @@ class Gust:
     rise: float
     hold: float = 0.0
 
-    def __post_init__(self) -> None:
-        if self.axis not in ("ahead", "right", "down"):
-            raise InputError(f"`axis` must be ahead, right or down, got {self.axis!r}.")
-        check_positive("s", rise=self.rise)
-        check_not_negative("s", start=self.start, hold=self.hold)
-        check_finite("m/s", peak=self.peak)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turbulence:
@@ -81,13 +65,6 @@ class Turbulence:
     wind_20ft: float  # m/s: wind 20 ft above ground: sets the strength below 1000 ft
     # Filters: the standard's, made discrete by Tustin's rule; or first-order ones
     model: TurbulenceModel = "tustin"
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.severity <= MOST_SEVERE:
-            raise InputError(f"`severity` must lie in 1 to {MOST_SEVERE}, got {self.severity}.")
-        check_not_negative("m/s", wind_20ft=self.wind_20ft)
-        if self.model not in ("tustin", "milspec"):
-            raise InputError(f"`model` must be tustin or milspec, got {self.model!r}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,10 +77,6 @@ class OscillatingWind:
     cosine_omega: float
     sine: NED
     sine_omega: float
-
-    def __post_init__(self) -> None:
-        check_finite("m/s", cosine=self.cosine, sine=self.sine)
-        check_finite("rad/s", cosine_omega=self.cosine_omega, sine_omega=self.sine_omega)
 
     def at(self, t: float) -> NED:
         """Wind at time `t` (s), m/s, north, east and down."""

@@ -2,12 +2,11 @@
 
 from collections.abc import Iterator
 
-from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
+from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
 from flighttune.errors import InputError, ScenarioError
 from flighttune.identify.file import load_identified
 from flighttune.mistakes import joined
 from flighttune.plants.jsbsim.plant import check_off_nominal
-from flighttune.plants.jsbsim.start_check import start_faults
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.units import DEG

@@ -95,25 +95,19 @@ def test_trim_names_the_elevator_of_a_nose_heavy_aircraft(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("aircraft", "condition", "outside", "there"),
+    ("aircraft", "condition", "outside"),
     [
-        ("aerosonde", ("--V-a", 12), "`V_a` must lie in 15 to 45 m/s, got 12", "it would stall"),
-        ("aerosonde", ("--V-a", 120), "`V_a` must lie", "full throttle has too little thrust"),
-        ("aerosonde", ("--V-a", 60), "`V_a` must lie", "it would fly, with alpha at -1.5 deg"),
-        ("aerosonde", ("--V-a", 25, "--phi", 70), "`n_z` must lie in -2.1 to", "it would stall"),
-        ("a4", ("--V-a", 50), "`V_a` must lie in 110 to 270 m/s, got 50 m/s", "it would stall"),
+        ("aerosonde", ("--V-a", 12), "`V_a` must lie in 15 to 45 m/s, got 12"),
+        ("aerosonde", ("--V-a", 25, "--phi", 70), "`n_z` must lie in -2.1 to"),
+        ("a4", ("--V-a", 50), "`V_a` must lie in 110 to 270 m/s, got 50 m/s"),
     ],
 )
-def test_outside_the_envelope_trim_tells_the_range_and_what_is_there(
-    aircraft, condition, outside, there
-):
+def test_outside_the_envelope_trim_tells_the_range(aircraft, condition, outside):
     printed, err = flighttune("trim", aircraft, *condition, "--gamma", 0, "--json", status=1)
     (row,) = json.loads(printed)["trims"]
 
     assert row["trim"] is None
-    assert row["reason"].startswith("outside the envelope: ")
-    assert outside in row["reason"]
-    assert f"; there: {there}" in row["reason"]
+    assert row["reason"].startswith(f"outside the envelope: {outside}")
     assert err.count("\n") == 1
 
 

@@ -5,7 +5,6 @@ connections to files and sockets. The files it is made of are never written to.
 """
 
 import hashlib
-import shutil
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
@@ -194,30 +193,6 @@ def stamps(files: set[Path]) -> tuple[tuple[Path, int, int], ...]:
     return tuple((path, state.st_mtime_ns, state.st_size) for path, state in states)
 
 
-@dataclass(frozen=True, slots=True)
-class _Source:
-    """Inputs of a template; equal while the files and the off-nominal factors are the same."""
-
-    config: AircraftConfig = field(compare=False)
-    weigh: Weigh = field(compare=False)
-    steps: int  # integration steps in a sample of the inner loop
-    # Main file, systems, whether mass or inertia differ, names of the factors
-    key: tuple[object, ...]
-    # Files with the time of their last change and their size
-    stamps: tuple[tuple[Path, int, int], ...]
-
-    @classmethod
-    def of(cls, config: AircraftConfig, off: OffNominal, weigh: Weigh, steps: int) -> "_Source":
-        """Source of the template of an aircraft that is `off` the nominal."""
-        return cls(
-            config,
-            weigh,
-            steps,
-            (config.model, config.fingerprint, off.loaded, *off.scaled, *off.scaled_coefficients),
-            stamps(file_tree(config)),
-        )
-
-
 @contextmanager
 def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Iterator[ModelFolders]:
     """Give the folders of an aircraft, for as long as JSBSim loads it.
@@ -245,24 +220,13 @@ def _private_folder(file: Path, text: str) -> Iterator[Path]:
             # A main file refers to parts beside it; only this file itself is another.
             for beside in file.parent.iterdir():
                 if beside.name != file.name:
-                    _link(folder / beside.name, beside)
+                    (folder / beside.name).symlink_to(beside)
             (folder / file.name).write_bytes(text.encode())
         except OSError as error:
             raise PlantError(
                 f"{scratch_place()}: must take a folder for {file.name}, got {error.strerror}."
             ) from error
         yield folder
-
-
-def _link(link: Path, target: Path) -> None:
-    """Let `link` stand for a file or folder; it is a copy where the file system has no links."""
-    try:
-        link.symlink_to(target, target_is_directory=target.is_dir())
-    except OSError:
-        if target.is_dir():
-            shutil.copytree(target, link, ignore=not_xml)
-        elif target.suffix == ".xml" and target.is_file():
-            shutil.copyfile(target, link)
 
 
 def not_xml(folder: str, names: list[str]) -> list[str]:
@@ -277,28 +241,30 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     """
     off = config.off_nominal or _NOMINAL
     # Values are filled in behind the cache: dispersed flights share one template.
-    template, balance = _template(_Source.of(config, off, weigh, steps))
-    factors = {f"{COEFFICIENT}{name}": factor for name, factor in off.scaled_coefficients.items()}
-    values = factors | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
+    factors = (off.loaded, *off.scaled, *off.scaled_coefficients)
+    key = (config.model, config.fingerprint, factors, stamps(file_tree(config)))
+    template, balance = _template(Unchanged(config, key), weigh, steps)
+    coefficients = {f"{COEFFICIENT}{name}": by for name, by in off.scaled_coefficients.items()}
+    values = coefficients | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
     return filled(template, values | balance.values(off) if balance else values)
 
 
 @lru_cache(maxsize=32)
-def _template(source: _Source) -> tuple[str, MassBalance | None]:
+def _template(what: Unchanged, weigh: Weigh, steps: int) -> tuple[str, MassBalance | None]:
     """Main file with placeholders where something is off the nominal; what weighs the aircraft."""
-    config, folders = source.config, source_folders(source.config)
+    config, folders = what.config, source_folders(what.config)
     off = config.off_nominal or _NOMINAL
     file, root = folders.file, main_root(config)
     for tag in CONNECTIONS:
         for element in root.findall(tag):
             root.remove(element)
     put_in_front(root, config)
-    if source.steps > 1:
-        _slow_computer(root, source.steps, folders)
+    if steps > 1:
+        _slow_computer(root, steps, folders)
     balance = None
     if off.loaded:
         # Factors and shifts are relative to the nominal aircraft, load and fuel included.
-        balance = source.weigh(config.with_off_nominal(None))
+        balance = weigh(config.with_off_nominal(None))
         open_mass_balance(root)
     for name in off.scaled_coefficients:
         scale_coefficient(root, name, file)

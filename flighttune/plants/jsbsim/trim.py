@@ -7,13 +7,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.aircraft.aircraft import AircraftConfig, start_faults
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.start_check import start_faults
 from flighttune.units import DEG, DEG_PER_RAD, G_0
 
 _MIN_GAIN, _FAST_GAIN = 0.5, 0.1
@@ -362,9 +361,7 @@ class TrimRow:
 
     condition: FlightCondition
     point: AirframeState | None
-    # Why there is no trim; empty where there is one. Outside the envelope: the range, and what
-    # stands against steady flight there, if anything.
-    reason: str
+    reason: str  # why there is no trim; empty where there is one
 
 
 def trim_record(row: TrimRow) -> dict[str, Any]:
@@ -413,38 +410,13 @@ def trim_table(
 
 
 def _row(config: AircraftConfig, condition: FlightCondition, *, thrust_short: bool) -> TrimRow:
-    faults = list(start_faults(config, condition, ground=0.0))
-    outside = "; ".join(f"`{name}` {fault}" for name, fault in faults)
-    outside = outside.replace(f" ({config.file})", "")
-    if "h" in dict(faults):
-        return TrimRow(condition=condition, point=None, reason=outside)
-    if not outside:
-        point, obstacle = _search(config, condition, thrust_short)
-        return TrimRow(condition=condition, point=point, reason=obstacle)
-    point, obstacle = _search(_without_edges(config), condition, thrust_short)
-    if point is not None:
-        angle = f"with alpha at {point.alpha / DEG:.1f} deg"
-        obstacle = f"it would fly, {angle} and the throttle at {point.throttle:.2f}"
-    return TrimRow(
-        condition=condition,
-        point=None,
-        reason=f"outside the envelope: {outside}; there: {obstacle}",
-    )
-
-
-def _search(
-    config: AircraftConfig, condition: FlightCondition, thrust_short: bool
-) -> tuple[AirframeState | None, str]:
-    """The trim, or what stands against it."""
+    faults = (f"`{name}` {fault}" for name, fault in start_faults(config, condition, ground=0.0))
+    outside = "; ".join(faults).replace(f" ({config.file})", "")
+    if outside:
+        return TrimRow(condition=condition, point=None, reason=f"outside the envelope: {outside}")
     try:
-        return trim(Fdm(config), condition, thrust_short=thrust_short), ""
+        point = trim(Fdm(config), condition, thrust_short=thrust_short)
     except TrimError as error:
-        return None, str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
-
-
-def _without_edges(config: AircraftConfig) -> AircraftConfig:
-    """The aircraft where only alpha, surfaces and engine stand against a steady flight."""
-    anything = (-math.inf, math.inf)
-    envelope = config.envelope.model_copy(update={"V_a": anything})
-    limits = config.limits.model_copy(update={"phi": anything, "n_z": anything})
-    return config.model_copy(update={"envelope": envelope, "limits": limits})
+        obstacle = str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
+        return TrimRow(condition=condition, point=None, reason=obstacle)
+    return TrimRow(condition=condition, point=point, reason="")

@@ -248,7 +248,7 @@ REFUSED = [
     ({"iyy": 1.01}, "a4", r"`iyy_factor` must leave principal inertias"),
     ({"ixz": 12.0}, "aerosonde", r"`ixz_factor` must leave principal inertias"),
     ({"coefficients": (("Cm_alpa", 1.1),)}, "aerosonde", r"`coefficient_factors\.Cm_alpa` must .*"
-     r"did you mean `Cm_alpha`\?"),
+     r"did you mean Cm_alpha\?"),
     ({"coefficients": (("nope", 1.0),)}, "aerosonde", r"`coefficient_factors\.nope` must be a"),
     ({"coefficients": (("CLalpha", 1.1),)}, "c172p", r"`coefficient_factors\.CLalpha` must be a"),
 ]  # fmt: skip
@@ -289,6 +289,6 @@ def test_the_page_names_every_coefficient_of_the_aerosonde():
     page = (Path(__file__).parents[3] / "docs/off_nominal.md").read_text(encoding="utf-8")
     model = (aircraft_folder("aerosonde") / "aerosonde.xml").read_text(encoding="utf-8")
 
-    told = re.findall(r"`(\w+)`", page.split("the Aerosonde has ")[1].split(";")[0])
+    told = re.findall(r"`(\w+)`", re.split(r"[Tt]he Aerosonde has ", page)[1].split(". The")[0])
 
     assert sorted(told) == sorted(re.findall(r'name="aero/coefficient/(\w+)"', model))

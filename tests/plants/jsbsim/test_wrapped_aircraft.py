@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-import os
 import re
 import shutil
 from contextlib import suppress
@@ -15,8 +14,7 @@ import pytest
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import PlantError, TrimError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.fdm import Fdm, weigh
-from flighttune.plants.jsbsim.model_files import model_folders, source_folders
+from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.shipped import aircraft_folder
 from flighttune.units import G_0
@@ -110,28 +108,6 @@ def changed_copy(tmp_path, of_this_model):
         return tmp_path / "c172p"
 
     return changed
-
-
-@pytest.mark.parametrize("name", ["c172p", "aerosonde"])
-def test_where_links_are_refused_parts_of_a_model_are_copied(name, monkeypatch):
-    """As on Windows, where a link needs a right that users do not have."""
-    config = load_aircraft(name)
-    source = source_folders(config)
-    parts = {one.relative_to(source.model) for one in source.model.rglob("*.xml")}
-
-    def refused(*_, **__):
-        raise OSError(22, "A required privilege is not held by the client")
-
-    monkeypatch.setattr(os, "symlink", refused)
-    with model_folders(config, weigh) as made:
-        copied = {one.relative_to(made.model) for one in made.model.rglob("*.xml")}
-        assert not any(one.is_symlink() for one in made.model.iterdir())
-    Fdm(config)
-
-    assert copied == parts
-    assert len(parts) > 1
-    assert source.file.is_file()
-    assert not made.model.exists()
 
 
 @pytest.mark.parametrize(
