@@ -267,14 +267,14 @@ def flown_here(module, planned, plan, rows=fly_runs):
     """Fly in this process, without workers: `plan` is what the function `planned` returns."""
 
     class Pool:
-        def fly_rows(self, plan, gaps, keep, doing):
+        def fly_rows(self, plan, gaps, keep, doing, **options):
             for gap in gaps:
-                keep(rows(plan, range(gap.first, gap.end)))
+                keep(rows(plan, range(gap.first, gap.end), **options))
             return True
 
-        def fly_signals(self, plan, runs, keep, tally, doing):
+        def fly_signals(self, plan, runs, keep, tally, doing, draws):
             for run in runs:
-                keep(run, parquet_bytes(fly_run(plan, run)))
+                keep(run, parquet_bytes(fly_run(plan, run, draws[run])))
             return True
 
     with (

@@ -18,14 +18,14 @@ TARGETS = 25
 
 
 def search_bang_bang(
-    values: Callable[[Sequence[FloatArray]], FloatArray | None],
-    errors: Callable[[Sequence[FloatArray]], Sequence[FloatArray | None] | None],
+    values: Callable[[Sequence[FloatArray]], FloatArray],
+    errors: Callable[[Sequence[FloatArray]], Sequence[FloatArray | None]],
     samples: int,
     *,
     budget: int,
     pushed: Sequence[int] = (0, 1),
-) -> bool:
-    """Push each error at some times as far as a disturbance can; return False where stopped.
+) -> None:
+    """Push each error at some times as far as a disturbance can.
 
     A flight is an array of signs, shape (1 + samples, 2): of the deviations of the start, then of
     the disturbances from each sample to the next.
@@ -33,7 +33,7 @@ def search_bang_bang(
     Parameters
     ----------
     values : callable
-        Objective of flights, larger is worse; None where the search was stopped.
+        Objective of flights, larger is worse.
     errors : callable
         Errors of flights, shape (samples + 1, 2), rad; None for a flight that ends early.
     budget : int
@@ -60,20 +60,15 @@ def search_bang_bang(
     while budget >= cost:
         budget -= cost
         flown = errors([about, *(_other(about, *changed) for changed in product(blocks, (0, 1)))])
-        if flown is None:
-            return False
         slopes = _slopes(about, blocks, flown, targets, pushed)
         tried = [
             np.where(slope == 0.0, about, sign * np.sign(slope))
             for slope, sign in product(slopes, (1.0, -1.0))
         ]
         reached = values(tried)
-        if reached is None:
-            return False
         if reached.max() <= worst:
             break
         about, worst = tried[int(reached.argmax())], reached.max()
-    return True
 
 
 def _other(signs: FloatArray, block: Indices, channel: int) -> FloatArray:

@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,11 @@ from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import INTENSITIES, TUNED_IDENTIFIED
 from flighttune.shipped import aircraft_folders
+from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
+
+RESIDUALS = "residuals"
+"""Column of the extremes of the residual rates of each flight, window by window."""
 
 CALM, STEADY_WIND = "calm", "wind"
 AIR = ("disturbance", "gust", "turbulence", "wind")
@@ -131,22 +136,20 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     ``1 - confidence`` (Bonferroni). Fresh flights are those of ``design = "random"``, whatever the
     design of those learned from. A count ends early once a flight is outside: it has failed.
     """
-    learned, fresh = _plans(source, settings)
-    assert learned.residuals is not None
-    windows = learned.residuals.windows
+    learned, fresh, summary = _plans(source, settings)
     first, each = learned.runs, settings.flights
     attempts: list[Attempt] = []
-    training = _flown(pool, learned, Span(0, first), "learning")
+    training = _flown(pool, learned, summary, Span(0, first), "learning")
     while training is not None:
-        boxes, widened = fitted_boxes(windows, *training.completed, each)
-        counted = _counted(pool, fresh, Span(first, first + each), boxes)
+        boxes, widened = fitted_boxes(summary.windows, *training.completed, each)
+        counted = _counted(pool, fresh, summary, Span(first, first + each), boxes)
         if counted is None:
             break
         outside = int(np.sum(~boxes.hold(counted.low, counted.high)))
         end = first + len(counted.low)
         attempts.append(Attempt((0, first), (first, end), outside, widened))
         if not outside or len(attempts) == settings.attempts:
-            return _conformance(fresh, settings, boxes, attempts)
+            return _conformance(fresh, summary, settings, boxes, attempts)
         first = end
         training = _Residuals.joined([training, counted])
     return None
@@ -174,27 +177,30 @@ def recount(
         window=conformance.boxes.windows.length,
         seed=conformance.seed,
     )
-    _, counted = _plans(source, settings)
+    _, counted, summary = _plans(source, settings)
     # Tuning gives other last digits on another machine, and the hash would be another one.
     counted = counted.with_tuned_gains_of(
         replace(counted, gain_sets={conformance.gains_name: conformance.gains})
     )
-    if counted.sha256 != conformance.sha256["campaign"]:
+    if _hash_of(counted, summary) != conformance.sha256["campaign"]:
         raise InputError(
             f"{source}: must be what the conformance was made of, with its aircraft and the same "
             "--start-deg and --plant, got another hash."
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
     learned, last = conformance.attempts[-1].learned, conformance.attempts[-1].counted
-    flown = _flown(pool, again, Span(*last), "counting again")
+    flown = _flown(pool, again, summary, Span(*last), "counting again")
     if flown is None:
         return None
     outside = int(np.sum(~conformance.boxes.hold(flown.low, flown.high)))
     return Attempt(learned, last, outside, conformance.attempts[-1].widened)
 
 
-def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan]:
-    """The flights to learn from and those to count, each of one aircraft and one gain set."""
+def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, ResidualSummary]:
+    """The flights to learn from, those to count, and what is learned of each.
+
+    All are of one aircraft and one gain set.
+    """
     plan = _planned(source, settings)
     group = plan.chosen_group(settings.plant, settings.gains, kind="jsbsim")
     campaign = in_air(plan.campaign, settings.air or air_of(plan.campaign.central))
@@ -218,11 +224,10 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan]:
         in_this_air.of_group(group),
         runs=plan.draws,
         aircraft={aircraft: plan.aircraft[aircraft]},
-        residuals=summary,
     )
     # Fresh draws come after those learned from, whose seeds they must not share.
     runs = plan.draws + settings.attempts * settings.flights
-    return learned, replace(learned, campaign=at_random(campaign), runs=runs)
+    return learned, replace(learned, campaign=at_random(campaign), runs=runs), summary
 
 
 def _is_degenerate(table: Dispersion) -> bool:
@@ -233,13 +238,15 @@ def _is_degenerate(table: Dispersion) -> bool:
     return len({value for value, weight in zip(table.values, weights, strict=True) if weight}) < 2
 
 
-def _counted(pool: WorkerPool, plan: Plan, span: Span, boxes: RateBoxes) -> "_Residuals | None":
+def _counted(
+    pool: WorkerPool, plan: Plan, summary: ResidualSummary, span: Span, boxes: RateBoxes
+) -> "_Residuals | None":
     """Fresh flights until one is outside, `PART` at a time; None where it was stopped."""
     parts: list[_Residuals] = []
     firsts = range(span.first, span.end, PART)
     for i, first in enumerate(firsts, 1):
         doing = "counting" if len(firsts) == 1 else f"counting, part {i} of {len(firsts)}"
-        part = _flown(pool, plan, Span(first, min(first + PART, span.end)), doing)
+        part = _flown(pool, plan, summary, Span(first, min(first + PART, span.end)), doing)
         if part is None:
             return None
         parts.append(part)
@@ -249,11 +256,15 @@ def _counted(pool: WorkerPool, plan: Plan, span: Span, boxes: RateBoxes) -> "_Re
 
 
 def _conformance(
-    plan: Plan, settings: ConformSettings, boxes: RateBoxes, attempts: list[Attempt]
+    plan: Plan,
+    summary: ResidualSummary,
+    settings: ConformSettings,
+    boxes: RateBoxes,
+    attempts: list[Attempt],
 ) -> Conformance:
     (group,) = plan.groups
-    gains, summary = plan.gain_sets[group.gains], plan.residuals
-    assert gains is not None and summary is not None  # noqa: PT018
+    gains = plan.gain_sets[group.gains]
+    assert gains is not None
     ((aircraft, files),) = plan.aircraft.items()
     identified = json.dumps(identified_tables(load_identified(aircraft)), sort_keys=True)
     return Conformance(
@@ -271,7 +282,7 @@ def _conformance(
         sha256={
             "aircraft": files,
             "identified": hashlib.sha256(identified.encode()).hexdigest(),
-            "campaign": plan.sha256,
+            "campaign": _hash_of(plan, summary),
         },
     )
 
@@ -299,20 +310,34 @@ class _Residuals:
         )
 
 
-def _flown(pool: WorkerPool, plan: Plan, span: Span, doing: str) -> _Residuals | None:
+def _hash_of(plan: Plan, summary: ResidualSummary) -> str:
+    """Hash of the flights that are counted, and of what is counted of them."""
+    tables = {**plan.as_dict(), "residuals": summary.as_dict()}
+    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
+
+
+def _flown(
+    pool: WorkerPool, plan: Plan, summary: ResidualSummary, span: Span, doing: str
+) -> _Residuals | None:
     """The residual rates of the runs of a span; None where it was stopped."""
-    assert plan.residuals is not None
-    shape = (span.runs, plan.residuals.windows.count, len(COUNTED))
-    residuals = _Residuals(np.full(shape, np.nan), np.full(shape, np.nan))
+    shape = (span.runs, 2, summary.windows.count, len(COUNTED))
+    extremes = np.full(shape, np.nan)
 
     def keep(rows: pa.Table) -> None:
         runs = rows.column("run").to_pylist()
-        for name, into in (("residual_low", residuals.low), ("residual_high", residuals.high)):
-            for run, values in zip(runs, rows.column(name).to_pylist(), strict=True):
-                if values is not None:
-                    into[run - span.first] = np.reshape(values, shape[1:])
+        for run, values in zip(runs, rows.column(RESIDUALS).to_pylist(), strict=True):
+            if values is not None:
+                extremes[run - span.first] = np.reshape(values, shape[1:])
 
-    return residuals if pool.fly_rows(plan, [span], keep, doing=doing) else None
+    probes = {RESIDUALS: partial(_residuals_of, summary)}
+    if not pool.fly_rows(plan, [span], keep, doing=doing, probes=probes):
+        return None
+    return _Residuals(extremes[:, 0], extremes[:, 1])
+
+
+def _residuals_of(summary: ResidualSummary, run: Run, scenario: Scenario) -> list[float]:
+    """The extremes of the residual rates of a flight, lowest first."""
+    return np.ravel(summary.of_flight(run, scenario.condition)).tolist()
 
 
 def _planned(source: str, settings: ConformSettings) -> Plan:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,8 +17,8 @@ from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import Tally
-from flighttune.campaign.flying.columns import TUBE_REACH, TUBE_SHARE
 from flighttune.campaign.flying.refly import scenario_of_run
+from flighttune.campaign.flying.rows import Drawn
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
@@ -27,6 +28,7 @@ from flighttune.errors import InputError
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import in_rad
+from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
 MARGIN = "margin"
@@ -34,6 +36,8 @@ MARGIN = "margin"
 
 TUBE = "tube"
 """Metric: share of a tube that the errors use; beyond 1 they leave it."""
+
+DOING = "searching"
 
 REGION = 0.999
 """Share of the stated distribution inside the region searched."""
@@ -64,8 +68,12 @@ class Draws(NamedTuple):
     seeds: npt.NDArray[np.int64]  # (n,)
 
 
-Evaluate = Callable[[Draws], FloatArray | None]
-"""Values of draws, larger is worse; None where the search was stopped."""
+Evaluate = Callable[[Draws], FloatArray]
+"""Values of draws, larger is worse."""
+
+
+class _StoppedError(Exception):
+    """The observer stopped the flights."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,31 +177,35 @@ def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstF
     .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
     """
     search = _Search(source, settings, pool)
-    if settings.disturbance and not search.fly_bang_bang():
+    try:
+        if settings.disturbance:
+            search.fly_bang_bang()
+        left = settings.budget - search.flights
+        z, _, first = search_worst(
+            search.values, len(search.plan.keys), budget=left, seed=settings.seed
+        )
+    except _StoppedError:
         return None
-    left = settings.budget - search.flights
-    worst = search_worst(search.values, search.dimension, budget=left, seed=settings.seed)
-    if worst is None:
-        return None
-    z, _, first = worst
-    plan, row = search.plan_of_worst, search.worst
-    value = math.inf if row["value"] >= FAILED else row["value"]
-    switched = plan.keys != search.keys
+    plan, drawn, row = search.worst_plan, search.worst_drawn, search.worst
+    switched = plan.keys != search.plan.keys
     waves = "square_wave" if settings.disturbance else None
+    scenario = scenario_of_run(plan, row["run"], drawn)
     return WorstFlight(
         metric=search.metric,
-        value=value,
+        value=math.inf if row["value"] >= FAILED else row["value"],
         first=math.inf if first >= FAILED else first,
         flights=search.flights,
         group=plan.groups[0],
         family="bang_bang" if switched else waves,
-        drawn=plan.values_of(row["run"]),
+        drawn=drawn,
         distance=None if switched else float(np.linalg.norm(z)),
-        radius=None if switched else region_radius(search.dimension),
+        radius=None if switched else region_radius(len(plan.keys)),
         status=row["status"],
         missed=row["missed"],
         reach=search.reach if settings.tube else None,
-        scenario=_named(scenario_of_run(plan, row["run"]), plan.campaign.title),
+        scenario=scenario.model_copy(
+            update={"title": f"the worst flight found of: {plan.campaign.title}"}
+        ),
     )
 
 
@@ -206,14 +218,17 @@ def rare_miss(
     margin. The result is None where the observer stopped it.
     """
     search = _Search(source, settings, pool)
-    estimate = subset_simulation(
-        search.values,
-        search.dimension,
-        threshold=threshold,
-        budget=settings.budget,
-        seed=settings.seed,
-    )
-    return None if estimate is None else replace(estimate, metric=search.metric)
+    try:
+        miss = subset_simulation(
+            search.values,
+            len(search.plan.keys),
+            threshold=threshold,
+            budget=settings.budget,
+            seed=settings.seed,
+        )
+    except _StoppedError:
+        return None
+    return replace(miss, metric=search.metric)
 
 
 def region_radius(dimension: int) -> float:
@@ -223,11 +238,11 @@ def region_radius(dimension: int) -> float:
 
 def search_worst(
     values: Evaluate, dimension: int, *, budget: int, seed: int
-) -> tuple[FloatArray, int, float] | None:
+) -> tuple[FloatArray, int, float]:
     """Search the region of a standard normal distribution for the largest value.
 
-    The result has the worst point, its seed and the largest value of the first generation; it is
-    None where the observer stopped the search. `budget` is the maximum number of points.
+    The result has the worst point, its seed and the largest value of the first generation. `budget`
+    is the maximum number of points.
     """
     import cma
 
@@ -240,8 +255,6 @@ def search_worst(
     z = inside(rng.standard_normal((POPULATION, dimension)))
     seeds = rng.integers(0, 2**31, POPULATION)
     objective = values(Draws(z, seeds))
-    if objective is None:
-        return None
     at = int(np.argmax(objective))
     best, chance, worst, spent = z[at], int(seeds[at]), float(objective[at]), POPULATION
     first, strategy, generation = worst, None, 0
@@ -258,8 +271,6 @@ def search_worst(
             asked = np.array(strategy.ask())
             z, seeds = inside(asked), np.full(POPULATION, chance)
         objective = values(Draws(z, seeds))
-        if objective is None:
-            return None
         spent += POPULATION
         if generation % SEEDS_EVERY and strategy is not None:
             # A point outside the region scores as its projection, minus a penalty that grows with
@@ -277,7 +288,7 @@ def search_worst(
 
 def subset_simulation(
     values: Evaluate, dimension: int, *, threshold: float, budget: int, seed: int
-) -> RareMiss | None:
+) -> RareMiss:
     r"""Probability that a value of a standard normal distribution reaches a threshold.
 
     Parameters
@@ -291,9 +302,9 @@ def subset_simulation(
 
     Returns
     -------
-    RareMiss or None
-        None where it was stopped. Where the budget ends before the threshold is reached the
-        probability is 0, with the last level's as upper end.
+    RareMiss
+        Where the budget ends before the threshold is reached the probability is 0, with the last
+        level's as upper end.
 
     Notes
     -----
@@ -312,7 +323,7 @@ def subset_simulation(
     objective = values(Draws(z, seeds))
     spent, probability, squares, levels = size, 1.0, 0.0, []
     chains = np.arange(size)[:, None]  # each flight its own at first
-    while objective is not None:
+    while True:
         order = np.argsort(-objective)
         # No level lies beyond the threshold: the last one counts the misses themselves.
         begins = min(float(objective[order[heads - 1]]), threshold)
@@ -321,10 +332,8 @@ def subset_simulation(
         levels.append(begins)
         probability *= share
         squares += _variation(reached[chains]) ** 2
-        if begins >= threshold:
-            return _rare(probability, math.sqrt(squares), threshold, levels, spent)
-        if spent + size - heads > budget:
-            return _rare(0.0, math.sqrt(squares), threshold, levels, spent, ceiling=probability)
+        if begins >= threshold or spent + size - heads > budget:
+            break
         z_now, seeds_now, now = z[order[:heads]], seeds[order[:heads]], objective[order[:heads]]
         steps = [(z_now, seeds_now, now)]
         for _ in range(length - 1):
@@ -332,8 +341,6 @@ def subset_simulation(
             moved = moved + STRIDE * rng.standard_normal(z_now.shape)
             other = np.where(rng.random(heads) < 0.5, rng.integers(0, 2**31, heads), seeds_now)
             there = values(Draws(moved, other))
-            if there is None:
-                return None
             spent += heads
             stays = there < begins
             z_now = np.where(stays[:, None], z_now, moved)
@@ -342,7 +349,19 @@ def subset_simulation(
         z, seeds, objective = (np.concatenate(parts) for parts in zip(*steps, strict=True))
         # Points are stored step by step: those of one chain are `heads` apart.
         chains = np.arange(size).reshape(length, heads).T
-    return None
+    variation = math.sqrt(squares)
+    factor = math.exp(1.96 * math.sqrt(math.log1p(squares)))
+    estimate = probability if begins >= threshold else 0.0
+    return RareMiss(
+        metric="",
+        threshold=threshold,
+        probability=estimate,
+        low=estimate / factor,
+        high=probability * factor,
+        variation=variation,
+        levels=tuple(levels),
+        flights=spent,
+    )
 
 
 def _variation(reached: npt.NDArray[np.bool_]) -> float:
@@ -358,28 +377,6 @@ def _variation(reached: npt.NDArray[np.bool_]) -> float:
         for k in range(1, length)
     )
     return math.sqrt(max(variance * (1.0 + correlation), 0.0) / (count * length)) / float(share)
-
-
-def _rare(
-    probability: float,
-    variation: float,
-    threshold: float,
-    levels: list[float],
-    flights: int,
-    *,
-    ceiling: float = 0.0,
-) -> RareMiss:
-    factor = math.exp(1.96 * math.sqrt(math.log1p(variation**2)))
-    return RareMiss(
-        metric="",
-        threshold=threshold,
-        probability=probability,
-        low=probability / factor,
-        high=(probability or ceiling) * factor,
-        variation=variation,
-        levels=tuple(levels),
-        flights=flights,
-    )
 
 
 class _Search:
@@ -398,70 +395,53 @@ class _Search:
                 f"{source}: `disperse` must have a key to search; of a scenario give --start-deg "
                 "or --disturbance."
             )
-        self._plan = replace(plan.of_group(group), runs=1, tube=settings.tube)
+        self.plan = plan.of_group(group)
         self.metric = TUBE if settings.tube else settings.metric or _metric_of(plan, group)
         self._failed = -FAILED if settings.completed else FAILED
+        self._probes = {TUBE: partial(_use_of, settings.tube)} if settings.tube else {}
         self._settings, self._pool, self.flights = settings, pool, 0
         self.worst: dict[str, Any] = {"value": -math.inf}
-        self.plan_of_worst = self._plan
+        self.worst_plan, self.worst_drawn = self.plan, {}
         self.reach = np.zeros(2)
 
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """The dispersed keys."""
-        return self._plan.keys
-
-    @property
-    def dimension(self) -> int:
-        """Number of the dispersed keys."""
-        return len(self._plan.keys)
-
-    def plan_of(self, draws: Draws) -> Plan:
-        """The plan whose draws these are."""
-        campaign = self._plan.campaign
+    def values(self, draws: Draws) -> FloatArray:
+        """Fly draws for the values of the metric."""
+        campaign = self.plan.campaign
         u = np.clip(ndtr(draws.z), SMALLEST_POINT, LARGEST_POINT)
         u = correlated(u, list(campaign.keys), campaign.correlation)
         columns = {
             table.key: table.at(u[:, i]).tolist() for i, table in enumerate(campaign.disperse)
         }
         columns[SEED] = draws.seeds.tolist()
-        values_of_draws = tuple(
+        drawn = [
             dict(zip(columns, values, strict=True))
             for values in zip(*columns.values(), strict=True)
-        )
-        return replace(self._plan, given=values_of_draws, runs=len(values_of_draws))
+        ]
+        return self._fly(self.plan.with_runs(len(drawn)), drawn)
 
-    def values(self, draws: Draws) -> FloatArray | None:
-        """Fly draws; None where the observer stopped it."""
-        return self._fly(self.plan_of(draws))
-
-    def fly_bang_bang(self) -> bool:
-        """Fly bang-bang disturbances; return False where the observer stopped it."""
-        scenario = self._plan.scenario
-        samples = round(scenario.flight.duration_s * scenario.controller.rate_hz)
+    def fly_bang_bang(self) -> None:
+        """Fly bang-bang disturbances."""
         # One channel at a time in a tube: the nearer one would leave the other without a search.
-        searches = ((0,), (1,)) if self._plan.tube else ((0, 1),)
-        return all(
+        searches = ((0,), (1,)) if self._probes else ((0, 1),)
+        scenario = self.plan.scenario
+        for pushed in searches:
+            channel = pushed[0] if self._probes else None
             search_bang_bang(
-                lambda flights, of=pushed: self._fly(
-                    self._switched(flights), of[0] if self._plan.tube else None
-                ),
+                lambda flights, of=channel: self._fly(*self._switched(flights), of),
                 self._errors,
-                samples,
+                round(scenario.flight.duration_s * scenario.controller.rate_hz),
                 budget=self._settings.budget // (2 * len(searches)),
                 pushed=pushed,
             )
-            for pushed in searches
-        )
 
-    def _switched(self, flights: Sequence[FloatArray]) -> Plan:
-        """The plan of flights by their signs, as `search_bang_bang` has them."""
-        campaign, rate = self._plan.campaign, self._plan.scenario.controller.rate_hz
+    def _switched(self, flights: Sequence[FloatArray]) -> tuple[Plan, list[Drawn]]:
+        """The plan and draws of flights by their signs, as `search_bang_bang` has them."""
+        campaign, rate = self.plan.campaign, self.plan.scenario.controller.rate_hz
         starts = [table for table in campaign.disperse if table.key.startswith("flight.")]
-        tables = self._plan.scenario.as_dict()
+        tables = self.plan.scenario.as_dict()
         tables.pop("disturbance")
         nominal = scenario_from(tables)
-        draws = []
+        draws: list[Drawn] = []
         for signs in flights:
             drawn: dict[str, Any] = {
                 table.key: self._settings.start_deg * float(sign)
@@ -476,47 +456,52 @@ class _Search:
             draws.append({**drawn, SEED: nominal.seed})
         changed = {"nominal": nominal, "central": nominal, "disperse": starts}
         campaign = campaign.model_copy(update=changed)
-        return replace(self._plan, campaign=campaign, given=tuple(draws), runs=len(draws))
+        return replace(self.plan, campaign=campaign, runs=len(draws)), draws
 
-    def _errors(self, flights: Sequence[FloatArray]) -> list[FloatArray | None] | None:
-        """Errors of flights, None of one that ends early; None where the observer stopped it."""
-        plan = self._switched(flights)
-        errors: list[FloatArray | None] = [None] * plan.runs
+    def _errors(self, flights: Sequence[FloatArray]) -> list[FloatArray | None]:
+        """Errors of flights, None of one that ends early."""
+        plan, draws = self._switched(flights)
+        errors: list[FloatArray | None] = [None] * len(draws)
 
         def keep(run: int, recording: bytes) -> None:
             table = pq.read_table(pa.BufferReader(recording), columns=list(ERRORS))
             if len(table) == len(flights[run]):  # a sample more than there are intervals
                 errors[run] = np.column_stack([column.to_numpy() for column in table.columns])
 
-        if not self._pool.fly_signals(
-            plan, range(plan.runs), keep, tally=Tally(), doing="searching"
-        ):
-            return None
-        self.flights += plan.runs
+        runs = range(len(draws))
+        if not self._pool.fly_signals(plan, runs, keep, tally=Tally(), doing=DOING, draws=draws):
+            raise _StoppedError
+        self.flights += len(draws)
         return errors
 
-    def _fly(self, plan: Plan, channel: int | None = None) -> FloatArray | None:
-        """Fly a plan; None where the observer stopped it.
-
-        The values are those of the metric, or how far a `channel` reaches in the tube.
-        """
-        values = np.full(plan.runs, FAILED)
+    def _fly(self, plan: Plan, draws: Sequence[Drawn], channel: int | None = None) -> FloatArray:
+        """Fly draws for the values of the metric, or how far a `channel` reaches in the tube."""
+        values = np.full(len(draws), FAILED)
 
         def keep(rows: pa.Table) -> None:
             for row in rows.to_pylist():
-                value = value_of(row, self.metric, self._plan.scenario)
+                value = value_of(row, self.metric, plan.scenario)
                 value = self._failed if value >= FAILED else value
-                reach = row.get(TUBE_REACH)
+                _, *reach = row.get(TUBE) or [None]
                 values[row["run"]] = value if channel is None or not reach else reach[channel]
                 if reach:
                     self.reach = np.maximum(self.reach, reach)
                 if value > self.worst["value"]:
-                    self.worst, self.plan_of_worst = {**row, "value": value}, plan
+                    self.worst, self.worst_plan = {**row, "value": value}, plan
+                    self.worst_drawn = draws[row["run"]]
 
-        if not self._pool.fly_rows(plan, [Span(0, plan.runs)], keep, doing="searching"):
-            return None
-        self.flights += plan.runs
+        span = Span(0, len(draws))
+        if not self._pool.fly_rows(
+            plan, [span], keep, doing=DOING, probes=self._probes, draws=draws
+        ):
+            raise _StoppedError
+        self.flights += len(draws)
         return values
+
+
+def _use_of(tube: TubeBounds, run: Run, _: Scenario) -> list[float]:
+    """Share of a tube that a flight uses, and its reach in both channels."""
+    return [tube.share(run), *tube.reach(run)]
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
@@ -527,7 +512,7 @@ def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
     if row["status"] != "completed":
         return FAILED
     if metric != MARGIN:
-        value = row[TUBE_SHARE if metric == TUBE else metric]
+        value = row[TUBE][0] if metric == TUBE else row[metric]
         return FAILED if value is None else float(value)
     beyond = [
         sense * (_in_unit_of(name, row[f"{subject}.{in_rad(name)}"]) - bound) / (abs(bound) or 1.0)
@@ -554,7 +539,3 @@ def _metric_of(plan: Plan, group: Group) -> str:
         if table.meant(group.plant, group.gains)
     )
     return MARGIN if bounded else "chi.ITAE"
-
-
-def _named(scenario: Scenario, title: str) -> Scenario:
-    return scenario.model_copy(update={"title": f"the worst flight found of: {title}"})

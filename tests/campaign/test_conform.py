@@ -25,7 +25,7 @@ from flighttune.campaign.conform import (
 )
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign, plan_from
+from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.conformance import Windows, load_conformance, save_conformance
 from flighttune.conformance.boxes import ResidualSummary
 from flighttune.errors import InputError, ScenarioError
@@ -76,13 +76,13 @@ def test_false_claims_are_as_rare_as_the_confidence_says():
     rng = np.random.default_rng(7)
     calls = []
 
-    def rows(plan, runs):
+    def rows(plan, runs, probes):
         calls.append(runs)
         # One that leaves is ten times further out than any before, whatever was learned from those.
         size = np.where(rng.random(len(runs)) < epsilon + 0.01, 10.0 ** len(calls), 1.0)
-        shape = 6 * plan.residuals.windows.count
-        low, high = (pa.array([[sign * one] * shape for one in size]) for sign in (-1.0, 1.0))
-        return pa.table({"run": list(runs), "residual_low": low, "residual_high": high})
+        (windows,) = (probes["residuals"].args[0].windows.count,)
+        extremes = [[-one] * (6 * windows) + [one] * (6 * windows) for one in size]
+        return pa.table({"run": list(runs), "residuals": extremes})
 
     claims = 0
     with flown_here(conform_module, "_planned", small_plan(runs=1), rows) as pool:
@@ -97,13 +97,11 @@ def test_false_claims_are_as_rare_as_the_confidence_says():
 def test_counted_flights_are_not_those_learned_from_and_none_is_flown_twice():
     flown = []
 
-    def rows(plan, runs):
+    def rows(plan, runs, probes):
         flown.append(list(runs))
-        table = fly_runs(plan, runs)
-        wide = [[1e3 * len(flown)] * len(one) for one in table["residual_high"].to_pylist()]
-        return table.set_column(
-            table.schema.get_field_index("residual_high"), "residual_high", pa.array(wide)
-        )
+        table = fly_runs(plan, runs, probes=probes)
+        wide = [[1e3 * len(flown)] * len(one) for one in table["residuals"].to_pylist()]
+        return table.set_column(table.schema.get_field_index("residuals"), "residuals", [wide])
 
     with flown_here(conform_module, "_planned", small_plan(runs=2), rows) as pool:
         found = conform("campaign", FEW, pool)
@@ -127,18 +125,20 @@ def test_what_is_claimed_names_flights_distribution_and_confidence(found):
     assert "probability at most 0.5, confidence 0.75" in found.sentence
 
 
-def test_residuals_are_two_more_columns_and_change_no_other():
+def test_residuals_are_one_more_column_and_change_no_other():
     plan = small_plan(runs=3)
     model = conformant_model(plan.scenario, plan.groups[0].plant)
     summary = ResidualSummary(model=model, windows=Windows.covering("time", 1.0))
-    wider = plan_from(json.loads(json.dumps(replace(plan, residuals=summary).as_dict())))
 
-    rows = fly_runs(wider, range(3))
+    rows = fly_runs(
+        plan,
+        range(3),
+        probes={"low": lambda run, start: summary.of_flight(run, start.condition)[0].ravel()},
+    )
 
-    assert wider.residuals == summary
     # 2 windows of 4 residuals and 2 errors
-    assert [len(one) for one in rows["residual_low"].to_pylist()] == [12] * 3
-    rest = rows.drop_columns(["wall_s", "residual_low", "residual_high"])
+    assert [len(one) for one in rows["low"].to_pylist()] == [12] * 3
+    rest = rows.drop_columns(["wall_s", "low"])
     assert rest.equals(fly_runs(plan, range(3)).drop_columns("wall_s"))
 
 

@@ -257,7 +257,9 @@ def test_a_plant_that_replays_wind_says_when_the_aircraft_did_not_fly():
 def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     plan = still_plan()
 
-    row = crashed_row(plan, 7, "crashed", "the process was ended by SIGSEGV.")
+    row = crashed_row(
+        plan, 7, plan.values_of(plan.draw_of(7)), "crashed", "the process was ended by SIGSEGV."
+    )
 
     (found,) = table_of(plan, [row]).to_pylist()
     whole = fly_runs(plan, [7]).to_pylist()[0]

@@ -163,7 +163,7 @@ def test_flights_that_end_early_are_the_worst_or_left_out():
     plan = small_plan()
     rows = [("completed", 0.5), ("diverged", 0.1), ("completed", 0.7)]
 
-    def fly_rows(plan, gaps, keep, doing):
+    def fly_rows(plan, gaps, keep, **options):
         keep(
             pa.table(
                 {

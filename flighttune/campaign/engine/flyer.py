@@ -4,13 +4,12 @@ A crash inside JSBSim therefore costs a row and not the campaign. A draw whose p
 stopped at the time limit is flown again run by run, so that only the run to blame loses its row.
 """
 
-import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
 from multiprocessing import Pipe
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +20,7 @@ from flighttune.shipped import TRUST_AIRCRAFT
 from flighttune.whole_file import reason_of
 
 if TYPE_CHECKING:
-    from flighttune.campaign.flying.rows import Row
+    from flighttune.campaign.flying.rows import Draw, Drawn, Probes, Row
     from flighttune.campaign.planning.plan import Plan
 
 SERVER = "flighttune.campaign.engine.server"
@@ -30,27 +29,13 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 """Set to 1 in each process: one flight uses one core, and BLAS gives the same bits everywhere."""
 
 
-class Draw(NamedTuple):
-    """Runs of one draw, and its drawn values."""
-
-    runs: tuple[int, ...]
-    drawn: dict[str, Any]
-
-
 class Lost(NamedTuple):
     """A run without a row: it ended its process (``crashed``) or was ``timed_out``."""
 
     run: int
+    drawn: "Drawn"
     status: str
     reason: str
-
-
-class Job(NamedTuple):
-    """Request to a process: rows of runs of a draw, or the signals of one run."""
-
-    draw: Draw
-    limit: float  # s, for each flight
-    signals: bool = False
 
 
 class Flyer:
@@ -60,33 +45,33 @@ class Flyer:
         self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
 
-    def ask(self, plan: str, job: Job) -> Any:
-        """Answer to a job, or `Lost`; `plan` is the text that `plan_text` makes.
+    def ask(self, work: bytes, draw: "Draw", limit: float, *, signals: bool = False) -> Any:
+        """Rows of a draw, or the signals of its run, or `Lost`; `work` is what `work_of` makes.
 
-        PlantError if the process cannot start, or cannot fly this plan.
+        `limit` (s) is the longest time of each flight. PlantError if the process cannot start, or
+        cannot fly this plan.
         """
         code, preparing = 0, True
         for _ in range(2):  # somebody else may have killed a process that waited
             self.start()
             try:
-                self._pipe.send((plan, job))
+                self._pipe.send((work, draw, limit, signals))
                 if refusal := self._pipe.recv():
                     raise PlantError(refusal)
                 preparing = False
-                answer = self._pipe.recv()
+                return self._pipe.recv()
             except (EOFError, OSError):
-                code = self._end()
-            else:
-                return answer
+                code = self.end()
             if not preparing:
                 break
         if preparing:
             raise PlantError(f"the undispersed flights cannot be flown: {_how(code)}")
-        run = job.draw.runs[0]
         if code == -signal.SIGALRM:
-            reason = f"the flight must end within {job.limit:g} s of wall time"
-            return Lost(run, "timed_out", reason)
-        return Lost(run, "crashed", f"the flight ended the process that flew it: {_how(code)}")
+            status, reason = "timed_out", f"the flight must end within {limit:g} s of wall time"
+        else:
+            status = "crashed"
+            reason = f"the flight ended the process that flew it: {_how(code)}"
+        return Lost(draw.runs[0], draw.drawn, status, reason)
 
     def close(self) -> None:
         """End the process for good, from any thread; the flight in progress is lost."""
@@ -94,11 +79,6 @@ class Flyer:
         process = self._process
         if process is not None:
             process.kill()
-
-    def end(self) -> None:
-        """Remove what the process left, after `close` and once no thread uses this."""
-        if self._process is not None:
-            self._end()
 
     def start(self) -> None:
         """Start the process, unless it runs; PlantError if it cannot start, or after `close`."""
@@ -128,10 +108,11 @@ class Flyer:
         if self._closed:  # meanwhile, when there was no process yet to kill
             self._process.kill()
 
-    def _end(self) -> int:
+    def end(self) -> int:
         """End the process and remove what it left; return its exit code."""
-        assert self._process is not None
-        self._process.kill()  # it has ended already, or its pipe would not be closed
+        if self._process is None:
+            return 0
+        self._process.kill()
         code = self._process.wait()
         self._process = None
         self._pipe.close()
@@ -157,33 +138,29 @@ def _flyer() -> Flyer:
     return _OF_THREAD.flyer
 
 
-def fly_draws(plan: str, limit: float, draws: Sequence[Draw]) -> "list[Row | Lost]":
-    """Rows of draws of a plan; PlantError where its flights cannot be flown here."""
-    return [row for draw in draws for row in _rows(_flyer(), plan, limit, draw)]
-
-
-def _rows(flyer: Flyer, plan: str, limit: float, draw: Draw) -> "list[Row | Lost]":
-    answer = flyer.ask(plan, Job(draw, limit))
+def fly_rows(work: bytes, draw: "Draw", limit: float) -> "list[Row | Lost]":
+    """Rows of a draw; PlantError where its flights cannot be flown here."""
+    answer = _flyer().ask(work, draw, limit)
     if isinstance(answer, Lost) and len(draw.runs) > 1:
-        alone = (Draw((run,), draw.drawn) for run in draw.runs)
-        return [row for run in alone for row in _rows(flyer, plan, limit, run)]
+        alone = [fly_rows(work, draw._replace(runs=(run,)), limit) for run in draw.runs]
+        return [row for rows in alone for row in rows]
     if isinstance(answer, Lost) and answer.status == "crashed":
         # only a second crash counts: an operator, or the system out of memory, may have killed it
-        answer = flyer.ask(plan, Job(draw, limit))
+        answer = _flyer().ask(work, draw, limit)
     return [answer] if isinstance(answer, Lost) else answer
 
 
-def fly_signals(plan: str, limit: float, draw: Draw) -> tuple[int, bytes]:
+def fly_signals(work: bytes, draw: "Draw", limit: float) -> tuple[int, bytes]:
     """A run of a draw, and its recording; no bytes where the flight is lost."""
-    answer = _flyer().ask(plan, Job(draw, limit, signals=True))
+    answer = _flyer().ask(work, draw, limit, signals=True)
     return draw.runs[0], b"" if isinstance(answer, Lost) else answer
 
 
-def plan_text(plan: "Plan") -> str:
-    """A plan as its flyers get it, with the libraries that its rows must come from."""
+def work_of(plan: "Plan", probes: "Probes") -> bytes:
+    """A plan and probes as processes get them, with the libraries that rows must come from."""
     from flighttune.flight.fly import library_versions
 
-    return json.dumps({"plan": plan.as_dict(), "versions": library_versions()})
+    return pickle.dumps((library_versions(), plan.as_dict(), probes))
 
 
 def failure(error: BaseException) -> CampaignError:

@@ -12,26 +12,27 @@ import pyarrow as pa
 
 from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import Span
-from flighttune.campaign.engine.cluster import ClusterWorkers, cluster
+from flighttune.campaign.engine.cluster import ClusterWorkers, check_scheduler
 from flighttune.campaign.engine.flyer import (
-    Draw,
     Flyer,
     Lost,
     failure,
     fly_by,
-    fly_draws,
+    fly_rows,
     fly_signals,
-    plan_text,
+    work_of,
 )
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress, Tally
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.rows import (
+    Draw,
+    Drawn,
+    Probes,
     Row,
     batched_groups,
     blocks,
     crashed_row,
     fly_together,
-    split,
     table_of,
 )
 from flighttune.campaign.planning.plan import Plan
@@ -47,14 +48,12 @@ KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
 """Rows are kept every 0.25 s, later after a twentieth of the time so far, at the latest after 10 s:
 a killed campaign loses little, and a long one has few files."""
 
-Task = tuple[Callable[..., Any], tuple[Any, ...]]
-"""A call for a worker."""
+Task = tuple[Any, ...] | None
+"""A function of a worker and its arguments; None after a batch that was flown here."""
 
 
 class Threads:
     """Threads of this process, each with a process that flies for it; as `ClusterWorkers`."""
-
-    max_draws = 1  # of a task
 
     def __init__(self, count: int) -> None:
         self._count, self._flyers = count, [Flyer() for _ in range(count)]
@@ -95,21 +94,17 @@ def worker_pool(
     if workers is not None and scheduler is not None:
         raise InputError("`workers` must not be given with `scheduler`, which has its own.")
     check_at_least(1, workers=workers)
-    with cluster(scheduler) if scheduler else _threads(workers or cores()) as start:
-        yield WorkerPool(start, observer)
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[Callable[[], Threads]]:
-    """Threads of this process for the block: a call starts them."""
+    if scheduler:
+        check_scheduler(scheduler)
     with ExitStack() as stack:
 
-        def start() -> Threads:
-            threads = Threads(count)
-            stack.callback(threads.stop)
-            return threads
+        @cache
+        def start() -> Workers:
+            made = ClusterWorkers(scheduler) if scheduler else Threads(workers or cores())
+            stack.callback(made.stop)
+            return made
 
-        yield cache(start)
+        yield WorkerPool(start, observer)
 
 
 class WorkerPool:
@@ -135,32 +130,45 @@ class WorkerPool:
         *,
         tally: Tally | None = None,
         doing: str = "flying",
+        probes: Probes | None = None,
+        draws: Sequence[Drawn] | None = None,
     ) -> bool:
         """Fly runs of a plan; return whether all were, and the observer did not stop it.
 
         `keep` gets the rows of successive runs in order of `run`; the tables come in any order.
-        `tally` holds the rows that exist already, and counts the new ones.
+        `tally` holds the rows that exist already, and counts the new ones. `probes` and `draws` are
+        those of `flighttune.campaign.flying.rows.fly_runs`.
         """
-        tally, gaps = tally or Tally(), list(gaps)
+        tally, gaps, probes = tally or Tally(), list(gaps), probes or {}
         if not gaps:
             return True
-        runs = tally.runs + sum(gap.runs for gap in gaps)
-        buffer = _Buffer(plan, gaps, keep)
+        buffer = _Buffer(gaps, lambda rows: keep(table_of(plan, rows, probes)))
 
         def done(flown: Iterable[Row | Lost]) -> None:
-            rows = [
-                crashed_row(plan, *outcome) if isinstance(outcome, Lost) else outcome
-                for outcome in flown
-            ]
+            rows = [crashed_row(plan, *row) if isinstance(row, Lost) else row for row in flown]
             buffer.add(rows)
             tally.add([row["status"] for row in rows], [row["success"] for row in rows])
             self.flown += len(rows)
 
+        def tasks() -> Iterator[Task]:
+            in_batch = batched_groups(plan, probes, draws)
+            if len(in_batch) < len(plan.groups):
+                self._start()  # the processes get ready while the first batch is flown
+            claim_of = claims(plan, in_batch)  # of kinematic flights: no JSBSim here
+            work, limit = work_of(plan, probes), plan.campaign.time_limit_s
+            runs = chain.from_iterable(range(*gap) for gap in gaps)
+            for together, alone in blocks(plan, runs, in_batch, draws):
+                if together:
+                    done(fly_together(plan, together, claim_of))
+                    yield None
+                for draw in alone:
+                    yield fly_rows, work, draw, limit
+
         try:
-            tasks = self._tasks(plan, gaps, done)
-            return self._hand_out(tasks, done, doing, tally, runs)
+            total = tally.runs + sum(gap.runs for gap in gaps)
+            return self._hand_out(tasks(), done, doing, tally, total)
         finally:
-            buffer.write()
+            buffer.write(sorted(buffer.rows))
 
     def fly_signals(
         self,
@@ -170,6 +178,7 @@ class WorkerPool:
         *,
         tally: Tally,
         doing: str = "keeping signals",
+        draws: Sequence[Drawn] | None = None,
     ) -> bool:
         """Fly runs of a plan once more for their signals; return whether all were.
 
@@ -177,7 +186,7 @@ class WorkerPool:
         """
         if not runs:
             return True
-        text, limit = plan_text(plan), plan.campaign.time_limit_s
+        work, limit = work_of(plan, {}), plan.campaign.time_limit_s
 
         def done(signals: tuple[int, bytes]) -> None:
             run, data = signals
@@ -186,38 +195,16 @@ class WorkerPool:
             else:
                 self._observer.hear(f"run {run}: did not end when it was flown for its signals.")
 
-        tasks = ((fly_signals, (text, limit, _draw(plan, [run]))) for run in runs)
-        return self._hand_out(tasks, done, doing, tally, tally.runs)
+        def task(run: int) -> Task:
+            number = plan.draw_of(run)
+            drawn = plan.values_of(number) if draws is None else draws[number]
+            return fly_signals, work, Draw((run,), drawn), limit
 
-    def _tasks(
-        self, plan: Plan, gaps: Sequence[Span], done: Callable[[Iterable[Row]], None]
-    ) -> Iterator[Task | None]:
-        """Tasks of whole draws in order; None after a batch that was flown here."""
-        in_batch = batched_groups(plan)
-        if len(in_batch) < len(plan.groups):
-            self._start()  # the processes get ready while the first batch is flown
-        claim_of = claims(plan, in_batch)  # of kinematic flights: no JSBSim here
-        text, limit = plan_text(plan), plan.campaign.time_limit_s
-        left = sum(gap.runs for gap in gaps) // len(plan.groups)
-        for block in chain.from_iterable(blocks(plan, range(*gap)) for gap in gaps):
-            batched, alone = split(plan, block)
-            if batched:
-                done(fly_together(plan, batched, claim_of))
-                yield None
-            draws = [_draw(plan, list(runs)) for _, runs in groupby(alone, key=plan.draw_of)]
-            while draws:
-                workers = self._start()
-                share = left // (
-                    2 * TASKS_PER_WORKER * max(workers.threads(), 1)
-                )  # fewer towards the end
-                size = min(max(share, 1), workers.max_draws)
-                task, draws = draws[:size], draws[size:]
-                left -= len(task)
-                yield fly_draws, (text, limit, task)
+        return self._hand_out(map(task, runs), done, doing, tally, tally.runs)
 
     def _hand_out(
         self,
-        tasks: Iterator[Task | None],
+        tasks: Iterator[Task],
         done: Callable[[Any], None],
         doing: str,
         tally: Tally,
@@ -230,97 +217,77 @@ class WorkerPool:
         observer = self._observer
         if self._flying_since is None:
             observer.see(CampaignProgress(doing="starting", done=tally.runs, runs=runs))
-        self._flying_since = self._flying_since or time.perf_counter()
-        workers: Workers | None = None
+        since = self._flying_since = self._flying_since or time.perf_counter()
         pending: set[Future[Any]] = set()
-        more = True
+        threads, more = 1, True  # until there are workers this process flies
         while not observer.stopped:
-            threads = workers.threads() if workers else 1  # until then this process flies
+            rate = self.flown / (time.perf_counter() - since) if self.flown else 0.0
+            observer.see(
+                CampaignProgress(
+                    doing=doing,
+                    done=tally.runs,
+                    runs=runs,
+                    failed=tally.failed,
+                    crashed=tally.crashed,
+                    waiting=len(pending),
+                    workers=threads,
+                    rate_per_s=rate,
+                    left_s=(runs - tally.runs) / rate if rate else None,
+                )
+            )
             # also with no worker one task is handed out: some schedulers start workers for it
-            while more and len(pending) <= TASKS_PER_WORKER * threads:
+            if more and len(pending) <= TASKS_PER_WORKER * threads:
                 try:
                     task = next(tasks)
                 except StopIteration:
                     more = False
-                    break
-                if task is None:
-                    break
-                workers = workers or self._start()
-                function, arguments = task
-                pending.add(workers.submit(function, *arguments))
-                threads = workers.threads()
-            observer.see(self._progress(doing, tally, runs, len(pending), threads))
-            if not more and not pending:
+                    continue
+                if task is not None:
+                    pending.add(self._start().submit(*task))
+            elif not pending:
                 return True
-            ready = 0.0 if more and len(pending) <= TASKS_PER_WORKER * threads else POLL_S
-            over, pending = wait(pending, ready, FIRST_COMPLETED)
-            for future in over:
-                done(_result(workers, future))
-        if workers:
-            for future in wait(pending, 0.0).done:
-                done(_result(workers, future))
-            workers.stop()
+            else:
+                over, pending = wait(pending, POLL_S, FIRST_COMPLETED)
+                for future in over:
+                    done(self._result(future))
+            if pending:
+                threads = self._start().threads()
+        for future in wait(pending, 0.0).done:
+            done(self._result(future))
         return False
 
-    def _progress(
-        self, doing: str, tally: Tally, runs: int, waiting: int, threads: int
-    ) -> CampaignProgress:
-        since = self._flying_since
-        rate = self.flown / (time.perf_counter() - since) if since is not None else 0.0
-        return CampaignProgress(
-            doing=doing,
-            done=tally.runs,
-            runs=runs,
-            failed=tally.failed,
-            crashed=tally.crashed,
-            waiting=waiting,
-            workers=threads,
-            rate_per_s=rate,
-            left_s=(runs - tally.runs) / rate if rate else None,
-        )
+    def _result(self, future: Future[Any]) -> Any:
+        try:
+            return future.result()
+        except Exception as error:
+            raise self._start().failure(error) from error
 
 
 class _Buffer:
     """Rows that have come back, until they are kept in order of `run`."""
 
-    def __init__(self, plan: Plan, gaps: Sequence[Span], keep: Callable[[pa.Table], None]) -> None:
-        self._plan, self._keep = plan, keep
-        self._rows: dict[int, Row] = {}
+    def __init__(self, gaps: Sequence[Span], keep: Callable[[list[Row]], None]) -> None:
+        self.rows: dict[int, Row] = {}
+        self._keep = keep
         self._wanted = chain.from_iterable(range(*gap) for gap in gaps)
         self._next = next(self._wanted, None)
         self._began = self._kept = time.perf_counter()
 
     def add(self, rows: Iterable[Row]) -> None:
         """Take rows, and keep those before the first that is still flown, if it is time to."""
-        self._rows |= {row["run"]: row for row in rows}
+        self.rows |= {row["run"]: row for row in rows}
         now = time.perf_counter()
         if now < self._kept + min(max(KEEP_S, KEEP_SHARE * (now - self._began)), KEEP_MAX_S):
             return
         ready = []
-        while self._next in self._rows:
+        while self._next in self.rows:
             ready.append(self._next)
             self._next = next(self._wanted, None)
-        self._write(ready)
+        self.write(ready)
         self._kept = now
 
-    def write(self) -> None:
-        """Keep all rows."""
-        self._write(sorted(self._rows))
-
-    def _write(self, runs: Sequence[int]) -> None:
+    def write(self, runs: Sequence[int]) -> None:
+        """Keep the rows of these runs."""
         # successive runs have the same difference from their place in the list
         for _, span in groupby(enumerate(runs), key=lambda at: at[1] - at[0]):
-            rows = [self._rows.pop(run) for _, run in span]
-            self._keep(table_of(self._plan, rows))
-
-
-def _draw(plan: Plan, runs: Sequence[int]) -> Draw:
-    return Draw(tuple(runs), plan.values_of(plan.draw_of(runs[0])))
-
-
-def _result(workers: Workers | None, future: Future[Any]) -> Any:
-    try:
-        return future.result()
-    except Exception as error:
-        assert workers is not None
-        raise workers.failure(error) from error
+            self._keep([self.rows.pop(run) for _, run in span])

@@ -1,21 +1,20 @@
 """The process of a `Flyer`: ``python -m flighttune.campaign.engine.server DESCRIPTOR FOLDER``."""
 
-import json
 import os
+import pickle
 import resource
 import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator
 from functools import lru_cache
 from multiprocessing.connection import Connection
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.campaign.engine.flyer import Job, Lost
+from flighttune.campaign.engine.flyer import Lost
 from flighttune.campaign.flying.claim import Claims, claims
 from flighttune.campaign.flying.refly import fly_run
-from flighttune.campaign.flying.rows import Row, fly_draw, warm_up
+from flighttune.campaign.flying.rows import Draw, Probes, Row, fly_draw, warm_up
 from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.flight.fly import library_versions
@@ -25,6 +24,8 @@ from flighttune.recording.parquet import parquet_bytes
 PREPARE_S = 120.0
 """Time to load a plan and to fly its undispersed flights."""
 
+Prepared = tuple[Plan, Claims, Probes]
+
 
 def serve(pipe: Connection, scratch: str) -> None:
     """Fly what the pipe asks for until its other end is closed."""
@@ -32,27 +33,26 @@ def serve(pipe: Connection, scratch: str) -> None:
     tempfile.tempdir = os.environ["TMPDIR"] = scratch
     try:
         while True:
-            plan, job = pipe.recv()
+            work, draw, limit, signals = pipe.recv()
             try:
                 _end_after(PREPARE_S)
-                prepared = _prepared(plan)
+                prepared = _prepared(work)
             except Exception as error:
-                said = str(error) if isinstance(error, FlightTuneError) else repr(error)
-                pipe.send(said)
+                pipe.send(str(error) if isinstance(error, FlightTuneError) else repr(error))
                 continue
             finally:
                 _end_after(0.0)
             pipe.send("")  # from here on a crash is that of the flight
-            pipe.send(_answer(*prepared, job))
+            pipe.send(_answer(prepared, draw, limit, signals=signals))
     except (EOFError, OSError):  # the parent is gone, maybe without a word
         shutil.rmtree(scratch, ignore_errors=True)
 
 
 @lru_cache(maxsize=2)
-def _prepared(text: str) -> tuple[Plan, Claims]:
-    """A plan and its claims; FlightTuneError if its rows would be others than elsewhere."""
-    message, got = json.loads(text), library_versions()
-    wanted = message["versions"]
+def _prepared(work: bytes) -> Prepared:
+    """A plan, its claims and the probes; FlightTuneError if rows would be others than elsewhere."""
+    wanted, tables, probes = pickle.loads(work)
+    got = library_versions()
     other = [
         f"{name} must be {wanted.get(name, 'absent')}, got {got.get(name, 'none')}"
         for name in (wanted | got)
@@ -60,32 +60,33 @@ def _prepared(text: str) -> tuple[Plan, Claims]:
     ]
     if other:
         raise PlantError("; ".join(other))
-    plan = plan_from(message["plan"])
+    plan = plan_from(tables)
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
     with_own(plan.scenario)
     warm_up(plan)
-    return plan, claims(plan)
+    return plan, claims(plan), probes
 
 
-def _answer(plan: Plan, claim_of: Claims, job: Job) -> list[Row] | bytes | Lost:
-    runs, drawn = job.draw
+def _answer(
+    prepared: Prepared, draw: Draw, limit: float, *, signals: bool
+) -> list[Row] | bytes | Lost:
+    plan, claim_of, probes = prepared
+    rows: list[Row] = []
     try:
-        _end_after(job.limit)
-        if job.signals:
-            return parquet_bytes(fly_run(plan, runs[0]))
-        return list(_each_within(job.limit, fly_draw(plan, runs, drawn, claim_of)))
+        _end_after(limit)
+        if signals:
+            return parquet_bytes(fly_run(plan, draw.runs[0], draw.drawn))
+        for row in fly_draw(plan, draw, claim_of, probes):
+            rows.append(row)
+            _end_after(limit)  # of the next flight
     except Exception as error:  # whatever a run does, it is the outcome of that run
-        return Lost(runs[0], "crashed", f"{type(error).__name__}: {error}")
+        return Lost(draw.runs[0], draw.drawn, "crashed", f"{type(error).__name__}: {error}")
+    else:
+        return rows
     finally:
         _end_after(0.0)
-
-
-def _each_within(limit: float, rows: Iterator[Row]) -> Iterator[Row]:
-    for row in rows:
-        yield row
-        _end_after(limit)  # of the next flight
 
 
 def _end_after(seconds: float) -> None:

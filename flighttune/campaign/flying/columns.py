@@ -1,5 +1,7 @@
 """Columns of a campaign's rows: names, types and units, fixed by the plan alone."""
 
+from collections.abc import Iterable
+
 import pyarrow as pa
 
 from flighttune.campaign.planning.plan import Plan
@@ -47,20 +49,8 @@ AFTER = {
 """Columns after the measures: type and unit."""
 
 
-RESIDUALS = ("residual_low", "residual_high")
-"""Columns of a plan that asks for residual rates: chi and gamma, window by window."""
-
-
-TUBE_SHARE = "tube_share"
-"""Column of a plan with a tube: share of the tube that the flight uses; it leaves beyond 1."""
-
-TUBE_REACH = "tube_reach"
-"""Column of a plan with a tube: largest distance over largest half width, chi and gamma."""
-
-
-def row_schema(plan: Plan) -> pa.Schema:
-    """The schema of the rows of a plan; a field's metadata has its ``unit`` (``1`` without one)."""
-    residuals = RESIDUALS if plan.residuals else ()
+def row_schema(plan: Plan, probes: Iterable[str] = ()) -> pa.Schema:
+    """The schema of the rows of a plan and its probes; a field has its ``unit`` as metadata."""
     return pa.schema(
         [
             *(pa.field(name, kind, nullable=False) for name, kind in BEFORE.items()),
@@ -68,9 +58,7 @@ def row_schema(plan: Plan) -> pa.Schema:
             *(pa.field(name, kind, nullable=False) for name, kind in OUTCOME.items()),
             *(_field(name, pa.float64(), unit_of(*name.split("."))) for name in MEASURES),
             *(_field(name, kind, unit) for name, (kind, unit) in AFTER.items()),
-            *(_field(name, pa.list_(pa.float64()), "rad/s") for name in residuals),
-            *(_field(name, pa.float64(), "1") for name in (TUBE_SHARE,) if plan.tube),
-            *(_field(name, pa.list_(pa.float64()), "1") for name in (TUBE_REACH,) if plan.tube),
+            *(_field(name, pa.list_(pa.float64()), None) for name in probes),
         ]
     )
 

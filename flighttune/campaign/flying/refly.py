@@ -16,15 +16,17 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 
 
-def scenario_of_run(plan: Plan, run: int) -> Scenario:
+def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None) -> Scenario:
     """The scenario of one run of a plan: its draw, its plant and its gains, these as numbers.
 
+    `drawn` are values in place of those of its draw.
     Flown as any other it gives the flight of the run, to the bit. In wind it also has the aircraft
     whose wind the run replays.
     """
     if not 0 <= run < plan.runs:
         raise InputError(f"`run` must be 0 to {plan.runs - 1}, got {run}.")
-    group, scenario = plan.group_of(run), plan.scenario_of(plan.draw_of(run))
+    group, draw = plan.group_of(run), plan.draw_of(run)
+    scenario = plan.dispersed(plan.values_of(draw) if drawn is None else drawn, draw)
     source = wind_source(scenario, group)
     flying = [group] if source is None else [source, group]
     tables = scenario.as_dict()
@@ -51,12 +53,12 @@ def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> Flow
     return fly(scenario_of_run(plan, run), progress=progress)
 
 
-def fly_run(plan: Plan, run: int) -> Run:
+def fly_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None) -> Run:
     """Fly one run of a plan for its signals; its provenance has a scenario of this flight alone."""
     group = plan.group_of(run)
     if plan.gain_sets[group.gains] is None:
         return fly_group(plan, plan.scenario_of(plan.draw_of(run)), group)
-    return fly_again(plan, run)[group.label]
+    return fly(scenario_of_run(plan, run, drawn))[group.label]
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:

@@ -5,10 +5,10 @@ at a time; all others are flown one by one, a draw at a time.
 """
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +16,7 @@ import pyarrow as pa
 from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.claim import Claims, claims
-from flighttune.campaign.flying.columns import RESIDUALS, TUBE_REACH, TUBE_SHARE, row_schema
+from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
@@ -38,120 +38,146 @@ SAMPLES = 4
 INVALID = "invalid"
 """Status of a run whose drawn values the scenario or an aircraft refuses."""
 
+Indicators = tuple[float | None, float | None]
+"""R_K and I_K."""
+
 Row = dict[str, Any]
 """Columns of one run, as in `row_schema`; a column that is not there is null."""
 
 Drawn = Mapping[str, Any]
 """Values of a draw, as `Plan.values_of` returns them."""
 
+Probes = Mapping[str, Callable[[Run, Scenario], Sequence[float]]]
+"""More columns: numbers of each completed flight. With any, all flights are flown one by one."""
 
-def fly_runs(plan: Plan, runs: Sequence[int]) -> pa.Table:
+
+class Draw(NamedTuple):
+    """Runs of one draw, and its drawn values."""
+
+    runs: tuple[int, ...]
+    drawn: Drawn
+
+
+def fly_runs(
+    plan: Plan,
+    runs: Sequence[int],
+    *,
+    probes: Probes | None = None,
+    draws: Sequence[Drawn] | None = None,
+) -> pa.Table:
     """Fly runs of a plan in this process, and return their rows in order of `run`.
 
     All columns but ``wall_s`` depend only on the plan and the run, to the bit. Where the scenario
     or an aircraft refuses a drawn value, the status is ``invalid`` and the reason names the key.
+    `draws` replace those of the design; they may set keys that the campaign does not disperse.
     """
-    wanted = sorted(runs)
+    wanted, probes = sorted(runs), probes or {}
     if wanted and not 0 <= wanted[0] <= wanted[-1] < plan.runs:
         raise InputError(f"`runs` must be 0 to {plan.runs - 1}, got {wanted[0]} to {wanted[-1]}.")
     if len(set(wanted)) < len(wanted):
         raise InputError("`runs` must name each run once.")
     claim_of = claims(plan, {plan.group_of(run) for run in wanted})
     rows: list[Row] = []
-    for block in blocks(plan, wanted):
-        batched, alone = split(plan, block)
-        rows += fly_together(plan, batched, claim_of)
-        for draw, of_draw in groupby(alone, key=plan.draw_of):
-            rows += fly_draw(plan, list(of_draw), plan.values_of(draw), claim_of)
-    return table_of(plan, rows)
+    for together, alone in blocks(plan, wanted, batched_groups(plan, probes, draws), draws):
+        rows += fly_together(plan, together, claim_of)
+        for draw in alone:
+            rows += fly_draw(plan, draw, claim_of, probes)
+    return table_of(plan, rows, probes)
 
 
-def blocks(plan: Plan, runs: Iterable[int]) -> Iterator[list[int]]:
-    """Runs in order, so many draws at a time."""
+def blocks(
+    plan: Plan,
+    runs: Iterable[int],
+    in_batch: Collection[Group],
+    draws: Sequence[Drawn] | None = None,
+) -> Iterator[tuple[list[Draw], list[Draw]]]:
+    """Draws in order, so many at a time: those of the groups in a batch, and those of all others.
+
+    `draws` replace those of the design.
+    """
     for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
-        yield list(block)
+        together: list[Draw] = []
+        alone: list[Draw] = []
+        for number, of_draw in groupby(block, key=plan.draw_of):
+            drawn = plan.values_of(number) if draws is None else draws[number]
+            by_batch: dict[bool, list[int]] = {}
+            for run in of_draw:
+                by_batch.setdefault(plan.group_of(run) in in_batch, []).append(run)
+            for batched, own in by_batch.items():
+                (together if batched else alone).append(Draw(tuple(own), drawn))
+        yield together, alone
 
 
-def table_of(plan: Plan, rows: Iterable[Row]) -> pa.Table:
+def table_of(plan: Plan, rows: Iterable[Row], probes: Collection[str] = ()) -> pa.Table:
     """Rows of a plan as a table, in order of `run`."""
     in_order = sorted(rows, key=lambda row: row["run"])
-    return pa.Table.from_pylist(in_order, schema=row_schema(plan))
+    return pa.Table.from_pylist(in_order, schema=row_schema(plan, probes))
 
 
-def batched_groups(plan: Plan) -> frozenset[Group]:
+def batched_groups(
+    plan: Plan, probes: Collection[str] = (), draws: Sequence[Drawn] | None = None
+) -> frozenset[Group]:
     """The groups whose flights the compiled kernel flies."""
-    # Draws that are given may set keys that the campaign does not disperse.
-    keys = {*plan.keys, *(key for values in plan.given or () for key in values)}
+    keys = {*plan.keys, *(key for drawn in draws or () for key in drawn)}
 
     def batched(group: Group) -> bool:
         table = plan.scenario.plant_table(group.plant)
         law, _ = plan.scenario.law_of(group.gains)
-        flown = plan.gain_sets[group.gains] is not None and plan.tube is None
+        flown = plan.gain_sets[group.gains] is not None
         return flown and batchable(plan.scenario, table, law, keys)
 
-    return frozenset(filter(batched, plan.groups))
+    return frozenset() if probes else frozenset(filter(batched, plan.groups))
 
 
-def split(plan: Plan, runs: Iterable[int]) -> tuple[list[int], list[int]]:
-    """The runs that are flown in batches, and those that are flown one by one."""
-    in_batch = batched_groups(plan)
-    batched: list[int] = []
-    alone: list[int] = []
-    for run in runs:
-        (batched if plan.group_of(run) in in_batch else alone).append(run)
-    return batched, alone
-
-
-def fly_together(plan: Plan, runs: Sequence[int], claim_of: Claims) -> list[Row]:
+def fly_together(plan: Plan, draws: Sequence[Draw], claim_of: Claims) -> list[Row]:
     """Rows of kinematic flights, those of each group in one batch."""
     rows: list[Row] = []
-    batches: dict[Group, dict[int, Scenario]] = {}
-    for draw, of_draw in groupby(runs, key=plan.draw_of):
-        drawn, began = plan.values_of(draw), time.perf_counter()
+    batches: dict[Group, list[tuple[int, Drawn, Scenario]]] = {}
+    for runs, drawn in draws:
+        began = time.perf_counter()
         try:
-            scenario = plan.dispersed(drawn, draw)
+            scenario = plan.dispersed(drawn, plan.draw_of(runs[0]))
         except FlightTuneError as error:
-            rows += [_refused(plan, run, drawn, error, began) for run in of_draw]
+            rows += [_row(plan, run, drawn, _invalid(error, began)) for run in runs]
             continue
-        for run in of_draw:
-            batches.setdefault(plan.group_of(run), {})[run] = scenario
-    for group, scenarios in batches.items():
+        for run in runs:
+            batches.setdefault(plan.group_of(run), []).append((run, drawn, scenario))
+    for group, flights in batches.items():
         gains, began = plan.gain_sets[group.gains], time.perf_counter()
         assert gains is not None
         law, _ = plan.scenario.law_of(group.gains)
-        results = fly_batch(list(scenarios.values()), law, gains, claim_of[group])
-        each_s = (time.perf_counter() - began) / len(scenarios)
-        indicators = _indicators(plan, group, list(scenarios.values()))
-        for (run, scenario), result, both in zip(
-            scenarios.items(), results, indicators, strict=True
-        ):
+        scenarios = [scenario for _, _, scenario in flights]
+        results = fly_batch(scenarios, law, gains, claim_of[group])
+        each_s = (time.perf_counter() - began) / len(flights)
+        indicators = _indicators(plan, group, scenarios)
+        for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):
             outcome = (
-                _fly_alone(plan, scenario, group, {}, claim_of[group])
+                _fly_alone(plan, scenario, group, {}, claim_of[group], {})
                 if result is None
                 else _outcome(scenario, group, result, each_s)
             )
-            rows.append(_row(plan, run, plan.values_of(plan.draw_of(run)), outcome, both))
+            rows.append(_row(plan, run, drawn, outcome, both))
     return rows
 
 
-def fly_draw(plan: Plan, runs: Sequence[int], drawn: Drawn, claim_of: Claims) -> Iterator[Row]:
+def fly_draw(plan: Plan, draw: Draw, claim_of: Claims, probes: Probes) -> Iterator[Row]:
     """Rows of runs of one draw, each as soon as it is flown."""
-    began = time.perf_counter()
+    (runs, drawn), began = draw, time.perf_counter()
     try:
         scenario = plan.dispersed(drawn, plan.draw_of(runs[0]))
     except FlightTuneError as error:
-        yield from (_refused(plan, run, drawn, error, began) for run in runs)
+        yield from (_row(plan, run, drawn, _invalid(error, began)) for run in runs)
         return
     wind_runs: dict[Group, Run] = {}
     for run in runs:
         group = plan.group_of(run)
-        outcome = _fly_alone(plan, scenario, group, wind_runs, claim_of[group])
+        outcome = _fly_alone(plan, scenario, group, wind_runs, claim_of[group], probes)
         yield _row(plan, run, drawn, outcome, *_indicators(plan, group, [scenario]))
 
 
-def crashed_row(plan: Plan, run: int, status: str, reason: str) -> Row:
+def crashed_row(plan: Plan, run: int, drawn: Drawn, status: str, reason: str) -> Row:
     """The row of a run that ended the process that flew it (``crashed``) or was ``timed_out``."""
-    drawn, indicators = plan.values_of(plan.draw_of(run)), (None, None)
+    indicators = None, None
     with suppress(FlightTuneError):
         scenario = plan.dispersed(drawn, plan.draw_of(run))
         (indicators,) = _indicators(plan, plan.group_of(run), [scenario])
@@ -177,6 +203,7 @@ def _fly_alone(
     group: Group,
     wind_runs: dict[Group, Run],
     claim: UltimateSet | None,
+    probes: Probes,
 ) -> Row:
     """Outcome of one flight; `wind_runs` as for `fly_group`."""
     began = time.perf_counter()
@@ -187,12 +214,8 @@ def _fly_alone(
     certified = None if claim is None else claim.outcome(run)
     result = FlightResult(run.status, run.reason, measures(run), certified)
     columns = _outcome(scenario, group, result, time.perf_counter() - began)
-    if run.status == "completed" and plan.residuals is not None:
-        extremes = plan.residuals.of_flight(run, scenario.condition)
-        columns |= zip(RESIDUALS, (bound.ravel().tolist() for bound in extremes), strict=True)
-    if run.status == "completed" and plan.tube is not None:
-        columns[TUBE_SHARE] = plan.tube.share(run)
-        columns[TUBE_REACH] = plan.tube.reach(run)
+    if run.status == "completed":
+        columns |= {name: probe(run, scenario) for name, probe in probes.items()}
     return columns
 
 
@@ -225,14 +248,9 @@ def _invalid(error: FlightTuneError, began: float) -> Row:
     return {**_unflown(INVALID, reason), "wall_s": time.perf_counter() - began}
 
 
-def _refused(plan: Plan, run: int, drawn: Drawn, error: FlightTuneError, began: float) -> Row:
-    return _row(plan, run, drawn, _invalid(error, began), (None, None))
-
-
-Indicators = tuple[float | None, float | None]
-
-
-def _row(plan: Plan, run: int, drawn: Drawn, outcome: Row, indicators: Indicators) -> Row:
+def _row(
+    plan: Plan, run: int, drawn: Drawn, outcome: Row, indicators: Indicators = (None, None)
+) -> Row:
     group, (R_K, I_K) = plan.group_of(run), indicators
     names = {"run": run, "draw": plan.draw_of(run), "plant": group.plant, "gains": group.gains}
     return {**names, **drawn, **outcome, "R_K": R_K, "I_K": I_K}

@@ -1,14 +1,11 @@
 """Loading a campaign file, checked against its scenario."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from flighttune.campaign.planning.draws import copula_factor
 from flighttune.campaign.planning.places import (
-    Place,
     dispersed_places,
     places_of,
     with_drawn,
@@ -18,13 +15,11 @@ from flighttune.campaign.planning.schema import (
     DISTRIBUTIONS,
     Campaign,
     CampaignTable,
-    Dispersion,
     LogNormal,
     Normal,
     Uniform,
 )
 from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import mistakes
 from flighttune.plants.label import goes_by
 from flighttune.scenario.aircraft_check import check_aircraft, check_identified
 from flighttune.scenario.load import existing_file, leaves, load_scenario, validated
@@ -161,48 +156,9 @@ def _check_correlations(table: CampaignTable, source: str) -> None:
 def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
     """The scenario at the median of everything dispersed."""
     places = dispersed_places(table.disperse, nominal, source)
-    central = _at_medians(table.disperse, nominal, places)
-    if isinstance(central, Scenario):
-        return central
-    guilty = _guilty(table.disperse, nominal, places)
-    named = ", ".join(f"`{dispersion.key}`" for dispersion in guilty)
-    if "is not a known key" in central:
-        raise ScenarioError(
-            f"{source}: [[disperse]] {named} must be a key of the scenario: {central}"
-        )
-    medians = ", ".join(repr(dispersion.central) for dispersion in guilty)
-    raise ScenarioError(
-        f"{source}: [[disperse]] {named}: the scenario refuses the median {medians}: {central}"
-    )
-
-
-def _at_medians(
-    disperse: Sequence[Dispersion], nominal: Scenario, places: Mapping[str, tuple[Place, ...]]
-) -> Scenario | str:
-    """The scenario with the medians, or the mistake in it as text."""
-    medians = {table.key: table.central for table in disperse}
-    tables = with_drawn(nominal.as_dict(), disperse, places, medians)
-    try:
-        scenario = Scenario.model_validate(tables)
-        check_aircraft(scenario, "")
-    except ValidationError as error:
-        return mistakes(error, Scenario, tables)
-    except ScenarioError as error:
-        return str(error).removeprefix(": ")
-    return scenario
-
-
-def _guilty(
-    disperse: Sequence[Dispersion], nominal: Scenario, places: Mapping[str, tuple[Place, ...]]
-) -> Sequence[Dispersion]:
-    """The tables to blame where the scenario refuses the medians.
-
-    Each table without which the scenario can be flown is to blame: two of them clash with each
-    other. Where no single one is, all are named.
-    """
-
-    def possible_without(blamed: Dispersion) -> bool:
-        rest = [table for table in disperse if table is not blamed]
-        return isinstance(_at_medians(rest, nominal, places), Scenario)
-
-    return [table for table in disperse if possible_without(table)] or disperse
+    medians = {dispersion.key: dispersion.central for dispersion in table.disperse}
+    tables = with_drawn(nominal.as_dict(), table.disperse, places, medians)
+    where = f"{source}: the scenario at the median of [[disperse]]"
+    central = validated(Scenario, tables, where)
+    check_aircraft(central, where)
+    return central

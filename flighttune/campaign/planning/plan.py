@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -20,8 +19,6 @@ from flighttune.campaign.planning.places import (
     with_values,
 )
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
-from flighttune.campaign.planning.tube_bounds import TubeBounds
-from flighttune.conformance.boxes import ResidualSummary
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_sets
@@ -77,15 +74,6 @@ class Plan:
         Flights in total.
     aircraft : mapping of str to str
         Hash of the files of every aircraft, by the name or folder in the scenario.
-    residuals : ResidualSummary or None
-        How rows summarise the residual rates of flights that are not flown in batches; by default
-        they do not.
-    given : tuple of mapping, or None
-        Draws in place of those of the design, each as `values_of` returns it; they may set keys of
-        the scenario that are not dispersed.
-    tube : TubeBounds or None
-        Tube of which rows state how near a flight comes to leaving it; all flights are then flown
-        one by one.
 
     Raises
     ------
@@ -98,9 +86,6 @@ class Plan:
     groups: tuple[Group, ...]
     runs: int
     aircraft: Mapping[str, str] = field(default_factory=dict)
-    residuals: ResidualSummary | None = None
-    given: tuple[Mapping[str, Any], ...] | None = None
-    tube: TubeBounds | None = None
 
     def __post_init__(self) -> None:
         if self.runs < 1:
@@ -211,8 +196,6 @@ class Plan:
         """Drawn values of one draw by dispersed key, and its ``seed``, as plain values."""
         if not 0 <= draw < self.draws:
             raise InputError(f"`draw` must be 0 to {self.draws - 1}, got {draw}.")
-        if self.given is not None:
-            return dict(self.given[draw])
         first, at = divmod(draw, BLOCK)
         if first not in self._blocks:
             end = min((first + 1) * BLOCK, self.draws)
@@ -244,7 +227,7 @@ class Plan:
 
     def _tables_with(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
         tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
-        # the seed, and what draws that are given set besides the dispersed keys
+        # the seed, and what draws in place of the design's set besides the dispersed keys
         others = [(key.split("."), drawn[key]) for key in drawn if key not in self.places]
         return with_values(tables, [((*steps,), value) for steps, value in others])
 
@@ -253,40 +236,32 @@ class Plan:
         return self.dispersed(self.values_of(draw), draw)
 
     def as_dict(self) -> dict[str, Any]:
-        """The plan as plain values that JSON has words for; `plan_from` reads them."""
-        return _with_spelled_numbers(
-            {
-                "version": VERSION,
-                "runs": self.runs,
-                "groups": [asdict(group) for group in self.groups],
-                "gains": {
-                    name: None if gains is None else gains.as_lists()
-                    for name, gains in self.gain_sets.items()
-                },
-                "aircraft": self.aircraft,
-                "campaign": self.campaign.as_dict(),
-                "nominal": _plain(self.campaign.nominal),
-                "central": _plain(self.campaign.central),
-                **({"residuals": self.residuals.as_dict()} if self.residuals else {}),
-                **({"given": [dict(values) for values in self.given]} if self.given else {}),
-                **({"tube": self.tube.as_dict()} if self.tube else {}),
-            }
-        )
+        """The plan as plain values for JSON; `plan_from` reads them."""
+        return {
+            "version": VERSION,
+            "runs": self.runs,
+            "groups": [asdict(group) for group in self.groups],
+            "gains": {
+                name: None if gains is None else gains.as_lists()
+                for name, gains in self.gain_sets.items()
+            },
+            "aircraft": self.aircraft,
+            "campaign": self.campaign.as_dict(),
+            "nominal": _plain(self.campaign.nominal),
+            "central": _plain(self.campaign.central),
+        }
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the plan: the same for the same campaign, scenario, gains and aircraft.
-
-        It does not depend on draws that are given: the claims checked in flight are the same.
-        """
-        text = json.dumps(replace(self, given=None).as_dict(), sort_keys=True, allow_nan=False)
+        """Hash of the plan: the same for the same campaign, scenario, gains and aircraft."""
+        text = json.dumps(self.as_dict(), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def differences(self, other: "Plan") -> tuple[str, ...]:
         """Changes from this plan to a later one, as ``key: was X, is Y``; empty if equal."""
         was, now = _leaves(self), _leaves(other)
         return tuple(
-            f"{key}: was {_abridged(was.get(key))}, is {_abridged(now.get(key))}"
+            f"{key}: was {_said(was.get(key))}, is {_said(now.get(key))}"
             for key in dict.fromkeys([*was, *now])
             if repr(was.get(key)) != repr(now.get(key))
         )
@@ -335,11 +310,6 @@ def _groups(campaign: Campaign) -> tuple[Group, ...]:
     return tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)
 
 
-class _GroupTable(Table):
-    plant: str
-    gains: str
-
-
 class _MatricesTable(GainsTable):
     name: str = "gains"
 
@@ -349,15 +319,12 @@ class _PlanTables(Table):
 
     version: int
     runs: int
-    groups: list[_GroupTable]
+    groups: list[Group]
     gains: dict[str, _MatricesTable | None]
     aircraft: dict[str, str]
     campaign: CampaignTable
     nominal: Scenario
     central: Scenario
-    residuals: dict[str, Any] | None = None
-    given: list[dict[str, Any]] | None = None
-    tube: dict[str, Any] | None = None
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
@@ -365,9 +332,9 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
     if tables.get("version") != VERSION:
         got = abridged(tables.get("version"))
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
-    read = validated(_PlanTables, _with_numbers(tables), source)
+    read = validated(_PlanTables, tables, source)
     campaign = Campaign.of(read.campaign, nominal=read.nominal, central=read.central)
-    groups = tuple(Group(group.plant, group.gains) for group in read.groups)
+    groups = tuple(read.groups)
     if not groups or not {*groups} <= {*_groups(campaign)}:
         raise ScenarioError(f"{source}: `groups` of a plan must be some of its scenario's.")
     if not {group.gains for group in groups} <= {*read.gains}:
@@ -381,9 +348,6 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         groups=groups,
         runs=read.runs,
         aircraft=read.aircraft,
-        residuals=None if read.residuals is None else ResidualSummary.of(read.residuals),
-        given=None if read.given is None else tuple(read.given),
-        tube=None if read.tube is None else TubeBounds.of(read.tube),
     )
 
 
@@ -425,28 +389,5 @@ def _walk(value: Any, above: str) -> Iterator[tuple[str, Any]]:
         yield above.removesuffix("."), value
 
 
-def _abridged(value: Any) -> str:
-    text = "not given" if value is None else repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _with_spelled_numbers(value: Any) -> Any:
-    """Values with numbers that JSON has no word for written as ``{"float": "nan"}``."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return {"float": repr(value)}
-    if isinstance(value, Mapping):
-        return {key: _with_spelled_numbers(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_with_spelled_numbers(item) for item in value]
-    return value
-
-
-def _with_numbers(value: Any) -> Any:
-    """The values that `_with_spelled_numbers` wrote."""
-    if isinstance(value, Mapping):
-        if set(value) == {"float"} and isinstance(value["float"], str):
-            return float(value["float"])
-        return {key: _with_numbers(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_with_numbers(item) for item in value]
-    return value
+def _said(value: Any) -> str:
+    return "not given" if value is None else abridged(value)
