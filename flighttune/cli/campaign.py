@@ -1,5 +1,6 @@
 """Commands about campaigns: fly them, report on them, fly a run again, tune by flying."""
 
+import math
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -23,7 +24,7 @@ from flighttune.present.numbers import percent
 from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
-    from flighttune.campaign.choice.robust import CandidateResult, RobustChoice
+    from flighttune.campaign.choice import CandidateResult, RobustChoice, RobustSettings
     from flighttune.campaign.dataset import Dataset
     from flighttune.campaign.engine.cost import CampaignCost
     from flighttune.campaign.engine.progress import CampaignOutcome
@@ -46,7 +47,6 @@ CANDIDATE_COLUMNS = [
     Column("value", "percentile", best="low", ends=("interval.0", "interval.1")),
     Column("behind", "behind", ends=("behind_interval.0", "behind_interval.1")),
     Column("p_best", "probability to be the best"),
-    *columns("dropped"),
 ]
 DIFFERENCE_COLUMNS = [
     *columns("column"),
@@ -291,7 +291,7 @@ def tune(
     The gains with the lowest percentile of a metric are chosen; their probability of being the
     best of the candidates is given.
     """
-    from flighttune.campaign.choice.robust import METRICS, RobustSettings, tune_robust
+    from flighttune.campaign.choice import METRICS, RobustSettings, tune_robust
     from flighttune.campaign.planning.load import load_campaign
 
     check_ending(out, ".json")
@@ -307,7 +307,7 @@ def tune(
     with campaign_pool(workers, scheduler) as pool:
         choice = tune_robust(loaded, settings, pool)
     written = out if choice.status == "chosen" else None
-    answer = _choice(choice, file, loaded.title, written)
+    answer = _choice(choice, settings, file, loaded.title, written)
     if written is not None:
         save_answer(written, answer)
     emit(answer)
@@ -426,7 +426,9 @@ def _plan(plan: "Plan", cost: "CampaignCost", workers: int) -> Answer:
     )
 
 
-def _choice(choice: "RobustChoice", file: str, title: str, out: Path | None) -> Answer:
+def _choice(
+    choice: "RobustChoice", settings: "RobustSettings", file: str, title: str, out: Path | None
+) -> Answer:
     best = {} if choice.best is None else _candidate(choice.best)
     candidates = [_candidate(result) for result in choice.candidates]
     beside = [_candidate(result) for result in choice.baselines]
@@ -434,13 +436,15 @@ def _choice(choice: "RobustChoice", file: str, title: str, out: Path | None) -> 
         **pick(choice, "status reason"),
         "campaign": file,
         **{key: best.get(key) for key in OF_BEST},
-        **pick(choice, "metrics percentile p_best loss draws flights"),
+        **pick(settings, "metrics percentile"),
+        "p_best": best.get("p_best", math.nan),
+        **pick(choice, "loss draws flights"),
         "candidates": candidates,
         "beside": beside,
     }
     if choice.best is None:
         return Answer(values=values)
-    heading = f"{title}: {choice.percentile:g}th percentile of {' + '.join(choice.metrics)}"
+    heading = f"{title}: {settings.percentile:g}th percentile of {' + '.join(settings.metrics)}"
     chosen = choice.best.candidate
     return Answer(
         values=values,
@@ -449,7 +453,7 @@ def _choice(choice: "RobustChoice", file: str, title: str, out: Path | None) -> 
             gains_table(f"{choice.status}: {chosen.name}", chosen.gains),
         ],
         verdict=f"{chosen.name} is the best of {len(candidates)} candidates with probability "
-        f"{choice.p_best:.2f}; the expected loss to the true best is {choice.loss:.2g}.",
+        f"{choice.best.p_best:.2f}; the expected loss to the true best is {choice.loss:.2g}.",
         files={"out": out},
     )
 
@@ -459,10 +463,10 @@ def _candidate(result: "CandidateResult") -> dict[str, Any]:
         "name": result.candidate.name,
         **gains_values(result.candidate.gains),
         **pick(result.candidate, "R_K I_K"),
-        "draws": result.draws,
+        "draws": result.success.n,
         **_estimate("value", result.percentile, "interval"),
         **_estimate("success", result.success),
-        **pick(result, "p_best dropped"),
+        "p_best": result.p_best,
         **_estimate("behind", result.behind),
     }
 

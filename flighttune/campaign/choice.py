@@ -3,14 +3,14 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import pyarrow as pa
 
-from flighttune.arrays import check_at_least, check_between
-from flighttune.campaign.choice.race import Race, Tried, race
+from flighttune.arrays import FloatArray, check_at_least, check_between
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.plan import plan_campaign
@@ -22,14 +22,14 @@ from flighttune.campaign.statistics.intervals import (
     quantile_interval,
     share,
 )
-from flighttune.campaign.statistics.paired import ordered_quantile, scores
+from flighttune.campaign.statistics.paired import difference, ordered_quantile, scores
 from flighttune.control.gains import PIGains
 from flighttune.control.law import plain_laws, split_name
 from flighttune.errors import InputError
 from flighttune.flight.outer_loop import tuning_problem
 from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import in_rad
+from flighttune.scenario.tables import ExpectTable, in_rad
 from flighttune.tuning.frontier import frontier
 from flighttune.tuning.result import assessment
 from flighttune.units import DEG
@@ -41,6 +41,10 @@ Status: TypeAlias = Literal[
 CANDIDATES = 12
 PERCENTILE = 95.0
 METRICS = ("chi.ITAE",)
+RESAMPLES = 1000
+
+MAX_RESAMPLED = 2_000_000
+"""Numbers of one candidate that are resampled at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,17 +64,8 @@ class CandidateResult:
     candidate: Candidate
     percentile: Estimate  # percentile of the score; infinite where flights were lost
     success: Estimate  # share of the draws on which the set succeeds on every plant
-    # 1; share of resamples won. Of a dropped candidate: probability of being as good as the leader
-    # when it was dropped. NaN for a baseline.
-    p_best: float
-    dropped: bool  # before the last draws
-    # percentile less that of the chosen set, median over the resamples; NaN if dropped
-    behind: Estimate
-
-    @property
-    def draws(self) -> int:
-        """Number of draws on which it was flown."""
-        return self.success.n
+    p_best: float  # 1; share of resamples won, NaN for a baseline
+    behind: Estimate  # percentile less that of the chosen set, median over the resamples
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,13 +75,10 @@ class RobustChoice:
     status: Status  # infeasible: no frontier; too_many_lost: no finite percentile
     reason: str  # a sentence unless the status is chosen
     best: CandidateResult | None = None  # the best candidate, also where it is not good enough
-    p_best: float = float("nan")  # 1; probability that it is the best on draws like these
     loss: float = float("nan")  # mean over the resamples of its percentile less that of the winner
     candidates: tuple[CandidateResult, ...] = ()  # the whole frontier, I_K rising
     baselines: tuple[CandidateResult, ...] = ()  # the campaign's own gain sets
-    metrics: tuple[str, ...] = METRICS  # columns that the score adds up
-    percentile: float = PERCENTILE  # %
-    draws: int = 0  # draws of the candidates that remained to the end
+    draws: int = 0  # draws flown
     flights: int = 0  # flights of all candidates and baselines
 
 
@@ -98,21 +90,20 @@ class RobustSettings:
     # flight that was not completed, or has no value, is worse than any other.
     metrics: tuple[str, ...] = METRICS
     percentile: float = PERCENTILE  # %, percentile of the score to minimise
-    least_success: float = 0.0  # 1; minimum success rate of the chosen gains
+    # 1; minimum success rate: among candidates below it, the one with the higher rate wins
+    least_success: float = 0.0
     candidates: int = CANDIDATES  # points of the frontier
     draws: int | None = None  # None for all draws of the campaign
     # labels of the plants to fly, empty for all; the worst plant scores a draw
     plants: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in self.metrics:
+        for name in self.metrics or ("nothing",):
             if in_rad(name) not in MEASURES:
                 raise InputError(
                     f"`metric` must be one of {', '.join(MEASURES)} (or _deg in place of _rad), "
                     f"got {name!r}."
                 )
-        if not self.metrics:
-            raise InputError("`metric` must be given, got nothing.")
         check_between(0.0, 100.0, percentile=self.percentile)
         if not 0.0 <= self.least_success <= 1.0:
             raise InputError(f"`min_success` must be 0 to 1, got {self.least_success:g}.")
@@ -141,55 +132,101 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
             "`flighttune tune` says what they would have to be",
         )
     planned = plan_campaign(campaign)
-    baselines = own_candidates(campaign.nominal, planned.gain_sets)
-    gain_sets = {candidate.name: candidate.gains for candidate in (*candidates, *baselines)}
+    sets = (*candidates, *own_candidates(campaign.nominal, planned.gain_sets))
+    names = [candidate.name for candidate in sets]
     draws = planned.draws if settings.draws is None else settings.draws
-    early_ends: Counter[str] = Counter()
-
-    def fly(names: Sequence[str], first: int, end: int) -> Tried | None:
-        plan = plan_campaign(with_gains(campaign, {name: gain_sets[name] for name in names}))
-        each = len(plan.groups)
-        plan, span = plan.with_runs(each * draws), Span(each * first, each * end)
-        doing = f"flying {len(names)} gain sets on draws {first} to {end}"
-        tables: list[pa.Table] = []
-        if not pool.fly_rows(plan, [span], tables.append, doing=doing):
-            return None
-        rows = pa.concat_tables(tables).sort_by("run").to_pandas()
-        rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
-        early = rows.loc[(rows["status"] != "completed").to_numpy(), ["status", "reason"]]
-        early_ends.update(": ".join(ending) for ending in early.to_numpy().tolist())
-        return scored(rows, names, settings.metrics)
-
-    run = race(
-        [candidate.name for candidate in candidates],
-        fly,
-        draws=draws,
-        q=settings.percentile / 100.0,
-        least_success=settings.least_success,
-        baselines=[baseline.name for baseline in baselines],
+    plan = plan_campaign(with_gains(campaign, {each.name: each.gains for each in sets}))
+    plan = plan.with_runs(len(plan.groups) * draws)
+    tables: list[pa.Table] = []
+    doing = f"flying {len(names)} gain sets on {draws} draws"
+    if not pool.fly_rows(plan, [Span(0, plan.runs)], tables.append, doing=doing):
+        return RobustChoice(status="interrupted", reason="it was stopped before all draws")
+    rows = pa.concat_tables(tables).sort_by("run").to_pandas()
+    rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
+    q = settings.percentile / 100.0
+    values, good = scored(rows, names, settings.metrics)
+    compared = resampled(
+        values,
+        good,
+        len(candidates),
+        q=q,
+        least=settings.least_success,
         cycle=planned.cycle,
         seed=campaign.seed,
     )
-    if run is None:
-        return RobustChoice(status="interrupted", reason="it was stopped before the first draws")
-    results = {
-        candidate.name: _result(candidate, run, settings, planned.cycle)
-        for candidate in (*candidates, *baselines)
-    }
-    best = results[run.best]
-    status, reason = _status(run, best, settings, early_ends)
+    wins = [*compared.wins.tolist(), *[np.nan] * (len(sets) - len(candidates))]
+    results = tuple(
+        _result(*each, q, planned.cycle)
+        for each in zip(sets, values, good, wins, compared.behind, strict=True)
+    )
+    best = results[compared.best]
+    status, reason = _status(rows, best, settings, len(candidates))
     return RobustChoice(
         status=status,
         reason=reason,
         best=best,
-        p_best=run.p_best,
-        loss=run.loss,
-        candidates=tuple(results[candidate.name] for candidate in candidates),
-        baselines=tuple(results[baseline.name] for baseline in baselines),
-        metrics=settings.metrics,
-        percentile=settings.percentile,
-        draws=best.draws,
+        loss=compared.loss,
+        candidates=results[: len(candidates)],
+        baselines=results[len(candidates) :],
+        draws=draws,
         flights=pool.flown,
+    )
+
+
+class Resampled(NamedTuple):
+    """Gain sets compared by resampling the draws, the same draws for all."""
+
+    best: int  # lowest percentile among the candidates that succeed often enough, if any does
+    wins: FloatArray  # (candidates,), 1; share of resamples that each wins
+    loss: float  # mean over the resamples of the percentile of the best less that of the winner
+    behind: FloatArray  # (sets, resamples); percentile of each set less that of the best
+
+
+def resampled(
+    values: FloatArray,
+    good: npt.NDArray[np.bool_],
+    candidates: int,
+    *,
+    q: float,
+    least: float = 0.0,
+    cycle: int = 1,
+    seed: int = 0,
+) -> Resampled:
+    """Compare gain sets by a quantile of their scores, by a paired bootstrap of the draws.
+
+    `values` and `good` have the shape (sets, draws); the first sets are the candidates, the others
+    cannot be chosen. `least` is the minimum success rate: among candidates below it, the one with
+    the higher rate wins. Draws are resampled with replacement, whole cycles at a time.
+    """
+
+    def ranked(at: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        lack = np.maximum(0.0, least - good[:, at].mean(axis=-1))
+        return lack, ordered_quantile(values[:, at], q)
+
+    def winners(lack: FloatArray, size: FloatArray) -> npt.NDArray[np.intp]:
+        """The smallest lack, then the smallest size, then the first."""
+        return np.lexsort((size[:candidates], lack[:candidates]), axis=0)[0]
+
+    n = values.shape[1]
+    cycles, length = max(1, n // cycle), min(cycle, n)
+    best = int(winners(*ranked(np.arange(n)[None]))[0])
+    # a stream that is not that of the draws
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
+    some = max(1, MAX_RESAMPLED // values.size)
+    parts = []
+    for first in range(0, RESAMPLES, some):
+        picked = rng.integers(cycles, size=(min(some, RESAMPLES - first), cycles))
+        parts.append(
+            ranked((picked[..., None] * length + np.arange(length)).reshape(len(picked), -1))
+        )
+    lack, size = (np.hstack(each) for each in zip(*parts, strict=True))
+    first_of_all, behind = winners(lack, size), difference(size, size[best])
+    lost = -np.take_along_axis(behind, first_of_all[None], axis=0)[0]
+    return Resampled(
+        best=best,
+        wins=np.bincount(first_of_all, minlength=candidates) / RESAMPLES,
+        loss=float(np.mean(np.maximum(lost, 0.0))),
+        behind=behind,
     )
 
 
@@ -234,20 +271,16 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
     tables = [GainsTable(name=name, **gain_set.as_lists()) for name, gain_set in gains.items()]
     names = [name for law in campaign.nominal.laws for name in law.names_of(list(gains))]
 
+    def kept(expect: Sequence[ExpectTable]) -> list[ExpectTable]:
+        return [requirement for requirement in expect if requirement.gains in (None, *names)]
+
     def changed(scenario: Scenario) -> Scenario:
-        expect = [
-            requirement for requirement in scenario.expect if requirement.gains in (None, *names)
-        ]
-        return scenario.model_copy(update={"gains": tables, "expect": expect})
+        return scenario.model_copy(update={"gains": tables, "expect": kept(scenario.expect)})
 
     return campaign.model_copy(
         update={
             "gains": tables,
-            "success": [
-                requirement
-                for requirement in campaign.success
-                if requirement.gains in (None, *names)
-            ],
+            "success": kept(campaign.success),
             # with a bound given no flight is needed to measure one; nobody reads this claim
             "certificate": CertificateTable(L_d_rad_s2=1.0),
             "nominal": changed(campaign.nominal),
@@ -272,7 +305,9 @@ def on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
     return campaign.model_copy(update={"plant": None, "nominal": nominal, "central": central})
 
 
-def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> Tried:
+def scored(
+    rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Scores and success of gain sets on every draw, both of the worst plant.
 
     Both have shape (names, draws); a score is infinite where a flight was not completed or has no
@@ -292,46 +327,46 @@ def scored(rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]) -> 
 
 
 def _status(
-    run: Race, best: CandidateResult, settings: RobustSettings, early_ends: Counter[str]
+    rows: pd.DataFrame, best: CandidateResult, settings: RobustSettings, candidates: int
 ) -> tuple[Status, str]:
     """Status of the choice, and the reason where nothing is chosen."""
-    if not run.finished:
-        return "interrupted", "it was stopped before all draws had been flown"
     if not np.isfinite(best.percentile.value):
-        ends = "all were completed, but have no value of the metric"
-        for end, _ in early_ends.most_common(1):
-            ends = f"{early_ends.total()} flights were not completed, as {end}"
+        early = rows.loc[rows["status"] != "completed", ["status", "reason"]]
+        ends = Counter(": ".join(ending) for ending in early.to_numpy().tolist())
+        most = f", most of them {ends.most_common(1)[0][0]}" if ends else ""
         return "too_many_lost", (
             f"flights must be completed on {settings.percentile:g} % of the draws for that "
-            f"percentile, got fewer with every candidate; {ends}"
+            f"percentile, got fewer with every candidate: {len(early)} of {len(rows)} flights "
+            f"were not completed{most}"
         )
     if best.success.value < settings.least_success:
-        count = len(run.wins) + len(run.dropped)
         return "too_few_succeed", (
             f"the gains must succeed on {settings.least_success:.1%} of the draws, the best of "
-            f"{count} candidates does on {best.success.value:.1%}"
+            f"{candidates} candidates does on {best.success.value:.1%}"
         )
     return "chosen", ""
 
 
 def _result(
-    candidate: Candidate, run: Race, settings: RobustSettings, cycle: int
+    candidate: Candidate,
+    values: FloatArray,
+    good: npt.NDArray[np.bool_],
+    p_best: float,
+    behind: FloatArray,
+    q: float,
+    cycle: int,
 ) -> CandidateResult:
     """The results of a candidate or baseline, with intervals."""
-    values, q = run.scores[candidate.name], settings.percentile / 100.0
     n, clusters = len(values), np.arange(len(values)) // cycle
     value = float(ordered_quantile(values, q))
     lo, hi = quantile_interval(
         values, q, effective=effective_size(not_above(values, value), clusters)
     )
-    dropped = candidate.name in run.dropped
-    above = run.differences.get(candidate.name, np.array([np.nan]))
-    median, low, high = (float(ordered_quantile(above, p)) for p in (0.5, 0.025, 0.975))
+    median, low, high = (float(ordered_quantile(behind, p)) for p in (0.5, 0.025, 0.975))
     return CandidateResult(
         candidate=candidate,
         percentile=Estimate(value=value, lo=lo, hi=hi, n=n),
-        success=share(run.success[candidate.name], clusters),
-        p_best=run.dropped[candidate.name] if dropped else run.wins.get(candidate.name, np.nan),
-        dropped=dropped,
+        success=share(good, clusters),
+        p_best=p_best,
         behind=Estimate(value=median, lo=low, hi=high, n=n),
     )

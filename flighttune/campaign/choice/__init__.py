@@ -1,1 +1,0 @@
-"""Gains chosen by flying them."""
