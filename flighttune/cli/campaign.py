@@ -26,7 +26,6 @@ from flighttune.present.tables import Column, Table
 if TYPE_CHECKING:
     from flighttune.campaign.choice import CandidateResult, RobustChoice, RobustSettings
     from flighttune.campaign.dataset import Dataset
-    from flighttune.campaign.engine.cost import CampaignCost
     from flighttune.campaign.engine.progress import CampaignOutcome
     from flighttune.campaign.planning.plan import Plan
     from flighttune.campaign.statistics.intervals import Estimate
@@ -224,15 +223,13 @@ def run(
     reached, 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
     from flighttune.campaign.dataset import CAMPAIGN
-    from flighttune.campaign.engine.cost import campaign_cost
-    from flighttune.campaign.engine.engine import run_campaign
+    from flighttune.campaign.engine.engine import campaign_cost, run_campaign
     from flighttune.simulate.batch import cores
 
     folder = out or str(Path("runs") / Path(file).stem)
     plan = _planned(file, runs, folder, resume=resume)
     if dry_run:
-        cost, count = campaign_cost(plan), workers or cores()
-        emit(_plan(plan, cost, count))
+        emit(_plan(plan, campaign_cost(plan, workers or cores())))
         return
     try:
         with campaign_display() as observer:
@@ -371,50 +368,36 @@ def _outcome(done: "CampaignOutcome") -> Answer:
     )
 
 
-def _plan(plan: "Plan", cost: "CampaignCost", workers: int) -> Answer:
+def _plan(plan: "Plan", cost: dict[str, Any]) -> Answer:
     campaign, keep = plan.campaign, plan.campaign.keep
     disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
+    named = ("key", "distribution", "acts")
     numbers = [
-        table.model_dump(exclude_none=True, exclude={"key", "distribution", "acts"})
-        for table in campaign.disperse
+        ", ".join(f"{name} {value}" for name, value in table.items() if name not in named)
+        for table in disperse
     ]
-    shown = [
-        {**table, "numbers": ", ".join(f"{name} {value}" for name, value in own.items())}
-        for table, own in zip(disperse, numbers, strict=True)
-    ]
-    groups = [
-        {"plant": group.plant, "gains": group.gains, "run_s": cost.group_s.get(group)}
-        for group in plan.groups
-    ]
+    dispersed = [table | {"numbers": own} for table, own in zip(disperse, numbers, strict=True)]
     values = {
         "title": campaign.title,
         **pick(plan, "runs draws"),
-        **pick(campaign, "design seed"),
+        **pick(campaign, "design seed time_limit_s"),
         "disperse": disperse,
         "keep": keep.model_dump(mode="json"),
-        "time_limit_s": campaign.time_limit_s,
-        "timed_runs": cost.timed,
-        "core_s": cost.core_s,
-        "workers": workers,
-        "wall_s": cost.wall_s(workers),
-        **pick(cost, "rows_bytes signals_bytes"),
+        **cost,
     }
+    terms = columns("runs draws design seed time_limit_s")
     return Answer(
         values=values,
         tables=[
+            Table(title=campaign.title, columns=terms, records=[values]),
+            Table(title="groups", columns=columns("plant gains run_s"), records=cost["groups"]),
             Table(
-                title=campaign.title,
-                columns=columns("runs draws design seed time_limit_s"),
-                records=[values],
+                title="dispersed",
+                columns=columns("key distribution acts numbers"),
+                records=dispersed,
             ),
             Table(
-                title="groups", name="groups", columns=columns("plant gains run_s"), records=groups
-            ),
-            Table(
-                title="dispersed", columns=columns("key distribution acts numbers"), records=shown
-            ),
-            Table(
-                title=f"cost, from {cost.timed} runs flown now",
+                title=f"cost, from {cost['timed_runs']} runs flown now",
                 columns=COST_COLUMNS,
                 records=[values],
             ),

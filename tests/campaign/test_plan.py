@@ -18,7 +18,7 @@ from flighttune.campaign.planning.plan import plan_campaign, plan_from
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_set
-from flighttune.scenario import load_scenario, scenario_from
+from flighttune.scenario import load_scenario
 from flighttune.scenario.schema import Scenario
 from flighttune.shipped import aircraft_folder
 
@@ -158,7 +158,6 @@ def test_the_scenario_of_a_draw_has_its_values_and_seed():
         assert scenario.seed == row[SEED]
         same = {"flight", "reference", "controller", "seed"}
         assert scenario.model_dump(exclude=same) == plan.scenario.model_dump(exclude=same)
-        assert scenario == scenario_from(plan.tables_of(int(draw)))
 
 
 def test_the_draws_of_a_campaign_are_different_flights():

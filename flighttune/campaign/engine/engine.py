@@ -3,16 +3,21 @@
 import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from flighttune.campaign.dataset import (
     CAMPAIGN,
     RUNS,
     Dataset,
+    Span,
     missing,
     open_dataset,
+    parquet_bytes,
     runs_to_keep,
 )
 from flighttune.campaign.engine.pool import WorkerPool, worker_pool
@@ -22,12 +27,19 @@ from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import library_versions
+from flighttune.flight.refly import changed_versions
 
 FIRST_DRAWS = 100
 """Draws at the first interim analysis."""
 
 GROWTH = 1.25
 """Runs at an interim analysis over those at the one before."""
+
+ENOUGH_S = 0.25
+"""Flights are timed until this many seconds of them are flown at a time."""
+
+MORE = 4
+"""Growth of the number of runs from one timing to the next."""
 
 
 def run_campaign(
@@ -150,6 +162,44 @@ def _keep_signals(dataset: Dataset, pool: WorkerPool, tally: Tally) -> bool:
     )
 
 
+def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
+    """Fly a few runs of a plan in one process and estimate what all of them will take.
+
+    The runs of the last timing count: many kinematic flights together take less time each. Nothing
+    is kept.
+    """
+    tables: list[pa.Table] = []
+    sizes: list[int] = []
+    with worker_pool(1) as pool:
+        size = min(len(plan.groups), plan.runs)
+        pool.fly_rows(plan, [Span(0, size)], tables.append)  # starts the process
+        while True:
+            began = time.perf_counter()
+            tables.clear()
+            pool.fly_rows(plan, [Span(0, size)], tables.append)
+            spent = time.perf_counter() - began
+            if size == plan.runs or spent > ENOUGH_S:
+                break
+            size = min(size * MORE, plan.runs)
+        pool.fly_signals(plan, [0], lambda _, data: sizes.append(len(data)), tally=Tally())
+    rows, keep = pa.concat_tables(tables), plan.campaign.keep
+    by_group = rows.group_by(["plant", "gains"]).aggregate([("wall_s", "mean")]).to_pylist()
+    run_s = {(row["plant"], row["gains"]): row["wall_s_mean"] for row in by_group}
+    core_s = spent / size * plan.runs
+    return {
+        "groups": [
+            {**asdict(group), "run_s": run_s.get((group.plant, group.gains))}
+            for group in plan.groups
+        ],
+        "timed_runs": size,
+        "core_s": core_s,  # of all runs on one core
+        "workers": workers,
+        "wall_s": core_s / workers,
+        "rows_bytes": round(len(parquet_bytes(rows)) / size * plan.runs),
+        "signals_bytes": sum(sizes) * min(plan.runs, keep.failures + keep.worst + keep.sample),
+    }
+
+
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
     """The folder of a campaign with its ``campaign.json``, new or to be resumed."""
     folder, versions = Path(out), library_versions()
@@ -160,26 +210,21 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
         dataset.write_plan()
         return dataset
     dataset = open_dataset(out)
+    was, now = dataset.plan.runs, plan.runs
     if not resume:
         raise InputError(
-            f"{out}: must not hold a campaign, got one of {dataset.plan.runs} runs; go on with "
-            "it by --resume, or give another --out."
+            f"{out}: must not hold a campaign, got one of {was} runs; go on with it by --resume, "
+            "or give another --out."
         )
     plan = plan.with_tuned_gains_of(dataset.plan)
-    changed = dataset.plan.with_runs(plan.runs).differences(plan)
-    if changed:
+    if changed := dataset.plan.with_runs(now).differences(plan):
         raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
-    other = [
-        f"{name}: was {dataset.versions.get(name, 'absent')}, is {versions.get(name, 'absent')}"
-        for name in (dataset.versions | versions)
-        if versions.get(name) != dataset.versions.get(name)
-    ]
-    if other:
+    if other := changed_versions(dict.fromkeys(versions, "absent") | dataset.versions):
+        changes = [f"{name}: was {then}, is {now}" for name, (then, now) in other.items()]
         raise InputError(
             f"{out}: was flown with other libraries, rows of these would not be the same: "
-            f"{'; '.join(other)}."
+            f"{'; '.join(changes)}."
         )
-    was, now = dataset.plan.runs, plan.runs
     if now < was:
         raise InputError(f"{out}: `runs` of a campaign can only grow, was {was}, is {now}.")
     if now > was and not plan.extendable:

@@ -19,6 +19,7 @@ from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.flight.fly import library_versions
 from flighttune.flight.own import with_own
+from flighttune.flight.refly import changed_versions
 from flighttune.recording.parquet import parquet_bytes
 
 PREPARE_S = 120.0
@@ -52,14 +53,11 @@ def serve(pipe: Connection, scratch: str) -> None:
 def _prepared(work: bytes) -> Prepared:
     """A plan, its claims and the probes; FlightTuneError if rows would be others than elsewhere."""
     wanted, tables, probes = pickle.loads(work)
-    got = library_versions()
-    other = [
-        f"{name} must be {wanted.get(name, 'absent')}, got {got.get(name, 'none')}"
-        for name in (wanted | got)
-        if got.get(name) != wanted.get(name)
-    ]
+    other = changed_versions(dict.fromkeys(library_versions(), "absent") | wanted)
     if other:
-        raise PlantError("; ".join(other))
+        raise PlantError(
+            "; ".join(f"{name} must be {a}, got {b}" for name, (a, b) in other.items())
+        )
     plan = plan_from(tables)
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:

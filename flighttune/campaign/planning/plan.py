@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -221,10 +221,6 @@ class Plan:
         check_aircraft(scenario, f"draw {draw}")
         return scenario
 
-    def tables_of(self, draw: int) -> dict[str, Any]:
-        """The scenario of a draw as the tables of a file, unchecked."""
-        return self._tables_with(self.values_of(draw))
-
     def _tables_with(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
         tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
         # the seed, and what draws in place of the design's set besides the dispersed keys
@@ -319,7 +315,7 @@ class _PlanTables(Table):
 
     version: int
     runs: int
-    groups: list[Group]
+    groups: list[dict[Literal["plant", "gains"], str]]
     gains: dict[str, _MatricesTable | None]
     aircraft: dict[str, str]
     campaign: CampaignTable
@@ -334,7 +330,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
     read = validated(_PlanTables, tables, source)
     campaign = Campaign.of(read.campaign, nominal=read.nominal, central=read.central)
-    groups = tuple(read.groups)
+    groups = tuple(Group(**group) for group in read.groups)
     if not groups or not {*groups} <= {*_groups(campaign)}:
         raise ScenarioError(f"{source}: `groups` of a plan must be some of its scenario's.")
     if not {group.gains for group in groups} <= {*read.gains}:

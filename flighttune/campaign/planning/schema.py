@@ -57,6 +57,15 @@ class DisperseTable(Table):
     key: Key
     acts: Acts = "sets"
 
+    @property
+    def central(self) -> Value:
+        """The median."""
+        return float(self.at(np.array([0.5]))[0])
+
+    def at(self, u: FloatArray) -> npt.NDArray[Any]:
+        """Values at points `u` of the open unit interval, shape as `u`."""
+        raise NotImplementedError
+
 
 class Normal(DisperseTable):
     """Normal distribution, `sd` that before truncation; truncated where a bound is given."""
@@ -85,11 +94,6 @@ class Normal(DisperseTable):
             math.inf if self.upper is None else self.upper,
         )
 
-    @property
-    def central(self) -> float:
-        """The median."""
-        return float(self.at(np.array([0.5]))[0])
-
     def at(self, u: FloatArray) -> FloatArray:
         """Values at points `u` of the open unit interval, shape as `u`."""
         if self.lower is None and self.upper is None:
@@ -107,11 +111,6 @@ class LogNormal(DisperseTable):
     median: Positive
     sd_log: Positive
 
-    @property
-    def central(self) -> float:
-        """The median."""
-        return self.median
-
     def at(self, u: FloatArray) -> FloatArray:
         """Values at points `u` of the open unit interval, shape as `u`."""
         return self.median * np.exp(self.sd_log * ndtri(u))
@@ -128,11 +127,6 @@ class Uniform(DisperseTable):
     def _rising(self) -> "Uniform":
         _check_rising(self.lower, self.upper)
         return self
-
-    @property
-    def central(self) -> float:
-        """The median."""
-        return self.lower + 0.5 * (self.upper - self.lower)
 
     def at(self, u: FloatArray) -> FloatArray:
         """Values at points `u` of the open unit interval, shape as `u`."""
