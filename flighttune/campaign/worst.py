@@ -482,10 +482,9 @@ class _Search:
             for row in rows.to_pylist():
                 value = value_of(row, self.metric, plan.scenario)
                 value = self._failed if value >= FAILED else value
-                _, *reach = row.get(TUBE) or [None]
+                reach = (row.get(TUBE) or [])[1:]
                 values[row["run"]] = value if channel is None or not reach else reach[channel]
-                if reach:
-                    self.reach = np.maximum(self.reach, reach)
+                self.reach = np.maximum(self.reach, reach or 0.0)
                 if value > self.worst["value"]:
                     self.worst, self.worst_plan = {**row, "value": value}, plan
                     self.worst_drawn = draws[row["run"]]

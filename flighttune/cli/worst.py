@@ -17,12 +17,7 @@ from flighttune.present.numbers import number
 from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
-    from flighttune.arrays import FloatArray
-    from flighttune.campaign.planning.tube_bounds import TubeBounds
-    from flighttune.campaign.worst import RareMiss, WorstFlight
-    from flighttune.simulate.run import Run
-
-GONE = "interrupted, nothing is written"
+    from flighttune.campaign.worst import RareMiss
 
 WORST_COLUMNS = [
     *columns("plant gains value"),
@@ -106,8 +101,11 @@ def worst(
     """
     check_ending(out, ".toml")
     from flighttune.campaign.planning.tube_bounds import TubeBounds
-    from flighttune.campaign.worst import WorstSettings, find_worst, rare_miss
+    from flighttune.campaign.worst import RareMiss, WorstSettings, find_worst, rare_miss
     from flighttune.flight.fly import fly
+    from flighttune.report.toml_text import toml_text
+    from flighttune.tube.of_run import write_worst
+    from flighttune.whole_file import write_text
 
     bounds = None if tube is None else TubeBounds.read(tube)
     settings = WorstSettings(
@@ -121,26 +119,32 @@ def worst(
         disturbance=disturbance,
         seed=seed,
     )
-    miss = flight = None
     with campaign_pool(workers, scheduler) as pool:
         if rare:
-            miss = rare_miss(source, settings, pool, threshold=threshold)
+            search = rare_miss(source, settings, pool, threshold=threshold)
         else:
-            flight = find_worst(source, settings, pool)
-    if miss is not None:
-        emit(_rare(miss))
+            search = find_worst(source, settings, pool)
+    if search is None:
+        fail(f"{source}: interrupted, nothing is written", INTERRUPTED)
+    if isinstance(search, RareMiss):
+        emit(_rare(search))
         return
-    if flight is None:
-        fail(f"{source}: {GONE}", INTERRUPTED)
-    written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
-    _write(flight, written)
-    ratios = None if bounds is None else _beside(tube, bounds, fly(flight.scenario).runs[0])
+    flight, written = search, out or Path("runs") / f"{Path(source).stem}-worst.toml"
+    write_text(written, toml_text(flight.scenario.as_dict()))
     values = {
         **pick(flight, "metric value first flights family distance radius status missed drawn"),
         **pick(flight.group, "plant gains"),
-        "ratio": ratios,
-        "ratio_of_search": None if flight.reach is None else _ratios(flight.reach),
+        "ratio": None,
+        "ratio_of_search": None,
     }
+    if tube is not None and bounds is not None and flight.reach is not None:
+        run = fly(flight.scenario).runs[0]
+        values["ratio"] = bounds.ratios(run)
+        write_worst(tube, run, values["ratio"])
+        values["ratio_of_search"] = {
+            channel: 1.0 / share if share else math.inf  # no flight came to its end
+            for channel, share in zip(("chi", "gamma"), flight.reach.tolist(), strict=True)
+        }
     drawn = [
         # A seed is no quantity: all its digits are needed to fly it again.
         {"key": key, "value": value if isinstance(value, float) else str(value)}
@@ -158,31 +162,6 @@ def worst(
             files={"scenario": written},
         )
     )
-
-
-def _beside(tube: Path | None, bounds: "TubeBounds", run: "Run") -> dict[str, float]:
-    """Ratio of a tube's width to the flight's deviation, written next to the flight."""
-    from flighttune.tube.of_run import write_worst
-
-    ratios = bounds.ratios(run)
-    if tube is not None:
-        write_worst(tube, run, ratios)
-    return ratios
-
-
-def _ratios(reach: "FloatArray") -> dict[str, float]:
-    """Ratio of a tube's width to the reach of all flights of a search, by channel."""
-    return {
-        channel: 1.0 / share if share else math.inf  # no flight came to its end
-        for channel, share in zip(("chi", "gamma"), reach.tolist(), strict=True)
-    }
-
-
-def _write(flight: "WorstFlight", path: Path) -> None:
-    from flighttune.report.toml_text import toml_text
-    from flighttune.whole_file import write_text
-
-    write_text(path, toml_text(flight.scenario.as_dict()))
 
 
 def _rare(miss: "RareMiss") -> Answer:

@@ -199,7 +199,7 @@ def test_a_wind_that_is_drawn_may_be_stated():
 )
 def test_other_flights_are_refused_by_key(found, change, key):
     plan = small_plan()
-    tables = plan.tables_of(3)
+    tables = plan.scenario_of(3).as_dict()
     for name, values in change.items():
         tables[name] = {**tables.get(name, {}), **values}
     scenario = conform_module.scenario_from(tables)

@@ -61,7 +61,7 @@ class ClusterWorkers:
             # Where no process listens this fails at once; dask tries for as long as it may.
             socket.create_connection(check_scheduler(scheduler), CONNECT_S).close()
             with dask.config.set({"distributed.comm.timeouts.connect": CONNECT_S}):
-                self._client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+                self._client: Any = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
         except (OSError, TypeError, ValueError) as error:  # TypeError: TLS without certificates
             raise CampaignError(f"{scheduler}: no scheduler answers there: {error}") from error
         self._threads, self._counted = 0, -math.inf
