@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.simulate.measures import NO_STEP, SMALLEST_STEP, error_measures
+from flighttune.simulate.measures import error_measures
 from flighttune.simulate.run import Run
 
 if TYPE_CHECKING:
@@ -145,13 +145,6 @@ def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
         for name in names
         if name in columns
     }
-
-
-def has_step(run: Run, channel: str) -> bool:
-    """Whether the first error of a channel, 0.1 deg or more, is a step that can settle."""
-    error = run.signals[f"{channel}_err"].to_numpy()
-    away = np.flatnonzero(np.abs(error) > NO_STEP)
-    return bool(len(away)) and abs(float(error[away[0]])) >= SMALLEST_STEP
 
 
 def flight_metrics(run: Run) -> dict[str, float]:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.metrics import METRICS, channel_metrics, flight_metrics, has_step, measures
+from flighttune.metrics import METRICS, channel_metrics, flight_metrics, measures
 from flighttune.simulate.run import Provenance, Run
 
 SAMPLING = 2e-4
@@ -138,13 +138,6 @@ def test_flight_metrics_are_the_extremes():
 
 def test_a_plant_without_angle_of_attack_reports_none():
     assert "alpha_max_rad" not in flight_metrics(run_of(np.cos(T)))
-
-
-def test_only_a_first_error_of_a_tenth_of_a_degree_counts_as_a_step():
-    run = run_of(np.cos(T), np.radians(0.05) * np.sin(T))
-
-    assert has_step(run, "chi")
-    assert not has_step(run, "gamma")
 
 
 def test_all_measures_are_those_of_the_tables_and_the_largest_error():

@@ -25,6 +25,7 @@ from flighttune.cli.tube import tube
 from flighttune.cli.worst import worst
 from flighttune.errors import FlightTuneError
 from flighttune.extras import missing_extra
+from flighttune.whole_file import reason_of
 
 app = typer.Typer(
     name="flighttune",
@@ -146,8 +147,6 @@ def _flush() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        from flighttune.whole_file import reason_of
-
         # what is left cannot be written: Python would complain about it once more
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
@@ -156,20 +155,18 @@ def _flush() -> None:
 def _run() -> None:
     try:
         app(prog_name="flighttune")
-    except FlightTuneError as error:
-        if "--debug" in sys.argv:
-            raise
-        fail(str(error), COULD_NOT_RUN)
     except Exception as error:
         if "--debug" in sys.argv:
             raise
-        if isinstance(error, ImportError) and (message := missing_extra(error, "this command")):
-            fail(message, COULD_NOT_RUN)
-        if isinstance(error, PermissionError) and error.filename:
-            from flighttune.whole_file import reason_of
+        fail(_reason(error), COULD_NOT_RUN)
 
-            fail(f"{error.filename}: {reason_of(error)}.", COULD_NOT_RUN)
-        what = f"{type(error).__name__}: {error}"
-        fail(
-            f"a fault of flighttune: {what} (its traceback: flighttune --debug ...)", COULD_NOT_RUN
-        )
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, FlightTuneError):
+        return str(error)
+    if isinstance(error, ImportError) and (message := missing_extra(error, "this command")):
+        return message
+    if isinstance(error, PermissionError) and error.filename:
+        return f"{error.filename}: {reason_of(error)}."
+    what = f"{type(error).__name__}: {error}"
+    return f"a fault of flighttune: {what} (its traceback: flighttune --debug ...)"

@@ -1,21 +1,12 @@
 """Commands that certify gains, and check certificates."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli.gain_sets import (
-    chosen_gains,
-    gains_table,
-    gains_values,
-    margins_of,
-    margins_table,
-    margins_values,
-)
+from flighttune.cli.gain_sets import chosen_gains, gains_table, gains_values, margins_table
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.errors import InputError
@@ -42,10 +33,9 @@ CERTIFICATE_COLUMNS = [
 CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 if TYPE_CHECKING:
-    from flighttune.certificates import Certificate, Certification, Claim
+    from flighttune.certificates import Certificate, Certification
     from flighttune.control.gains import PIGains
     from flighttune.control.linear_model import LinearModel
-    from flighttune.control.margins import LoopMargins
     from flighttune.present.chart import Chart
     from flighttune.scenario import Scenario
 
@@ -83,7 +73,9 @@ def certify(
     Exit status 1 if the loop is unstable or no certificate can be proven.
     """
     from flighttune.control.linear_model import closed_loop
+    from flighttune.control.margins import loop_margins
     from flighttune.flight.outer_loop import certify_scenario, largest_certified, tuning_scaling
+    from flighttune.report.certified import certification_values
     from flighttune.scenario import load_scenario
     from flighttune.theory.indicators import indicators
 
@@ -91,55 +83,57 @@ def certify(
     loaded = load_scenario(scenario)
     name, chosen = chosen_gains(loaded, gains)
     law, _ = loaded.law_of(name, chosen)
-    own = not law.by_gains
-    identified = not own and loaded.tuning.model == "identified"
-    if own:
-        model, flown, made = _certified_own(loaded, name, chosen, L_d)
-    else:
+    identified = law.by_gains and loaded.tuning.model == "identified"
+    scaling = largest = None
+    if law.by_gains:
         model, flown = loaded.linear_model(law), chosen
         made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d, law=law)
-    decay = indicators(closed_loop(model, flown))
-    scaling = None if own else tuning_scaling(loaded, law)
-    in_tune = None if scaling is None else indicators(closed_loop(model, flown), scaling=scaling)
-    may_grow = envelope and not (own or identified or law.same_everywhere)
-    largest = largest_certified(loaded, chosen) if may_grow else None
-    _save(made, out)
-    loop = margins_of(model, flown)
-    margins = margins_values(loop)
+        scaling = tuning_scaling(loaded, law)
+        if envelope and not (identified or law.same_everywhere):
+            largest = largest_certified(loaded, chosen).factor
+    else:
+        model, flown, made = _certified_own(loaded, name, chosen, L_d)
+    loop = closed_loop(model, flown)
+    decay, margins = indicators(loop), loop_margins(model, flown)
+    if out is not None and made.certificate is not None:
+        from flighttune.certificates import save_certificate
+
+        save_certificate(made.certificate, out)
     if figure is not None:
-        more = [_rate_over_envelope(loaded, name, chosen)] if largest and largest.factor else []
-        _draw(f"{loaded.title}; gains {name}", model, flown, loop, figure, more)
-    certificate = _certification(made)
-    scaled = None if in_tune is None else pick(in_tune, "R_K I_K scaling")
-    values = {
-        **pick(decay, "status reason R_K I_K scaling spectral_abscissa eigenvalues Q"),
-        "scaled": scaled,
-        "gains": name,
-        **gains_values(chosen),
-        "margins": margins,
-        "certificate": certificate,
-        "envelope": {
-            "R_K": certificate["rate"],
-            "largest_factor": largest.factor if largest else None,
-        }
-        if envelope
-        else None,
-    }
-    units = [{"units": "plain", **values}]
-    if scaled is not None:
+        from flighttune.present.chart import Sheet
+        from flighttune.report.loop_charts import loop_charts
+
+        charts = _rate_over_envelope(loaded, name, chosen) if largest else []
+        title = f"{loaded.title}; gains {name}"
+        Sheet(charts=[*loop_charts(model, flown, margins), *charts], title=title).save(figure)
+    certificate = certification_values(made)
+    plain = pick(decay, "R_K I_K scaling spectral_abscissa")
+    units, scaled = [{"units": "plain", **plain}], None
+    if scaling is not None:
+        scaled = pick(indicators(loop, scaling=scaling), "R_K I_K scaling")
         robust = identified and loaded.tuning.robust
-        tuned = "scaled by [tuning], at the nominal condition" if robust else "scaled by [tuning]"
-        units.append({"units": tuned, **scaled})
-    eigenvalues = [{"real": pole.real, "imaginary": pole.imag} for pole in decay.eigenvalues]
-    claimed = {**certificate, **(values["envelope"] or {})}
+        place = ", at the nominal condition" if robust else ""
+        units.append({"units": f"scaled by [tuning]{place}", **scaled})
+    over = {"R_K": certificate["rate"], "largest_factor": largest} if envelope else None
+    poles = [{"real": pole.real, "imaginary": pole.imag} for pole in decay.eigenvalues]
+    claimed = [{**certificate, "largest_factor": largest}]
     emit(
         Answer(
-            values=values,
+            values={
+                **pick(decay, "status reason"),
+                **plain,
+                **pick(decay, "eigenvalues Q"),
+                "scaled": scaled,
+                "gains": name,
+                **gains_values(chosen),
+                "certificate": certificate,
+                "envelope": over,
+            },
             tables=[
                 Table(title=f"{name}: {decay.status}", columns=INDICATOR_COLUMNS, records=units),
-                Table(title="eigenvalues", columns=EIGENVALUE_COLUMNS, records=eigenvalues),
+                Table(title="eigenvalues", columns=EIGENVALUE_COLUMNS, records=poles),
                 margins_table(margins),
-                Table(title="certificate", columns=CERTIFICATE_COLUMNS, records=[claimed]),
+                Table(title="certificate", columns=CERTIFICATE_COLUMNS, records=claimed),
             ],
             notes=[ANY_ENVELOPE] if envelope and law.same_everywhere and not identified else [],
             verdict=f"proven {certificate['holds']}: s'Qs falls at the rate of the certificate"
@@ -150,15 +144,8 @@ def certify(
     )
     if decay.status != "stable":
         fail(f"{scenario}: gains {name}: {decay.reason}", NO)
-    if made.status != "certified" and (own or envelope or out is not None):
+    if made.status != "certified" and (envelope or out is not None or not law.by_gains):
         fail(f"{scenario}: gains {name}: {made.reason}", NO)
-
-
-def _save(made: "Certification", out: Path | None) -> None:
-    from flighttune.certificates import save_certificate
-
-    if out is not None and made.certificate is not None:
-        save_certificate(made.certificate, out)
 
 
 def _certified_own(
@@ -175,27 +162,13 @@ def _certified_own(
     return *linear, certify_model(*linear, L_d=L_d, scenario_sha256=scenario.sha256)
 
 
-def _draw(
-    title: str,
-    model: "LinearModel",
-    gains: "PIGains",
-    margins: "LoopMargins | None",
-    file: Path,
-    more: "Sequence[Chart]" = (),
-) -> None:
-    from flighttune.present.chart import Sheet
-    from flighttune.report.loop_charts import loop_charts
-
-    Sheet(charts=[*loop_charts(model, gains, margins), *more], title=title).save(file)
-
-
-def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "Chart":
+def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "list[Chart]":
     from flighttune.flight.outer_loop import trim_and_envelope
     from flighttune.tuning.envelope import rate_chart, rate_curve
 
     trim, envelope = trim_and_envelope(scenario)
     curve = rate_curve(name, gains, envelope, trim, g=scenario.flight.g_mps2)
-    return rate_chart([curve], envelope)
+    return [rate_chart([curve], envelope)]
 
 
 def verify(
@@ -221,13 +194,14 @@ def verify(
         raise InputError("`--conformance` must be given for the tube of an aircraft only.")
     from flighttune.certificates import load_certificate
     from flighttune.certificates import verify as verify_certificate
+    from flighttune.report.certified import claim_values
 
     loaded = load_certificate(certificate)
     verification = verify_certificate(loaded)
     verdict = "valid: every inequality is proven" if verification.valid else "not valid"
     checks = [asdict(check) for check in verification.checks]
     claim = {
-        **_claim(loaded.claim),
+        **claim_values(loaded.claim),
         "envelope": loaded.claim.envelope,
         "g": loaded.claim.g,
         "gains": pick(loaded.gains, "inputs errors K_P K_I"),
@@ -282,37 +256,6 @@ def _verify_tube(file: Path, conformance: Path | None) -> None:
     )
     if not verification.valid:
         fail(f"{file}: {verification.reason}", NO)
-
-
-def _certification(made: "Certification") -> dict[str, Any]:
-    """Proven claim: the norm of s decays at half the rate from at most `growth` times its start.
-
-    Without a certificate all values but the status and its reason are null.
-    """
-    certificate, growth = made.certificate, None
-    if certificate is not None:
-        import numpy as np
-
-        growth = math.sqrt(float(np.linalg.cond(certificate.Q)))
-    return {
-        **pick(made, "status reason"),
-        **_claim(None if certificate is None else certificate.claim),
-        "growth": growth,
-        "checks": [asdict(check) for check in made.verification.checks]
-        if made.verification
-        else [],
-    }
-
-
-def _claim(claim: "Claim | None") -> dict[str, Any]:
-    return {
-        **{key: getattr(claim, key, None) for key in ("rate", "radius", "L_d")},
-        "holds": claim.place if claim else None,
-        "conditions": [
-            {"V_a_mps": V_a, "gamma_rad": gamma}
-            for V_a, gamma in (claim.conditions if claim else ())
-        ],
-    }
 
 
 def _where(certificate: "Certificate") -> str:

@@ -1,6 +1,5 @@
 """Commands that fly a scenario, fly a recording again, open one, and list what ships."""
 
-import math
 import tomllib
 from contextlib import nullcontext, suppress
 from dataclasses import replace
@@ -20,7 +19,7 @@ from flighttune.cli.show import NO, emit, fail, pick, say, tell
 from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer
-from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 
 RUN_COLUMNS = columns(
@@ -29,17 +28,15 @@ RUN_COLUMNS = columns(
 )
 """Metrics of the printed table; ``--json`` has them all."""
 
+EQUAL = "equal to the bit"
 REFLOWN_COLUMNS = [
     *columns("run status samples"),
-    Column("result", "result", good=("equal to the bit",)),
+    Column("result", "result", good=(EQUAL,)),
 ]
-LIST_COLUMNS = columns("name title verifies")
 
 if TYPE_CHECKING:
-    from flighttune.flight.expectations import ClaimCheck
     from flighttune.flight.fly import FlownScenario
     from flighttune.recording.record import RecordedFiles
-    from flighttune.simulate.run import Run
     from flighttune.tube.of_run import RunTubes
 
 
@@ -76,14 +73,12 @@ def fly(
         tubes = run_tubes(flown.runs, folder, make=tube, conformance=conformance)
         flown = replace(flown, runs=tubes.runs)
         files = record(flown, folder, name=name)
-        claim = flown.claim
-        emit(_flown(flown, claim, files, tubes, scenario))
+        emit(_flown(flown, files, tubes, scenario))
     if view:
         _open(files.recording)
     fail_if_outside(tubes)
-    if claim.missed:
-        more = f" ({len(claim.missed) - 1} more)" if claim.missed[1:] else ""
-        fail(f"{claim.missed[0]}{more}", NO)
+    if missed := flown.claim.missed:
+        fail(f"{missed[0]} ({len(missed) - 1} more)" if missed[1:] else missed[0], NO)
 
 
 def refly(
@@ -108,24 +103,24 @@ def refly(
             flights = fly_again(source.runs, progress=progress)
     except (RecordingError, ScenarioError) as error:
         raise RecordingError(f"{recording}: {error}") from error
-    different = [
-        f"{flight.recorded.label}: {flight.difference.sentence}"
-        for flight in flights
-        if flight.difference
-    ]
     versions = {name: pair for flight in flights for name, pair in flight.versions.items()}
-    runs = [
-        {
-            "run": flight.recorded.label,
-            "status": flight.recorded.status,
-            "samples": len(flight.recorded.signals),
-            "equal": flight.difference is None,
-            "difference": flight.difference
-            and {"t_s": flight.difference.t, **pick(flight.difference, "what recorded reflown")},
-            "result": flight.difference.sentence if flight.difference else "equal to the bit",
-        }
-        for flight in flights
-    ]
+    runs = []
+    for flight in flights:
+        change, label = flight.difference, flight.recorded.label
+        runs.append(
+            {
+                "run": label,
+                "status": flight.recorded.status,
+                "samples": len(flight.recorded.signals),
+                "equal": change is None,
+                "difference": {"t_s": change.t, **pick(change, "what recorded reflown")}
+                if change
+                else None,
+                "result": change.sentence if change else EQUAL,
+            }
+        )
+    different = [f"{run['run']}: {run['result']}" for run in runs if not run["equal"]]
+    title = f"{recording}, flown again"
     emit(
         Answer(
             values={
@@ -135,14 +130,7 @@ def refly(
                     name: {"recorded": then, "now": now} for name, (then, now) in versions.items()
                 },
             },
-            tables=[
-                Table(
-                    title=f"{recording}, flown again",
-                    name="runs",
-                    columns=REFLOWN_COLUMNS,
-                    records=runs,
-                )
-            ],
+            tables=[Table(title=title, name="runs", columns=REFLOWN_COLUMNS, records=runs)],
             notes=[
                 *(f"missing: {line}" for line in source.missing),
                 *(f"{name}: {then} then, {now} now" for name, (then, now) in versions.items()),
@@ -161,23 +149,23 @@ def list_shipped(
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
     from flighttune import shipped
 
-    files = {
-        "scenarios": shipped.scenario_files().values(),
-        "campaigns": shipped.campaign_files().values(),
-    }
-    listed = {kind: [_heading(path) for path in paths] for kind, paths in files.items()}
-    aircraft = {
-        name: "" if shipped.is_shipped(folder) else str(folder)
-        for name, folder in shipped.aircraft_folders().items()
-    }
-    columns = LIST_COLUMNS if verbose else LIST_COLUMNS[:2]
-    places = (f"{name} ({at})" if at else name for name, at in aircraft.items())
+    listed = {"scenarios": shipped.scenario_files(), "campaigns": shipped.campaign_files()}
+    folders = shipped.aircraft_folders()
+    places = [
+        name if shipped.is_shipped(folder) else f"{name} ({folder})"
+        for name, folder in folders.items()
+    ]
     emit(
         Answer(
-            values={"aircraft": list(aircraft)},
+            values={"aircraft": list(folders)},
             tables=[
-                Table(title=kind, name=kind, columns=columns, records=rows)
-                for kind, rows in listed.items()
+                Table(
+                    title=kind,
+                    name=kind,
+                    columns=columns("name title verifies" if verbose else "name title"),
+                    records=[_heading(path) for path in files.values()],
+                )
+                for kind, files in listed.items()
             ],
             notes=[f"aircraft: {', '.join(places)}"],
         )
@@ -208,11 +196,15 @@ def _heading(path: Path) -> dict[str, str]:
 
 
 def _open(path: Path, *, port: int | None = None) -> None:
+    from flighttune.recording.load import recording_in
     from flighttune.recording.viewer import view as open_viewer
 
+    recording = recording_in(path) if path.is_dir() else path
+    if recording is None:
+        raise RecordingError(f"{path}: the folder must hold a recording, got none.")
     with (
         raise_on_interrupt(),
-        open_viewer(_recording_in(path), port=port) as viewer,
+        open_viewer(recording, port=port) as viewer,
         suppress(KeyboardInterrupt),
     ):
         if port is not None:
@@ -223,24 +215,11 @@ def _open(path: Path, *, port: int | None = None) -> None:
         viewer.wait()
 
 
-def _recording_in(path: Path) -> Path:
-    from flighttune.recording.load import recording_in
-
-    if not path.is_dir():
-        return path
-    recording = recording_in(path)
-    if recording is None:
-        raise RecordingError(f"{path}: the folder must hold a recording, got none.")
-    return recording
-
-
 def _flown(
-    flown: "FlownScenario",
-    claim: "ClaimCheck",
-    files: "RecordedFiles",
-    tubes: "RunTubes",
-    source: str,
+    flown: "FlownScenario", files: "RecordedFiles", tubes: "RunTubes", source: str
 ) -> Answer:
+    unknown = {"R_K": None, "I_K": None}
+    indicators = {name: pick(own, "R_K I_K") for name, own in flown.indicators.items()}
     runs = [
         {
             "plant": run.provenance.plant,
@@ -249,34 +228,31 @@ def _flown(
             "duration_s": run.duration,
             "signals": files.signals.get(run.label),
             "metrics": flown.metrics_of(run),
-            "indicators": _indicators(flown, run.provenance.gains_name),
+            "indicators": indicators.get(run.provenance.gains_name, unknown),
         }
         for run in flown.runs
     ]
-    shown = [{**values, **_settling(run)} for values, run in zip(runs, flown.runs, strict=True)]
-    gain_sets = [{"gains": name, **_indicators(flown, name)} for name in flown.indicators]
+    gain_sets = [{"gains": name, **own} for name, own in indicators.items()]
     notes = [f"{run.label}: {run.outcome}" for run in flown.runs if run.status != "completed"]
     notes += run_tubes_notes(tubes, f"flighttune fly {source} --tube")
     if any(run.provenance.aircraft for run in flown.runs):
         notes.append(f"Why aircraft and law differ: flighttune gap {source}")
     notes.append(f"A page to send: flighttune report {files.recording.parent}")
-    title = flown.scenario.title
+    claim, title = flown.claim, flown.scenario.title
+    bounds = [pick(bound, "run subject measure sense bound value met") for bound in claim.bounds]
     return Answer(
         values={
             "runs": runs,
             "claim": {
                 "claim": flown.scenario.verifies,
                 **pick(claim, "verdict sentence"),
-                "bounds": [
-                    pick(bound, "run subject measure sense bound value met")
-                    for bound in claim.bounds
-                ],
+                "bounds": bounds,
             },
             "missed": claim.missed,
             "tubes": run_tubes_values(tubes),
         },
         tables=[
-            Table(title=title, columns=RUN_COLUMNS, records=shown, grouped=True),
+            Table(title=title, columns=RUN_COLUMNS, records=runs, grouped=True),
             Table(
                 title="on the kinematic law", columns=columns("gains R_K I_K"), records=gain_sets
             ),
@@ -285,22 +261,3 @@ def _flown(
         verdict=claim.sentence,
         files={"recording": files.recording},
     )
-
-
-def _indicators(flown: "FlownScenario", gains: str) -> dict[str, float | None]:
-    indicators = flown.indicators.get(gains)
-    return pick(indicators, "R_K I_K") if indicators else {"R_K": None, "I_K": None}
-
-
-def _settling(run: "Run") -> dict[str, str]:
-    """Word in place of a missing settling time, by the key of its column."""
-    from flighttune.metrics import channel_metrics, has_step
-
-    if len(run.signals) < 2:
-        return {}
-    times = channel_metrics(run)["settling_s"]
-    return {
-        f"metrics.{channel}.settling_s": "never"
-        for channel in CHANNEL_SYMBOLS
-        if not math.isfinite(times[channel]) and has_step(run, channel)
-    }

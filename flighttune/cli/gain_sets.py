@@ -1,7 +1,6 @@
 """Gains by name or file, and how commands print them and their margins."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
-    from flighttune.control.linear_model import LinearModel
     from flighttune.control.margins import LoopMargins
     from flighttune.scenario import Scenario
 
@@ -46,13 +44,6 @@ def chosen_gains(scenario: "Scenario", wanted: str | None) -> tuple[str, "PIGain
     return wanted, gains
 
 
-def margins_of(model: "LinearModel", gains: "PIGains | None") -> "LoopMargins | None":
-    """Margins of the loop of gains, None where there are no gains or the loop is not stable."""
-    from flighttune.control.margins import loop_margins
-
-    return None if gains is None else loop_margins(model, gains)
-
-
 def gains_values(gains: "PIGains | None") -> dict[str, Any]:
     """``K_P`` and ``K_I`` as nested lists, null where there are no gains."""
     return {"K_P": None, "K_I": None} if gains is None else dict(gains.as_lists())
@@ -71,41 +62,31 @@ def gains_table(title: str, gains: "PIGains | None") -> Table:
     return Table(title=title, columns=GAINS_COLUMNS, records=records)
 
 
-def margins_values(margins: "LoopMargins | None") -> dict[str, Any] | None:
-    """Margins with the unit at the end of each key."""
-    if margins is None:
-        return None
-    return {
-        "channels": {
-            loop.channel: {
-                **pick(loop, "gain_increase gain_decrease"),
+def margins_table(margins: "LoopMargins | None") -> Table:
+    """Stability margins: a row a channel, and one for all channels at once."""
+    records = []
+    if margins is not None:
+        records = [
+            {
+                "loop": loop.channel,
+                **pick(loop, "gain_decrease gain_increase"),
                 "phase_margin_deg": math.degrees(loop.phase_margin),
                 "delay_margin_s": loop.delay_margin,
             }
             for loop in margins.channels
-        },
-        "all": {
-            **pick(margins, "disk_margin disk_gain"),
-            "disk_phase_deg": math.degrees(margins.disk_phase),
+        ]
+        together = {
+            "loop": "all at once",
+            "gain_decrease": 1.0 / margins.disk_gain,
+            "gain_increase": margins.disk_gain,
+            "phase_margin_deg": math.degrees(margins.disk_phase),
             "delay_margin_s": margins.delay_margin,
             "lag_margin_s": margins.lag_margin,
-        },
-    }
-
-
-def margins_table(values: Mapping[str, Any] | None) -> Table:
-    """Margins as `margins_values` has them: a row a channel, and one for all channels at once."""
-    records = []
-    if values is not None:
-        every = values["all"]
-        together = {
-            "gain_decrease": 1.0 / every["disk_gain"],
-            "gain_increase": every["disk_gain"],
-            "phase_margin_deg": every["disk_phase_deg"],
+            "disk_margin": margins.disk_margin,
         }
-        records = [{"loop": channel, **own} for channel, own in values["channels"].items()]
-        records.append({"loop": "all at once", **every, **together})
-    return Table(title="stability margins", columns=MARGIN_COLUMNS, records=records)
+        records.append(together)
+    title = "stability margins"
+    return Table(title=title, name="margins", columns=MARGIN_COLUMNS, records=records)
 
 
 def save_answer(path: Path, answer: Answer) -> None:

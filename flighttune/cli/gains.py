@@ -2,24 +2,12 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from typer import Option
 
-from flighttune.cli.gain_sets import (
-    gains_table,
-    gains_values,
-    margins_of,
-    margins_table,
-    margins_values,
-    save_answer,
-)
-from flighttune.cli.options import (
-    GainsFileOption,
-    ScenarioArgument,
-    check_ending,
-    out_folder,
-)
+from flighttune.cli.gain_sets import gains_table, gains_values, margins_table, save_answer
+from flighttune.cli.options import GainsFileOption, ScenarioArgument, check_ending, out_folder
 from flighttune.cli.show import NO, emit, fail, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -101,26 +89,22 @@ def frontier(
     styles = line_styles([("", name) for name in loaded.gain_names])
     chart = frontier_chart(table, {name: style for (_, name), style in styles.items()})
     Sheet(charts=[chart], columns=1).save(svg)
-    keys = ["name", "I_K", "R_K", "spectral_abscissa"]
-    rows = table.loc[:, keys].to_dict(orient="records")
-    curve = [row for row in rows if row["name"] == "frontier"]
-    gain_sets = {row["name"]: row for row in rows if row["name"] != "frontier"}
+    shown = columns("name I_K R_K spectral_abscissa")
+    rows = table[[column.key for column in shown]].to_dict(orient="records")
     emit(
         Answer(
-            values={"points": curve, "marked": gain_sets},
-            tables=[
-                Table(
-                    title=loaded.title,
-                    columns=columns("name I_K R_K spectral_abscissa"),
-                    records=rows,
-                )
-            ],
+            values={
+                "points": [row for row in rows if row["name"] == "frontier"],
+                "marked": {row["name"]: row for row in rows if row["name"] != "frontier"},
+            },
+            tables=[Table(title=loaded.title, columns=shown, records=rows)],
             files={"csv": csv, "figure": svg},
         )
     )
 
 
 def _tune_at_trim(source: str, method: str | None) -> Answer:
+    from flighttune.control.margins import loop_margins
     from flighttune.flight.outer_loop import tune_scenario, tuning_problem, tuning_scaling
     from flighttune.scenario import load_scenario
     from flighttune.tuning.diagnosis import diagnosis
@@ -129,34 +113,37 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
     if method is not None:
         changed = scenario.tuning.model_copy(update={"method": method})
         scenario = scenario.model_copy(update={"tuning": changed})
-    result = tune_scenario(scenario)
-    model = scenario.linear_model()
-    stable = result.gains if result.status == "optimal" else None
-    margins = margins_values(margins_of(model, stable))
-    scaling = tuning_scaling(scenario)
+    result, model, scaling = (
+        tune_scenario(scenario),
+        scenario.linear_model(),
+        tuning_scaling(scenario),
+    )
+    stable = result.status == "optimal" and result.gains is not None
     n, _, p = model.shape
-    why = diagnosis(tuning_problem(scenario)) if result.status == "infeasible" else None
+    why, tables = None, []
+    if result.status == "infeasible":
+        nearest = diagnosis(tuning_problem(scenario))
+        why = pick(nearest, "smallest_I_K largest_R_K common_factor binding limits")
+        limits = [asdict(limit) for limit in nearest.limits]
+        tables = [
+            Table(title="within the limits", columns=DIAGNOSIS_COLUMNS, records=[why]),
+            Table(title="limits", columns=LIMIT_COLUMNS, records=limits),
+        ]
     values = {
         **pick(result, "status reason"),
         **gains_values(result.gains),
         **pick(result, "R_K I_K"),
         "scaling": [1.0] * (n + p) if scaling is None else scaling,
         **pick(result, "spectral_abscissa active starts wall_s method"),
-        "margins": margins,
-        "diagnosis": None
-        if why is None
-        else {
-            **pick(why, "smallest_I_K largest_R_K common_factor binding"),
-            "limits": [asdict(limit) for limit in why.limits],
-        },
+        "diagnosis": why,
     }
     return Answer(
         values=values,
         tables=[
             Table(title="tuning", columns=RESULT_COLUMNS, records=[values]),
             gains_table("gains", result.gains),
-            margins_table(margins),
-            *_diagnosis_tables(values["diagnosis"]),
+            margins_table(loop_margins(model, result.gains) if stable else None),
+            *tables,
         ],
         notes=[
             "units of state: plain, as in `certify`"
@@ -167,6 +154,7 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
 
 
 def _tune_over_envelope(source: str) -> Answer:
+    from flighttune.control.margins import loop_margins
     from flighttune.flight.outer_loop import trim_and_envelope, tuning_problem
     from flighttune.scenario import load_scenario
     from flighttune.tuning.envelope import tune_over_envelope
@@ -174,22 +162,23 @@ def _tune_over_envelope(source: str) -> Answer:
 
     scenario = load_scenario(source)
     trim, envelope = trim_and_envelope(scenario)
-    g = scenario.flight.g_mps2
     problem = tuning_problem(scenario)
-    result = tune_over_envelope(problem, envelope, trim, g=g, starts=ENVELOPE_STARTS)
-    margins = margins_values(margins_of(scenario.linear_model(), result.gains))
-    at_trim = None if result.gains is None else assessment(problem, result.gains.K)
+    result = tune_over_envelope(
+        problem, envelope, trim, g=scenario.flight.g_mps2, starts=ENVELOPE_STARTS
+    )
+    margins, at_trim = None, {"spectral_abscissa": None, "active": []}
+    if result.gains is not None:
+        margins = loop_margins(scenario.linear_model(), result.gains)
+        at_trim = pick(assessment(problem, result.gains.K), "spectral_abscissa active")
     values = {
         **pick(result, "status reason"),
         **gains_values(result.gains),
         **pick(result, "R_K I_K"),
-        "spectral_abscissa": at_trim.spectral_abscissa if at_trim else None,
-        "active": at_trim.active if at_trim else [],
+        **at_trim,
         "starts": ENVELOPE_STARTS,
         "R_envelope": result.R,
         "R_envelope_bound": result.R_bound,
         **pick(result, "factor wall_s"),
-        "margins": margins,
     }
     return Answer(
         values=values,
@@ -199,13 +188,3 @@ def _tune_over_envelope(source: str) -> Answer:
             margins_table(margins),
         ],
     )
-
-
-def _diagnosis_tables(why: dict[str, Any] | None) -> list[Table]:
-    """Best rate within the limits, and the cost of each limit."""
-    if why is None:
-        return []
-    return [
-        Table(title="within the limits", columns=DIAGNOSIS_COLUMNS, records=[why]),
-        Table(title="limits", columns=LIMIT_COLUMNS, records=why["limits"]),
-    ]

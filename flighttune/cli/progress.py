@@ -14,12 +14,8 @@ if TYPE_CHECKING:
     from flighttune.campaign.engine.pool import WorkerPool
 
 LINE_EVERY_S = 10.0
-SIGNALS = [
-    signal.Signals[name]
-    for name in ("SIGINT", "SIGTERM", "SIGHUP")
-    if name in signal.Signals.__members__
-]
-"""Ctrl-C, the end that a system asks for, and that of the terminal; Windows has no SIGHUP."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, the end that a system asks for, and that of the terminal."""
 
 
 @contextmanager
@@ -49,7 +45,7 @@ class CampaignDisplay(CampaignObserver):
     def __init__(self, bar: Any) -> None:
         self.stopped = False
         self._bar = bar
-        self._task = None if bar is None else bar.add_task("starting", total=None, text="")
+        self._task = None if bar is None else bar.add_task("starting", total=None)
         self._last_line_at = -LINE_EVERY_S
         self._doing = ""
         self._warned = False
@@ -59,23 +55,14 @@ class CampaignDisplay(CampaignObserver):
         if progress.doing == "flying" and not progress.workers and not self._warned:
             self._warned = True
             self.hear("no worker is there yet; waiting for one")
-        new = progress.doing != self._doing
+        now, new, text = time.monotonic(), progress.doing != self._doing, _text(progress)
         self._doing = progress.doing
         if self._bar is not None:
-            self._bar.update(
-                self._task,
-                description=progress.doing,
-                completed=progress.done,
-                total=progress.runs,
-                text=", ".join(_parts(progress)),
-                refresh=new,
-            )
-            return
-        now = time.monotonic()
-        if not quiet() and (new or now >= self._last_line_at + LINE_EVERY_S):
+            ends = {"completed": progress.done, "total": progress.runs}
+            self._bar.update(self._task, description=text, refresh=new, **ends)
+        elif not quiet() and (new or now >= self._last_line_at + LINE_EVERY_S):
             self._last_line_at = now
-            done = f"{progress.doing}: {progress.done} of {progress.runs} runs"
-            tell(", ".join([done, *_parts(progress)]))
+            tell(text)
 
     def hear(self, sentence: str) -> None:
         """Show a sentence."""
@@ -96,14 +83,9 @@ def campaign_display() -> Iterator[CampaignDisplay]:
     bar = None
     if watched():
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+        from rich.progress import BarColumn, Progress, TextColumn
 
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[text]}"),
-        )
+        columns = BarColumn(), TextColumn("{task.description}")
         bar = Progress(*columns, console=Console(stderr=True), transient=True)
         clear()
     display = CampaignDisplay(bar)
@@ -120,17 +102,16 @@ def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[Worke
         yield pool
 
 
-def _parts(progress: CampaignProgress) -> list[str]:
-    parts = []
+def _text(progress: CampaignProgress) -> str:
+    parts = [f"{progress.doing}: {progress.done} of {progress.runs} runs"]
     if progress.rate_per_s:
         parts.append(f"{rate(progress.rate_per_s)} a second")
     if progress.left_s is not None and progress.doing == "flying":
         parts.append(f"{duration(progress.left_s)} left")
-    if progress.failed:
-        parts.append(f"{progress.failed} failed")
-    if progress.crashed:
-        parts.append(f"{progress.crashed} crashed")
-    return parts
+    for count, what in ((progress.failed, "failed"), (progress.crashed, "crashed")):
+        if count:
+            parts.append(f"{count} {what}")
+    return ", ".join(parts)
 
 
 def rate(per_s: float) -> str:
@@ -181,11 +162,9 @@ def raise_on_interrupt() -> Iterator[None]:
 def _handlers() -> dict[signal.Signals, Any]:
     """Present handlers of the signals that are to be handled: nohup wants SIGHUP to be ignored."""
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    return {
-        number: handler
-        for number, handler in before.items()
-        if number.name != "SIGHUP" or handler != signal.SIG_IGN
-    }
+    if before[signal.SIGHUP] == signal.SIG_IGN:
+        del before[signal.SIGHUP]
+    return before
 
 
 def _install(handlers: Mapping[signal.Signals, Any]) -> None:

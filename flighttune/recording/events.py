@@ -8,11 +8,12 @@ import numpy as np
 import rerun as rr
 
 from flighttune.guarantee.flight_check import FlightCheck
-from flighttune.metrics import NO_STEP, channel_metrics
+from flighttune.metrics import channel_metrics
 from flighttune.plants.wind import WIND
 from flighttune.present.palette import contrast
 from flighttune.recording.entities import EVENTS, DrawnRun, times
 from flighttune.recording.lanes import HELD, runs_of_equal
+from flighttune.simulate.measures import NO_STEP
 from flighttune.simulate.run import Run
 
 COMMANDS = {"phi": "roll", "n_z": "load-factor"}
