@@ -10,8 +10,8 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import kinematic_model
 from flighttune.present.chart import Sheet
 from flighttune.tuning.envelope import rate_chart, rate_curve, tune_over_envelope
-from flighttune.tuning.gradient import tune_by_gradient
 from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.tune import tune_by_gradient
 from flighttune.units import DEG
 
 G = 9.81

@@ -4,7 +4,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -30,7 +30,7 @@ from flighttune.identify.identify import AircraftIdentification, identify_aircra
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash, models_of_jsbsim
-from flighttune.plants.jsbsim.trim import TrimRow, trim_record, trim_table
+from flighttune.plants.jsbsim.trim import trim_table
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.scenario.load import load_scenario
 from flighttune.shipped import nearest_name
@@ -104,7 +104,7 @@ class Adoption:
     designed: DesignedAircraft | None = None
     identified: AircraftIdentification | None = None
     turn: FlownScenario | None = None
-    trims: tuple[TrimRow, ...] = ()
+    trims: Sequence[Mapping[str, Any]] = ()
 
 
 def adopt(
@@ -368,5 +368,5 @@ def _record(best: Adoption, surveyed: Survey, config: AircraftConfig) -> dict[st
         "fit_percent": best.fit_percent,
         "flown": best.flown,
         "notes": surveyed.notes,
-        "trims": [trim_record(row) for row in best.trims],
+        "trims": best.trims,
     }

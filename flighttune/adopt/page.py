@@ -12,7 +12,6 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.identify.experiment import DT
 from flighttune.identify.model import lags_table
 from flighttune.identify.steps import steps_table
-from flighttune.plants.jsbsim.trim import trim_record
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Section, page_template, write_page
 from flighttune.present.names import columns
@@ -149,11 +148,10 @@ def _check_charts(adoption: Adoption) -> Iterator[Chart]:
 
 
 def _trims(adoption: Adoption) -> Section:
-    records = [trim_record(row) for row in adoption.trims]
     return Section(
         id="trims",
         title="Where it flies",
         note="Steady flight about the airspeed chosen.",
-        tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=records)],
+        tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=adoption.trims)],
         legend=False,
     )

@@ -60,17 +60,16 @@ def trim(
 ) -> None:
     """Trim AIRCRAFT over its envelope; where no trim exists, say why."""
     from flighttune.aircraft.aircraft import load_aircraft
-    from flighttune.plants.jsbsim.trim import trim_record, trim_table
+    from flighttune.plants.jsbsim.trim import trim_table
 
     config = load_aircraft(aircraft)
     angles = [angle * DEG for angle in gamma] if gamma else None
-    rows = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
+    records = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
     title = f"{config.title}: steady flight"
-    records = [trim_record(row) for row in rows]
     trims = Table(title=title, name="trims", columns=TRIM_COLUMNS, records=records)
     emit(Answer(values={"aircraft": aircraft}, tables=[trims]))
-    if not any(row.point for row in rows):
-        fail(f"{aircraft}: no steady flight among {len(rows)}: {rows[0].reason}", NO)
+    if not any(record["trim"] for record in records):
+        fail(f"{aircraft}: no steady flight among {len(records)}: {records[0]['reason']}", NO)
 
 
 def design(
@@ -94,9 +93,9 @@ def design(
     if out is None and is_shipped(config.folder) and not dry_run:
         raise InputError(f"{aircraft}: --out must be given for an aircraft that is shipped.")
     if not (dry_run or designed.missed):
-        from flighttune.identify.step_figure import FILE_NAME, step_figure
+        from flighttune.identify.steps import FIGURE, step_figure
 
-        written, figure = save_gains(gains, place), place / FILE_NAME
+        written, figure = save_gains(gains, place), place / FIGURE
         step_figure(config, designed.checks).save(figure)
     compared = [
         {"gain": name, "designed": value, "before": designed.previous.get(name)}
@@ -117,11 +116,11 @@ def design(
     )
     if designed.missed:
         first = designed.missed[0]
-        ended = f": {first.step.ended}" if first.step.ended else ""
+        ended = f": {first.ended}" if first.ended else ""
         fail(
             f"{first.name}: t90 must be at most {first.t90_allowed:g} s and the overshoot "
-            f"{100.0 * first.overshoot_allowed:g} %, got {first.step.t90:.2f} s and "
-            f"{100.0 * first.step.overshoot:.1f} %{ended}; nothing is written",
+            f"{100.0 * first.overshoot_allowed:g} %, got {first.t90:.2f} s and "
+            f"{100.0 * first.overshoot:.1f} %{ended}; nothing is written",
             NO,
         )
 

@@ -9,7 +9,7 @@ import numpy as np
 from flighttune.aircraft.aircraft import AircraftConfig, Design, InnerLoopGains
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
-from flighttune.identify.steps import StepCheck, check_steps
+from flighttune.identify.steps import StepResponse, check_steps
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench, slopes
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -106,10 +106,10 @@ class DesignedAircraft:
 
     config: AircraftConfig  # the aircraft with its new gains
     previous: dict[str, float]  # gains it had before; empty if none
-    checks: tuple[StepCheck, ...]  # its step responses against the goals
+    checks: tuple[StepResponse, ...]  # its step responses against the goals
 
     @property
-    def missed(self) -> tuple[StepCheck, ...]:
+    def missed(self) -> tuple[StepResponse, ...]:
         """Steps that are slower than asked, or overshoot more."""
         return tuple(check for check in self.checks if not check.met)
 

@@ -17,7 +17,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import NO_DELAY, InnerLag, Order
 from flighttune.errors import InputError
 from flighttune.identify.experiment import DT, PERIOD, Response
-from flighttune.plants.lagged_channel import rest, transition
+from flighttune.plants.lagged import rest, transition
 
 SAMPLES = round(PERIOD / DT)
 

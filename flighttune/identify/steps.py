@@ -1,8 +1,11 @@
-"""Step responses of roll and load factor, flown on an aircraft, against its design goals."""
+"""Step responses of roll and load factor, flown on an aircraft, against its design goals.
+
+Their figure also shows a roll into a bank at each airspeed.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -11,7 +14,9 @@ from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
+from flighttune.present.palette import HUES, INK
 from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
@@ -26,16 +31,23 @@ OVER_T90 = 1.4
 
 DT = 0.005
 
+COLOURS = tuple(strong for (strong, _), _ in HUES)
+BANK = 45.0 * DEG
+FIGURE = "step_responses.svg"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StepResponse:
-    """Response to one step of a command from steady level flight."""
+    """Response to one step of a command from steady level flight, and what it is allowed."""
 
     channel: Channel  # the commanded channel
     V_a: float  # m/s: airspeed at the start
     size: float  # rad or 1: step of the command
     signals: Mapping[str, FloatArray]  # signals of the plant over time, and ``t`` (s)
     ended: str  # why the flight ended early; empty if it did not
+    # s and 1: longest time to 90 % and largest overshoot that ``[design]`` asks for
+    t90_allowed: float = math.inf
+    overshoot_allowed: float = math.inf
 
     @property
     def progress(self) -> FloatArray:
@@ -53,6 +65,18 @@ class StepResponse:
     def overshoot(self) -> float:
         """Overshoot as a share of the step."""
         return max(0.0, float(np.max(self.progress)) - 1.0)
+
+    @property
+    def met(self) -> bool:
+        """Whether the step is as fast and as well damped as asked."""
+        fast = self.t90 <= self.t90_allowed
+        return fast and self.overshoot <= self.overshoot_allowed and not self.ended
+
+    @property
+    def name(self) -> str:
+        """Channel, size and airspeed."""
+        size = f"{self.size / DEG:+g} deg" if self.channel == "phi" else f"{self.size:+g}"
+        return f"{self.channel} {size} at {self.V_a:g} m/s"
 
 
 def fly_step(
@@ -87,31 +111,7 @@ def fly_step(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StepCheck:
-    """A step response against what the aircraft's ``[design]`` asks for."""
-
-    step: StepResponse
-    # s and 1
-    t90_allowed: float
-    overshoot_allowed: float
-
-    @property
-    def met(self) -> bool:
-        """Whether the step is as fast and as well damped as asked."""
-        step = self.step
-        fast = step.t90 <= self.t90_allowed
-        return fast and step.overshoot <= self.overshoot_allowed and not step.ended
-
-    @property
-    def name(self) -> str:
-        """Channel, size and airspeed."""
-        step = self.step
-        size = f"{step.size / DEG:+g} deg" if step.channel == "phi" else f"{step.size:+g}"
-        return f"{step.channel} {size} at {step.V_a:g} m/s"
-
-
-def check_steps(config: AircraftConfig) -> tuple[StepCheck, ...]:
+def check_steps(config: AircraftConfig) -> tuple[StepResponse, ...]:
     """Fly the steps of an aircraft's ``[design]`` at its airspeeds; none without such a table."""
     design = config.design
     if design is None:
@@ -124,8 +124,8 @@ def check_steps(config: AircraftConfig) -> tuple[StepCheck, ...]:
         ("n_z", -LOAD_STEP, design.n_z_t90, design.n_z_overshoot, load_time),
     )
     return tuple(
-        StepCheck(
-            step=fly_step(config, channel, size, V_a=V_a, h=design.h, duration=duration),
+        replace(
+            fly_step(config, channel, size, V_a=V_a, h=design.h, duration=duration),
             t90_allowed=t90,
             overshoot_allowed=overshoot,
         )
@@ -142,20 +142,63 @@ STEP_COLUMNS = [
 ]
 
 
-def steps_table(checks: Sequence[StepCheck]) -> Table:
+def steps_table(steps: Sequence[StepResponse]) -> Table:
     """Steps flown against what was asked for."""
     records = [
         {
-            "name": check.name,
-            "channel": check.step.channel,
-            "V_a_mps": check.step.V_a,
-            "step": check.step.size,
-            "t90_s": check.step.t90,
-            "t90_allowed_s": check.t90_allowed,
-            "overshoot": check.step.overshoot,
-            "overshoot_allowed": check.overshoot_allowed,
-            "met": check.met,
+            "name": step.name,
+            "channel": step.channel,
+            "V_a_mps": step.V_a,
+            "step": step.size,
+            "t90_s": step.t90,
+            "t90_allowed_s": step.t90_allowed,
+            "overshoot": step.overshoot,
+            "overshoot_allowed": step.overshoot_allowed,
+            "met": step.met,
         }
-        for check in checks
+        for step in steps
     ]
     return Table(title="step responses", name="steps", columns=STEP_COLUMNS, records=records)
+
+
+def step_figure(config: AircraftConfig, steps: Sequence[StepResponse]) -> Sheet:
+    """Return the figure of the step responses that `check_steps` flew."""
+    roll = Chart(title="Roll, step of 30°", y="φ [deg]")
+    load = Chart(title="Load factor, steps of 0.5", y="n_z [1]")
+    lateral = Chart(title="Lateral load factor in the roll step", y="n_y [1]")
+    bank = Chart(title="Load factor on the way into a level 45° bank", y="n_z [1]")
+    height = config.design.h if config.design else 1000.0
+    speeds = sorted({step.V_a for step in steps})
+    for V_a, colour in zip(speeds, COLOURS, strict=False):
+        name = f"{V_a:g} m/s"
+        for step in (s for s in steps if s.V_a == V_a):
+            signals = step.signals
+            if step.channel == "phi":
+                roll.line(signals["t"], signals["phi"] / DEG, colour, name=name)
+                lateral.line(signals["t"], signals["n_y"], colour, name=name)
+            else:
+                upwards = name if step.size > 0.0 else ""
+                load.line(signals["t"], signals["n_z"], colour, name=upwards)
+        banked = fly_step(config, "phi", BANK, V_a=V_a, h=height, duration=6.0).signals
+        bank.line(banked["t"], banked["n_z"], colour, name=name)
+    _draw_commands(roll, load, steps, config)
+    bank.level(1.0 / math.cos(BANK), INK, dash=DASHED)
+    bank.legend.append(("1/cos 45°", INK, DASHED))
+    return Sheet(charts=[roll, load, lateral, bank], title=config.title)
+
+
+def _draw_commands(
+    roll: Chart, load: Chart, steps: Sequence[StepResponse], config: AircraftConfig
+) -> None:
+    """Draw the commands behind the rate limits of the inner loop."""
+    rates = {"phi": config.limits.phi_rate, "n_z": config.limits.n_z_rate}
+    first = steps[0].V_a if steps else 0.0
+    for step in (s for s in steps if s.V_a == first):
+        t, rate = step.signals["t"], rates[step.channel]
+        ramp = np.sign(step.size) * np.minimum(abs(step.size), rate * t)
+        if step.channel == "phi":
+            name = f"command, {rate / DEG:g}°/s"
+            roll.line(t, ramp / DEG, INK, dash=DASHED, width=1.0, name=name)
+        else:
+            name = f"command, {rate:g} per s" if step.size > 0.0 else ""
+            load.line(t, 1.0 + ramp, INK, dash=DASHED, width=1.0, name=name)

@@ -1,14 +1,106 @@
-"""A plant behind the lags of an inner loop."""
+"""Lags of an inner loop in flight, solved in closed form: a channel, and a plant behind two."""
 
 import math
+from collections import deque
+from collections.abc import Iterable
+from functools import lru_cache
+from operator import mul
 
+import numpy as np
+
+from flighttune.arrays import FloatArray
 from flighttune.control.controller import FlightCondition
 from flighttune.control.inner_loop import InnerLag
 from flighttune.plants.base import Plant, Stop, WrappedPlant
-from flighttune.plants.lagged_channel import LaggedChannel
 
 PIECE = 0.002
-"""Longest time for which the plant is given one roll and load factor, s."""
+"""Longest time for which a plant behind lags is given one roll and load factor, s."""
+
+RESOLUTION = 12
+"""Decimals of a second to which the transitions of a channel are distinguished."""
+
+MAX_TRANSITIONS = 4096
+"""Transitions remembered by a channel."""
+
+
+@lru_cache(maxsize=256)  # flights of one aircraft ask for the same few again and again
+def transition(lag: InnerLag, t: float) -> FloatArray:
+    """Transition matrix ``exp(A t)`` of a lag's distance from rest under a constant command.
+
+    A is that of `InnerLag.undelayed`, without the delay. `t` (s) is not negative. The matrix is
+    read-only and has shape (order, order).
+    """
+    from scipy.linalg import expm
+
+    matrix = np.asarray(expm(lag.undelayed[0] * t))
+    matrix.flags.writeable = False
+    return matrix
+
+
+def rest(lag: InnerLag) -> FloatArray:
+    """State of a lag at rest under the command 1, shape (order,)."""
+    A, B = lag.undelayed
+    return np.asarray(-np.linalg.solve(A, B), dtype=float)
+
+
+class LaggedChannel:
+    """One channel: its state between the instants at which commands take effect.
+
+    `value` (unit of the channel) is flown and commanded before t = 0.
+    """
+
+    def __init__(self, lag: InnerLag, value: float) -> None:
+        self._lag, self._rest = lag, rest(lag).tolist()
+        self._command, self._since = value, 0.0
+        # Plain numbers: of three states NumPy's product takes five times as long.
+        self._distance = [0.0] * lag.order
+        self._pending: deque[tuple[float, float]] = deque()
+        self._known: dict[float, list[list[float]]] = {}
+        self._rows: dict[tuple[float, int], FloatArray] = {}
+
+    def order(self, t: float, command: float) -> None:
+        """Give a command at time `t` (s); it takes effect after the delay."""
+        self._pending.append((t + self._lag.delay, command))
+
+    def switches(self, end: float) -> list[float]:
+        """Times before `end` (s) at which a command takes effect."""
+        return [t for t, _ in self._pending if t < end]
+
+    def move_to(self, t: float) -> None:
+        """Advance to time `t` (s), no later than the next switch, and take up what is due."""
+        self._distance = [_product(row, self._distance) for row in self._transition(t)]
+        self._since = t
+        while self._pending and self._pending[0][0] <= t:
+            before = self._command
+            _, self._command = self._pending.popleft()
+            states = zip(self._distance, self._rest, strict=True)
+            self._distance = [x + at_rest * (before - self._command) for x, at_rest in states]
+
+    def at(self, t: float) -> float:
+        """Flown value at time `t` (s), from the last move to the next switch."""
+        return self._command + _product(self._transition(t)[0], self._distance)
+
+    def over(self, step: float, count: int) -> list[float]:
+        """Flown values after 0 to `count` steps (s) from the last move, before the next switch."""
+        key = round(step, RESOLUTION), count
+        if key not in self._rows:
+            if len(self._rows) == MAX_TRANSITIONS:
+                self._rows.clear()
+            times = (round(i * step, RESOLUTION) for i in range(count + 1))
+            self._rows[key] = np.array([transition(self._lag, t)[0] for t in times])
+        return (self._command + self._rows[key] @ self._distance).tolist()
+
+    def _transition(self, t: float) -> list[list[float]]:
+        since = round(t - self._since, RESOLUTION)
+        if since not in self._known:
+            if len(self._known) == MAX_TRANSITIONS:
+                self._known.clear()
+            self._known[since] = transition(self._lag, since).tolist()
+        return self._known[since]
+
+
+def _product(row: Iterable[float], column: Iterable[float]) -> float:
+    return sum(map(mul, row, column))
 
 
 class LaggedPlant(WrappedPlant):

@@ -11,7 +11,7 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
-from flighttune.plants.lagged_channel import LaggedChannel
+from flighttune.plants.lagged import LaggedChannel
 from flighttune.plants.wind import CALM, NED, WIND, WindRecord, course_of, velocity_along
 from flighttune.units import G_PAPER
 

@@ -21,9 +21,9 @@ from flighttune.present.chart import DASHED, Chart
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.theory.common import CommonQ, common_Q
 from flighttune.tuning.ascent import Point, ascend, point
-from flighttune.tuning.gradient import tune_by_gradient
 from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.starts import stabilising_starts
+from flighttune.tuning.tune import tune_by_gradient
 from flighttune.units import DEG
 
 FACTOR_TOLERANCE = 1e-3

@@ -1,16 +1,54 @@
-"""Tuning by the name of a method."""
+"""Tuning by SLSQP on exact gradients, from a convex start, and by differential evolution.
+
+The convex start is a semidefinite program in W = Q^-1 and Y = K W. For feedback of the whole state
+s the condition ``A_K' Q + Q A_K + I <= 0`` is linear in (W, Y) after multiplication by W from both
+sides, and ``lambda_max(Q) <= 1/R`` is ``W >= R I``. So the largest R_K is a convex problem in the
+gains as long as I_K, input limits and structure are left out; a bound on the gains,
+``K W K' <= size^2 I``, keeps it finite. Its solutions for several sizes start the
+gradient method, which restores what was left out.
+"""
 
 import time
 from dataclasses import replace
 from typing import get_args
 
-from flighttune.arrays import check_at_least
+import numpy as np
+
+from flighttune.arrays import FloatArray, check_at_least
+from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError
-from flighttune.tuning.convex import tune_from_convex_start
-from flighttune.tuning.genetic import tune_by_evolution
-from flighttune.tuning.gradient import STARTS, tune_by_gradient
-from flighttune.tuning.problem import Method, TuningProblem
-from flighttune.tuning.result import TuningResult
+from flighttune.theory.indicators import IndicatorArrays, indicators_batch
+from flighttune.theory.lmi import blocks, largest, solve, unknown
+from flighttune.tuning.problem import Method, TuningProblem, search_space
+from flighttune.tuning.program import Objective, Program
+from flighttune.tuning.result import (
+    Assessment,
+    TuningResult,
+    assessment,
+    is_feasible,
+    result,
+    why_infeasible,
+)
+from flighttune.tuning.starts import stabilising_starts
+
+STARTS = 4
+
+PROBES = 2
+"""Starts that must all miss feasibility before the smallest I_K is looked for."""
+
+AGREEMENT = 1e-4
+RATE_GIVEN_UP = 1e-4
+"""Share of R_K given up for a smaller trace of Q where I_K does not bind."""
+
+SIZES = (0.5, 1.0, 2.0, 4.0, 8.0)
+"""Bounds on the gains of the convex starts."""
+
+EVOLVED_GAIN = 10.0
+"""Box of the search where the problem has no tighter one; evolution needs a small one."""
+GENERATIONS = 1000
+POPULATION = 15
+UNSTABLE = 1e6
+"""Cost of an unstable loop, besides its spectral abscissa: more than that of any stable one."""
 
 
 def tune(
@@ -48,3 +86,201 @@ def tune(
     else:
         result = tune_by_gradient(problem, starts=starts)
     return replace(result, wall_s=time.perf_counter() - began)
+
+
+def tune_by_gradient(
+    problem: TuningProblem, *, starts: int = STARTS, first: FloatArray | None = None
+) -> TuningResult:
+    """Gains of the largest R_K, by SLSQP on exact gradients from several starts.
+
+    The optimisation model of arXiv 2411.13140, section 4.4. The problem is not convex: that no
+    feasible gains were found is no proof that none exist.
+
+    `starts`: searches from gains drawn with the problem's seed. `first` (shape (..., m, 2 p)):
+    stacked gains to start from as well, before the drawn ones; unstable ones are passed over. The
+    same problem gives the same result. Infeasible and failed problems are results too. Where I_K
+    does not bind, R_K is that of the slowest channel and leaves the others open: the gains are
+    those of (nearly) that rate with the smallest trace of Q, the mean-square transient.
+    """
+    space = search_space(problem)
+    k = stabilising_starts(problem, space, starts)
+    if first is not None:
+        first_k = first.reshape(-1, *space.base.shape)[:, space.free]
+        loops = closed_loops(problem.model, space.K(first_k))
+        k = np.vstack([first_k[indicators_batch(loops, scaling=problem.scaling).stable], k])
+    if not len(k):
+        return TuningResult(
+            status="failed",
+            reason="No stabilising gains were found to start from.",
+            method="gradient",
+        )
+    ends = searches(problem, k[:PROBES], "R_K")
+    smallest, warm = None, k[:0]
+    if not any(is_feasible(problem, end) for end in ends):
+        smallest = smallest_radius(problem, k)
+    if smallest is not None:
+        warm = smallest.K[space.free][None]
+        ends.append(smallest)
+    if smallest is None or smallest.I_K <= problem.I_star:
+        ends += searches(problem, np.vstack([warm, k[PROBES:]]), "R_K")
+    feasible = [end for end in ends if is_feasible(problem, end)]
+    best = max(feasible, key=lambda end: end.R_K, default=smallest)
+    value = best.R_K if best else 0.0
+    if feasible and best is not None and "I_K" not in best.active:
+        best = _calmest_at_rate(problem, best)
+    return result(
+        problem,
+        best,
+        status="optimal" if feasible else "infeasible",
+        reason="" if feasible else why_infeasible(problem, best),
+        method="gradient",
+        starts=len(k),
+        agreeing=sum(end.R_K >= (1.0 - AGREEMENT) * value for end in feasible),
+        smallest_I_K=best.I_K if best and not feasible else None,
+    )
+
+
+def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
+    """The smallest I_K within limits and bounds from free gains k, shape (starts, f).
+
+    The search ends when two starts agree.
+    """
+    best = None
+    for start in k:
+        (end,) = searches(problem, start[None], "I_K")
+        if not (end.within_limits and end.R_K > 0.0):
+            continue
+        if best is not None and abs(end.I_K - best.I_K) <= AGREEMENT * best.I_K:
+            return min(best, end, key=lambda gains: gains.I_K)
+        if best is None or end.I_K < best.I_K:
+            best = end
+    return best
+
+
+def _calmest_at_rate(problem: TuningProblem, best: Assessment) -> Assessment:
+    """Gains with nearly the best rate and the smallest trace of Q."""
+    # The optimum of R_K leaves faster channels open; a little less rate makes them definite.
+    rate = (1.0 - RATE_GIVEN_UP) * best.R_K
+    k = best.K[search_space(problem).free][None]
+    (calmest,) = searches(problem, k, "trace", min_R_K=rate)
+    kept = calmest.R_K >= (1.0 - 2.0 * RATE_GIVEN_UP) * best.R_K
+    return calmest if kept and is_feasible(problem, calmest) else best
+
+
+def searches(
+    problem: TuningProblem, k: FloatArray, objective: Objective, *, min_R_K: float = 0.0
+) -> list[Assessment]:
+    """Optima of an objective from each of the free gains k, shape (starts, f)."""
+    task = Program([problem], objective, min_R_K=min_R_K)
+    return [assessment(problem, K) for K in task.space.K(task.descend(k)[0])]
+
+
+def tune_from_convex_start(problem: TuningProblem) -> TuningResult:
+    """Gains of the largest R_K, by the gradient method from gains of a convex problem.
+
+    `problem`: gains on states that its loop does not feed back are left out of the start; with lag
+    or delay it is then a guess, no longer an optimum. There is no random start, so that the seed
+    plays no part. The status is "failed" where no convex start stabilises the loop.
+    """
+    result = tune_by_gradient(problem, starts=0, first=convex_starts(problem))
+    return replace(result, method="convex")
+
+
+def convex_starts(problem: TuningProblem) -> FloatArray:
+    """Stacked gains of the convex problem for each of `SIZES`, shape (at most 5, m, 2 p).
+
+    `problem`: model, scaling and the bounds and fixed values of gains are used, the rest is not.
+    The result is empty where the solver found no answer at all.
+    """
+    solutions = [state_feedback(problem.model, problem.scaling, size) for size in SIZES]
+    n = len(problem.model.states)
+    output = np.linalg.pinv(problem.model.C)
+    lower, upper = problem.gain_bounds
+    stacked = [np.hstack([K[:, :n] @ output, K[:, n:]]) for K in solutions if K is not None]
+    return np.clip(np.array(stacked).reshape(-1, *lower.shape), lower, upper)
+
+
+def state_feedback(
+    model: LinearModel, scaling: FloatArray | None, size: float
+) -> FloatArray | None:
+    """K of ``u' = K s`` with the largest R_K under ``K W K' <= size^2 I``, or None.
+
+    `model`: n states, m inputs, p errors. `scaling` (shape (n + p,)): units of the state s = (x',
+    e). `size`: bound on the gains in the norm of the optimal W. Returns None where the solver has
+    no answer (shape (m, n + p)).
+    """
+    n, m, p = model.shape
+    order = n + p
+    scale = np.ones(order) if scaling is None else scaling
+    A, B = np.zeros((order, order)), np.vstack([model.B, np.zeros((p, m))])
+    A[:n, :n], A[n:, :n] = model.A, model.C
+    A, B = A * (scale / scale[:, None]), B / scale[:, None]
+    W, Y = unknown(order, order, symmetric=True), unknown(m, order)
+    rate, eye = unknown(), np.eye(order)
+    flow = A @ W + B @ Y
+    decay = blocks([[-(flow + flow.T), W], [W, eye]])
+    bound = blocks([[size**2 * np.eye(m), Y], [Y.T, W]])
+    if not solve(largest(rate, [decay >> 0, W >> rate * eye, bound >> 0])).solved:
+        return None
+    return np.linalg.solve(W.value, Y.value.T).T / scale
+
+
+def tune_by_evolution(
+    problem: TuningProblem, *, largest_gain: float = EVOLVED_GAIN, generations: int = GENERATIONS
+) -> TuningResult:
+    """Gains of the largest R_K, by SciPy's differential evolution with constraints.
+
+    arXiv 2411.13140, section 4, uses a genetic algorithm on the same optimisation model. Whole
+    generations are evaluated at once by the batched indicators.
+
+    `largest_gain`: size of the box searched, inside the problem's own bounds. The same problem
+    gives the same result.
+    """
+    from scipy.optimize import NonlinearConstraint, differential_evolution
+
+    space = search_space(problem)
+
+    def loops(k: FloatArray) -> IndicatorArrays:
+        """Indicators of a whole generation of free gains, shape (f, members)."""
+        A_K = closed_loops(problem.model, space.K(k.T))
+        return indicators_batch(A_K, scaling=problem.scaling)
+
+    def lost_rate(k: FloatArray) -> FloatArray:
+        measured = loops(k)
+        return np.where(measured.stable, -measured.R_K, UNSTABLE + measured.spectral_abscissa)
+
+    def log_radius(k: FloatArray) -> FloatArray:
+        measured = loops(k)
+        lost = np.log(UNSTABLE) + measured.spectral_abscissa
+        return np.where(measured.stable, np.log(measured.I_K), lost)[None]
+
+    constraints = []
+    if np.isfinite(problem.I_star):
+        constraints.append(NonlinearConstraint(log_radius, -np.inf, np.log(problem.I_star)))
+    if space.names:
+        constraints.append(NonlinearConstraint(lambda k: space.slack(k.T).T, 0.0, np.inf))
+    evolved = differential_evolution(
+        lost_rate,
+        np.column_stack(
+            [np.maximum(space.k_min, -largest_gain), np.minimum(space.k_max, largest_gain)]
+        ),
+        constraints=constraints,
+        maxiter=generations,
+        popsize=POPULATION,
+        tol=1e-6,
+        polish=False,
+        vectorized=True,
+        updating="deferred",
+        rng=np.random.default_rng(np.random.SeedSequence(problem.seed)),
+    )
+    best = assessment(problem, space.K(evolved.x))
+    feasible = is_feasible(problem, best)
+    return result(
+        problem,
+        best if best.R_K > 0.0 else None,
+        status="optimal" if feasible else "infeasible",
+        reason="" if feasible else "No generation had gains that meet every constraint.",
+        method="genetic",
+        starts=1,
+        agreeing=int(feasible),
+    )

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError, ShapeError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.lagged_channel import LaggedChannel, transition
+from flighttune.plants.lagged import LaggedChannel, transition
 from flighttune.plants.point_mass import PointMassPlant, turn_rates
 from flighttune.plants.wind import WindRecord, course_of, velocity_along
 from flighttune.simulate.disturbance import Sinusoid

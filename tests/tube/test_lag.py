@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 from flighttune.control.inner_loop import InnerLag
-from flighttune.plants.lagged_channel import LaggedChannel
+from flighttune.plants.lagged import LaggedChannel
 from flighttune.tube.interval import Interval
 from flighttune.tube.lag import SampledLag
 

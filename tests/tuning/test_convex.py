@@ -6,9 +6,8 @@ import pytest
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.theory.indicators import indicators, indicators_batch
-from flighttune.tuning.convex import convex_starts, state_feedback
 from flighttune.tuning.problem import TuningProblem, decoupled
-from flighttune.tuning.tune import tune
+from flighttune.tuning.tune import convex_starts, state_feedback, tune
 
 SAME_OPTIMUM = 1e-6
 SOLVER = 1e-5

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from flighttune.tuning.genetic import tune_by_evolution
 from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.tune import tune
+from flighttune.tuning.tune import tune, tune_by_evolution
 
 pytestmark = pytest.mark.slow
 

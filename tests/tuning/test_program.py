@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.tuning.gradient import searches
 from flighttune.tuning.problem import TuningProblem, decoupled, search_space
 from flighttune.tuning.program import Program
 from flighttune.tuning.starts import stabilising_starts
+from flighttune.tuning.tune import searches
 
 STEP = 1e-5
 TRUNCATION = 1e-6

@@ -14,8 +14,8 @@ from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.ascent import ascend, point
 from flighttune.tuning.envelope import envelope_rate, largest_envelope, tune_over_envelope
-from flighttune.tuning.gradient import tune_by_gradient
 from flighttune.tuning.problem import TuningProblem, search_space
+from flighttune.tuning.tune import tune_by_gradient
 
 pytestmark = pytest.mark.slow
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -355,32 +354,6 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
     return math.atan2(aside, ahead)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrimRow:
-    """One flight condition, and its trim or why it has none."""
-
-    condition: FlightCondition
-    point: AirframeState | None
-    reason: str  # why there is no trim; empty where there is one
-
-
-def trim_record(row: TrimRow) -> dict[str, Any]:
-    """Condition and trim as numbers of a file, angles in degrees; ``trim`` is None without one."""
-    point = None
-    if row.point is not None:
-        names = ("alpha", "beta", "theta", "aileron", "elevator", "rudder")
-        point = {f"{name}_deg": getattr(row.point, name) * DEG_PER_RAD for name in names}
-        point["throttle"] = row.point.throttle
-    return {
-        "V_a_mps": row.condition.V_a,
-        "gamma_deg": row.condition.gamma * DEG_PER_RAD,
-        "phi_deg": row.condition.phi * DEG_PER_RAD,
-        "h_m": row.condition.h,
-        "trim": point,
-        "reason": row.reason,
-    }
-
-
 def trim_table(
     config: AircraftConfig,
     *,
@@ -388,35 +361,49 @@ def trim_table(
     gamma: Sequence[float] | None = None,
     phi: float = 0.0,
     h: float = 1000.0,
-) -> tuple[TrimRow, ...]:
+) -> list[dict[str, Any]]:
     """Return the steady flights of an aircraft at every airspeed with every flight-path angle.
 
     `V_a` (m/s): airspeeds; by default `SPEEDS` over the envelope. `gamma` (rad): flight-path
-    angles; by default `CLIMBS`. `phi`, `h` (rad and m): bank and height of all of them. Raises
-    InputError if an airspeed or angle is no number for a flight. Raises PlantError if the aircraft
-    cannot be built.
+    angles; by default `CLIMBS`. `phi`, `h` (rad and m): bank and height of all of them. A record
+    has the condition, and in ``trim`` the steady flight or None, for which ``reason`` tells why;
+    angles are in degrees. Raises InputError if an airspeed or angle is no number for a flight.
+    Raises PlantError if the aircraft cannot be built.
     """
     speeds = np.linspace(*config.envelope.V_a, SPEEDS).tolist() if V_a is None else V_a
-    rows: list[TrimRow] = []
+    records: list[dict[str, Any]] = []
     for speed in speeds:
         lowest_short = math.inf  # shallowest climb for which thrust is too little
         for climb in CLIMBS if gamma is None else gamma:
             condition = FlightCondition(V_a=speed, h=h, gamma=climb, phi=phi)
-            row = _row(config, condition, thrust_short=climb > lowest_short)
-            if _TOO_LITTLE in row.reason:
+            point, reason = _trimmed(config, condition, thrust_short=climb > lowest_short)
+            if _TOO_LITTLE in reason:
                 lowest_short = min(lowest_short, climb)
-            rows.append(row)
-    return tuple(rows)
+            records.append(
+                {
+                    "V_a_mps": speed,
+                    "gamma_deg": climb * DEG_PER_RAD,
+                    "phi_deg": phi * DEG_PER_RAD,
+                    "h_m": h,
+                    "trim": point,
+                    "reason": reason,
+                }
+            )
+    return records
 
 
-def _row(config: AircraftConfig, condition: FlightCondition, *, thrust_short: bool) -> TrimRow:
+def _trimmed(
+    config: AircraftConfig, condition: FlightCondition, *, thrust_short: bool
+) -> tuple[dict[str, float] | None, str]:
+    """Steady flight as numbers of a file, or what stands against it."""
     faults = (f"`{name}` {fault}" for name, fault in start_faults(config, condition, ground=0.0))
     outside = "; ".join(faults).replace(f" ({config.file})", "")
     if outside:
-        return TrimRow(condition=condition, point=None, reason=f"outside the envelope: {outside}")
+        return None, f"outside the envelope: {outside}"
     try:
-        point = trim(Fdm(config), condition, thrust_short=thrust_short)
+        at = trim(Fdm(config), condition, thrust_short=thrust_short)
     except TrimError as error:
-        obstacle = str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
-        return TrimRow(condition=condition, point=None, reason=obstacle)
-    return TrimRow(condition=condition, point=point, reason="")
+        return None, str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
+    names = ("alpha", "beta", "theta", "aileron", "elevator", "rudder")
+    angles = {f"{name}_deg": getattr(at, name) * DEG_PER_RAD for name in names}
+    return {**angles, "throttle": at.throttle}, ""
