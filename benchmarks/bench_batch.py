@@ -28,7 +28,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
-from flighttune.simulate.batch import SIGNALS, Flights, fly_sampled
+from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.simulate.reference import Reference
@@ -50,13 +50,13 @@ SLACK = 1.3
 SAME = 1e-9  # rad
 FIRST_CALL = """
 import time
-import numpy as np
-from flighttune.simulate.batch import Flights, fly_sampled
-free = np.array([[[-np.inf] * 2, [np.inf] * 2] * 2])
-one = Flights(K=np.ones((1, 2, 4)), start=[[0, 0, 0, 1, 25]], ref=np.zeros((1, 1, 2)),
-              bounds=free, waves=np.zeros((1, 4)))
+from flighttune.control.controller import FlightCondition
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.simulate.batch import fly_sampled
+law = MimoPI(PAPER_GAINS, dt=0.01)
 started = time.perf_counter()
-fly_sampled(one, dt=0.01, duration=0.1)
+fly_sampled([law], [FlightCondition(V_a=25.0)], (0.0, 0.0), duration=0.1)
 print(f"  {time.perf_counter() - started:.2f} s")
 """
 
@@ -108,23 +108,15 @@ def control_loop(gains):
 def against_control(flights, repeats):
     """Time of python-control over that of the batch; return whether it missed a limit."""
     names = list(FAMILY)
-    settings = {"condition": START, "ref": REF, "limits": RANGES, "disturbance": WAVES}
-    many = Flights.of(
-        [FAMILY[names[i % len(names)]] for i in range(flights)],
-        **settings,
-    )
-    cost, _ = timed(
-        lambda: fly_sampled(many, dt=DT, duration=DURATION, anti_windup="none", wrapped=False),
-        repeats,
-    )
-    few = fly_sampled(
-        Flights.of(FAMILY.values(), **settings),
-        dt=DT,
-        duration=DURATION,
-        anti_windup="none",
-        wrapped=False,
-        trajectories=True,
-    )
+    laws = [MimoPI(FAMILY[name], RANGES, dt=DT, anti_windup="none", wrapped=()) for name in names]
+    many = [laws[i % len(laws)] for i in range(flights)]
+
+    def flown(laws, **more):
+        settings = {"duration": DURATION, "disturbances": [WAVES], **more}
+        return fly_sampled(laws, [START], REF, **settings)
+
+    cost, _ = timed(lambda: flown(many), repeats)
+    few = flown(laws, trajectories=True)
     costs, worst = [], 0.0
     for i, name in enumerate(names):
         e_0 = REF - [START.chi, START.gamma]  # the integrator takes nothing at the first sample
@@ -151,10 +143,14 @@ def against_control(flights, repeats):
 
 def against_single_run(flights, repeats):
     """Batched flights and their difference to the single-run loop; return whether too slow."""
-    settings = {"condition": START, "ref": REF, "limits": PRINTED, "disturbance": WAVES}
-    many = Flights.of([list(FAMILY.values())[i % len(FAMILY)] for i in range(flights)], **settings)
-    fly_sampled(many, dt=DT, duration=DT)
-    cost, _ = timed(lambda: fly_sampled(many, dt=DT, duration=DURATION), repeats)
+    laws = [MimoPI(gains, PRINTED, dt=DT) for gains in FAMILY.values()]
+    many = [laws[i % len(laws)] for i in range(flights)]
+
+    def flown(laws, duration, **more):
+        return fly_sampled(laws, [START], REF, duration=duration, disturbances=[WAVES], **more)
+
+    flown(many, DT)
+    cost, _ = timed(lambda: flown(many, DURATION), repeats)
     wall, busy = cost * MANY / flights
     print(f"{flights} flights of 20 s at 100 Hz: {cost[0]:.2f} s wall, {cost[1]:.2f} s processor")
     print(f"  {cost[1] / flights / len(T) * 1e9:.0f} ns a sample")
@@ -171,9 +167,7 @@ def against_single_run(flights, repeats):
         )
 
     (_, single), (signals, _) = timed(alone, repeats)
-    batch = fly_sampled(
-        Flights.of(PAPER_GAINS, **settings), dt=DT, duration=DURATION, trajectories=True
-    )
+    batch = flown([MimoPI(PAPER_GAINS, PRINTED, dt=DT)], DURATION, trajectories=True)
     difference = max(
         np.abs(batch.signal(name)[0] - signals[name]).max() for name in SIGNALS if name in signals
     )

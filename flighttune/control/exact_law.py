@@ -41,19 +41,6 @@ BRAKING = 0.5
 """Part of the load factor's rate limit with which the path angle is caught."""
 
 
-class ExactOptions(NamedTuple):
-    """Priority of `ExactLaw` where a limit allows only one of the two lifts; see there.
-
-    Attributes
-    ----------
-    priority : {"gamma", "chi"}
-    """
-
-    priority: Priority = "gamma"
-    lift_floor: float = LIFT_FLOOR
-    braking: float | None = BRAKING
-
-
 class RateLaw(NamedTuple):
     """Settings that do not change from sample to sample.
 

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import Controller, LawSetup, SelfLimiting
-from flighttune.control.exact_law import ExactOptions, RateLaw, command_gains, rate_gains
+from flighttune.control.exact_law import RateLaw, command_gains, rate_gains
 from flighttune.control.gains import COMMANDS, RATES, PIGains
 from flighttune.control.guarded import GuardedLaw
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
@@ -44,18 +44,6 @@ class Trim(NamedTuple):
     gamma: float
     g: float
     schedule_speed: float | None = None
-
-
-class KernelLaw(NamedTuple):
-    """A law as the compiled kernel flies it.
-
-    Attributes
-    ----------
-    exact : ExactOptions or None
-        Settings of `exact_step`; None for `pi_step`.
-    """
-
-    exact: ExactOptions | None = None
 
 
 class SampledController(NamedTuple):
@@ -124,6 +112,8 @@ class Law(ABC):
         the runs have no gains.
     same_everywhere : bool
         True if its linear model is the same at every condition of an envelope.
+    batched : bool
+        Whether the compiled kernel flies its controllers.
     plant : str
         Kind of plant that its linear model is made for, on which it has no mismatch.
     """
@@ -137,6 +127,7 @@ class Law(ABC):
     inputs: ClassVar[tuple[str, str]] = COMMANDS
     by_gains: ClassVar[bool] = True
     same_everywhere: ClassVar[bool] = False
+    batched: ClassVar[bool] = False
     plant: ClassVar[str] = "kinematic"
 
     @abstractmethod
@@ -189,10 +180,6 @@ class Law(ABC):
     def command_per_rate(self, V_a: float, g: float) -> float:
         """Size of its first input that turns level flight by one rad/s."""
         return 1.0 if self.inputs == RATES else V_a / g
-
-    def kernel(self) -> KernelLaw | None:
-        """How the batch kernel flies it; None where the kernel does not know it."""
-        return None
 
     def sampled(self, _setup: LawSetup, /) -> SampledController | None:
         """How a tube follows it; None where no tube knows it."""

@@ -2,20 +2,17 @@
 
 import math
 import os
-from collections import namedtuple
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, Floats, check_at_least, check_positive
-from flighttune.control.exact_law import ExactOptions
-from flighttune.control.gains import PIGains
-from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import AntiWindup, check_anti_windup, integral_time
+from flighttune.arrays import FloatArray, check_at_least, check_positive
+from flighttune.control.controller import Controller
+from flighttune.control.exact_law import ExactLaw
+from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError, ShapeError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import LONGEST_STEP
@@ -23,8 +20,6 @@ from flighttune.plants.sensors import SENSED, Sensors
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.measures import ErrorMeasures
 from flighttune.units import G_PAPER
-
-T = TypeVar("T")
 
 SIGNALS = (
     *("chi", "gamma", "chi_err", "gamma_err", "chi_err_rate", "gamma_err_rate"),
@@ -35,130 +30,31 @@ SIGNALS = (
 
 BLOCKS_PER_THREAD = 8
 
+LAW_NUMBERS = 23
+"""Numbers of a `RateLaw`; a `PILaw` has fewer."""
+
 SENSED_AT_ONCE = 256
 """Flights a thread keeps the errors of sensors of."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Flights:
-    """N flights of the kinematic loop.
+class Flights(NamedTuple):
+    """N flights as the kernel takes them."""
 
-    Raises
-    ------
-    ShapeError
-        If the shapes do not fit together.
-    InputError
-        If a value cannot be used.
-
-    Notes
-    -----
-    Values are copied and checked; ``dataclasses.replace`` makes a changed set of flights.
-    """
-
-    # (N, 2, 4): Stacked gains (K_P, K_I), rows phi and n_z, columns e_chi and e_gamma
-    K: FloatArray
+    laws: FloatArray  # (N, 23): numbers of `PILaw` or `RateLaw` in their order, the rest zero
     # (N, 5), rad, rad, rad, 1, m/s: Course, flight-path angle, roll, load factor and airspeed at
     # t = 0
     start: FloatArray
     # (N or 1, k or 1, 2), rad: Course and flight-path angle to follow: one pair, or one a sample
     ref: FloatArray
-    # (N, 4, 2), input units: Rows lower, upper, rate_lower, rate_upper; infinite for no limit
-    bounds: FloatArray
+    ref_rates: FloatArray  # as `ref`, rad/s: Rates of the reference, which the exact law follows
     # (N, 4), rad/s: Disturbance: chi_amplitude, chi_omega, gamma_amplitude, gamma_omega
     waves: FloatArray
-    # as `ref`, rad/s: Rates of the reference, which the exact law follows; zero by default
-    ref_rates: FloatArray | None = None
-
-    def __post_init__(self) -> None:
-        flights = len(np.asarray(self.K))
-        if self.ref_rates is None:
-            object.__setattr__(self, "ref_rates", np.zeros_like(self.ref, dtype=float))
-        shapes = {
-            "K": (flights, 2, 4),
-            "start": (flights, 5),
-            "bounds": (flights, 4, 2),
-            "waves": (flights, 4),
-        }
-        for name in self.__slots__:
-            array = np.array(getattr(self, name), dtype=float, order="C")
-            array.flags.writeable = False
-            wanted = shapes.get(name)
-            if wanted is not None and array.shape != wanted:
-                raise ShapeError(f"`{name}` must have shape {wanted}, got {array.shape}.")
-            if name != "bounds" and not np.isfinite(array).all():
-                raise InputError(f"`{name}` must be finite.")
-            object.__setattr__(self, name, array)
-        r = self.ref.shape
-        if not (len(r) == 3 and r[0] in (1, flights) and r[1] >= 1 and r[2] == 2):
-            raise ShapeError(f"`ref` must have shape ({flights} or 1, k or 1, 2), got {r}.")
-        rates = np.asarray(self.ref_rates)
-        if rates.shape != r:
-            raise ShapeError(f"`ref_rates` must have the shape of `ref`, {r}, got {rates.shape}.")
-        if not np.all(self.start[:, 4] > 0.0):
-            raise InputError(f"`V_a` must be positive, got {self.start[:, 4].min():g} m/s.")
-        if not np.all(np.abs(self.start[:, 1:3]) < math.pi / 2):
-            raise InputError("`gamma` and `phi` must lie inside +-pi/2.")
-        low, high = self.bounds[:, (0, 2)], self.bounds[:, (1, 3)]
-        if not (np.all(low < high) and np.all(low[:, 1] <= 0.0) and np.all(high[:, 1] >= 0.0)):
-            raise InputError("`bounds` must be ranges, and those of the rates must hold zero.")
-
-    def __len__(self) -> int:
-        return len(self.K)
-
-    @classmethod
-    def of(
-        cls,
-        gains: PIGains | Iterable[PIGains],
-        *,
-        condition: FlightCondition | Iterable[FlightCondition],
-        ref: npt.ArrayLike,
-        limits: Limits | Iterable[Limits] | None = None,
-        disturbance: Sinusoid | Iterable[Sinusoid] | None = None,
-        ref_rates: npt.ArrayLike | None = None,
-    ) -> "Flights":
-        """Flights from one or many of each: whatever is single serves all of them.
-
-        Parameters
-        ----------
-        gains, condition, limits, disturbance
-            One, or N of them; no limits and no disturbance by default.
-        ref : array_like, shape (2,), (k, 2) or (N, k or 1, 2), rad
-            Constant course and flight-path angle, or one a sample, for all or for each.
-        ref_rates : array_like, shape of `ref`, rad/s, optional
-            Their rates, which the exact law follows.
-
-        Raises
-        ------
-        ShapeError
-            If the numbers of things differ, or gains are not of two commands and two errors.
-        InputError
-            If a disturbance has switching times.
-        """
-        waves = _many(Sinusoid, Sinusoid() if disturbance is None else disturbance)
-        for name in ("chi_switches", "gamma_switches"):
-            if any(getattr(wave, name) is not None for wave in waves):
-                raise InputError(f"`{name}` must be None: a batch flies sinusoids only.")
-        rows = {
-            "K": [g.K for g in _many(PIGains, gains)],
-            "start": [
-                (c.chi, c.gamma, c.phi, c.n_z_start, c.V_a)
-                for c in _many(FlightCondition, condition)
-            ],
-            "bounds": [
-                (ranges.lower, ranges.upper, ranges.rate_lower, ranges.rate_upper)
-                for ranges in _many(Limits, Limits.none(2) if limits is None else limits)
-            ],
-            "waves": [
-                (d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in waves
-            ],
-        }
-        followed = np.asarray(ref, dtype=float)
-        if followed.ndim < 3:
-            followed = followed.reshape(1, -1, 2)
-        flights = max(len(followed), *map(len, rows.values()))
-        arrays = {name: _repeated(name, values, flights) for name, values in rows.items()}
-        rates = None if ref_rates is None else np.asarray(ref_rates, float).reshape(followed.shape)
-        return cls(ref=followed, ref_rates=rates, **arrays)
+    g: FloatArray  # (N,), m/s^2
+    exact: bool  # True if `laws` are those of the exact law
+    wrapped: bool  # True if the course error is taken the short way round
+    feed_forward: bool
+    dt: float  # s: Sample time of the controllers
+    steps: int  # integration steps in a sample
 
 
 class BatchResult(NamedTuple):
@@ -187,71 +83,37 @@ class BatchResult(NamedTuple):
         return self.trajectories[..., SIGNALS.index(name)]
 
 
-class Settings(NamedTuple):
-    """Settings of the kernel besides the flights; arrays have shape (N,)."""
-
-    conditional: bool
-    wrapped: bool
-    feed_forward: bool
-    dt: float
-    steps: int
-    step: float
-    tracking_gain: FloatArray
-    per_speed: FloatArray
-    g: FloatArray
-    exact: bool
-    course_first: bool
-    lift_floor: float
-    braking: float
-
-
-_FlightArrays = namedtuple("_FlightArrays", Flights.__slots__)
-"""The arrays of `Flights`, as the kernel takes them."""
-
-
-def fly_sampled(  # noqa: PLR0913
-    flights: Flights,
+def fly_sampled(
+    controllers: Sequence[Controller],
+    conditions: Sequence[FlightCondition],
+    ref: npt.ArrayLike,
     *,
-    dt: float,
     duration: float,
-    anti_windup: AntiWindup = "conditional",
-    tracking_time: float | None = None,
-    wrapped: bool = True,
-    schedule_speed: Floats | None = None,
-    feed_forward: bool = False,
-    sensors: Sequence[Sensors] | None = None,
+    ref_rates: npt.ArrayLike | None = None,
+    disturbances: Sequence[Sinusoid] = (Sinusoid(),),
+    sensors: Sequence[Sensors] = (),
     trajectories: bool = False,
-    g: Floats = G_PAPER,
-    exact: ExactOptions | None = None,
+    g: npt.ArrayLike = G_PAPER,
     threads: int | None = None,
 ) -> BatchResult:
-    """Fly the discrete controller on the kinematic plant, every flight as `simulate` would.
+    """Fly discrete controllers on the kinematic plant, every flight as `simulate` would.
 
     Parameters
     ----------
-    flights : Flights
-        N flights; a reference over time has one entry a sample, ``duration / dt + 1``.
-    dt : float, s
-        Sample time of the controller.
+    controllers : sequence of MimoPI or of ExactLaw, length N or 1
+        Alike but for gains, limits and speed of the schedule. They are read, not flown.
+    conditions, disturbances, sensors : sequences, length N or 1
+        Start, disturbance and sensors of each flight, or of all; without switching times.
+    ref : array_like, shape (2,), (k, 2) or (N, k or 1, 2), rad
+        Constant course and flight-path angle, or one a sample, for all or for each.
     duration : float, s
-        Time to fly, at least `dt`; rounded to whole samples.
-    anti_windup, tracking_time
-        As in `MimoPI`.
-    schedule_speed : float or array_like, shape (N,), m/s, optional
-        As in `MimoPI`.
-    wrapped : bool
-        Take the course error the short way round.
-    feed_forward : bool
-        As in `simulate`.
-    sensors : sequence of Sensors, length N or 1, optional
-        As in `simulate`, one a flight or one for all.
+        Time to fly, at least a sample; rounded to whole samples.
+    ref_rates : array_like, shape of `ref`, rad/s, optional
+        Their rates, which the exact law follows.
     trajectories : bool
         Keep all signals over time: 112 bytes a sample and flight.
     g : float or array_like, shape (N,), m/s^2
         Acceleration of gravity.
-    exact : ExactOptions, optional
-        Fly the exact law: gains are then in 1/s and 1/s^2, and neither schedule nor feed-forward
-        has a meaning; its integrals (rad/s) stand in ``phi_integral`` and ``n_z_integral``.
     threads : int, optional
         Threads to use; by default one a core. The results do not depend on it.
 
@@ -259,53 +121,61 @@ def fly_sampled(  # noqa: PLR0913
     -------
     BatchResult
         Trajectories and measures are those of the single run but for rounding (1e-12), and the same
-        bits for any number of threads.
+        bits for any number of threads. Integrals of the exact law (rad/s) stand in
+        ``phi_integral`` and ``n_z_integral``.
 
     Raises
     ------
-    InputError
-        If a value cannot be used.
-    ShapeError
-        If a reference over time is not as long as the flight.
+    InputError, ShapeError
+        If a value cannot be used, or things differ in number.
 
     Notes
     -----
     The controller is `pi_step` or `exact_step`, the function of the law itself, compiled. The first
     call in a new installation compiles for some seconds; the result is kept on disk.
     """
-    check_positive(dt=dt, tracking_time=tracking_time)
-    check_anti_windup(anti_windup)
+    known = [law for law in controllers if isinstance(law, MimoPI | ExactLaw)]
+    kinds = {_kind(controller) for controller in known}
+    if len(known) < len(controllers) or len(kinds) != 1:
+        raise InputError(
+            "`controllers` must be all MimoPI or all ExactLaw, of one sample time and feed-forward."
+        )
+    exact, wrapped, feed_forward, dt = kinds.pop()
     if not (math.isfinite(duration) and duration >= dt):
         raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
-    if flights.ref.shape[1] not in (1, len(t)):
-        raise ShapeError(f"`ref` must have 1 or {len(t)} samples, got {flights.ref.shape[1]}.")
-    sensors = sensors or ()
-    if len(sensors) not in (0, 1, len(flights)):
-        raise ShapeError(f"`sensors` must be 1 or {len(flights)}, got {len(sensors)}.")
-    N, steps = len(flights), math.ceil(dt / LONGEST_STEP - 1e-9)
-    per_speed, tracking_gain = np.zeros(N), np.zeros(N)
-    if schedule_speed is not None:
-        per_speed = 1.0 / _one_each(flights, "schedule_speed", schedule_speed)
-    if anti_windup == "back_calculation":
-        tracking_gain = dt / np.maximum(_tracking_times(flights, tracking_time), dt)
-    options = exact or ExactOptions()
-    settings = Settings(
-        conditional=anti_windup == "conditional",
+    followed = np.array(ref, dtype=float)
+    followed = followed if followed.ndim == 3 else followed.reshape(1, -1, 2)
+    if followed.shape[1:] not in ((1, 2), (len(t), 2)):
+        raise ShapeError(f"`ref` must have 1 or {len(t)} samples, got {followed.shape[1]}.")
+    if any(wave.chi_switches or wave.gamma_switches for wave in disturbances):
+        raise InputError("`disturbances` must have no switching times: a batch flies sinusoids.")
+    laws = np.zeros((len(known), LAW_NUMBERS))
+    for row, controller in zip(laws, known, strict=True):
+        numbers = list(_numbers(controller.law))
+        row[: len(numbers)] = numbers
+    starts = [(c.chi, c.gamma, c.phi, c.n_z_start, c.V_a) for c in conditions]
+    waves = [(d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in disturbances]
+    gravity = np.atleast_1d(np.asarray(g, dtype=float))
+    check_positive("m/s^2", g=float(gravity.min()))
+    N = max(len(laws), len(starts), len(waves), len(followed), len(gravity), len(sensors))
+    if len(sensors) not in (0, 1, N) or len(followed) not in (1, N):
+        raise ShapeError(f"`sensors` and `ref` must be for 1 or {N} flights.")
+    flights = Flights(
+        laws=_each(N, laws),
+        start=_each(N, starts),
+        ref=followed,
+        ref_rates=np.zeros_like(followed)
+        if ref_rates is None
+        else np.array(ref_rates, dtype=float).reshape(followed.shape),
+        waves=_each(N, waves),
+        g=_each(N, gravity),
+        exact=exact,
         wrapped=wrapped,
         feed_forward=feed_forward,
         dt=dt,
-        steps=steps,
-        step=dt / steps,
-        tracking_gain=tracking_gain,
-        per_speed=per_speed,
-        g=_one_each(flights, "g", g),
-        exact=exact is not None,
-        course_first=options.priority == "chi",
-        lift_floor=options.lift_floor,
-        braking=options.braking or math.inf,
+        steps=math.ceil(dt / LONGEST_STEP - 1e-9),
     )
-    arrays = _FlightArrays(*(getattr(flights, name) for name in Flights.__slots__))
     result = BatchResult(
         t=t,
         measures=np.empty((N, 2, len(ErrorMeasures._fields))),
@@ -322,10 +192,34 @@ def fly_sampled(  # noqa: PLR0913
         for begin in range(first, end, most) or [first]:
             until = min(begin + most, end)
             errors = _sensor_errors(sensors, begin, until, len(t), dt)
-            fly_block(begin, until, errors, arrays, settings, result)
+            fly_block(begin, until, errors, flights, result)
 
     _in_blocks(fly, N, threads)
     return result
+
+
+def _kind(controller: MimoPI | ExactLaw) -> tuple[bool, bool, bool, float]:
+    """What the kernel must have alike: law, wrapped course error, feed-forward and sample time."""
+    if isinstance(controller, ExactLaw):
+        return True, True, False, controller.dt
+    return False, controller.wrapped[0], controller.feed_forward, controller.dt
+
+
+def _numbers(value: Any) -> Iterable[float]:
+    """Numbers of nested tuples and lists in order; a truth value is 0 or 1."""
+    if isinstance(value, tuple | list):
+        for part in value:
+            yield from _numbers(part)
+    else:
+        yield float(value)
+
+
+def _each(flights: int, values: npt.ArrayLike) -> FloatArray:
+    """Rows for each flight, where one row may stand for all."""
+    array = np.asarray(values, dtype=float)
+    if len(array) not in (1, flights):
+        raise ShapeError(f"{flights} flights must have 1 or {flights} of each, got {len(array)}.")
+    return np.ascontiguousarray(np.broadcast_to(array, (flights, *array.shape[1:])))
 
 
 def _sensor_errors(
@@ -355,32 +249,3 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _tracking_times(flights: Flights, tracking_time: float | None) -> FloatArray:
-    if tracking_time is not None:
-        return np.full(len(flights), tracking_time)
-    different, which = np.unique(flights.K, axis=0, return_inverse=True)
-    times = [integral_time(K[:, :2], K[:, 2:]) for K in different]
-    return np.array(times)[which.reshape(-1)]
-
-
-def _one_each(flights: Flights, name: str, value: Floats) -> FloatArray:
-    """`value` for each flight, positive."""
-    values = np.asarray(value, dtype=float)
-    if values.shape not in ((), (len(flights),)):
-        raise ShapeError(f"`{name}` must have shape ({len(flights)},), got {values.shape}.")
-    if not (np.isfinite(values) & (values > 0.0)).all():
-        raise InputError(f"`{name}` must be positive, got {values.min()}.")
-    return np.ascontiguousarray(np.broadcast_to(values, len(flights)))
-
-
-def _many(kind: type[T], values: T | Iterable[T]) -> list[T]:
-    return [values] if isinstance(values, kind) else list(values)  # type: ignore[arg-type]
-
-
-def _repeated(name: str, values: list[Any], flights: int) -> FloatArray:
-    array = np.array(values, dtype=float)
-    if len(array) not in (1, flights):
-        raise ShapeError(f"`{name}` must be given once or {flights} times, got {len(array)}.")
-    return np.broadcast_to(array, (flights, *array.shape[1:]))

@@ -2,7 +2,7 @@
 
 Numba is imported here and nowhere else, and takes about a second: import this on first use. Without
 it (the extra ``fast``) the same functions are interpreted, some hundred times slower. The arguments
-are the arrays and settings of `flighttune.simulate.batch`.
+are the tuples of `flighttune.simulate.batch`.
 """
 
 import math
@@ -69,7 +69,7 @@ def kernel(function: Callable[..., None]) -> Any:
 
 
 @kernel
-def fly_block(first, end, sensor_errors, flights, settings, result):
+def fly_block(first, end, sensor_errors, flights, result):
     """Fly the flights from `first` up to `end` into their places of `result`.
 
     `sensor_errors` is measured minus true course, flight-path angle and airspeed, one row a flight
@@ -80,7 +80,7 @@ def fly_block(first, end, sensor_errors, flights, settings, result):
     for i in range(first, end):
         rows = result.trajectories[i] if keep else scratch
         seen = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 3))
-        samples, result.ends[i] = _fly(i, seen, flights, settings, t, rows)
+        samples, result.ends[i] = _fly(i, seen, flights, t, rows)
         result.samples[i] = samples
         result.last[i] = rows[samples - 1]
         _measure(t[:samples], rows[:samples], _reference(flights, i), result.measures[i])
@@ -106,13 +106,13 @@ def _reference(flights, i):
 
 
 @njit
-def _fly(i, sensor_errors, flights, settings, t, rows):
+def _fly(i, sensor_errors, flights, t, rows):
     """Fly one flight into `rows`; return its number of samples and how it ended."""
     chi, gamma, phi, n_z, V_a = flights.start[i]
-    ref, wave, g_over_v = _reference(flights, i), flights.waves[i], settings.g[i] / V_a
+    ref, wave, g_over_v = _reference(flights, i), flights.waves[i], flights.g[i] / V_a
     ref_rates = flights.ref_rates[i if len(flights.ref_rates) > 1 else 0]
-    law, state = _law(i, flights, settings), _state(phi, n_z)
-    rate_law = _rate_law(i, flights, settings)
+    law, rate_law, state = _law(flights.laws[i]), _rate_law(flights.laws[i]), _state(phi, n_z)
+    step = flights.dt / flights.steps
     u, true_error = state.u, np.zeros(2)
     # The clock is summed as that of the plant is, so that both see the same disturbance.
     clock, disturbance = 0.0, _disturbance(wave, 0.0)
@@ -123,13 +123,13 @@ def _fly(i, sensor_errors, flights, settings, t, rows):
         if len(sensor_errors):
             y = chi + sensor_errors[k, 0], gamma + sensor_errors[k, 1]
             speed = V_a + sensor_errors[k, 2]
-        if settings.exact:
+        if flights.exact:
             rate = ref_rates[k if len(ref_rates) > 1 else 0]
             exact_step(rate_law, state, (chi_ref, gamma_ref, rate[0], rate[1]), y, speed)
         else:
-            lift_ff = math.cos(gamma_ref) / math.cos(u[0]) if settings.feed_forward else 0.0
+            lift_ff = math.cos(gamma_ref) / math.cos(u[0]) if flights.feed_forward else 0.0
             pi_step(law, state, (chi_ref, gamma_ref), y, (0.0, lift_ff), speed)
-        true_error[0] = wrap_angle(chi_ref - chi) if settings.wrapped else chi_ref - chi
+        true_error[0] = wrap_angle(chi_ref - chi) if flights.wrapped else chi_ref - chi
         true_error[1] = gamma_ref - gamma
         turn, lift = g_over_v * math.tan(u[0]), u[1] * math.cos(u[0])
         rates = turn + disturbance[0], g_over_v * (lift - math.cos(gamma)) + disturbance[1]
@@ -138,14 +138,14 @@ def _fly(i, sensor_errors, flights, settings, t, rows):
             break
         if not (abs(u[0]) < math.pi / 2 and math.isfinite(u[1])):
             return k + 1, ROLLED
-        for s in range(settings.steps):
-            middle = _disturbance(wave, clock + (s + 0.5) * settings.step)
-            last = _disturbance(wave, clock + (s + 1) * settings.step)
+        for s in range(flights.steps):
+            middle = _disturbance(wave, clock + (s + 0.5) * step)
+            last = _disturbance(wave, clock + (s + 1) * step)
             chi, gamma = _runge_kutta_step(
-                (chi, gamma), (turn, lift, g_over_v), (disturbance, middle, last), settings.step
+                (chi, gamma), (turn, lift, g_over_v), (disturbance, middle, last), step
             )
             disturbance = last
-        clock += settings.dt
+        clock += flights.dt
         if not (abs(chi) < LOST and abs(gamma) < LOST):
             return k + 1, DIVERGED
     return len(t), COMPLETED
@@ -160,49 +160,34 @@ def _fill(row, x, error, rates, state):
 
 
 @njit
-def _law(i, flights, settings):
-    K, bounds, dt = flights.K[i], flights.bounds[i], settings.dt
+def _law(row):
     return PILaw(
-        (_channel(0, K, bounds, dt), _channel(1, K, bounds, dt)),
-        (settings.wrapped, False),
-        settings.conditional,
-        settings.tracking_gain[i],
-        settings.per_speed[i],
+        (_channel(row[:8]), _channel(row[8:16])),
+        (row[16] != 0.0, row[17] != 0.0),
+        row[18] != 0.0,
+        row[19],
+        row[20],
     )
 
 
 @njit
-def _rate_law(i, flights, settings):
-    K, bounds, dt = flights.K[i], flights.bounds[i], settings.dt
+def _channel(row):
+    return ChannelLaw((row[0], row[1]), (row[2], row[3]), row[4], row[5], row[6], row[7])
+
+
+@njit
+def _rate_law(row):
     return RateLaw(
-        ((K[0, 0], K[0, 1]), (K[1, 0], K[1, 1])),
-        ((K[0, 2] * dt, K[0, 3] * dt), (K[1, 2] * dt, K[1, 3] * dt)),
-        (_reach(0, bounds, dt), _reach(1, bounds, dt)),
-        settings.wrapped,
-        settings.conditional,
-        settings.tracking_gain[i],
-        1.0 / settings.g[i],
-        settings.lift_floor,
-        2.0 * settings.braking * min(bounds[3, 1], -bounds[2, 1]),
-        settings.course_first,
-    )
-
-
-@njit
-def _reach(j, bounds, dt):
-    return bounds[0, j], bounds[1, j], bounds[2, j] * dt, bounds[3, j] * dt
-
-
-@njit
-def _channel(j, K, bounds, dt):
-    half = 0.5 * dt
-    return ChannelLaw(
-        (K[j, 0], K[j, 1]),
-        (K[j, 2] * half, K[j, 3] * half),
-        bounds[0, j],
-        bounds[1, j],
-        bounds[2, j] * dt,
-        bounds[3, j] * dt,
+        ((row[0], row[1]), (row[2], row[3])),
+        ((row[4], row[5]), (row[6], row[7])),
+        ((row[8], row[9], row[10], row[11]), (row[12], row[13], row[14], row[15])),
+        row[16] != 0.0,
+        row[17] != 0.0,
+        row[18],
+        row[19],
+        row[20],
+        row[21],
+        row[22] != 0.0,
     )
 
 

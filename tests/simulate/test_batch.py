@@ -1,6 +1,5 @@
 """The batched flights against the single run."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -13,7 +12,8 @@ from flighttune.errors import InputError, ShapeError
 from flighttune.metrics import METRICS, channel_metrics
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
-from flighttune.simulate.batch import SIGNALS, Flights, fly_sampled
+from flighttune.plants.sensors import Sensors
+from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.simulate.measures import ErrorMeasures
@@ -31,7 +31,14 @@ PRINTED = Limits(
 START = FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4, phi=math.pi / 3, n_z=1.0)
 REF = (0.0, math.pi / 12)
 WAVES = Sinusoid(chi_amplitude=0.1, chi_omega=0.15, gamma_amplitude=0.1, gamma_omega=0.15)
-PAPER = Flights.of(PAPER_GAINS, condition=START, ref=REF, limits=PRINTED, disturbance=WAVES)
+
+
+def paper(dt=0.01, limits=PRINTED, gains=(PAPER_GAINS,), **settings):
+    """Flights of the paper's manoeuvre."""
+    laws = [MimoPI(each, limits, dt=dt) for each in gains]
+    return fly_sampled(laws, [START], REF, **{"duration": 1.0, "disturbances": [WAVES], **settings})
+
+
 MANOEUVRE = Reference(
     chi=3.0,
     gamma=0.1,
@@ -97,18 +104,18 @@ def as_run(signals):
 def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
     cases = list(random_cases(12, seed=round(1000 * dt)))
     samples = np.arange(round(8.0 / dt) + 1) * dt
-    flights = Flights.of(
-        [case[0] for case in cases],
-        condition=[case[1] for case in cases],
-        ref=np.column_stack(MANOEUVRE.sampled(samples)),
-        limits=[case[2] for case in cases],
-        disturbance=[case[3] for case in cases],
-    )
     settings = {"feed_forward": False, **settings, "anti_windup": anti_windup}
-
-    batch = fly_sampled(flights, dt=dt, duration=8.0, trajectories=True, **settings)
-
     settings["wrapped"] = ("chi",) if settings.get("wrapped", True) else ()
+
+    batch = fly_sampled(
+        [MimoPI(gains, limits, dt=dt, **settings) for gains, _, limits, _ in cases],
+        [case[1] for case in cases],
+        np.column_stack(MANOEUVRE.sampled(samples)),
+        duration=8.0,
+        disturbances=[case[3] for case in cases],
+        trajectories=True,
+    )
+
     shared = [name for name in SIGNALS if not name.endswith("_rate")]
     for i, case in enumerate(cases):
         signals, stop = flown_alone(case, MANOEUVRE, dt, **settings)
@@ -126,13 +133,9 @@ def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
 def test_random_cases_meet_every_kind_of_limit_and_divergence():
     """What the comparison above would say nothing about if it did not happen."""
     cases = list(random_cases(12, seed=10))
-    flights = Flights.of(
-        [case[0] for case in cases],
-        condition=[case[1] for case in cases],
-        ref=(3.0, 0.1),
-        limits=[case[2] for case in cases],
-    )
-    batch = fly_sampled(flights, dt=0.01, duration=8.0, trajectories=True)
+    laws = [MimoPI(gains, limits, dt=0.01) for gains, _, limits, _ in cases]
+    conditions = [case[1] for case in cases]
+    batch = fly_sampled(laws, conditions, (3.0, 0.1), duration=8.0, trajectories=True)
 
     assert {0.0, 1.0, 2.0} <= set(batch.signal("phi_limited")[batch.ends == 0].ravel())
     assert {0, 1} <= set(batch.ends.tolist())
@@ -143,7 +146,7 @@ def test_the_measures_have_the_names_and_the_order_of_the_single_runs():
 
 
 def test_metrics_alone_are_the_metrics_of_the_trajectories():
-    batch = [fly_sampled(PAPER, dt=0.01, duration=20.0, trajectories=kept) for kept in (0, 1)]
+    batch = [paper(duration=20.0, trajectories=kept) for kept in (False, True)]
 
     assert len(batch[0].trajectories) == 0
     assert np.array_equal(batch[0].measures, batch[1].measures, equal_nan=True)
@@ -153,10 +156,9 @@ def test_metrics_alone_are_the_metrics_of_the_trajectories():
 
 def test_the_number_of_threads_does_not_change_a_bit():
     gains = list(paper_family().values()) * 10
-    flights = Flights.of(gains, condition=START, ref=REF, limits=MAGNITUDE, disturbance=WAVES)
 
     one, two, five = (
-        fly_sampled(flights, dt=0.02, duration=5.0, threads=n).measures for n in (1, 2, 5)
+        paper(0.02, MAGNITUDE, gains, duration=5.0, threads=n).measures for n in (1, 2, 5)
     )
 
     assert np.array_equal(one, two, equal_nan=True)
@@ -164,16 +166,14 @@ def test_the_number_of_threads_does_not_change_a_bit():
 
 
 def test_the_error_rate_is_what_the_error_does_next():
-    batch = fly_sampled(PAPER, dt=1e-4, duration=0.05, trajectories=True)
+    batch = paper(1e-4, duration=0.05, trajectories=True)
 
     slope = np.diff(batch.signal("chi_err")[0]) / 1e-4
     assert batch.signal("chi_err_rate")[0, :-1] == pytest.approx(slope, abs=1e-4)
 
 
 def test_a_roll_beyond_90_deg_is_reported_as_a_value():
-    batch = fly_sampled(
-        Flights.of(PAPER_GAINS, condition=START, ref=REF), dt=0.01, duration=1.0, trajectories=True
-    )
+    batch = paper(limits=None, trajectories=True)
 
     assert batch.ends[0] == 1
     assert batch.last[0, SIGNALS.index("phi_cmd")] == pytest.approx(math.radians(-119.5), abs=1e-3)
@@ -183,81 +183,39 @@ def test_a_roll_beyond_90_deg_is_reported_as_a_value():
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        ({"K": np.zeros((1, 2, 3))}, ShapeError, r"`K` must have shape \(1, 2, 4\)"),
-        ({"start": np.zeros((2, 5))}, ShapeError, r"`start` must have shape \(1, 5\)"),
-        ({"ref": np.zeros((3, 1, 2))}, ShapeError, r"`ref` must have shape \(1 or 1, k or 1, 2\)"),
-        ({"waves": np.full((1, 4), np.nan)}, InputError, r"`waves` must be finite"),
-        ({"start": [[0.0, 0.0, 0.0, 1.0, -2.0]]}, InputError, r"`V_a` must be positive, got -2"),
-        ({"start": [[0.0, 2.0, 0.0, 1.0, 25.0]]}, InputError, r"must lie inside \+-pi/2"),
-        ({"bounds": np.zeros((1, 4, 2))}, InputError, r"`bounds` must be ranges"),
-    ],
-)
-def test_impossible_flights_are_refused(change, error, message):
-    with pytest.raises(error, match=message):
-        dataclasses.replace(PAPER, **change)
-
-
-@pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"dt": 0.0}, r"`dt` must be positive, got 0\.0"),
-        ({"duration": 0.001}, r"`duration` must be at least one sample"),
-        ({"anti_windup": "clamp"}, r"`anti_windup` must be .*, got 'clamp'"),
-        ({"threads": 0}, r"`threads` must be at least 1, got 0"),
+        ({"duration": 0.001}, "`duration`"),
+        ({"threads": 0}, "`threads`"),
+        ({"g": [0.0]}, "`g`"),
+        ({"disturbances": [Sinusoid(gamma_amplitude=0.1, gamma_switches=(1.0,))]}, "switching"),
+        ({"gains": [PAPER_GAINS] * 3, "g": [9.8, 9.8]}, "3 flights"),
+        ({"sensors": [Sensors()] * 2, "gains": [PAPER_GAINS] * 3}, "3 flights"),
     ],
 )
-def test_impossible_settings_are_refused(settings, message):
-    free = Flights.of(PAPER_GAINS, condition=START, ref=REF, limits=MAGNITUDE)
+def test_impossible_flights_are_refused(settings, message):
     with pytest.raises(InputError, match=message):
-        fly_sampled(free, **{"dt": 0.01, "duration": 1.0, **settings})
+        paper(**settings)
 
 
 def test_a_reference_over_time_must_be_as_long_as_the_flight():
-    moving = Flights.of(PAPER_GAINS, condition=START, ref=np.zeros((5, 2)))
-    with pytest.raises(ShapeError, match=r"`ref` must have 1 or 101 samples, got 5"):
-        fly_sampled(moving, dt=0.01, duration=1.0)
+    with pytest.raises(ShapeError, match="101 samples, got 5"):
+        fly_sampled([MimoPI(PAPER_GAINS, dt=0.01)], [START], np.zeros((5, 2)), duration=1.0)
 
 
-def test_things_of_different_number_are_refused():
-    with pytest.raises(ShapeError, match=r"`start` must be given once or 3 times, got 2"):
-        Flights.of([PAPER_GAINS] * 3, condition=[START] * 2, ref=REF)
-
-
-@pytest.mark.parametrize(
-    ("settings", "error", "message"),
-    [
-        ({"g": [9.8, 9.8]}, ShapeError, r"`g` must have shape \(1,\), got \(2,\)"),
-        ({"g": [0.0]}, InputError, r"`g` must be positive, got 0"),
-        ({"schedule_speed": np.nan}, InputError, r"`schedule_speed` must be positive, got nan"),
-    ],
-)
-def test_numbers_that_may_differ_from_flight_to_flight_must_fit_the_flights(
-    settings, error, message
-):
-    with pytest.raises(error, match=message):
-        fly_sampled(PAPER, dt=0.01, duration=1.0, **settings)
+def test_controllers_that_differ_in_more_than_gains_are_refused():
+    laws = [MimoPI(PAPER_GAINS, dt=dt) for dt in (0.01, 0.02)]
+    with pytest.raises(InputError, match="`controllers`"):
+        fly_sampled(laws, [START], REF, duration=1.0)
 
 
 def test_gravity_and_speed_of_the_schedule_can_be_one_a_flight():
-    cases = Flights.of([PAPER_GAINS] * 3, condition=START, ref=REF, limits=PRINTED)
-    g, speed = np.array([9.7, 9.81, 9.9]), np.array([20.0, 25.0, 30.0])
+    g, speed = np.array([9.7, 9.81, 9.9]), [20.0, 25.0, 30.0]
+    laws = [MimoPI(PAPER_GAINS, PRINTED, dt=0.02, schedule_speed=each) for each in speed]
 
-    together = fly_sampled(cases, dt=0.02, duration=4.0, g=g, schedule_speed=speed)
+    together = fly_sampled(laws, [START], REF, duration=4.0, g=g)
 
-    one = Flights.of(PAPER_GAINS, condition=START, ref=REF, limits=PRINTED)
     for i in range(3):
-        alone = fly_sampled(one, dt=0.02, duration=4.0, g=g[i], schedule_speed=speed[i])
+        alone = fly_sampled([laws[i]], [START], REF, duration=4.0, g=g[i])
         assert alone.measures[0].tobytes() == together.measures[i].tobytes()
     assert len(np.unique(together.measures[:, 0, 0])) == 3
-
-
-def test_switching_times_are_not_for_a_batch():
-    with pytest.raises(InputError, match=r"`gamma_switches` must be None"):
-        Flights.of(
-            PAPER_GAINS,
-            condition=FlightCondition(V_a=25.0),
-            ref=(0.0, 0.0),
-            disturbance=Sinusoid(gamma_amplitude=0.1, gamma_switches=(1.0,)),
-        )

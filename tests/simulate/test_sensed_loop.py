@@ -1,7 +1,5 @@
 """The loop behind sensors: what the controller does, what is recorded, one run and many."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from flighttune.errors import ShapeError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.sensors import MEASURED, SENSED, Sensors
-from flighttune.simulate.batch import SIGNALS, Flights, fly_sampled
+from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.reference import Reference, ramp
 from flighttune.units import wrap_angle
@@ -103,15 +101,10 @@ def test_flights_of_a_batch_are_the_single_ones(threads, monkeypatch):
     monkeypatch.setattr("flighttune.simulate.batch.SENSED_AT_ONCE", 3)
     sensors = list(many(11))
     t = np.arange(round(DURATION / DT) + 1) * DT
-    flights = Flights.of(
-        [PAPER_GAINS] * len(sensors),
-        condition=START,
-        ref=np.stack(TURN.sampled(t), axis=-1),
-        limits=LIMITS,
-    )
+    laws = [MimoPI(PAPER_GAINS, LIMITS, dt=DT, schedule_speed=24.0)] * len(sensors)
 
     batch = fly_sampled(
-        flights, dt=DT, duration=DURATION, schedule_speed=24.0, sensors=sensors,
+        laws, [START], np.stack(TURN.sampled(t), axis=-1), duration=DURATION, sensors=sensors,
         trajectories=True, threads=threads,
     )  # fmt: skip
 
@@ -122,19 +115,11 @@ def test_flights_of_a_batch_are_the_single_ones(threads, monkeypatch):
 
 
 def test_one_set_of_sensors_serves_all_flights_and_the_wrong_number_is_refused():
-    flights = Flights.of([PAPER_GAINS] * 3, condition=START, ref=(2.6, 0.1), limits=LIMITS)
+    laws = [MimoPI(PAPER_GAINS, LIMITS, dt=DT)] * 3
 
     def last(sensors):
-        return fly_sampled(flights, dt=DT, duration=1.0, sensors=sensors).last
+        return fly_sampled(laws, [START], (2.6, 0.1), duration=1.0, sensors=sensors).last
 
     assert np.array_equal(last([NOISY]), last([NOISY] * 3))
-    assert not np.array_equal(last([NOISY]), last(None))
-    with pytest.raises(ShapeError, match=r"`sensors` must be 1 or 3, got 2"):
+    with pytest.raises(ShapeError, match="3 flights"):
         last([NOISY] * 2)
-
-
-def test_an_error_of_more_than_half_a_turn_is_wrapped():
-    signals = flown(Sensors(bias=(0.2, 0.0, 0.0)), Reference(chi=2.5 - math.pi + 0.1, gamma=0.0))
-
-    assert signals["chi_err"].iloc[0] == pytest.approx(-math.pi + 0.1)
-    assert signals["chi_err"].abs().max() <= math.pi

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.mimo_pi import MimoPI
 from flighttune.plants.base import FlightCondition
 from flighttune.scenario import scenario_from
-from flighttune.simulate.batch import Flights, fly_sampled
+from flighttune.simulate.batch import fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.problem import tube_problem
@@ -74,9 +75,17 @@ def flown(scenario, gains, start, disturbance, seed):
     corners = rng.choice([-1.0, 1.0], (FLIGHTS, 2)) * rng.choice([1.0, rng.random()], (FLIGHTS, 2))
     sizes = disturbance * rng.choice([-1.0, 1.0], (FLIGHTS, 2))
     omegas = rng.choice([0.0, 0.5, 2.0, 20.0], (FLIGHTS, 2))
-    flights = Flights.of(
+    controller = scenario.controller
+    law = MimoPI(
         gains,
-        condition=[
+        scenario.limits.limits(),
+        dt=dt,
+        anti_windup=controller.anti_windup,
+        feed_forward=controller.feed_forward,
+    )
+    return fly_sampled(
+        [law],
+        [
             FlightCondition(
                 V_a=condition.V_a,
                 chi=condition.chi + start * a,
@@ -84,19 +93,12 @@ def flown(scenario, gains, start, disturbance, seed):
             )
             for a, b in corners
         ],
-        ref=np.stack(scenario.followed().sampled(t), axis=1),
-        limits=scenario.limits.limits(),
-        disturbance=[
+        np.stack(scenario.followed().sampled(t), axis=1),
+        duration=scenario.flight.duration_s,
+        disturbances=[
             Sinusoid(chi_amplitude=a, chi_omega=u, gamma_amplitude=b, gamma_omega=v)
             for (a, b), (u, v) in zip(sizes, omegas, strict=True)
         ],
-    )
-    return fly_sampled(
-        flights,
-        dt=dt,
-        duration=scenario.flight.duration_s,
-        anti_windup=scenario.controller.anti_windup,
-        feed_forward=scenario.controller.feed_forward,
         trajectories=True,
     )
 

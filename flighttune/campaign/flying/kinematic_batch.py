@@ -8,13 +8,15 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
+from flighttune.flight.fly import law_setup
 from flighttune.guarantee.mismatch import LEAST_SAMPLES
 from flighttune.guarantee.ultimate_set import UltimateSet
 from flighttune.metrics import METRICS
+from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
-from flighttune.simulate.batch import SIGNALS, BatchResult, Flights, fly_sampled
+from flighttune.simulate.batch import SIGNALS, BatchResult, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 
 FLOWN_TOGETHER = 64
@@ -55,7 +57,7 @@ def batchable(
     Keys decide and their values do not, so that the answer is the same for all draws that give
     values to the `dispersed` keys.
     """
-    if law.kernel() is None or not table.family.batched:
+    if not (law.batched and table.family.batched):
         return False
     return not any(
         _has(scenario, key) or any(f"{other}.".startswith(f"{key}.") for other in dispersed)
@@ -110,43 +112,27 @@ def _fly(
 ) -> Iterator[FlightResult | None]:
     """Flights with the same controller, duration and kinds of inputs."""
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
-    kernel = law.kernel()
-    assert kernel is not None  # of `batchable` flights
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
     at = t if _moving(scenarios[0]) else np.zeros(1)
     references = [scenario.followed() for scenario in scenarios]
-    flights = Flights.of(
-        [gains] * len(scenarios),
-        condition=[scenario.condition for scenario in scenarios],
-        ref=np.array([np.column_stack(reference.sampled(at)) for reference in references]),
-        ref_rates=np.array([np.column_stack(reference.rates(at)) for reference in references]),
-        limits=[scenario.limits.limits() for scenario in scenarios],  # the plant itself has none
-        disturbance=[
-            scenario.disturbance.sinusoid() if scenario.disturbance else Sinusoid()
-            for scenario in scenarios
-        ],
-    )
+    conditions = [scenario.condition for scenario in scenarios]
+    ref = np.array([np.column_stack(reference.sampled(at)) for reference in references])
     batch = fly_sampled(
-        flights,
-        dt=dt,
+        # the plant itself has no limits
+        [law.make(law_setup(s, gains, s.limits.limits())) for s in scenarios],
+        conditions,
+        ref,
         duration=duration,
-        anti_windup=controller.anti_windup,
-        tracking_time=controller.tracking_time_s,
-        schedule_speed=flights.start[:, 4] if controller.schedule else None,
-        feed_forward=controller.feed_forward,
-        sensors=[
-            scenario.sensors.sensors(scenario.seed)
-            for scenario in scenarios
-            if scenario.sensors is not None
-        ],
+        ref_rates=np.array([np.column_stack(reference.rates(at)) for reference in references]),
+        disturbances=[s.disturbance.sinusoid() if s.disturbance else Sinusoid() for s in scenarios],
+        sensors=[s.sensors.sensors(s.seed) for s in scenarios if s.sensors is not None],
         trajectories=True,
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
-        exact=kernel.exact,
         threads=1,
     )
-    columns = {name: values.tolist() for name, values in _measured(flights, batch).items()}
-    certified = _certified(flights, batch, claim)
+    columns = {name: values.tolist() for name, values in _measured(conditions, batch).items()}
+    certified = _certified(ref, batch, claim)
     for i in range(len(scenarios)):
         if batch.ends[i] > ROLLED:
             yield None
@@ -158,12 +144,12 @@ def _fly(
         yield FlightResult(*_status(batch, i), measured, certified[i])
 
 
-def _measured(flights: Flights, batch: BatchResult) -> dict[str, FloatArray]:
+def _measured(conditions: Sequence[FlightCondition], batch: BatchResult) -> dict[str, FloatArray]:
     """Measures of each flight, by column, shape (N,)."""
-    N = len(flights)
+    N = len(conditions)
     n_z_cmd = batch.signal("n_z_cmd").copy()
     n_z_cmd[np.arange(N), batch.samples - 1] = np.nan  # not flown any more
-    n_z = np.column_stack([flights.start[:, 3], n_z_cmd])
+    n_z = np.column_stack([[condition.n_z_start for condition in conditions], n_z_cmd])
     both = {name: batch.measure(name) for name in METRICS}
     both["peak_rad"] = np.column_stack(
         [np.fmax.reduce(np.abs(batch.signal(name)), axis=1) for name in ("chi_err", "gamma_err")]
@@ -177,8 +163,8 @@ def _measured(flights: Flights, batch: BatchResult) -> dict[str, FloatArray]:
     }
 
 
-def _certified(flights: Flights, batch: BatchResult, claim: UltimateSet | None) -> list[str | None]:
-    verdicts: list[str | None] = [None] * len(flights)
+def _certified(ref: FloatArray, batch: BatchResult, claim: UltimateSet | None) -> list[str | None]:
+    verdicts: list[str | None] = [None] * len(batch.ends)
     whole = np.flatnonzero(batch.ends == 0)
     if claim is None or not len(whole) or len(batch.t) < LEAST_SAMPLES:
         return verdicts
@@ -187,7 +173,7 @@ def _certified(flights: Flights, batch: BatchResult, claim: UltimateSet | None) 
         course, path = (np.ascontiguousarray(batch.signal(name)[whole]) for name in names)
         return course, path
 
-    ref = np.broadcast_to(flights.ref, (len(flights), len(batch.t), 2))[whole]
+    ref = np.broadcast_to(ref, (len(verdicts), len(batch.t), 2))[whole]
     outcomes = claim.outcomes(
         batch.t,
         errors=signals("chi_err", "gamma_err"),

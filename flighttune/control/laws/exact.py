@@ -10,13 +10,12 @@ from flighttune.control.exact_law import (
     BRAKING,
     LIFT_FLOOR,
     ExactLaw,
-    ExactOptions,
     Priority,
     rate_model,
 )
 from flighttune.control.gains import RATES
 from flighttune.control.inner_loop import InnerLag
-from flighttune.control.law import KernelLaw, Law, OuterLoop, SampledController, Trim
+from flighttune.control.law import Law, OuterLoop, SampledController, Trim
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import ChannelLaw
 from flighttune.errors import InputError
@@ -41,12 +40,8 @@ class Exact(Law):
     keys: ClassVar[frozenset[str]] = frozenset({"priority", "lift_floor", "braking"})
     inputs: ClassVar[tuple[str, str]] = RATES
     same_everywhere: ClassVar[bool] = True
+    batched: ClassVar[bool] = True
     plant: ClassVar[str] = "point_mass"
-
-    @property
-    def options(self) -> ExactOptions:
-        """Priority where a limit allows only one of the two lifts."""
-        return ExactOptions(self.priority, self.lift_floor, self.braking)
 
     def make(self, setup: LawSetup, /) -> ExactLaw:
         """Make the controller of a flight."""
@@ -59,7 +54,9 @@ class Exact(Law):
             anti_windup=setup.anti_windup,
             tracking_time=setup.tracking_time,
             g=setup.g,
-            **self.options._asdict(),
+            priority=self.priority,
+            lift_floor=self.lift_floor,
+            braking=self.braking,
         )
 
     def linear_model(self, _trim: Trim, /) -> LinearModel:
@@ -74,10 +71,6 @@ class Exact(Law):
         scaling = super().state_scaling(model, lags)
         scaling[-len(lags) :] = [LAGS_PER_ERROR * lag.whole for lag in lags]
         return scaling
-
-    def kernel(self) -> KernelLaw:
-        """How the batch kernel flies it."""
-        return KernelLaw(self.options)
 
     def sampled(self, setup: LawSetup, /) -> SampledController:
         """How a tube follows it: channels that command rates, and their inversion."""

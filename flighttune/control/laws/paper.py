@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from flighttune.control.controller import LawSetup
-from flighttune.control.law import KernelLaw, Law, OuterLoop, SampledController, Trim
+from flighttune.control.law import Law, OuterLoop, SampledController, Trim
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError
@@ -15,6 +15,7 @@ class Paper(Law):
     """See `MimoPI`."""
 
     kind: ClassVar[str] = "paper"
+    batched: ClassVar[bool] = True
 
     def make(self, setup: LawSetup, /) -> MimoPI:
         """Make the controller of a flight."""
@@ -36,10 +37,6 @@ class Paper(Law):
         if trim.schedule_speed is None:
             return model
         return replace(model, B=model.B * (trim.V_a / trim.schedule_speed))
-
-    def kernel(self) -> KernelLaw:
-        """How the batch kernel flies it."""
-        return KernelLaw()
 
     def sampled(self, setup: LawSetup, /) -> SampledController:
         """How a tube follows it."""
