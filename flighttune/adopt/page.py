@@ -25,8 +25,8 @@ PAGE = "adoption.html"
 
 FLIGHT_COLUMNS = [
     *columns("gains status"),
-    Column("ITAE.chi", "ITAE χ", "rad\u00a0s²", best="low"),
-    Column("ITAE.gamma", "ITAE γ", "rad\u00a0s²", best="low"),
+    Column("ITAE.chi", "ITAE χ", "rad\u00a0s²"),
+    Column("ITAE.gamma", "ITAE γ", "rad\u00a0s²"),
     Column("ST_deg.chi", "ST χ", "deg"),
     Column("ST_deg.gamma", "ST γ", "deg"),
 ]

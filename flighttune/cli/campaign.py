@@ -43,7 +43,7 @@ OF_BEST = (
 CANDIDATE_COLUMNS = [
     *columns("name I_K R_K draws"),
     Column("success", "succeed", "%", percent, ends=("success_interval.0", "success_interval.1")),
-    Column("value", "percentile", best="low", ends=("interval.0", "interval.1")),
+    Column("value", "percentile", ends=("interval.0", "interval.1")),
     Column("behind", "behind", ends=("behind_interval.0", "behind_interval.1")),
     Column("p_best", "probability to be the best"),
 ]
@@ -100,13 +100,12 @@ def report(
     from flighttune.campaign.statistics.flights import load_flights
     from flighttune.report.campaign import tables
     from flighttune.report.campaign.page import notes, summary, write_campaign_report
-    from flighttune.report.campaign.values import findings_values
 
     made = findings(load_flights(folder), method=interval, confidence=confidence)
     if out is None and Path(folder).is_dir():
         out = Path(folder) / "report.html"
     page = None if out is None else write_campaign_report(made, out).path
-    values = findings_values(made)
+    values = tables.findings_values(made)
     emit(
         Answer(
             values={**values, "sha256": dataset_hash(folder)},

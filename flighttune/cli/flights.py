@@ -20,7 +20,7 @@ from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
+from flighttune.present.tables import Table
 
 RUN_COLUMNS = columns(
     "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
@@ -29,10 +29,7 @@ RUN_COLUMNS = columns(
 """Metrics of the printed table; ``--json`` has them all."""
 
 EQUAL = "equal to the bit"
-REFLOWN_COLUMNS = [
-    *columns("run status samples"),
-    Column("result", "result", good=(EQUAL,)),
-]
+REFLOWN_COLUMNS = columns("run status samples result")
 
 if TYPE_CHECKING:
     from flighttune.flight.fly import FlownScenario

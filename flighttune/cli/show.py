@@ -67,7 +67,7 @@ def emit(answer: Answer) -> None:
         clear()
         print(answer.json())
     elif not quiet():
-        for part in answer.text(_width(), styled=_styled()):
+        for part in answer.text(_width()):
             clear()  # the text may take its time
             print(part)
 
@@ -81,12 +81,6 @@ def _width() -> int:
         if sys.stdout.isatty():
             return os.get_terminal_size(sys.stdout.fileno()).columns or PLAIN_WIDTH
     return PLAIN_WIDTH
-
-
-def _styled() -> bool:
-    """Whether stdout is a terminal that shows bold and red."""
-    plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"
-    return sys.stdout.isatty() and not plain
 
 
 def pick(value: object, names: str) -> dict[str, Any]:

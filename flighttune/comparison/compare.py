@@ -54,13 +54,11 @@ COMPARED = (
 PAIR_COLUMNS = [
     Column("source_a", "A"),
     Column("run_a", "run of A"),
-    Column("status_a", "status"),
     Column("source_b", "B"),
     Column("run_b", "run of B"),
-    Column("status_b", "status"),
     *columns("compared_s max_distance_m max_distance_at_s"),
-    Column("better.a", "better in: A", digits=".0f"),
-    Column("better.b", "B", digits=".0f"),
+    Column("better.a", "A better in", digits=".0f"),
+    Column("better.b", "B better in", digits=".0f"),
 ]
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
 

@@ -39,10 +39,10 @@ class Answer:
         said = {"notes": self.notes, "verdict": self.verdict}
         return json_text({**records, **said, **self.values, **self.files})
 
-    def text(self, width: int, *, styled: bool = False) -> Iterator[str]:
+    def text(self, width: int) -> Iterator[str]:
         """Paragraphs and tables of at most `width` characters; paths may be longer."""
         for place, table in enumerate(table for table in self.tables if table.records):
-            text = table.text(width, styled=styled)
+            text = table.text(width)
             yield f"\n{text}" if place else text
         sentences = [sentence for sentence in (*self.notes, self.verdict) if sentence]
         if self.tables and sentences:

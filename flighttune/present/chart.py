@@ -5,7 +5,7 @@ Colours are CSS variables of `style`, so that one chart serves a light, a dark a
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from html import escape
@@ -159,14 +159,10 @@ class Chart:
         if name:
             self.legend.append((name, colour, dash))
 
-    def upright(
-        self, value: float, colour: str = NEUTRAL, *, dash: str = "", name: str = ""
-    ) -> None:
+    def upright(self, value: float, colour: str = NEUTRAL, *, dash: str = "") -> None:
         """Draw a vertical line across the chart."""
         attributes = _stroke(colour, 1.2, dash)
         self._marks.append(lambda a: f'<path d="M{a.sx(value):.1f},0V{a.height:.1f}"{attributes}/>')
-        if name:
-            self.legend.append((name, colour, dash))
 
     def points(
         self,
@@ -422,26 +418,6 @@ class Sheet:
 
     def _repr_svg_(self) -> str:
         return self.svg()
-
-
-def spark(
-    t: FloatArray, lines: Mapping[str, FloatArray], colour: str, longest: float, ends: Range
-) -> str:
-    """A small chart without axes: lines over time about zero, the second one thin.
-
-    `longest` is the time at the right edge and `ends` are the values at the lower and upper edge,
-    the same for all charts that stand together.
-    """
-    low, high = ends if ends[0] < ends[1] else (-1.0, 1.0)
-    a = _Axes(x=(0.0, longest or 1.0), y=(low, high), width=120.0, height=36.0)
-    paths = "".join(
-        f'<path d="{_path(a.sx(x), a.sy(y))}"{_stroke(colour, 1.8 if not i else 0.9)}/>'
-        for i, (x, y) in enumerate(thinned(t, y, 120) for y in lines.values())
-    )
-    zero = f'<path class="grid" d="M0,{float(a.sy(0.0)):.1f}H{a.width:g}"/>'
-    box = f'viewBox="0 -1 {a.width:g} {a.height + 2.0:g}" width="{a.width:g}"'
-    label = escape(" and ".join(lines))
-    return f'<svg class="chart spark" {box} role="img" aria-label="{label}">{zero}{paths}</svg>'
 
 
 def ticks(ends: Range, wanted: float, log: bool = False) -> list[tuple[float, str]]:

@@ -3,7 +3,7 @@
 import base64
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,8 +64,14 @@ def write_page(
 ) -> Report:
     """Write a page: summary, sections, and what its template asks for besides.
 
+    Tables without a row are left out, and sections without a chart or a table.
     Parent folders of `path` are made. Raises OutputError if the file cannot be written.
     """
+    filled = (
+        replace(section, tables=[table for table in section.tables if table.records])
+        for section in sections
+    )
+    sections = [section for section in filled if section.charts or section.tables]
     write_text(path, page_text(template, summary=summary, sections=sections, **more))
     titles = tuple(section.title for section in sections if section.title)
     tables = tuple(table for section in sections for table in section.tables)

@@ -1,10 +1,8 @@
 """Names, symbols and units of channels, signals and metrics as a reader sees them."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
-from flighttune.present.numbers import number
 from flighttune.present.tables import Column
 from flighttune.units import DEG_PER_RAD
 
@@ -13,53 +11,33 @@ SYMBOLS = {**CHANNEL_SYMBOLS, "phi": "φ", "n_z": "n_z"}
 CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
 
 
-@dataclass(frozen=True, slots=True)
-class MetricLabel:
-    """Label, unit and digits of a metric."""
-
-    name: str
-    unit: str  # unit shown: degrees for radians
-    decimals: int  # of the value in that unit
-    factor: float = 1.0  # from SI to that unit
-
-    @property
-    def heading(self) -> str:
-        """Name with unit, for a column or an axis."""
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
-
-    def text(self, value: float) -> str:
-        """A value of the metric (SI) in the unit shown."""
-        return number(value * self.factor, f"z.{self.decimals}f")
-
-    def column(self, key: str, **more: Any) -> Column:
-        """The column of a table with the metric (SI) at `key` of its records."""
-        return Column(key, self.name, self.unit, f"z.{self.decimals}f", self.factor, **more)
-
-
 METRIC_LABELS = {
-    "ITAE": MetricLabel("ITAE", "rad\u00a0s²", 2),
-    "ITAE_mean": MetricLabel("ITAE over time", "rad\u00a0s", 3),
-    "MO_rad": MetricLabel("overshoot", "deg", 2, DEG_PER_RAD),
-    "PT_s": MetricLabel("peak time", "s", 2),
-    "rise_s": MetricLabel("rise time", "s", 2),
-    "settling_s": MetricLabel("settling time (5\u00a0%)", "s", 2),
-    "MS_rad": MetricLabel("mean error, last quarter", "deg", 3, DEG_PER_RAD),
-    "ST_rad": MetricLabel("standard deviation, last quarter", "deg", 3, DEG_PER_RAD),
-    "effort_rms": MetricLabel("effort rms", "", 3),
-    "saturation_s": MetricLabel("time at limits", "s", 2),
-    "peak_rad": MetricLabel("peak error", "deg", 2, DEG_PER_RAD),
-    "V_a_dev_mps": MetricLabel("airspeed deviation", "m/s", 2),
-    "n_z_min": MetricLabel("minimum n_z", "1", 2),
-    "n_z_max": MetricLabel("maximum n_z", "1", 2),
-    "alpha_max_rad": MetricLabel("maximum |α|", "deg", 1, DEG_PER_RAD),
+    column.key: column
+    for column in (
+        Column("ITAE", "ITAE", "rad\u00a0s²", "z.2f"),
+        Column("ITAE_mean", "ITAE over time", "rad\u00a0s", "z.3f"),
+        Column("MO_rad", "overshoot", "deg", "z.2f", DEG_PER_RAD),
+        Column("PT_s", "peak time", "s", "z.2f"),
+        Column("rise_s", "rise time", "s", "z.2f"),
+        Column("settling_s", "settling time (5\u00a0%)", "s", "z.2f"),
+        Column("MS_rad", "mean error, last quarter", "deg", "z.3f", DEG_PER_RAD),
+        Column("ST_rad", "standard deviation, last quarter", "deg", "z.3f", DEG_PER_RAD),
+        Column("effort_rms", "effort rms", "", "z.3f"),
+        Column("saturation_s", "time at limits", "s", "z.2f"),
+        Column("peak_rad", "peak error", "deg", "z.2f", DEG_PER_RAD),
+        Column("V_a_dev_mps", "airspeed deviation", "m/s", "z.2f"),
+        Column("n_z_min", "minimum n_z", "1", "z.2f"),
+        Column("n_z_max", "maximum n_z", "1", "z.2f"),
+        Column("alpha_max_rad", "maximum |α|", "deg", "z.1f", DEG_PER_RAD),
+    )
 }
-"""Label of each metric of a channel or of the flight, by its key."""
+"""Column of each metric of a channel or of the flight (SI), by its key."""
 
 
-def metric_label(key: str) -> MetricLabel:
-    """Label of a metric of one channel by its column, such as ``chi.MO_rad``: overshoot of χ."""
+def metric_label(key: str) -> Column:
+    """Column of a metric of one channel by its key, such as ``chi.MO_rad``: overshoot of χ."""
     channel, metric = key.split(".")
-    label = METRIC_LABELS[metric]
+    label = replace(METRIC_LABELS[metric], key=key)
     if channel not in SYMBOLS:
         return label
     label = replace(label, name=f"{label.name} of {SYMBOLS[channel]}")
@@ -86,8 +64,8 @@ UNIT_OF_SUFFIX = {
 QUANTITIES = {
     column.key: column
     for column in (
-        Column("R_K", "R_K", "1/s", ".5g", best="high"),
-        Column("I_K", "I_K", "s²", ".5g", best="low"),
+        Column("R_K", "R_K", "1/s", ".5g"),
+        Column("I_K", "I_K", "s²", ".5g"),
         Column("spectral_abscissa", "spectral abscissa", "1/s"),
         Column("rate", "rate", "1/s", ".6g"),
         Column("growth", "largest growth of the norm"),
@@ -102,11 +80,11 @@ QUANTITIES = {
         Column("wall_s", "time", "s"),
         Column("n", "flights"),
         Column("successes", "succeed"),
-        Column("status", "status", good=("completed", "certified", "found", "optimal", "stable")),
-        Column("met", "met", good=("yes",)),
-        Column("inside", "flight inside", good=("yes",)),
-        Column("exact", "proven exactly", good=("yes",)),
-        Column("converges", "converges", good=("yes",)),
+        Column("status", "status"),
+        Column("met", "met"),
+        Column("inside", "flight inside"),
+        Column("exact", "proven exactly"),
+        Column("converges", "converges"),
     )
 }
 """Label of a quantity by the last part of its key, where the key does not say it."""
@@ -123,7 +101,7 @@ def _column(key: str) -> Column:
     if last in METRIC_LABELS:
         label = METRIC_LABELS[last]
         name = f"{label.name} {SYMBOLS[channel]}" if channel in SYMBOLS else label.name
-        return replace(label, name=name).column(key)
+        return replace(label, key=key, name=name)
     if last in QUANTITIES:
         return replace(QUANTITIES[last], key=key)
     for suffix, unit in UNIT_OF_SUFFIX.items():

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from textwrap import wrap
-from typing import Any, Literal
+from typing import Any
 
 from flighttune.present.numbers import MISSING, interval, number
 
@@ -18,8 +18,6 @@ NARROWEST = 16
 LONG_WORDS = 40
 """Characters of a cell from which on a page may wrap the last column."""
 
-BOLD, RED, PLAIN = "\x1b[1m", "\x1b[31m", "\x1b[0m"
-
 
 @dataclass(frozen=True, slots=True)
 class Column:
@@ -30,20 +28,13 @@ class Column:
     unit: str = ""
     digits: str | Callable[[float], str] = "z.4g"  # how its numbers are written
     factor: float = 1.0  # from the value to the unit shown
-    best: Literal["", "low", "high"] = ""  # which number is bold on a terminal
     ends: tuple[str, str] | None = None  # keys of the interval around its numbers
-    good: tuple[str, ...] = ()  # if there are some, any other text is a failure: red on a terminal
     missing: str = MISSING
 
     @property
     def heading(self) -> str:
         """Name with unit."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
-
-    def number(self, record: Mapping[str, Any]) -> float:
-        """The value in the unit shown; NaN where there is none, or a word."""
-        value = _value(record, self.key)
-        return value * self.factor if _is_number(value) else math.nan
 
     def text(self, record: Mapping[str, Any]) -> str:
         """The value as it is written."""
@@ -56,22 +47,16 @@ class Column:
             return ", ".join(map(str, value)) or self.missing
         if isinstance(value, str):
             return value
-        written = self.digits if callable(self.digits) else self._formatted
         if self.ends is None:
-            return self.missing if math.isnan(value) else written(value * self.factor)
+            return self.missing if math.isnan(value) else self.written(value)
         low, high = (_value(record, end) for end in self.ends)
-        ends = (math.nan if end is None else end * self.factor for end in (low, high))
-        return interval(value * self.factor, *ends, written=written)
+        ends = (math.nan if end is None else end for end in (low, high))
+        return interval(value, *ends, written=self.written)
 
-    def is_failure(self, record: Mapping[str, Any]) -> bool:
-        """Whether the cell is to be red."""
-        if not self.good or _value(record, self.key) is None:
-            return False
-        return math.isnan(self.number(record)) and self.text(record) not in self.good
-
-    def _formatted(self, value: float) -> str:
-        assert isinstance(self.digits, str)
-        return number(value, self.digits)
+    def written(self, value: float) -> str:
+        """A number as it is written, in the unit shown."""
+        value = value * self.factor
+        return self.digits(value) if callable(self.digits) else number(value, self.digits)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +100,7 @@ class Table:
         """Whether a page may wrap the last column."""
         return any(len(row[-1]) > LONG_WORDS for row in self.rows)
 
-    def text(self, width: int, *, styled: bool = False) -> str:
+    def text(self, width: int) -> str:
         """The table in lines of at most `width` characters.
 
         Words are wrapped. Numbers never are: where they have no room side by side, the rest of the
@@ -129,7 +114,7 @@ class Table:
             or any(_value(record, column.key) not in (None, "") for record in self.records)
         ]
         if len(columns) < len(self.columns):
-            return replace(self, columns=columns).text(width, styled=styled)
+            return replace(self, columns=columns).text(width)
         least = sum(map(self._least, range(len(columns)))) + len(GAP) * (len(columns) - 1)
         if self.grouped and least > width:
             first, *others = self.columns
@@ -141,12 +126,12 @@ class Table:
                     columns=others,
                     records=[record for record in self.records if first.text(record) == group],
                     grouped=False,
-                ).text(width, styled=styled)
+                ).text(width)
                 for group in groups
             ]
             return "\n\n".join([self.title, *tables] if self.title else tables)
         blocks = self._blocks(width)
-        lines = [line for block in blocks for line in self._lines(block, styled)]
+        lines = [line for block in blocks for line in self._lines(block)]
         return "\n".join([self.title, *lines] if self.title else lines)
 
     def _natural(self) -> list[int]:
@@ -179,45 +164,23 @@ class Table:
             if not left:
                 return
 
-    def _lines(self, widths: dict[int, int], styled: bool) -> Iterator[str]:
+    def _lines(self, widths: dict[int, int]) -> Iterator[str]:
         if self.head:
             yield from self._row(self.head, widths)
             yield GAP.join("─" * width for width in widths.values())
-        best = self._best() if styled else set()
-        for place, (record, row) in enumerate(zip(self.records, self.rows, strict=True)):
-            styles = {}
-            if styled:
-                styles = {i: BOLD for i in widths if (place, i) in best}
-                styles |= {i: RED for i in widths if self.columns[i].is_failure(record)}
-            yield from self._row(row, widths, styles)
+        for row in self.rows:
+            yield from self._row(row, widths)
 
-    def _row(
-        self, cells: Sequence[str], widths: dict[int, int], styles: dict[int, str] | None = None
-    ) -> Iterator[str]:
+    def _row(self, cells: Sequence[str], widths: dict[int, int]) -> Iterator[str]:
         words = self.of_words
         wrapped = {i: wrap(cells[i], width, break_on_hyphens=False) for i, width in widths.items()}
-        for k in range(max(len(lines) for lines in wrapped.values())):
-            shown = []
-            for i, width in widths.items():
-                part = wrapped[i][k] if k < len(wrapped[i]) else ""
-                space = " " * (width - len(part))
-                if part and styles and i in styles:
-                    part = f"{styles[i]}{part}{PLAIN}"
-                shown.append(part + space if words[i] else space + part)
+        for k in range(max(map(len, wrapped.values()))):
+            parts = {i: lines[k] if k < len(lines) else "" for i, lines in wrapped.items()}
+            shown = [
+                part.ljust(widths[i]) if words[i] else part.rjust(widths[i])
+                for i, part in parts.items()
+            ]
             yield GAP.join(shown).rstrip()
-
-    def _best(self) -> set[tuple[int, int]]:
-        """Row and column of the best number of each column that has one."""
-        cells = set()
-        for i, column in enumerate(self.columns):
-            sign = {"low": 1.0, "high": -1.0}.get(column.best)
-            if sign is None:
-                continue
-            values = [sign * column.number(record) for record in self.records]
-            finite = {value for value in values if math.isfinite(value)}
-            if len(finite) > 1:
-                cells |= {(k, i) for k, value in enumerate(values) if value == min(finite)}
-        return cells
 
     def markdown(self) -> str:
         """Markdown without the title; numbers stand to the right."""

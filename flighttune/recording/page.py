@@ -91,7 +91,7 @@ def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float] | N
 
 def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
     names = [name for name in map(str, metrics) if name in METRIC_LABELS and name != NOT_SHOWN]
-    columns = [metrics[name].map(METRIC_LABELS[name].text) for name in names]
+    columns = [metrics[name].map(METRIC_LABELS[name].written) for name in names]
     headings = [METRIC_LABELS[name].heading for name in names]
     return _table([heading, *headings], [list(row) for row in zip(labels, *columns, strict=True)])
 

@@ -19,7 +19,6 @@ from flighttune.report.tables import (
     kept_table,
     paths_table,
     provenance_table,
-    runs_matrix,
     runs_table,
     tracking_table,
 )
@@ -92,8 +91,7 @@ def write_report(
             *at_a_glance,
         ),
         claim_sentence=f"{facts.claim.sentence}.",
-        matrix=runs_matrix(facts),
-        duration=f"{max(run.duration for run in facts.runs):g}",
+        criterion=CONVERGES,
         sections=_sections(facts, tubes),
         title=facts.scenario.title,
         claim=facts.scenario.verifies,
@@ -114,13 +112,19 @@ def _sections(facts: Facts, tubes: Sequence[str]) -> list[Section]:
         "of a run: every flight of its model is in it."
     )
     sections = [
-        Section(id="runs", title="", charts=tracking(facts.flights), folded=False),
+        Section(
+            id="runs",
+            title="",
+            charts=tracking(facts.flights),
+            tables=[convergence_table(facts)],
+            folded=False,
+        ),
         Section(
             id="tracking",
             title="Errors and metrics",
-            note=" ".join([errors_note, *tubes, CONVERGES]),
+            note=" ".join([errors_note, *tubes]),
             charts=errors(facts.flights),
-            tables=[convergence_table(facts), tracking_table(facts), runs_table(facts)],
+            tables=[tracking_table(facts), runs_table(facts)],
         ),
         Section(
             id="commands",

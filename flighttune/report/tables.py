@@ -1,4 +1,4 @@
-"""Tables of a report, and its matrix of gains and plants."""
+"""Tables of a report."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,9 +7,8 @@ import numpy as np
 
 from flighttune.comparison.compare import largest_distance
 from flighttune.metrics import channel_metrics, flight_metrics
-from flighttune.present.chart import spark
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.numbers import MISSING, matrix, number
+from flighttune.present.numbers import MISSING, matrix
 from flighttune.present.tables import Column, Table, facts_table
 from flighttune.report.certified import certification_values
 from flighttune.report.facts import Facts, GainFacts
@@ -21,11 +20,11 @@ TRACKING = "ITAE MO_rad PT_s rise_s settling_s MS_rad ST_rad saturation_s"
 FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad"
 
 CONVERGENCE_COLUMNS = [
-    *columns("run converges"),
+    *columns("run converges chi.ITAE gamma.ITAE chi.settling_s gamma.settling_s"),
     *(
         Column(f"{key}.{channel}", f"{name} {symbol}", "deg", ".2g", DEG_PER_RAD)
         for channel, symbol in CHANNEL_SYMBOLS.items()
-        for key, name in (("residual", "largest late error"), ("allowed", "limit"))
+        for key, name in (("residual", "late error"), ("allowed", "limit"))
     ),
 ]
 GAIN_COLUMNS = [
@@ -42,7 +41,7 @@ CERTIFICATE_COLUMNS = [
 ]
 KEPT_COLUMNS = [
     *columns("run"),
-    Column("kept", "‖s‖ below its bound", good=("yes",)),
+    Column("kept", "‖s‖ below its bound"),
     Column("t_broken", "exceeded from", "s"),
 ]
 
@@ -58,10 +57,17 @@ def tracking_table(facts: Facts) -> Table:
 
 
 def convergence_table(facts: Facts) -> Table:
-    """Largest errors over the last quarter of each flight, and their limits."""
-    records = [{"run": label, **late} for label, late in facts.convergence.items()]
+    """Whether each run converges: largest errors over its last quarter, their limits, and ITAE."""
+    records = [
+        {
+            "run": run.label,
+            **facts.convergence[run.label],
+            **channel_metrics(run)[["ITAE", "settling_s"]].to_dict(orient="index"),
+        }
+        for run in facts.runs
+    ]
     records += [{"run": run.label, "converges": False} for run in facts.grounded]
-    return _by_run("convergence", "Convergence", CONVERGENCE_COLUMNS, records)
+    return _by_run("convergence", "", CONVERGENCE_COLUMNS, records)
 
 
 def runs_table(facts: Facts) -> Table:
@@ -174,54 +180,6 @@ def provenance_table(name: str, scenario: Scenario, flown: Sequence[Run]) -> Tab
             "source of the scenario": scenario.source or MISSING,
         },
     )
-
-
-def runs_matrix(facts: Facts) -> list[dict[str, Any]]:
-    """Errors, ITAE and settling time of every run: a row a gain set, a cell a plant."""
-    plants = dict.fromkeys(run.provenance.plant for run in facts.runs)
-    names = dict.fromkeys(run.provenance.gains_name for run in facts.runs)
-    runs = {(run.provenance.gains_name, run.provenance.plant): run for run in facts.runs}
-    metrics = {run.label: channel_metrics(run).to_dict() for run in facts.runs}
-    errors = {
-        run.label: {
-            f"error of {symbol}": run.signals[f"{channel}_err"].to_numpy()
-            for channel, symbol in CHANNEL_SYMBOLS.items()
-        }
-        for run in facts.runs
-    }
-    every = np.concatenate([error for own in errors.values() for error in own.values()])
-    ends = float(every.min()), float(every.max())  # one scale for all
-    longest = max(run.duration for run in facts.runs)
-
-    def is_lowest(run: Run, channel: str) -> bool:
-        others = [
-            metrics[other.label]["ITAE"][channel]
-            for other in facts.runs
-            if other.provenance.plant == run.provenance.plant and other.status == "completed"
-        ]
-        own = metrics[run.label]["ITAE"][channel]
-        return run.status == "completed" and len(names) > 1 and own == min(others)
-
-    def cell(run: Run | None) -> dict[str, Any] | None:
-        if run is None:
-            return None
-        own, done = metrics[run.label], run.status == "completed"
-        colour = facts.styles[run.label].colour
-        return {
-            "spark": spark(run.t, errors[run.label], colour, longest, ends),
-            "converged": facts.convergence[run.label]["converges"],
-            "ended": "" if done else f"{run.status.replace('_', ' ')} at {run.duration:.1f} s",
-            "itae": [
-                (f"{own['ITAE'][channel]:.2f}", is_lowest(run, channel))
-                for channel in CHANNEL_SYMBOLS
-            ],
-            "settling": [number(own["settling_s"][channel], ".1f") for channel in CHANNEL_SYMBOLS],
-        }
-
-    return [
-        {"gains": name, "cells": {plant: cell(runs.get((name, plant))) for plant in plants}}
-        for name in names
-    ]
 
 
 def _by_run(

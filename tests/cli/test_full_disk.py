@@ -76,21 +76,13 @@ def files_in(folder):
 
 COMMANDS = {
     "fly": "fly {file} --out {out}",
-    "compare": "compare {flown} {flown} --out {out}/overlay.rrd",
-    "certify": "certify {file} --gains paper --out {out}/certificate.json",
     "report": "report {flown} -o {out}/report.html",
     "gap": "gap {file} --lag fitted --out {out}",
 }
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "fly",
-        "compare",
-        "certify",
-        *(pytest.param(n, marks=pytest.mark.soak) for n in ("report", "gap")),
-    ],
+    "name", ["fly", *(pytest.param(n, marks=pytest.mark.soak) for n in ("report", "gap"))]
 )
 def test_a_disk_that_fills_up_is_one_line_and_leaves_what_was_there(
     name, disk, short, tmp_path, capfd

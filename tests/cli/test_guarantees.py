@@ -1,8 +1,6 @@
 """Certificates, frontiers and diagnoses from the command line."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -278,17 +276,3 @@ def test_certify_draws_the_margins_that_it_prints_and_the_rate_over_the_envelope
         assert f"phase margin {channel['phase_margin_deg']:.1f}°" in figure
     for title in ("Nyquist", "Eigenvalues of the closed loop", "Rate certified over an envelope"):
         assert title in figure
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", ["tune", "certify"])
-def test_gains_are_tuned_and_certified_without_libraries_of_flight_and_figures(command):
-    heavy = ["clarabel", "control", "jsbsim", "numba", "pandas", "pyarrow", "rerun"]
-    code = (
-        f"import sys; sys.argv = ['flighttune', {command!r}, 'paper', '--json']\n"
-        "from flighttune.cli import main\n"
-        "try: main()\n"
-        f"finally: print([name for name in {heavy} if name in sys.modules], file=sys.stderr)"
-    )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert ended.stderr.strip() == "[]"

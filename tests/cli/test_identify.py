@@ -88,13 +88,3 @@ def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message, t
     assert message in complaint
     assert complaint.count("\n") == 1
     assert not list(tmp_path.rglob("*"))
-
-
-def test_a_folder_that_cannot_be_written_is_named(tmp_path):
-    (tmp_path / "taken").write_text("a file where a folder is wanted")
-    wanted = tmp_path / "taken" / "a.json"
-
-    _, complaint = flighttune("identify", "aerosonde", "--out", wanted, status=2)
-
-    assert str(tmp_path / "taken") in complaint
-    assert complaint.count("\n") == 1

@@ -68,13 +68,6 @@ def test_a_recording_flies_again_to_the_same_bits(folder):
     assert {run["samples"] for run in answer["runs"]} == {151}
 
 
-def test_a_table_says_it_too(folder):
-    said = command("refly", folder / "short.rrd")
-
-    assert said.returncode == 0
-    assert said.stdout.count("equal to the bit") == 4
-
-
 def test_a_single_parquet_file_flies_again(folder):
     (found,) = refly(load_recording(folder / "kinematic-tuned.parquet").runs)
 

@@ -187,7 +187,7 @@ def test_several_are_held_against_the_first(fly_line):
 
 
 def test_nothing_to_compare_with_is_an_error(fly_line):
-    with pytest.raises(InputError, match="must hold at least one more source"):
+    with pytest.raises(InputError, match="`others`"):
         compare(fly_line())
 
 
@@ -219,7 +219,7 @@ def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_
     assert {r.provenance.gains_name for r in load_source(f"{tmp_path}@K1").runs} == {"K1"}
     assert len(load_source(f"{tmp_path}@kinematic").runs) == 2
     assert len(load_source(f"{tmp_path}@kinematic / K1").runs) == 1
-    with pytest.raises(RecordingError, match="'K9' must be a gain set, a plant or a run, got"):
+    with pytest.raises(RecordingError, match="'K9' must be"):
         load_source(f"{tmp_path}@K9")
 
 
@@ -236,9 +236,9 @@ def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
 
 
 def test_what_cannot_be_found_is_said_path_first(tmp_path):
-    with pytest.raises(RecordingError, match=rf"^{tmp_path}: the folder must hold Parquet files"):
+    with pytest.raises(RecordingError, match=rf"^{tmp_path}: .*Parquet"):
         load_source(tmp_path)
-    with pytest.raises(ScenarioError, match=r"^nowhere: the scenario must be a file or one of"):
+    with pytest.raises(ScenarioError, match=r"^nowhere: "):
         load_source("nowhere@paper")
 
 

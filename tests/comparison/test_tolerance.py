@@ -98,5 +98,5 @@ def test_a_wrong_file_is_refused_with_file_and_key(tolerances, text, message):
 
 
 def test_a_file_that_is_not_there_is_said(tmp_path):
-    with pytest.raises(InputError, match=r"none\.toml: the file must be readable: No such file"):
+    with pytest.raises(InputError, match=r"none\.toml: .*readable"):
         load_tolerances(tmp_path / "none.toml")

@@ -12,7 +12,6 @@ from flighttune.present.chart import (
     Chart,
     Sheet,
     marked_up,
-    spark,
     ticks,
 )
 from flighttune.present.palette import (
@@ -212,16 +211,6 @@ def test_bars_stand_where_they_are_asked_for_and_reach_their_values():
     assert [x0 + m / width * (x1 - x0) for m in middles] == pytest.approx([1.0, 4.0], abs=0.01)
     assert float(first.get("height")) == pytest.approx(height / 2.0, abs=TENTH)
     assert float(second.get("height")) == pytest.approx(height, abs=TENTH)
-
-
-def test_a_spark_shows_both_lines_to_the_scale_it_is_given():
-    t = np.linspace(0.0, 1.0, 30)
-
-    root = ElementTree.fromstring(spark(t, {"χ": 0.5 * t, "γ": -t}, BLUE, 2.0, (-1.0, 1.0)))
-
-    first, second = (points(one.get("d")) for one in root.iter("path") if one.get("stroke"))
-    assert first[-1] == pytest.approx([60.0, 9.0], abs=TENTH)
-    assert second[-1] == pytest.approx([60.0, 36.0], abs=TENTH)
 
 
 @pytest.mark.parametrize(

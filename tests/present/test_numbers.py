@@ -58,6 +58,6 @@ def test_a_matrix_is_one_line_without_negative_zeros():
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
     assert {*METRICS, *FLIGHT_METRICS, "peak_rad"} == METRIC_LABELS.keys()
     assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"
-    assert metric_label("chi.MO_rad").text(math.pi / 18.0) == "10.00"
+    assert metric_label("chi.MO_rad").written(math.pi / 18.0) == "10.00"
     assert metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"
     assert metric_label("flight.n_z_max").heading == "maximum n_z [1]"

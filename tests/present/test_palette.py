@@ -108,10 +108,6 @@ def test_hue_tells_the_gains_and_shade_the_plant():
     assert found["jsbsim:x", "paper"].width > found["kinematic", "paper"].width
 
 
-def test_a_single_plant_has_the_strong_shade():
-    assert line_styles([("jsbsim:x", "paper")])["jsbsim:x", "paper"].name == "blue"
-
-
 @pytest.mark.parametrize(("plants", "sets"), [(2, 6), (1, 12), (3, 4), (4, 3), (12, 1)])
 def test_up_to_twelve_runs_have_a_colour_each(plants, sets):
     pairs = [(f"plant{i}", f"gains{k}") for i in range(plants) for k in range(sets)]

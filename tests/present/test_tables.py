@@ -22,10 +22,7 @@ RUNS = Table(
     columns=(
         Column("plant", "plant"),
         Column("gains", "gains"),
-        *(
-            Column(name, name, digits=".2f", best="low", good=("-",), missing="-")
-            for name in NUMBERS
-        ),
+        *(Column(name, name, digits=".2f", missing="-") for name in NUMBERS),
     ),
     records=[dict(zip(NAMES, row, strict=True)) for row in VALUES],
     grouped=True,
@@ -58,15 +55,6 @@ def test_where_room_is_short_each_plant_has_its_table():
 
     assert [table.splitlines()[0] for table in tables] == ["Runs", "kinematic", "jsbsim:aerosonde"]
     assert tables[2].splitlines()[-1].split()[0] == "exact:tuned_identified"
-
-
-def test_the_best_of_a_column_is_bold_and_a_failure_red_on_a_terminal_alone():
-    assert "\x1b" not in RUNS.text(120)
-    styled = RUNS.text(120, styled=True)
-
-    assert "\x1b[1m4.55\x1b[0m" in styled
-    assert "\x1b[31mnever\x1b[0m" in styled
-    assert styled.count("\x1b[31m") == 1
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -16,7 +16,6 @@ from flighttune.flight.outer_loop import tuning_problem
 from flighttune.metrics import channel_metrics
 from flighttune.report.facts import LONGEST_LADDER, facts_of
 from flighttune.report.page import CONVERGES, write_report
-from flighttune.report.tables import runs_matrix
 from flighttune.scenario import load_scenario
 from flighttune.tuning.frontier import frontier
 
@@ -58,23 +57,6 @@ def test_the_answer_stands_before_the_first_figure_in_sixty_words(page, written,
     assert claim == f"{flown_paper.claim.short}."
     assert flown_paper.claim.sentence.startswith(flown_paper.claim.short)
     assert converges == "3 of 4 runs converge."
-
-
-def test_the_matrix_marks_what_converges_and_the_lowest_itae_of_a_plant(paper_facts, flown_paper):
-    shown = runs_matrix(paper_facts)
-    itae = flown_paper.metrics["ITAE"]
-
-    for row in shown:
-        name = row["gains"]
-        assert list(row["cells"]) == ["kinematic", "jsbsim:aerosonde"]
-        for plant, cell in row["cells"].items():
-            label = f"{plant} / {name}"
-            assert cell["converged"] == paper_facts.convergence[label]["converges"]
-            for channel, (text, best) in zip(("chi", "gamma"), cell["itae"], strict=True):
-                others = [itae[f"{plant} / {other['gains']}", channel] for other in shown]
-                assert text == f"{itae[label, channel]:.2f}"
-                assert best == (itae[label, channel] == min(others))
-    assert [row["cells"]["jsbsim:aerosonde"]["converged"] for row in shown] == [False, True]
 
 
 def test_the_page_is_small_enough_to_send(written):
@@ -147,9 +129,11 @@ def test_a_flight_that_does_not_converge_has_its_late_errors_and_limits(written,
         if not record["converges"]
     }
     ((label, record),) = late.items()
+    itae = flown_paper.metrics["ITAE"]
     (run,) = (run for run in flown_paper.runs if run.label == label)
 
     assert CONVERGES in page
+    assert record["chi"]["ITAE"] == pytest.approx(itae[label, "chi"])
     assert record["residual"]["gamma"] > record["allowed"]["gamma"]
     for channel in ("chi", "gamma"):
         error = run.signals[f"{channel}_err"].abs()
@@ -239,7 +223,7 @@ def test_a_run_that_never_flew_is_told_of(paper_source, tmp_path):
 def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp_path):
     mixed = Source(name="mixed", runs=(*paper_source.runs, *printed_source.runs))
 
-    with pytest.raises(RecordingError, match=r"^mixed: the runs must be of one scenario"):
+    with pytest.raises(RecordingError, match=r"^mixed: .*one scenario"):
         write_report(mixed, tmp_path / "never.html")
     assert not (tmp_path / "never.html").exists()
 

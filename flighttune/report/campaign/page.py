@@ -14,20 +14,15 @@ from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.numbers import MISSING
 from flighttune.present.tables import Table, facts_table
 from flighttune.report.campaign import tables
-from flighttune.report.campaign.matter_panels import (
-    influence_panels,
-    scatter_panels,
-    sobol_panels,
-    split_panels,
-)
 from flighttune.report.campaign.panels import (
     against,
     convergence,
     distributions,
     rates,
+    scatter_panels,
+    split_panels,
     styles_of,
 )
-from flighttune.report.campaign.values import findings_values
 from flighttune.report.toml_text import toml_text
 from flighttune.shipped import scenario_files
 
@@ -44,13 +39,13 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     """
     flown, campaign = findings.flights, findings.flights.plan.campaign
     styles = styles_of(findings)
-    values = findings_values(findings)
+    values = tables.findings_values(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
         Path(path),
         page_template("flighttune.report.campaign", "page.html.jinja"),
         summary=summary(findings),
-        sections=[part for part in _sections(findings, values) if part.charts or part.tables],
+        sections=_sections(findings, values),
         title=campaign.title,
         claim=campaign.verifies,
         legend=list(styles.items()),
@@ -120,28 +115,32 @@ def notes(findings: Findings) -> tuple[str, ...]:
 
 def _sections(findings: Findings, values: dict[str, Any]) -> list[Section]:
     groups = values["groups"]
-    sections = [
+    flown = findings.flights
+    influences = [
+        tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name
+    ]
+    return [
         Section(id="runs", title="", charts=rates(findings), folded=False),
         Section(
             id="rates",
             title="How often",
-            note="Of all flights of a group, with "
-            f"{CONFIDENCE[findings.flights.method]} interval of "
-            f"{100.0 * findings.flights.confidence:g} % confidence in brackets. A flight succeeds "
-            "if it meets every [[expect]] of the scenario below; without one for its status it "
-            "must be completed.",
-            tables=_filled(
+            note=f"Of all flights of a group, with {CONFIDENCE[flown.method]} interval of "
+            f"{100.0 * flown.confidence:g} % confidence in brackets. A flight succeeds if it meets "
+            "every [[expect]] of the scenario below; without one for its status it must be "
+            "completed.",
+            tables=[
                 tables.success_table(findings, groups),
                 tables.reasons_table(groups),
                 tables.certified_table(groups),
-            ),
+            ],
             legend=False,
         ),
         Section(
             id="worst",
             title="Worst flights",
-            note="With the most influential parameters, and the command that flies them again.",
-            tables=_filled(tables.worst_table(findings, groups), tables.failures_table(findings)),
+            note="With the most influential parameters. To fly one again: flighttune campaign fly "
+            f"{flown.url} --run RUN",
+            tables=[tables.worst_table(findings, groups)],
             legend=False,
         ),
         Section(
@@ -151,66 +150,36 @@ def _sections(findings: Findings, values: dict[str, Any]) -> list[Section]:
             "The table is of completed flights that have a value; --json has the confidence "
             "interval of each percentile.",
             charts=distributions(findings),
-            tables=_filled(tables.metrics_table(findings, groups)),
+            tables=[tables.metrics_table(findings, groups)],
         ),
-        _matters(findings, groups),
+        Section(
+            id="matters",
+            title="What matters",
+            note="A rank correlation has a direction; the rank variance is the share that a "
+            "parameter explains alone, over ten classes of its values, whatever the shape. First "
+            "Sobol indices are what a parameter explains alone, total ones with its interactions. "
+            "Red crosses ended early.",
+            charts=[*split_panels(findings), *scatter_panels(findings)],
+            tables=[*influences, tables.sobol_table(groups)],
+        ),
+        Section(
+            id="paired",
+            title="Gains on the same draws",
+            note="Every gain set flies every draw, so that only gains differ. A flight that was "
+            "not completed counts as the worst. Below the diagonal the gains on the vertical axis "
+            "do better.",
+            charts=against(findings),
+            tables=[tables.paired_table(findings, values["paired"])],
+            legend=False,
+        ),
+        Section(
+            id="convergence",
+            title="Convergence",
+            note="Estimates from the first flights of each group, with intervals: enough have "
+            "flown where the band is as narrow as the question needs.",
+            charts=convergence(findings),
+        ),
     ]
-    if findings.paired:
-        sections.append(
-            Section(
-                id="paired",
-                title="Gains on the same draws",
-                note="Every gain set flies every draw, so that only gains differ. A flight that "
-                "was not completed counts as the worst. Below the diagonal the gains on the "
-                "vertical axis do better.",
-                charts=against(findings),
-                tables=[tables.paired_table(findings, values["paired"])],
-                legend=False,
-            )
-        )
-    if findings.convergence:
-        sections.append(
-            Section(
-                id="convergence",
-                title="Convergence",
-                note="Estimates from the first flights of each group, with intervals: enough have "
-                "flown where the band is as narrow as the question needs.",
-                charts=convergence(findings),
-            )
-        )
-    return sections
-
-
-def _matters(findings: Findings, groups: list[dict[str, Any]]) -> Section:
-    sobol = tables.sobol_table(groups)
-    note = (
-        "Filled: significant. A rank correlation has a direction; the share explained alone is "
-        "that of the variance of ranks over ten classes of the values, whatever the shape. Red "
-        "crosses ended early."
-    )
-    if sobol.records:
-        note += (
-            " First indices are what a parameter explains alone, total ones with its interactions."
-        )
-    return Section(
-        id="matters",
-        title="What matters",
-        note=note,
-        charts=[
-            *influence_panels(findings),
-            *sobol_panels(findings),
-            *split_panels(findings),
-            *scatter_panels(findings),
-        ],
-        tables=_filled(
-            *(tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name),
-            sobol,
-        ),
-    )
-
-
-def _filled(*some: Table) -> list[Table]:
-    return [table for table in some if table.records]
 
 
 def _provenance(findings: Findings) -> Table:

@@ -1,4 +1,4 @@
-"""Charts of a campaign's report: success rates, distributions, pairs, convergence."""
+"""Charts of a campaign's report: success, distributions, pairs, convergence, influences."""
 
 from collections.abc import Sequence
 
@@ -6,17 +6,19 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
+from flighttune.campaign.flying.columns import unit_of_key
 from flighttune.campaign.planning.plan import Group
-from flighttune.campaign.statistics.findings import Findings
+from flighttune.campaign.statistics.findings import Findings, values_of
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.campaign.statistics.paired import scores
 from flighttune.campaign.statistics.summary import ConvergenceCurve
 from flighttune.present.chart import HEAD_AND_FOOT, WIDTH, Chart
 from flighttune.present.names import metric_label
-from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
+from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, line_styles
+from flighttune.report.campaign.tables import influential_parameters
 
-NAME, STEP = 20.0, 10.0
-"""Height of the name of a row and of each of its dots, pixels."""
+ROW = 30.0
+"""Height of a row with a name and a share, pixels."""
 
 SPREAD = ("chi.ITAE", "gamma.ITAE", "chi.MO_rad", "gamma.MO_rad")
 """Measures whose distributions are drawn."""
@@ -28,6 +30,8 @@ DOTS = 400
 """Flights of a group in a chart of dots."""
 
 MAX_PAIRS = 4
+SCATTERED = 2
+"""Parameters over which a measure is drawn."""
 
 
 def styles_of(findings: Findings) -> dict[str, LineStyle]:
@@ -35,37 +39,6 @@ def styles_of(findings: Findings) -> dict[str, LineStyle]:
     plan = findings.flights.plan
     pairs = [(plant.label, name) for plant in plan.scenario.plant for name in plan.gain_sets]
     return {Group(*pair).label: style for pair, style in line_styles(pairs).items()}
-
-
-def rows_chart(title: str, x: str, names: Sequence[str], dots: int = 1) -> Chart:
-    """A chart with a row for each of `names`, from the top, and its dots at `places` below."""
-    row = NAME + STEP * dots
-    chart = Chart(
-        title=title,
-        x=x,
-        height=HEAD_AND_FOOT + row * len(names),
-        y_range=(0.0, float(len(names)) or 1.0),
-        y_ticks=(),
-        downwards=True,
-    )
-    for place, name in enumerate(names):
-        chart.name_row(place + 0.72 * NAME / row, name)
-    return chart
-
-
-def places(dots: int) -> list[float]:
-    """Position of each dot in a row of a `rows_chart`."""
-    row = NAME + STEP * dots
-    return [(NAME + STEP * (place + 0.3)) / row for place in range(dots)]
-
-
-def dot(
-    chart: Chart, y: float, estimate: Estimate, style: LineStyle, run: str, *, filled: bool = True
-) -> None:
-    """A number with its interval in a row."""
-    chart.line([estimate.lo, estimate.hi], [y, y], style.colour, run=run, hover=False)
-    tip = f"{run}: {estimate.value:.3g} [{estimate.lo:.3g}, {estimate.hi:.3g}]"
-    chart.points(estimate.value, y, style.colour, run=run, size=4.0, filled=filled, tips=[tip])
 
 
 def arrays_of(estimates: Sequence[Estimate], factor: float) -> FloatArray:
@@ -143,15 +116,84 @@ def convergence(findings: Findings) -> list[Chart]:
     ]
 
 
+def split_panels(findings: Findings) -> list[Chart]:
+    """Success rate over the values of the most influential parameter."""
+    styles, charts = styles_of(findings), []
+    for parameter in dict.fromkeys(split.parameter for split in findings.splits):
+        own = [split for split in findings.splits if split.parameter == parameter]
+        chart = Chart(
+            title=f"Success over {parameter}",
+            x=_axis(parameter),
+            y="flights that succeed [%]",
+            y_range=(-3.0, 103.0),
+        )
+        for split in own:
+            label = split.group.label
+            centres = np.asarray(split.centres, dtype=float)
+            rate, lo, hi = arrays_of(split.success, 100.0)
+            # each interval a line of its own: NaN between them
+            across = np.column_stack([centres, centres, np.full(len(centres), np.nan)]).ravel()
+            up = np.column_stack([lo, hi, np.full(len(centres), np.nan)]).ravel()
+            chart.line(across, up, styles[label].colour, run=label, width=1.2, hover=False)
+            chart.run_line(centres, rate, styles[label], label, width=1.4)
+            chart.points(centres, rate, styles[label].colour, run=label)
+        if not findings.flights.is_number(parameter):
+            chart.x_ticks = list(zip(own[0].centres, own[0].labels, strict=True))
+            chart.x_range = (min(own[0].centres) - 0.5, max(own[0].centres) + 0.5)
+        charts.append(chart)
+    return charts
+
+
+def scatter_panels(findings: Findings) -> list[Chart]:
+    """The metric over the most influential parameters, a dot a flight."""
+    if findings.measure is None:
+        return []
+    how, styles, charts = metric_label(findings.measure), styles_of(findings), []
+    for key in influential_parameters(findings)[:SCATTERED]:
+        if not findings.flights.is_number(key):
+            continue
+        chart = Chart(title=f"{how.name} over {key}", x=_axis(key), y=how.heading)
+        tops = []
+        for group, rows in findings.flights.groups():
+            some = rows.iloc[:: len(rows) // DOTS + 1]
+            x = some[key].to_numpy(dtype=float)
+            y = how.factor * values_of(some, findings.measure)
+            colour, tips = styles[group.label].colour, flight_tips(some, findings.flights.url)
+            finite = np.isfinite(y)
+            some_tips = [tip for tip, flew in zip(tips, finite, strict=True) if flew]
+            chart.points(
+                x[finite], y[finite], colour, run=group.label, size=2.6, opacity=0.6, tips=some_tips
+            )
+            lost_tips = [tip for tip, flew in zip(tips, finite, strict=True) if not flew]
+            tops.append((x[~finite], lost_tips, group.label))
+        # flights that ended early have no value: they stand at the upper edge
+        top = chart.y_ends()[1]
+        for lost, tips, label in tops:
+            chart.points(lost, np.full(len(lost), top), LIMIT, run=label, shape="cross", tips=tips)
+        charts.append(chart)
+    return charts
+
+
 def _shares(title: str, of: dict[str, Estimate], styles: dict[str, LineStyle]) -> Chart:
-    chart = rows_chart(title, "share [%], with interval", list(of))
-    (below,) = places(1)
-    for place, (label, estimate) in enumerate(of.items()):
-        dot(chart, place + below, estimate.scaled(100.0), styles[label], label)
-    low = 100.0 * min(estimate.lo for estimate in of.values())
-    high = 100.0 * max(estimate.hi for estimate in of.values())
-    room = 0.06 * max(high - low, 1.0)
-    chart.x_range = (max(-2.0, low - room), min(102.0, high + 2.5 * room))
+    """A row a group, from the top: its name, and below it the share with its interval."""
+    chart = Chart(
+        title=title,
+        x="share [%], with interval",
+        height=HEAD_AND_FOOT + ROW * len(of),
+        y_range=(0.0, float(len(of))),
+        y_ticks=(),
+        downwards=True,
+    )
+    for place, (label, share) in enumerate(of.items()):
+        at, colour = share.scaled(100.0), styles[label].colour
+        tip = f"{label}: {at.value:.3g} [{at.lo:.3g}, {at.hi:.3g}]"
+        y = place + 0.77
+        chart.name_row(place + 0.48, label)
+        chart.line([at.lo, at.hi], [y, y], colour, run=label, hover=False)
+        chart.points(at.value, y, colour, run=label, size=4.0, tips=[tip])
+    low, high = min(share.lo for share in of.values()), max(share.hi for share in of.values())
+    room = 6.0 * max(high - low, 0.01)
+    chart.x_range = max(-2.0, 100.0 * low - room), min(102.0, 100.0 * high + 2.5 * room)
     return chart
 
 
@@ -203,3 +245,8 @@ def _scale(values: FloatArray) -> tuple[tuple[float, float], bool]:
         return (low / 1.1, high * 1.1), True
     room = 0.04 * (high - low) or 0.1 * abs(high) or 1.0
     return (low - room, high + room), False
+
+
+def _axis(key: str) -> str:
+    unit = unit_of_key(key)
+    return f"{key} [{unit}]" if unit != "1" else key

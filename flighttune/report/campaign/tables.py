@@ -1,14 +1,18 @@
-"""Tables of a campaign's report, of the values that ``--json`` prints."""
+"""The findings of a campaign as plain values, for ``--json``, and their tables."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
-from flighttune.campaign.statistics.flights import failures
+from flighttune.campaign.statistics.flights import worst_first
+from flighttune.campaign.statistics.summary import CertifiedCount, GroupSummary, Reason, Spread
+from flighttune.guarantee.ultimate_set import UltimateSet
 from flighttune.present.names import columns, metric_label
 from flighttune.present.numbers import figures, percent
 from flighttune.present.tables import Column, Table
+from flighttune.units import DEG
 
 
 def metric_name(metric: str) -> str:
@@ -34,7 +38,6 @@ METRICS = (
 )
 """Metrics of the page; the JSON object has all."""
 
-FAILURES = 12
 PARAMETERS = 5
 """Parameters listed with a flight: the most influential ones."""
 
@@ -76,12 +79,120 @@ SOBOL_COLUMNS = [
 ]
 
 
+WORST = 5
+"""Worst flights of a group."""
+
+
+def findings_values(findings: Findings) -> dict[str, Any]:
+    """Findings as plain values, shares between 0 and 1, units as in the columns."""
+    flown = findings.flights
+    return {
+        "dataset": flown.url,
+        "title": flown.plan.campaign.title,
+        "runs": len(flown.rows),
+        "planned": flown.plan.runs,
+        "design": flown.plan.campaign.design,
+        "interval": flown.method,
+        "confidence": flown.confidence,
+        "worst_by": findings.measure,
+        "groups": [_group(findings, summary) for summary in findings.groups],
+        "paired": [asdict(pair) for pair in findings.paired],
+    }
+
+
+def _group(findings: Findings, summary: GroupSummary) -> dict[str, Any]:
+    def reason(why: Reason) -> dict[str, Any]:
+        return {"reason": why.text, "count": why.count, "run": why.run}
+
+    return {
+        "group": summary.group.label,
+        "gains": summary.group.gains,
+        "plant": summary.group.plant,
+        "n": summary.n,
+        "success": summary.success.value,
+        "lo": summary.success.lo,
+        "hi": summary.success.hi,
+        "successes": summary.successes,
+        "statuses": {status.status: status.count for status in summary.statuses},
+        "reasons": [
+            {"status": status.status, **reason(why)}
+            for status in summary.statuses
+            for why in status.reasons
+        ],
+        "missed": [reason(why) for why in summary.missed],
+        "certified": _certified(summary.certified, findings.claims.get(summary.group)),
+        "metrics": {name: _spread(spread) for name, spread in summary.measures.items()},
+        "worst": _worst(findings, summary.group),
+        "sensitivity": {
+            name: _sensitivity(findings, summary.group, name)
+            for name in (SUCCESS, findings.measure)
+            if name is not None
+        },
+    }
+
+
+def _worst(findings: Findings, group: Group) -> list[dict[str, Any]]:
+    """The worst completed flights, with all that was drawn."""
+    measure = findings.measure
+    if measure is None:
+        return []
+    rows = dict(findings.flights.groups())[group]
+    return [
+        {key: flight[key] for key in ("run", "draw", measure, "success")}
+        | {"parameters": {key: flight[key] for key in findings.flights.keys}}
+        for flight in worst_first(rows, measure, WORST).to_dict("records")
+    ]
+
+
+def _sensitivity(findings: Findings, group: Group, name: str) -> dict[str, Any]:
+    indices, sobol = findings.sobol.get((group, name)), None
+    if indices is not None:
+        sobol = {
+            factor: {
+                "first": indices.first[:, i].tolist(),
+                "total": indices.total[:, i].tolist(),
+                "blocks": indices.n,
+            }
+            for i, factor in enumerate(findings.flights.plan.factors)
+        }
+    ranks = [asdict(influence) for influence in findings.influences[group, name]]
+    return {"ranks": ranks, "sobol": sobol}
+
+
+def _spread(spread: Spread) -> dict[str, Any]:
+    values: dict[str, Any] = {"mean": spread.mean, "n": spread.n}
+    for name, estimate in spread.percentiles.items():
+        values |= {name: estimate.value, f"{name}_interval": [estimate.lo, estimate.hi]}
+    return values
+
+
+def _certified(count: CertifiedCount | None, claim: UltimateSet | None) -> dict[str, Any] | None:
+    if count is None:
+        return None
+    bound: dict[str, Any] = {}
+    if claim is not None:
+        bound = {
+            "L_d_rad_s2": claim.L_d,
+            "from_s": claim.t_from,
+            "tube_deg": [width / DEG for width in claim.tube],
+            "says_nothing": claim.vacuous,
+        }
+    return {
+        **bound,
+        **{key: getattr(count, key) for key in ("held", "broken", "not_entered", "lost")},
+        "rate": count.of_all.value,
+        "interval": [count.of_all.lo, count.of_all.hi],
+        "rate_of_entered": count.of_entered.value,
+        "interval_of_entered": [count.of_entered.lo, count.of_entered.hi],
+    }
+
+
 def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """Success rate of each group, ends of its flights, and the metric that ranks them."""
     statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
     shown = [
         *columns("group n successes"),
-        Column("success", "rate", "%", percent, best="high", ends=("lo", "hi")),
+        Column("success", "rate", "%", percent, ends=("lo", "hi")),
         *(Column(f"statuses.{s}", status_words(s), digits=".0f", missing="0") for s in statuses),
     ]
     if findings.measure is not None:
@@ -117,41 +228,14 @@ def reasons_table(groups: Sequence[Mapping[str, Any]]) -> Table:
 
 def worst_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """The worst completed flights of each group, with the most influential parameters."""
-    keys = influential_parameters(findings)
-    records = [
-        {
-            "group": group["group"],
-            **flight,
-            "command": f"flighttune campaign fly {findings.flights.url} --run {flight['run']}",
-        }
-        for group in groups
-        for flight in group["worst"]
-    ]
-    measure = findings.measure
-    measured = [] if measure is None else [metric_label(measure).column(measure)]
+    records = [{"group": group["group"], **flight} for group in groups for flight in group["worst"]]
     shown = [
         *columns("group run draw"),
-        *measured,
+        *([metric_label(findings.measure)] if findings.measure else []),
         Column("success", "succeeds"),
-        *_parameter_columns("parameters.", keys),
-        Column("command", "to fly it again"),
+        *_parameter_columns(influential_parameters(findings)),
     ]
     return _by_group("Worst completed flights", shown, records)
-
-
-def failures_table(findings: Findings) -> Table:
-    """Flights that ended early: the first ones of every status."""
-    records = [
-        {
-            **flight,
-            "group": f"{flight['plant']} / {flight['gains']}",
-            "ended": f"{status_words(str(flight['status']))}: {flight['reason']}",
-        }
-        for flight in failures(findings.flights.rows, FAILURES).to_dict("records")
-    ]
-    parameters = _parameter_columns("", influential_parameters(findings))
-    shown = [*columns("group run draw"), *parameters, *columns("ended")]
-    return _by_group("Flights that ended early", shown, records)
 
 
 def metrics_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
@@ -235,16 +319,11 @@ def influential_parameters(findings: Findings) -> list[str]:
     return ordered[:PARAMETERS]
 
 
-def groups_of(findings: Findings) -> list[Group]:
-    """Groups that have flown, in the order of the plan."""
-    return [summary.group for summary in findings.groups]
-
-
-def _parameter_columns(prefix: str, keys: Sequence[str]) -> Iterator[Column]:
+def _parameter_columns(keys: Sequence[str]) -> Iterator[Column]:
     """Columns headed by the last part of each key, by all of it where two of them end alike."""
     ends = [key.rpartition(".")[2] for key in keys]
     for key, end in zip(keys, ends, strict=True):
-        yield Column(f"{prefix}{key}", end if ends.count(end) == 1 else key, digits=figures)
+        yield Column(f"parameters.{key}", end if ends.count(end) == 1 else key, digits=figures)
 
 
 def _by_group(title: str, shown: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> Table:
