@@ -38,7 +38,7 @@ def test_every_campaign_of_the_checkout_is_listed():
 
 @pytest.mark.parametrize("name", ["lost", "", "..", "../aircraft/aerosonde", "/etc"])
 def test_an_unknown_aircraft_is_answered_with_those_there_are(name):
-    with pytest.raises(InputError, match=rf"`aircraft` must be one of \w+.*, got '{name}'"):
+    with pytest.raises(InputError, match=rf"`aircraft` .*, got '{name}'"):
         shipped.aircraft_folder(name)
 
 

@@ -300,7 +300,7 @@ def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
     }  # fmt: skip
     scenario = manoeuvre({"chi_deg": 5.0}, tuning={"lag_rad_s": [4.0, 8.0]}, envelope=ranges)
 
-    with pytest.raises(ScenarioError, match=r"`model` of \[tuning\] must be the kinematic law"):
+    with pytest.raises(ScenarioError, match=r"`model` of \[tuning\]"):
         certify_scenario(scenario, PAPER_GAINS, envelope=True)
 
 
@@ -326,9 +326,7 @@ def test_a_scenario_file_that_names_no_model_is_told_of_by_file_and_key(tmp_path
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('identified = "aerosonde"', 'identified = "nowhere.json"'))
 
-    with pytest.raises(
-        ScenarioError, match=r"mine.toml: \[tuning\] `identified` must be .*nowhere"
-    ):
+    with pytest.raises(ScenarioError, match=r"mine\.toml: \[tuning\] `identified` .*nowhere"):
         load_scenario(file)
 
 

@@ -83,5 +83,5 @@ def test_a_channel_that_was_not_commanded_shows_no_lag():
 
 
 def test_too_few_samples_are_refused():
-    with pytest.raises(InputError, match="`t` must have more than 10 samples, got 5"):
+    with pytest.raises(InputError, match=r"`t`.* 5"):
         fitted_lag(T[:5], np.arange(5.0), np.arange(5.0))

@@ -185,12 +185,12 @@ def test_an_excitation_that_is_too_much_is_flown_smaller():
 def test_an_aircraft_that_takes_no_excitation_says_why():
     plant = partial(SyntheticPlant, first_order(4.0, 0.0), first_order(8.0, 0.0), largest=1e-6)
 
-    with pytest.raises(PlantError, match=r"even at 0\.125 of its size: rolled to"):
+    with pytest.raises(PlantError, match=r"0\.125 .*rolled to"):
         respond(plant, LEVEL, check_manoeuvre(LIMITS))
 
 
 def test_excitation_needs_finite_limits():
-    with pytest.raises(InputError, match="`limits` must be finite and leave room"):
+    with pytest.raises(InputError, match="`limits` must be finite"):
         multisines(Limits.none(2))
 
 

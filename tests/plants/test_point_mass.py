@@ -6,12 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError, ShapeError
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.lagged import LaggedChannel, transition
+from flighttune.plants.lagged import LaggedChannel
 from flighttune.plants.point_mass import PointMassPlant, turn_rates
 from flighttune.plants.wind import WindRecord, course_of, velocity_along
 from flighttune.simulate.disturbance import Sinusoid
@@ -243,20 +242,6 @@ def test_a_second_order_step_overshoots_by_the_textbook():
     peak = channel.at(SECOND_ORDER.delay + math.pi / (12.0 * root))
 
     assert peak - 2.0 == pytest.approx(math.exp(-0.6 * math.pi / root), rel=ROUNDING)
-
-
-@pytest.mark.parametrize("lag", [FIRST_ORDER, SECOND_ORDER, OVERDAMPED, THIRD_ORDER])
-def test_transitions_are_matrix_exponentials(lag):
-    assert transition(lag, 0.13) == pytest.approx(expm(lag.undelayed[0] * 0.13), abs=ROUNDING)
-
-
-def test_critical_damping_is_the_limit_of_its_neighbours():
-    at = [
-        transition(InnerLag(order=2, natural_frequency=5.0, damping=damping), 0.4)
-        for damping in (1.0 - 1e-7, 1.0, 1.0 + 1e-7)
-    ]
-
-    assert at[1] == pytest.approx(0.5 * (at[0] + at[2]), abs=ROUNDING)
 
 
 def test_straight_up_ends_the_flight_with_a_reason():

@@ -175,7 +175,7 @@ def test_unknown_methods_and_no_starts_are_refused(model):
     problem = TuningProblem(model=model)
     with pytest.raises(InputError, match="`method` must be one of"):
         tune(problem, "magic")
-    with pytest.raises(InputError, match="`starts` must be at least 1, got 0"):
+    with pytest.raises(InputError, match=r"`starts` .* 1, got 0"):
         tune(problem, starts=0)
 
 

@@ -30,7 +30,7 @@ def test_a_file_that_was_removed_is_missed(folder):
     load_aircraft(folder)
     (folder / "aircraft.toml").unlink()
 
-    with pytest.raises(InputError, match=r"aircraft\.toml: must be a readable file"):
+    with pytest.raises(InputError, match=r"aircraft\.toml: .*readable"):
         load_aircraft(folder)
 
 

@@ -49,7 +49,7 @@ def test_the_steepest_climb_of_a_weak_engine_is_that_of_its_thrust():
     steepest = math.asin((WEAK * 120.0 - drag) / WEIGHT)
 
     WeakPlant().start(FlightCondition(V_a=25.0, gamma=steepest - 0.5 * DEG))
-    with pytest.raises(TrimError, match="full throttle has too little thrust"):
+    with pytest.raises(TrimError, match="too little thrust"):
         WeakPlant().start(FlightCondition(V_a=25.0, gamma=steepest + 0.5 * DEG))
 
 
@@ -96,7 +96,7 @@ def test_commanded_load_factor_is_clipped_to_what_the_aircraft_may(fly):
 
 @pytest.mark.parametrize("phi_deg", [60.0, -80.0])
 def test_recovery_from_a_bank_beyond_the_limits_is_refused(phi_deg):
-    with pytest.raises(InputError, match="`phi` must lie in -45 to 45 deg"):
+    with pytest.raises(InputError, match=r"`phi` .* -45 to 45 deg"):
         JSBSimPlant().start(FlightCondition(V_a=25.0, phi=phi_deg * DEG))
 
 
@@ -134,5 +134,5 @@ def test_severe_turbulence_near_the_ground_ends_in_a_status(fly):
 
 @pytest.mark.parametrize("throttle_max", [0.0, -1.0, 1.5, math.nan])
 def test_an_upper_stop_of_the_throttle_lies_between_its_stops(throttle_max):
-    with pytest.raises(InputError, match="`throttle_max` must lie above 0 and up to 1, got"):
+    with pytest.raises(InputError, match="`throttle_max` must lie above 0"):
         load_aircraft("aerosonde").with_throttle_max(throttle_max)

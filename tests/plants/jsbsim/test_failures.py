@@ -24,63 +24,28 @@ def started(folder):
     return plant
 
 
-def one_line_of(error):
-    text = str(error.value)
-    assert "\n" not in text
-    return text
-
-
-def test_malformed_xml_names_file_and_line(changed_aircraft):
-    folder = changed_aircraft("aerosonde.xml", "</metrics>", "</metric>")
-
-    with pytest.raises(PlantError, match=r"aerosonde.xml: mismatched tag: line 17") as error:
-        started(folder)
-    one_line_of(error)
-
-
-def test_bad_unit_names_the_unit(changed_aircraft):
-    folder = changed_aircraft("aerosonde.xml", 'unit="M2"', 'unit="ACRES"')
-
-    with pytest.raises(PlantError, match="ACRES") as error:
-        started(folder)
-    one_line_of(error)
-
-
-def test_missing_aircraft_xml_is_named(changed_aircraft):
-    folder = changed_aircraft("aircraft.toml", '"aerosonde.xml"', '"albatross.xml"')
-
-    with pytest.raises(PlantError, match=r"albatross.xml") as error:
-        started(folder)
-    one_line_of(error)
-
-
 @pytest.mark.parametrize(
-    ("kind", "folder", "name"),
-    [("engine", "Engines", "aerosonde_motor"), ("thruster", "Engines", "direct")],
+    ("file", "pattern", "replacement", "message"),
+    [
+        ("aerosonde.xml", "</metrics>", "</metric>", r"aerosonde\.xml: mismatched tag: line 17"),
+        ("aerosonde.xml", 'unit="M2"', 'unit="ACRES"', "ACRES"),
+        ("aircraft.toml", '"aerosonde.xml"', '"albatross.xml"', r"albatross\.xml"),
+        ("aerosonde.xml", 'engine file="aerosonde_motor"', 'engine file="lost"', "lost"),
+        ("aerosonde.xml", 'thruster file="direct"', 'thruster file="lost"', "lost"),
+        ("aerosonde.xml", "> aero/beta-rad <", "> aero/bta <", "aero/bta"),
+        ("gains.json", "roll/k_p", "roll/k_P", "`ft/gains/roll/k_P`"),
+        ("gains.json", '"pitch/k_p": .*\n', "", r"gains\.json: `gains` .* `pitch/k_p`"),
+        ("aerosonde.xml", "<value> 0.023200", "<value> 1e308", r"aircraft\.toml: .* V_a 25 m/s"),
+    ],
 )
-def test_missing_part_is_named(changed_aircraft, kind, folder, name):
-    aircraft = changed_aircraft("aerosonde.xml", f'{kind} file="{name}"', f'{kind} file="lost"')
+def test_a_file_that_cannot_be_flown_is_named_in_one_line(
+    changed_aircraft, file, pattern, replacement, message
+):
+    folder = changed_aircraft(file, pattern, replacement)
 
-    with pytest.raises(PlantError, match="lost") as error:
-        started(aircraft)
-    one_line_of(error)
-
-
-def test_unknown_property_in_the_aerodynamics_is_named(changed_aircraft):
-    folder = changed_aircraft(
-        "aerosonde.xml", "<property> aero/beta-rad </property>", "<property> aero/bta </property>"
-    )
-
-    with pytest.raises(PlantError, match="aero/bta") as error:
+    with pytest.raises((PlantError, TrimError), match=message) as error:
         started(folder)
-    one_line_of(error)
-
-
-def test_unknown_property_of_a_gain_is_named(changed_aircraft):
-    folder = changed_aircraft("gains.json", "roll/k_p", "roll/k_P")
-
-    with pytest.raises(PlantError, match="must have the property `ft/gains/roll/k_P`"):
-        started(folder)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["", "a b", "9lives", "fcs//x", "/fcs", "ä", "fcs/x[a]", "fcs\n"])
@@ -143,17 +108,6 @@ def test_dive_into_the_ground_is_a_ground_contact(fly):
     assert flight["h"][-2] > 0.0 >= flight["h"][-1]
 
 
-def test_start_below_ground_is_refused():
-    with pytest.raises(InputError, match="`h` must be above the ground at 0 m, got -5 m"):
-        JSBSimPlant().start(FlightCondition(V_a=25.0, h=-5.0))
-
-
-def envelope_with(changed_aircraft, key, interval):
-    return changed_aircraft(
-        "aircraft.toml", rf"(?m)^{key}(\s*)= \[[^]]*\]", rf"{key}\1= {interval}"
-    )
-
-
 @pytest.mark.parametrize(
     ("key", "interval", "reason"),
     [
@@ -164,20 +118,14 @@ def envelope_with(changed_aircraft, key, interval):
     ],
 )
 def test_leaving_the_envelope_ends_the_flight(fly, changed_aircraft, key, interval, reason):
-    folder = envelope_with(changed_aircraft, key, interval)
+    folder = changed_aircraft(
+        "aircraft.toml", rf"(?m)^{key}(\s*)= \[[^]]*\]", rf"{key}\1= {interval}"
+    )
 
     flight = fly((0.0, 1.8), aircraft=folder, duration=3.0)
 
     assert flight.stop.status == "left_envelope"
     assert re.fullmatch(rf"t = [012]\.\d\d\d s: {reason}", flight.stop.reason)
-
-
-def test_stall_ends_the_flight(fly):
-    # At 18 m/s the lift peak of 1.5 carries 1.4 times the weight.
-    flight = fly((0.0, 2.0), V_a=18.0, duration=5.0)
-
-    assert flight.stop.status == "left_envelope"
-    assert re.search("alpha must stay inside -14 to 16 deg, got 16", flight.stop.reason)
 
 
 def test_jsbsim_giving_up_in_flight_is_a_stop(changed_aircraft):
@@ -209,7 +157,7 @@ def test_jsbsim_ending_the_run_is_an_error(changed_aircraft):
     )
     plant = started(folder)
 
-    with pytest.raises(PlantError, match=r"t = 0\.5\d+ s: JSBSim ended the run by itself"):
+    with pytest.raises(PlantError, match=r"t = 0\.5\d+ s: JSBSim ended"):
         plant.advance(0.0, 1.0, 2.0)
 
 
@@ -229,29 +177,21 @@ def test_nothing_is_written_to_the_terminal(capfd, changed_aircraft):
 
 
 @pytest.mark.parametrize(
-    ("tag", "content"),
+    "content",
     [
-        ("output", '<output name="stray.csv" type="CSV" rate="50"> <rates> ON </rates> </output>'),
-        ("input", '<input port="1137"/>'),
+        "",
+        '<output name="stray.csv" type="CSV" rate="50"> <rates> ON </rates> </output>',
+        '<input port="1137"/>',
     ],
 )
-def test_an_aircraft_opens_no_files_and_sockets(
-    changed_aircraft, tmp_path, monkeypatch, tag, content
-):
+def test_an_aircraft_opens_no_files_and_sockets(changed_aircraft, tmp_path, monkeypatch, content):
     folder = changed_aircraft("aerosonde.xml", "</fdm_config>", f"{content}</fdm_config>")
-    monkeypatch.chdir(tmp_path)
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
 
     started(folder).advance(0.0, 1.0, 0.5)
 
-    assert list(tmp_path.rglob("*.csv")) == []
-
-
-def test_a_flight_leaves_no_files(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    started("aerosonde").advance(0.0, 1.0, 1.0)
-
-    assert list(tmp_path.iterdir()) == []
+    assert list((tmp_path / "here").iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -284,21 +224,7 @@ def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, repla
 
     with pytest.raises(ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
         JSBSimPlant(folder)
-    one_line_of(error)
-
-
-def test_a_gain_that_no_file_gives_is_missed(changed_aircraft):
-    folder = changed_aircraft("gains.json", '"pitch/k_p": .*\n', "")
-
-    with pytest.raises(PlantError, match=r"gains\.json: `gains` must give `pitch/k_p`"):
-        started(folder)
-
-
-def test_forces_that_are_not_finite_are_no_steady_flight(changed_aircraft):
-    folder = changed_aircraft("aerosonde.xml", "<value> 0.023200", "<value> 1e308")
-
-    with pytest.raises(TrimError, match=r"aircraft\.toml: no steady flight at V_a 25 m/s"):
-        started(folder)
+    assert "\n" not in str(error.value)
 
 
 def test_a_start_as_steep_as_there_is_one_has_no_steady_flight():
@@ -318,18 +244,13 @@ def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, te
 
     with pytest.raises(PlantError, match=rf"aerosonde\.xml {message}") as error:
         JSBSimPlant(folder, off_nominal=OffNominal(lift=1.1))
-    one_line_of(error)
+    assert "\n" not in str(error.value)
 
 
-def test_unknown_aircraft_names_those_there_are():
-    with pytest.raises(
-        InputError, match=r"`aircraft` must be one of .*aerosonde.*, got 'concorde'"
-    ):
+def test_an_aircraft_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"`aircraft` .*aerosonde.*'concorde'"):
         JSBSimPlant("concorde")
-
-
-def test_folder_without_aircraft_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"aircraft.toml: must be a readable file"):
+    with pytest.raises(InputError, match=r"aircraft\.toml: .*readable"):
         JSBSimPlant(tmp_path)
 
 

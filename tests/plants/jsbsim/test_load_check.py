@@ -70,7 +70,7 @@ def test_gains_of_another_model_are_refused(changed):
     file = folder / "aircraft.toml"
     file.write_text(file.read_text().replace('"A4"', '"T38"'))
 
-    with pytest.raises(PlantError, match=r"gains\.json: must be made for the model"):
+    with pytest.raises(PlantError, match=r"gains\.json: must be made"):
         JSBSimPlant(folder).start(FlightCondition(V_a=200.0))
 
 
@@ -78,5 +78,5 @@ def test_an_aircraft_without_gains_says_what_writes_them(changed):
     folder = changed("a4", "title", "title")
     (folder / "gains.json").unlink()
 
-    with pytest.raises(PlantError, match=r"gains\.json: must be there; `flighttune design`"):
+    with pytest.raises(PlantError, match=r"gains\.json: .*`flighttune design`"):
         JSBSimPlant(folder).start(FlightCondition(V_a=200.0))

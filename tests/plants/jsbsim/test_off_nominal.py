@@ -224,7 +224,7 @@ def test_where_there_is_no_room_for_the_private_folder_is_told(tmp_path, monkeyp
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
 
-    with pytest.raises(PlantError, match=r"missing: must take a folder for aerosonde\.xml, got No"):
+    with pytest.raises(PlantError, match=r"missing: .* aerosonde\.xml, got No"):
         aircraft("aerosonde", mass=1.1)
 
 
@@ -281,7 +281,7 @@ def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
         text = pattern.replace("electric", "rocket")
         folder = changed_aircraft("Engines/aerosonde_motor.xml", pattern, text)
 
-    with pytest.raises(InputError, match=r"`thrust_factor` must be left out: .* <rocket_engine>"):
+    with pytest.raises(InputError, match=r"`thrust_factor` .* <rocket_engine>"):
         JSBSimPlant(folder, off_nominal=OffNominal(thrust=0.9))
 
 

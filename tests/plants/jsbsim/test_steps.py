@@ -9,7 +9,7 @@ from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim import plant as jsbsim_plant
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import MAX_STEPS, JSBSimPlant, steps_for
+from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 from flighttune.plants.jsbsim.trim import trim
 
 LAST_DIGIT = 0.01
@@ -82,11 +82,5 @@ def test_a_sample_of_the_outer_loop_is_whole_steps(rate, steps):
 
 
 def test_a_rate_without_whole_steps_is_one_line():
-    with pytest.raises(InputError, match=r"`controller\.rate_hz` must divide .*200 Hz.*got 7\.3"):
+    with pytest.raises(InputError, match=r"`controller\.rate_hz` .*200 Hz.* 7\.3"):
         steps_for(load_aircraft("aerosonde"), 7.3)
-
-
-@pytest.mark.parametrize("steps", [0, -1, MAX_STEPS + 1])
-def test_steps_must_be_few(steps):
-    with pytest.raises(InputError, match=r"`steps` must lie in 1 to 20, got"):
-        JSBSimPlant(steps=steps)

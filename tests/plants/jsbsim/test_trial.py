@@ -42,7 +42,7 @@ def trials(monkeypatch):
 def test_a_model_that_crashes_jsbsim_is_one_line(changed_aircraft):
     folder = changed_aircraft("aerosonde.xml", *CRASHES)
 
-    with pytest.raises(PlantError, match=r"aerosonde\.xml: JSBSim must load it, but .* SIGSEGV\."):
+    with pytest.raises(PlantError, match=r"aerosonde\.xml: .* SIGSEGV\."):
         Fdm(load_aircraft(folder))
 
 
@@ -93,5 +93,5 @@ def test_a_model_that_never_loads_is_given_up(monkeypatch, changed_aircraft):
 
     monkeypatch.setattr(trial.subprocess, "run", never)
 
-    with pytest.raises(PlantError, match="JSBSim must load it, but it did not within 60 s"):
+    with pytest.raises(PlantError, match="within 60 s"):
         Fdm(load_aircraft(changed_aircraft("aerosonde.xml", "x", "x")))

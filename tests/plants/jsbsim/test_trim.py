@@ -44,7 +44,7 @@ def test_level_turn_rate_is_g_tan_phi_over_V(fly):
     ],
 )
 def test_trim_error_says_what_stands_against_it(condition, obstacle):
-    with pytest.raises(TrimError, match=rf"no steady flight at V_a .*: {obstacle} .*left over"):
+    with pytest.raises(TrimError, match=rf"V_a .*: {obstacle} .*left over"):
         JSBSimPlant().start(FlightCondition(**{"V_a": 25.0} | condition))
 
 
@@ -55,7 +55,7 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
         "elevator = { travel_deg = [-25.0, 1.0]",
     )
 
-    with pytest.raises(TrimError, match="the elevator is at its stop"):
+    with pytest.raises(TrimError, match="elevator is at its stop"):
         JSBSimPlant(folder).start(FlightCondition(V_a=25.0))
 
 
