@@ -101,7 +101,7 @@ def _informative(problem: ErrorDetails) -> tuple[int, bool, bool]:
 def _sentence(problem: ErrorDetails, keys: list[str], model: type[BaseModel]) -> str:
     key = shown(keys[-1]) if keys else ""
     table = f"[{shown('.'.join(keys[:-1]))}] " if len(keys) > 1 else ""
-    got, kind, message = problem.get("input"), problem["type"], problem["msg"]
+    kind, message = problem["type"], problem["msg"]
     if kind == "extra_forbidden":
         names = _known_keys(model, keys[:-1])
         close = difflib.get_close_matches(key, names, n=1, cutoff=0.5)
@@ -112,9 +112,6 @@ def _sentence(problem: ErrorDetails, keys: list[str], model: type[BaseModel]) ->
     if kind == "value_error" and message.startswith("Value error, `"):
         inside = f"[{shown('.'.join(keys))}] " if keys else ""
         return f"{inside}{message.removeprefix('Value error, ')}."  # ... the key in its own table
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        got = abridged(got)
-        return f"{table}`{key}` must have a `shape` of step, ramp or doublet, got {got}."
     return f"{table}`{key}` {_requirement(problem)}."
 
 

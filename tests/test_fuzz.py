@@ -38,7 +38,7 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.scenario import load_gains, load_scenario, scenario_from
 from flighttune.seal import BLANK, seal
-from flighttune.shipped import aircraft_folder
+from flighttune.shipped import aircraft_folder, campaign_files, scenario_files
 from flighttune.theory.indicators import indicators
 from flighttune.units import G_0
 from flighttune.value_file import tables_of
@@ -49,32 +49,22 @@ CASES, MANY = 40, 200
 LONGEST_LINE = 10_000
 
 GAINS = {"K_P": [[1.7, 0.6], [-0.6, 2.0]], "K_I": [[3.5, 0.2], [-0.2, 3.5]]}
+
+
+def shipped(files, name):
+    """A shipped scenario or campaign without what would take long: requirements and tuning."""
+    tables = tomllib.loads(files()[name].read_text(encoding="utf-8"))
+    return {**{key: tables[key] for key in tables if key != "expect"}, "gains": ["paper"]}
+
+
 SCENARIO = {
-    "title": "Everything that a scenario can say",
-    "seed": 3,
+    **shipped(scenario_files, "level_turn"),
     "law": [
         {"name": "paper", "kind": "paper"},
         {"name": "mine", "kind": "exact", "priority": "chi", "lift_floor": 0.3, "braking": 2.0},
-        {
-            "name": "own",
-            "kind": "python",
-            "module": "own.py",
-            "class": "Own",
-            "parameters": {"k": 1},
-        },
+        {"name": "own", "kind": "python", "module": "own.py", "class": "Own"},
     ],
     "gains": ["paper", {"name": "mine", **GAINS}],
-    "flight": {
-        "V_a_mps": 25.0,
-        "h_m": 800.0,
-        "chi_deg": 10.0,
-        "gamma_deg": 5.0,
-        "phi_deg": 1.0,
-        "n_z": 1.0,
-        "duration_s": 0.4,
-        "ground_m": 10.0,
-        "g_mps2": 9.81,
-    },
     "reference": {
         "chi_deg": [
             {"shape": "step", "start_s": 0.1, "change_deg": 5.0},
@@ -83,13 +73,6 @@ SCENARIO = {
         ],
         "gamma_deg": 3.0,
     },
-    "limits": {
-        "phi_deg": [-40.0, 40.0],
-        "phi_rate_dps": 30.0,
-        "n_z": [-1.0, 2.0],
-        "n_z_rate_per_s": [-1.0, 1.0],
-    },
-    "controller": {"rate_hz": 50.0, "anti_windup": "conditional", "feed_forward": True},
     "tuning": {"I_star": 5.0, "gain_max": 50.0, "state_scaling": [1.0, 1.0, 1.0, 1.0]},
     "sensors": {"chi_bias_deg": 1.0, "chi_noise_sd_deg": 0.1, "noise_time_constant_s": 0.5},
     "envelope": {
@@ -105,7 +88,6 @@ SCENARIO = {
             "kind": "point_mass_lag",
             "roll_lag_rad_s": 6.0,
             "roll_damping": 0.8,
-            "roll_delay_s": 0.02,
             "n_z_lag_rad_s": 9.0,
         },
     ],
@@ -121,76 +103,20 @@ class Own:
     def step(self, measured, reference, t):
         return 0.0, 1.0
 """
+HEAVY = shipped(scenario_files, "heavy_and_aft")["plant"][1]
 AIRBORNE = {
-    **{key: SCENARIO[key] for key in ("title", "flight", "limits", "controller")},
-    "gains": ["paper"],
-    "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+    **shipped(scenario_files, "gust_in_turn"),
     "wind": {"level": [{"h_m": 0.0, "speed_mps": 3.0, "from_deg": 90.0, "down_mps": 0.1}]},
-    "gust": {"axis": "right", "peak_mps": 2.0, "start_s": 0.1, "length_m": 5.0, "hold_s": 0.1},
     "turbulence": {"severity": 3, "wind_20ft_mps": 5.0},
-    "plant": [
-        {
-            "kind": "jsbsim",
-            "aircraft": "aerosonde",
-            "name": "heavy",
-            "throttle_max": 0.9,
-            "airframe": {
-                "mass_factor": 1.05,
-                "cg_aft_m": 0.01,
-                "ixx_factor": 1.1,
-                "drag_factor": 1.1,
-                "coefficient_factors": {"Cm_alpha": 0.9},
-                "actuator_lag_factor": 1.2,
-            },
-        }
-    ],
+    "plant": [{**HEAVY, "throttle_max": 0.9}],
 }
-SWINGING = {
-    **{key: AIRBORNE[key] for key in ("title", "gains", "flight", "reference")},
-    "disturbance": {
-        "chi_amplitude": 0.1,
-        "chi_omega_rad_s": 0.5,
-        "gamma_amplitude": 0.1,
-        "gamma_omega_rad_s": 0.5,
-        "as_wind": True,
-        "path": "air",
-    },
-    "plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}, {"kind": "point_mass"}],
-}
+SWINGING = shipped(scenario_files, "oscillating_wind")
 CAMPAIGN = {
-    "title": "Small",
+    **shipped(campaign_files, "aerosonde_dispersed"),
     "scenario": "level_turn",
-    "seed": 1,
     "runs": 8,
-    "design": "sobol",
-    "time_limit_s": 30.0,
     "gains": ["paper", {"name": "mine", **GAINS}],
-    "plant": [{"kind": "kinematic"}],
     "overrides": {"flight": {"duration_s": 12.0}},
-    "disperse": [
-        {"key": "flight.V_a_mps", "distribution": "normal", "mean": 25.0, "sd": 1.0, "lower": 20.0},
-        {"key": "flight.h_m", "distribution": "uniform", "lower": 400.0, "upper": 600.0},
-        {
-            "key": "limits.phi_rate_dps",
-            "distribution": "log_normal",
-            "acts": "multiplies",
-            "median": 1.0,
-            "sd_log": 0.1,
-        },
-        {"key": "controller.rate_hz", "distribution": "choice", "values": [50.0, 40.0]},
-        {
-            "key": "flight.chi_deg",
-            "distribution": "grid",
-            "acts": "adds",
-            "lower": -5.0,
-            "upper": 5.0,
-            "count": 3,
-        },
-    ],
-    "correlation": [{"keys": ["flight.V_a_mps", "flight.h_m"], "rank": 0.3}],
-    "success": [{"at_most": {"chi": {"peak_deg": 6.0}}}],
-    "certificate": {"from_s": 5.0, "L_d_rad_s2": 0.1},
-    "keep": {"failures": 2, "worst": 1, "worst_by": "chi.ITAE", "sample": 1},
 }
 TOLERANCES = {
     "ITAE": {"relative": 0.02},

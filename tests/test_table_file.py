@@ -12,7 +12,7 @@ from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
 from flighttune.scenario import load_gains, load_scenario
 from flighttune.shipped import scenario_files
-from flighttune.table_file import MAX_BYTES, toml_tables
+from flighttune.table_file import MAX_BYTES
 
 TOML, JSON = ".toml", ".json"
 
@@ -57,7 +57,6 @@ def written(path, text):
         ("a = ", "{", "must be valid (TOML|JSON)"),
         (f"a = {'[' * 900}{']' * 900}", "[" * 100_000, "nested so deeply"),
         (f"a = {'{b = ' * 900}1{'}' * 900}", '{"a":' * 100_000 + "1" + "}" * 100_000, "so deeply"),
-        (f"{'a.' * 100_000}a = 1", f'{{"a": {"[" * 40}{"]" * 40}}}', "nested so deeply|`"),
         (f"a = 1{'0' * 400}", f'{{"a": 1{"0" * 400}}}', "`"),
         (
             f"a = 1{'0' * 5000}",
@@ -69,7 +68,7 @@ def written(path, text):
         (b" " * (MAX_BYTES + 1), b" " * (MAX_BYTES + 1), "at most 16000000 bytes"),
     ],
     ids=[
-        *("coding", "text", "arrays", "tables", "dots", "huge", "digits", "twice", "surrogate"),
+        *("coding", "text", "arrays", "tables", "huge", "digits", "twice", "surrogate"),
         "large",
     ],
 )
@@ -88,12 +87,6 @@ def test_an_unknown_key_and_a_value_of_any_length_are_abridged(tmp_path, read, s
     text = f"{key} = '{value}'" if suffix == TOML else json.dumps({key: value})
 
     assert len(refusal(read, written(tmp_path / f"long{suffix}", text))) < 1000
-
-
-def test_a_word_of_a_million_letters_is_read_in_one_pass(tmp_path):
-    path = written(tmp_path / "long.toml", f"# {'x' * 1_000_000}\na = 1")
-
-    assert toml_tables(path) == {"a": 1}
 
 
 def test_a_file_without_an_end_is_not_read_to_its_end():
