@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from flighttune.comparison.compare import Comparison, comparison_table
-from flighttune.metrics import metric_tables
 from flighttune.recording.page import scenario_page
 from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import Run
@@ -19,8 +18,7 @@ def write_overlay(comparison: Comparison, path: str | Path) -> None:
     runs = overlaid(comparison)
     scenario = runs[0].provenance.scenario
     title = f"{scenario.get('title', 'Flight')}: comparison"
-    metrics, flight = metric_tables(runs)
-    page = scenario_page(runs, scenario=scenario, metrics=metrics, flight=flight)
+    page = scenario_page(runs, scenario=scenario)
     compared = comparison_table("Compared", comparison.metrics).markdown()
     write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{compared}\n", title=title)
 

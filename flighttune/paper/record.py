@@ -8,7 +8,6 @@ import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
 from flighttune.flight.fly import library_versions
-from flighttune.metrics import metric_tables
 from flighttune.paper import parameters as printed
 from flighttune.paper.flight import PaperFlight
 from flighttune.paper.parameters import STAR
@@ -59,7 +58,6 @@ def write_families(study: Study, folder: Path) -> Path:
         runs,
         scenario=_scenario(),
         indicators={name: (row.R_K, row.I_K) for name, row in study.indicators.items()},
-        metrics=metric_tables(runs)[0],
     )
     path = folder / f"{NAME}.rrd"
     write_recording(runs, path, page=page, title=TITLE)

@@ -2,21 +2,19 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import rerun.blueprint as rrb
 from rerun.blueprint.archetypes import TextLogColumns
+from rerun.blueprint.components import LinkAxis
 from rerun.blueprint.encodings import TextLogColumnKind
 
 from flighttune.recording import entities, geometry
-from flighttune.recording.certificate_tab import TAB as CERTIFICATE_TAB
-from flighttune.recording.certificate_tab import certificate_tab
 from flighttune.recording.entities import DrawnRun
-from flighttune.recording.plots import COMMANDS_TAB, WHY_TAB, Plot, value_range
-from flighttune.recording.views import lanes_view, layout, scene_view, time_view
-from flighttune.simulate.run import Run
+from flighttune.recording.geometry import Eye
+from flighttune.recording.plots import COMMANDS_TAB, Plot, value_range
 
 PAGE_TAB = "Scenario and metrics"
-FIRST_TABS = ("Overview", "Tracking", COMMANDS_TAB, WHY_TAB, CERTIFICATE_TAB)  # others follow
 ERRORS = ("chi_err", "gamma_err")  # plots on Overview
 AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
 
@@ -25,36 +23,37 @@ READING = 0.05  # the line on how to read the picture
 TABLE, TABLE_ROW, LONGEST_TABLE = 0.12, 0.037, 0.55  # the readout, without rows and at most
 LANES, LANE, MOST_LANES = 0.1, 0.065, 0.6  # the lanes, without runs and at most below a view
 
+COLUMNS_PER_ROW = 1.36  # of a grid of plots: nine stand in 3 rows of three, fifteen in 3 of five
+
 SIDE, MIDDLE = 0.23, 0.31  # shares of the width: the column of lanes, the plots on Overview
 
 
 def blueprint(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Blueprint:
     """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
-    page: rrb.Container | rrb.View = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
+    page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
     if not drawn:
         return layout([page])
-    tabs = {"Overview": _overview(drawn, plots)}
-    tabs |= {
-        name: _beside_lanes(_tab(name, shown, drawn), drawn, name) for name, shown in plots.items()
-    }
-    if any(drawn_run.claim for drawn_run in drawn):
-        tabs[CERTIFICATE_TAB] = _certificates(drawn)
-    tabs[PAGE_TAB] = _beside_lanes(page, drawn, PAGE_TAB)
-    first = [name for name in FIRST_TABS if name in tabs]
-    return layout([tabs[name] for name in dict.fromkeys([*first, *tabs])])
+    tabs = {name: _tab(name, shown, drawn) for name, shown in plots.items()}
+    beside = {**tabs, PAGE_TAB: page}
+    return layout(
+        [
+            _overview(drawn, plots),
+            *(
+                rrb.Horizontal(tab, _lanes(drawn), column_shares=[1.0 - SIDE, SIDE], name=name)
+                for name, tab in beside.items()
+            ),
+        ]
+    )
 
 
 def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
-    width = geometry.drawn_width(drawn)
-    followed = leader(drawn)
-    whole = scene_view(
-        "Paths and aircraft",
-        geometry.overview_eye(geometry.all_to_see(drawn), margin=width / 2.0),
-        f"/{entities.WORLD}/**",
-    )
+    factor, followed = geometry.drawn_scale(drawn), leader(drawn)
+    room = factor * geometry.widest(drawn) / 2.0
+    eye = geometry.overview_eye(geometry.all_to_see(drawn), margin=room)
+    whole = scene_view("Paths and aircraft", eye, f"/{entities.WORLD}/**")
     chase = scene_view(
         f"Behind {followed.number} {followed.run.provenance.gains_name}",
-        geometry.chase_eye(width * geometry.span_of(followed.run) / geometry.widest(drawn)),
+        geometry.chase_eye(factor * geometry.span_of(followed.run)),
         f"/{entities.AIRCRAFT}/**",
         f"/{entities.GROUND}/**",
         origin=f"{entities.AIRCRAFT}/{followed.key}",
@@ -77,7 +76,7 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     now = rrb.TextDocumentView(origin=entities.NOW, name="Now")
     views = rrb.Horizontal(
         rrb.Vertical(scene, now, row_shares=[1.0 - table, table]),
-        rrb.Vertical(*(_plot(plot, runs, 1.0 / len(beside)) for plot in beside)),
+        rrb.Vertical(*(_plot(plot, drawn, 1.0 / len(beside)) for plot in beside)),
         right,
         column_shares=[1.0 - MIDDLE - SIDE, MIDDLE, SIDE],
     )
@@ -94,46 +93,78 @@ def leader(drawn: Sequence[DrawnRun]) -> DrawnRun:
     return next(iter(early), None) or next(longest_runs)
 
 
-def _certificates(drawn: Sequence[DrawnRun]) -> rrb.Container:
-    views = certificate_tab(drawn)
-    columns = 1 if len(views) == 1 else 2 if len(views) <= 4 else 3
-    return _beside_lanes(rrb.Grid(*views, grid_columns=columns), drawn, CERTIFICATE_TAB)
-
-
 def _tab(name: str, plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Container:
-    runs, count = [drawn_run.run for drawn_run in drawn], len(plots)
-    if name == COMMANDS_TAB:
-        return rrb.Vertical(
-            *(_plot(plot, runs, 5.0 / 13.0) for plot in plots),
-            _events(),
-            row_shares=[5, 5, 3][-count - 1 :],
-        )
-    columns = 5 if count > 9 else 4 if count > 6 else 3 if count in (3, 5, 6) else min(count, 2)
-    columns = 3 if name == WHY_TAB else columns
-    share = 1.0 / math.ceil(count / columns)
-    return rrb.Grid(*(_plot(plot, runs, share) for plot in plots), grid_columns=columns)
-
-
-def _events() -> rrb.TextLogView:
-    return rrb.TextLogView(
+    if name != COMMANDS_TAB:
+        columns = round(math.sqrt(COLUMNS_PER_ROW * len(plots)))
+        share = 1.0 / math.ceil(len(plots) / columns)
+        return rrb.Grid(*(_plot(plot, drawn, share) for plot in plots), grid_columns=columns)
+    events = rrb.TextLogView(
         origin=entities.EVENTS,
         name="Events",
         columns=TextLogColumns(text_log_columns=[TextLogColumnKind.Body]),
     )
-
-
-def _beside_lanes(
-    shown: rrb.Container | rrb.View, drawn: Sequence[DrawnRun], name: str
-) -> rrb.Container:
-    """`shown`, and beside it the lanes, which name the runs in their colours."""
-    return rrb.Horizontal(shown, _lanes(drawn), column_shares=[1.0 - SIDE, SIDE], name=name)
+    views = [_plot(plot, drawn, 5.0 / 13.0) for plot in plots]
+    return rrb.Vertical(*views, events, row_shares=[*[5] * len(views), 3])
 
 
 def _lanes(drawn: Sequence[DrawnRun]) -> rrb.StateTimelineView:
-    names = [entities.lane_name(drawn_run, len(drawn)) for drawn_run in drawn]
-    return lanes_view("Runs: limits, guarantee", names)
+    """Lanes over the same time axis as the plots, which name the runs in their colours."""
+    return rrb.StateTimelineView(
+        name="Runs: limits, guarantee",
+        contents=[f"/{entities.lane_name(drawn_run, len(drawn))}" for drawn_run in drawn],
+        time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+    )
 
 
-def _plot(plot: Plot, runs: Sequence[Run], share: float) -> rrb.TimeSeriesView:
-    span = value_range(plot, runs, share=share)
+def _plot(plot: Plot, drawn: Sequence[DrawnRun], share: float) -> rrb.TimeSeriesView:
+    span = value_range(plot, [drawn_run.run for drawn_run in drawn], share=share)
     return time_view(f"{entities.PLOTS}/{plot.signal}", plot.heading, span)
+
+
+def layout(
+    tabs: Sequence[rrb.Container | rrb.View],
+    *,
+    timeline: str = entities.TIMELINE,
+    play_state: Literal["paused", "following"] = "paused",
+) -> rrb.Blueprint:
+    """Tabs, with the panels of the viewer closed and nothing added by the viewer itself."""
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=timeline, play_state=play_state),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def time_view(
+    origin: str, name: str, span: tuple[float, float] | None = None
+) -> rrb.TimeSeriesView:
+    """A plot over time; its axis `span` is found by the viewer where it is None."""
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
+        # It would cover small plots; lanes name the runs.
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def scene_view(
+    name: str, eye: Eye, *contents: str, origin: str = entities.WORLD
+) -> rrb.Spatial3DView:
+    """A 3D view of entities from a camera, in the axes of `origin`."""
+    return rrb.Spatial3DView(
+        origin=origin,
+        contents=contents,
+        name=name,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=eye.position,
+            look_target=eye.target,
+            eye_up=(0.0, 0.0, -1.0),  # z of NED goes down
+        ),
+    )

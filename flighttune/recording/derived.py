@@ -1,4 +1,4 @@
-"""Signals that a recording draws and no plant has: height over sea, distances, parts of the gap."""
+"""Signals that a recording draws and no plant has: heights, distances, parts of the gap, bounds."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.guarantee.mismatch import CHANNELS, trim_of
 from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.run import Run
@@ -21,7 +22,11 @@ UNITS = {
     **{f"{part}_{channel}": "rad/s" for part in PARTS for channel in CHANNELS},
     **{f"step_{channel}": "rad" for channel in CHANNELS},
     "distance": "m",
+    "log_s": "1",
+    "log_s_bound": "1",
 }
+SHORTEST_BOUND = 1.5  # s; a bound that lasts less is not drawn: shreds of it say nothing
+SMALLEST = 1e-4  # norms of s below this (rad and rad/s) are drawn as this: they go down for ever
 FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
 
 
@@ -30,7 +35,7 @@ def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
 
     A run is compared with that of the same gains on the plant before it: `step_chi` and
     `step_gamma` are its course and path angle minus theirs. `distance` is that from the path on the
-    first plant.
+    first plant. `log_s` is the norm of s in decades, with what its claim guarantees.
     """
     before: dict[str, list[Run]] = {}
     extended = []
@@ -38,6 +43,7 @@ def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
         run = drawn_run.run
         lower = before.setdefault(run.provenance.gains_name, [])
         columns = {**_over_ground(run), **_parts(run), **_compared(run, lower)}
+        columns |= _claimed(run, drawn_run.claim)
         lower.append(run)
         shown = replace(run, signals=run.signals.assign(**columns)) if columns else run
         extended.append(replace(drawn_run, run=shown))
@@ -81,6 +87,23 @@ def _parts(run: Run) -> dict[str, FloatArray]:
         for k, part in enumerate(PARTS)
         for i, channel in enumerate(CHANNELS)
     }
+
+
+def _claimed(run: Run, claim: FlightCheck | None) -> dict[str, FloatArray]:
+    """The guarantee of a law, with bounds of the errors where they are within those flown."""
+    if claim is None:
+        return {}
+    lines = {"log_s": claim.size, "log_s_bound": claim.bound}
+    columns = {name: np.log10(np.maximum(line, SMALLEST)) for name, line in lines.items()}
+    for i, channel in enumerate(CHANNELS):
+        bound, error = claim.error_bounds[:, i], run.signals[f"{channel}_err"]
+        shown = bound <= error.abs().max()
+        stretch = np.cumsum(np.diff(shown, prepend=shown[0]))
+        lasting = np.bincount(stretch)[stretch] * (claim.t[1] - claim.t[0])
+        bound = np.where(shown & (lasting >= SHORTEST_BOUND), bound, np.nan)
+        columns |= {f"{channel}_err_low": -bound, f"{channel}_err_high": bound}
+    # A claim is about the time between two samples: there is none at the last one.
+    return {name: np.append(line, np.nan) for name, line in columns.items()}
 
 
 def _compared(run: Run, lower: Sequence[Run]) -> dict[str, FloatArray]:

@@ -22,7 +22,6 @@ TIMELINE = "flight_time"  # since the start of the flight
 PAGE = "page"
 WORLD = "world"
 PATHS = f"{WORLD}/paths"
-TRAILS = f"{WORLD}/trails"
 SHADOWS = f"{WORLD}/shadows"
 AIRCRAFT = f"{WORLD}/aircraft"  # frames that move with each aircraft and turn with its course
 BODY = "body"  # below such a frame: the aircraft with its attitude
@@ -30,19 +29,16 @@ BODY = "body"  # below such a frame: the aircraft with its attitude
 GROUND = f"{WORLD}/ground"
 PLOTS = "plots"
 
-# Lines that belong to no run, measured signals and bounds. The viewer draws in the order of names:
-# with the underscore these are below the lines of the runs.
+# Lines that belong to no run, and measured signals. The viewer draws in the order of names: with
+# the underscore these are below the lines of the runs.
 REFERENCE = "_reference"
 LIMITS = "_limits"
 MEASURED = "_measured"
-BOUNDS = "_bounds"
 AXIS = "_axis"
 
 EVENTS = "events"
 NOW = "now"  # the readout of the present instant
 READING = "how_to_read"
-
-GUARANTEE = f"{PLOTS}/guarantee"
 
 END = 1.1  # where time axes end, over the longest flight: the last label has room
 
@@ -74,13 +70,6 @@ def log_lines(
     """Log lines over time (s), all of one entity, with their style; `values` has a column each."""
     stream.log(path, style, static=True)
     stream.send_columns(path, [times(t)], rr.Scalars.columns(scalars=values))
-
-
-def log_time_axis(stream: rr.RecordingStream, path: str, drawn: Sequence["DrawnRun"]) -> None:
-    """Let the time axis of a plot reach a little beyond the longest flight, as all others do."""
-    end = END * max(drawn_run.run.duration for drawn_run in drawn)
-    nothing = rr.Scalars.columns(scalars=[np.nan, np.nan])
-    stream.send_columns(f"{path}/{AXIS}", [times([0.0, end])], nothing)
 
 
 def on_screen(width: float) -> Any:

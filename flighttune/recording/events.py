@@ -10,17 +10,15 @@ import rerun as rr
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import channel_metrics
 from flighttune.plants.wind import WIND
-from flighttune.present.palette import contrast
 from flighttune.recording.entities import EVENTS, DrawnRun, times
-from flighttune.recording.lanes import HELD, runs_of_equal
+from flighttune.recording.lanes import RATE, runs_of_equal
 from flighttune.simulate.measures import NO_STEP
 from flighttune.simulate.run import Run
 
 COMMANDS = {"phi": "roll", "n_z": "load-factor"}
 ANGLES = {"chi": "course", "gamma": "path angle"}
 
-# Text is made lighter, for the dark ground of the viewer, down to this contrast on a light one.
-WHITE, ON_WHITE = (255, 255, 255), 2.6
+LIGHTER = 0.3  # of the way to white: text on the dark ground of the viewer, or on a light one
 
 MAX_HOLDS = 20  # a command held by its limit more often is listed with the number only
 WIND_CHANGE = 0.5  # m/s; a change of the wind since the start beyond this is a gust
@@ -46,13 +44,11 @@ class Event:
 
 def events(run: Run, claim: FlightCheck | None = None) -> list[Event]:
     """All events of a run with at least two samples, in order of time."""
-    listed = [
-        *_reference(run),
-        *_held(run),
-        *_gust(run),
-        *_converged(run),
-        *_claims(claim),
-    ]
+    listed = [*_reference(run), *_held(run), *_gust(run), *_converged(run)]
+    if claim is not None and claim.t_broken is not None:
+        share = f"{100.0 * claim.share_broken:.1f} % of the time with a claim"
+        text = f"guarantee first broken; in total for {share}"
+        listed.append(Event(claim.t_broken, "claim", text))
     if run.status != "completed":
         listed.append(Event(run.duration, "end", run.outcome))
     return sorted(listed, key=lambda event: event.t)
@@ -77,23 +73,13 @@ def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     columns = rr.TextLog.columns(
         text=[f"{drawn_run.run.label}: {event.text}" for event, drawn_run in lines],
         level=[SORTS[event.sort] for event, _ in lines],
-        color=[_readable(drawn_run.style.rgb) for _, drawn_run in lines],
+        color=[
+            [round(part + LIGHTER * (255 - part)) for part in drawn_run.style.rgb]
+            for _, drawn_run in lines
+        ],
     )
     when = times([event.t for event, _ in lines])
     stream.send_columns(EVENTS, [when], columns)
-
-
-def _readable(colour: tuple[int, int, int]) -> tuple[int, ...]:
-    """The lightest shade of a colour that small text on a light ground allows."""
-    readable, lighter = colour, colour
-    while contrast(lighter, WHITE) > ON_WHITE:
-        readable, lighter = lighter, _lighter(lighter)
-    return readable
-
-
-def _lighter(colour: tuple[int, int, int]) -> tuple[int, int, int]:
-    red, green, blue = (math.ceil(part + 0.03 * (255 - part)) for part in colour)
-    return red, green, blue
 
 
 def _reference(run: Run) -> Iterator[Event]:
@@ -105,8 +91,7 @@ def _reference(run: Run) -> Iterator[Event]:
         start = run.signals[angle].to_numpy()[0]
         slopes = np.diff(values)
         steps = np.flatnonzero(np.abs(np.diff(slopes, prepend=slopes[:1])) > NO_STEP)
-        first = abs(values[0] - start) > NO_STEP
-        if first:
+        if abs(values[0] - start) > NO_STEP:
             text = f"{word} reference {math.degrees(values[0]):.4g} deg"
             yield Event(float(t[0]), "track", f"{text}, from {math.degrees(start):.4g} deg")
         for k in steps[:MAX_HOLDS].tolist():
@@ -123,7 +108,7 @@ def _held(run: Run) -> Iterator[Event]:
         ends = np.append(t[1:], run.duration)
         limited = np.flatnonzero(states != 0.0)
         for k in limited[:MAX_HOLDS].tolist():
-            limit = "its rate limit" if HELD.get(int(states[k])) == "rate" else "its limit"
+            limit = "its rate limit" if states[k] == RATE else "its limit"
             lasting = f"{ends[k] - t[k]:.2f} s"
             yield Event(float(t[k]), "limit", f"{word} command held by {limit} for {lasting}")
         if len(limited) > MAX_HOLDS:
@@ -157,12 +142,6 @@ def _converged(run: Run) -> Iterator[Event]:
             begun = float(t[int(np.argmax(np.abs(error) > NO_STEP))])
             text = f"{word} error settled (5 %) after {taken:.2f} s"
             yield Event(begun + taken, "track", text)
-
-
-def _claims(claim: FlightCheck | None) -> Iterator[Event]:
-    if claim is not None and claim.t_broken is not None:
-        share = f"{100.0 * claim.share_broken:.1f} % of the time with a claim"
-        yield Event(claim.t_broken, "claim", f"guarantee first broken; in total for {share}")
 
 
 def _of(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.transform import Rotation
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
@@ -50,29 +51,18 @@ def all_positions(drawn: Sequence[DrawnRun]) -> FloatArray:
 
 def headings(signals: pd.DataFrame) -> FloatArray:
     """Rotation to NED from level axes that turn with the course, shape (n, 4): x, y, z, w."""
-    half = 0.5 * signals["chi"].to_numpy(dtype=float)
-    none = np.zeros_like(half)
-    return np.column_stack([none, none, np.sin(half), np.cos(half)])
+    return Rotation.from_euler("z", signals[["chi"]].to_numpy(dtype=float)).as_quat()
 
 
 def attitudes(signals: pd.DataFrame) -> FloatArray:
     """Rotation from body axes to the axes of `headings`, shape (n, 4): x, y, z, w.
 
-    A plant without pitch and heading is drawn along its path. Stevens, Lewis and Johnson, *Aircraft
-    Control and Simulation*, Eq. (1.8-18): the Euler angles in the order yaw, pitch, roll.
+    A plant without pitch and heading is drawn along its path.
     """
     pitch = signals["theta" if "theta" in signals else "gamma"]
     crab = signals["psi"] - signals["chi"] if "psi" in signals else 0.0 * pitch
-    halves = 0.5 * np.array([signals["phi"], pitch, crab], dtype=float)
-    (s_x, s_y, s_z), (c_x, c_y, c_z) = np.sin(halves), np.cos(halves)
-    return np.column_stack(
-        [
-            s_x * c_y * c_z - c_x * s_y * s_z,
-            c_x * s_y * c_z + s_x * c_y * s_z,
-            c_x * c_y * s_z - s_x * s_y * c_z,
-            c_x * c_y * c_z + s_x * s_y * s_z,
-        ]
-    )
+    angles = np.column_stack([crab, pitch, signals["phi"]]).astype(float)
+    return Rotation.from_euler("ZYX", angles).as_quat()  # yaw, pitch, roll about the turned axes
 
 
 def span_of(run: Run) -> float:
@@ -98,10 +88,9 @@ def widest(drawn: Sequence[DrawnRun]) -> float:
     return max(span_of(drawn_run.run) for drawn_run in drawn)
 
 
-def drawn_width(drawn: Sequence[DrawnRun]) -> float:
-    """Width at which the widest aircraft is drawn, m."""
-    span = widest(drawn)
-    return span * enlargement(all_positions(drawn), span)
+def drawn_scale(drawn: Sequence[DrawnRun]) -> float:
+    """Factor by which all aircraft are drawn larger than they are."""
+    return enlargement(all_positions(drawn), widest(drawn))
 
 
 def all_to_see(drawn: Sequence[DrawnRun]) -> FloatArray:
@@ -164,17 +153,12 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     back = np.array([level * math.cos(azimuth), level * math.sin(azimuth), -math.sin(ELEVATION)])
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     up = np.cross(right, back)
-    slope = math.tan(FIELD_OF_VIEW / 2.0)
-    # The planes at the edges of the picture through the outermost points: those at the right and at
-    # the left meet above the line on which the camera must be, those at the top and bottom too.
-    depth, seen = points @ back, points @ np.column_stack([right, up])
-    slopes = slope * np.array([ASPECT, 1.0])
-    ends = np.max(seen + depth[:, None] * slopes, axis=0) + margin
-    starts = np.min(seen - depth[:, None] * slopes, axis=0) - margin
-    aside = (ends + starts) / 2.0
-    distance = float(np.max((ends - starts) / 2.0 / slopes))
-    axis = aside @ np.array([right, up])
-    return Eye(tuple(axis + distance * back), tuple(axis + depth.mean() * back))
+    # A point is in the picture if its distance from the axis is at most that of the edge there.
+    centre = (low + high) / 2.0
+    depth, seen = (points - centre) @ back, (points - centre) @ np.column_stack([right, up])
+    slopes = math.tan(FIELD_OF_VIEW / 2.0) * np.array([ASPECT, 1.0])
+    distance = float(np.max((np.abs(seen) + margin) / slopes + depth[:, None]))
+    return Eye(tuple(centre + distance * back), tuple(centre))
 
 
 def chase_eye(width: float) -> Eye:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 
 from flighttune.arrays import FloatArray
@@ -12,11 +11,15 @@ from flighttune.present.palette import LIMIT, rgb
 from flighttune.recording.entities import END, DrawnRun, lane_name, times
 from flighttune.simulate.run import Run
 
-# Limit that acts, by the value of the ``*_limited`` signal: magnitude or rate.
-HELD = {1: "limit", 2: "rate"}
-LIMITED = {"roll": "phi_limited", "n_z": "n_z_limited"}
-
 BROKEN, GUARANTEED, FREE, ENDED = "broken", "guaranteed", "within limits", "ended"
+# Code of the limits that act: a sum of signals times factors (0 free, 1 magnitude, 2 rate).
+LIMITED = {"phi_limited": 1, "n_z_limited": 3}
+HOLDING = [
+    ", ".join(filter(None, (roll, n_z))) or FREE
+    for n_z in ("", "n_z", "n_z rate")
+    for roll in ("", "roll", "roll rate")
+]
+RATE = 2.0  # of a ``*_limited`` signal
 SHORTEST = 0.3  # s; shorter pieces are drawn as the one before: sensor noise would fragment a lane
 DIMMED = 0.45  # brightness of a lane while a limit holds a command
 
@@ -49,38 +52,19 @@ def lane(run: Run, check: FlightCheck | None) -> tuple[FloatArray, list[str]]:
     A state names the limits that hold commands, such as ``roll rate``. Otherwise it is `BROKEN`,
     `GUARANTEED`, or `FREE` where nothing is claimed.
     """
-    t, signals = run.t[:-1], run.signals
-    words = [FREE, GUARANTEED, BROKEN]
+    t, words = run.t[:-1], [*HOLDING, GUARANTEED, BROKEN]
     now = np.zeros(len(t), dtype=int)
+    for name, factor in LIMITED.items():
+        if name in run.signals:
+            now += factor * run.signals[name].to_numpy()[:-1].astype(int)
     if check is not None:
-        now = np.where(check.broken, 2, np.where(np.isfinite(check.bound), 1, 0))
-    limited = np.zeros(len(t), dtype=int)
-    for place, name in enumerate(LIMITED.values()):
-        if name in signals:
-            limited += 3**place * signals[name].to_numpy()[:-1].astype(int)
-    now = np.where((limited > 0) & (now != 2), len(words) - 1 + limited, now)
-    words += [_limits(code) for code in range(1, 3 ** len(LIMITED))]
-    begun, codes = _without_short(*runs_of_equal(t, now), run.duration)
-    return begun, [words[code] for code in codes.tolist()]
-
-
-def _limits(code: int) -> str:
-    """The limits of a code: ``roll rate``, ``roll, n_z rate``."""
-    parts = []
-    for place, name in enumerate(LIMITED):
-        kind = code // 3**place % 3
-        if kind:
-            parts.append(f"{name} rate" if HELD[kind] == "rate" else name)
-    return ", ".join(parts)
-
-
-def _without_short(
-    begun: FloatArray, codes: npt.NDArray[np.int64], end: float
-) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    lasting = np.diff(begun, append=end)
-    kept = lasting >= SHORTEST
+        now[(now == 0) & np.isfinite(check.bound)] = words.index(GUARANTEED)
+        now[check.broken] = words.index(BROKEN)
+    begun, codes = runs_of_equal(t, now)
+    kept = np.diff(begun, append=run.duration) >= SHORTEST
     kept[0] = True
-    return runs_of_equal(begun[kept], codes[kept])
+    begun, codes = runs_of_equal(begun[kept], codes[kept])
+    return begun, [words[code] for code in codes.tolist()]
 
 
 def runs_of_equal(t: FloatArray, values: np.ndarray) -> tuple[FloatArray, np.ndarray]:

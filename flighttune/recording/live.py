@@ -16,12 +16,12 @@ from flighttune.present.names import distinct
 from flighttune.present.palette import LineStyle, line_styles
 from flighttune.present.thinning import evenly
 from flighttune.recording import entities
+from flighttune.recording.blueprint import layout, scene_view, time_view
 from flighttune.recording.entities import application, on_screen, plain_name, times
 from flighttune.recording.geometry import attitudes, chase_eye, grid_lines, headings, positions
 from flighttune.recording.plots import Plot, displayed
 from flighttune.recording.rrd import reference_style, run_style
 from flighttune.recording.scene import aircraft_model, log_ground
-from flighttune.recording.views import layout, scene_view, time_view
 from flighttune.scenario.schema import Scenario
 
 SESSION = "session_time"  # flown since the first run began: the runs one after another
@@ -36,7 +36,6 @@ LIVE_PLOTS = (
 )
 
 SENT_EVERY = 0.1  # s between two deliveries to the viewer; of flight if flown as fast as possible
-PATH_EVERY = 0.5  # s of flight between two drawings of the path so far
 PATH_POINTS = 600
 BETWEEN_RUNS = 1.0  # s on the session's timeline
 DRAWN_SPAN = 12.0  # m, width of the aircraft as drawn
@@ -59,12 +58,9 @@ class LiveSession:
         self.start_of_run = 0.0  # s, on the session's timeline
         self._stop = threading.Event()
         pairs = [(plant.label, name) for plant in scenario.plant for name in scenario.gain_names]
-        styles = line_styles(pairs)
-        labels = [f"{plant} / {name}" for plant, name in pairs]
-        keys = distinct(map(plain_name, labels))
-        self._drawn = {
-            label: (key, styles[pair]) for label, key, pair in zip(labels, keys, pairs, strict=True)
-        }
+        labels = [" / ".join(pair) for pair in pairs]
+        drawn = zip(distinct(map(plain_name, labels)), line_styles(pairs).values(), strict=True)
+        self._drawn = dict(zip(labels, drawn, strict=True))
         self.stream = rr.RecordingStream(application(scenario.title), recording_id=uuid.uuid4())
         self.stream.connect_grpc(url, default_blueprint=live_blueprint())
         self.stream.send_recording_name(f"{scenario.title}, live")
@@ -72,17 +68,12 @@ class LiveSession:
         self.spacing = GRID_SECONDS * scenario.flight.V_a_mps
         half = np.full(2, (GRID_LINES - 1) * self.spacing / 2.0)
         log_ground(self.stream, grid_lines(-half, half, self.spacing, self.spacing / 2.0))
-        self._log_styles()
-
-    def _log_styles(self) -> None:
+        lines = {f"{name}/{entities.REFERENCE}": reference_style() for name in ("chi", "gamma")}
         for plot in LIVE_PLOTS:
             for key, line in self._drawn.values():
-                style = run_style(line, key, len(plot.signals))
-                self.stream.log(f"{entities.PLOTS}/{plot.signal}/{key}", style, static=True)
-        for name in ("chi", "gamma"):
-            self.stream.log(
-                f"{entities.PLOTS}/{name}/{entities.REFERENCE}", reference_style(), static=True
-            )
+                lines[f"{plot.signal}/{key}"] = run_style(line, key, plot.signals)
+        for path, style in lines.items():
+            self.stream.log(f"{entities.PLOTS}/{path}", style, static=True)
 
     @property
     def stopped(self) -> bool:
@@ -105,15 +96,11 @@ class LiveSession:
         """Sleep until `moment` of the monotonic clock, or until stopped."""
         self._stop.wait(max(0.0, moment - time.monotonic()))
 
-    def close(self) -> None:
-        """Deliver what is left."""
-        self.stream.disconnect()
-
     def __enter__(self) -> "LiveSession":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        self.stream.disconnect()
 
 
 class LivePlant(WrappedPlant):
@@ -124,7 +111,7 @@ class LivePlant(WrappedPlant):
         self._key, self._style, self._session = key, style, session
         self._rows: list[tuple[float, ...]] = []
         self._path: list[FloatArray] = []
-        self._t = self._sent = self._drawn = 0.0
+        self._t = self._sent = 0.0
         self._observed: tuple[float, ...] = ()
 
     def start(self, condition: FlightCondition) -> None:
@@ -187,18 +174,13 @@ class LivePlant(WrappedPlant):
         turned = rr.Transform3D.columns(quaternion=attitudes(table))
         stream.send_columns(f"{LIVE}/{entities.BODY}", when, turned)
         self._path.append(positions(table))
-        if self._t - self._drawn >= PATH_EVERY or self._drawn == 0.0:
-            self._draw_path()
-
-    def _draw_path(self) -> None:
         path = np.vstack(self._path)
         path = path[evenly(len(path), most=PATH_POINTS)]
-        self._drawn = self._t
         self._set_time(self._t)
-        stream, spacing = self._session.stream, self._session.spacing
         line = rr.LineStrips3D([path], radii=on_screen(self._style.width), colors=[self._style.rgb])
         stream.log(f"{entities.PATHS}/{self._key}", line)
         # The grid follows the aircraft by whole spacings, so that its lines seem to stand still.
+        spacing = self._session.spacing
         below = np.round(path[-1] / spacing) * spacing
         stream.log(entities.GROUND, rr.Transform3D(translation=below))
 

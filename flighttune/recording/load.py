@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.errors import RecordingError
-from flighttune.recording.origin import check_recording, read_origin
-from flighttune.recording.parquet import read_run, recorded_flight
+from flighttune.recording.parquet import first_line, read_run, recorded_flight
+from flighttune.seal import file_bytes
 from flighttune.simulate.run import Run
 
 PARQUET, RECORDING = ".parquet", ".rrd"
+RECORDING_FILE = "recording (.rrd)"
+ORIGIN = "record"  # the property of a recording that says which runs it shows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,16 +124,41 @@ def _in_folder(folder: Path) -> Recording:
 def _drawn_in(path: Path) -> Recording:
     """The runs that a ``.rrd`` file was drawn from, if their Parquet files are beside it."""
     check_recording(path)
-    origin = read_origin(path)
+    origin = _origin(path)
     if origin is None:
         raise RecordingError(
             f"{path}: the runs must be loaded from Parquet files, got a recording (.rrd) that was "
             "written without any, which only shows the runs."
         )
-    there = _by_flight(_files(path.parent, PARQUET)).get(origin.sha256, {})
-    if not set(origin.sha256) <= set(there):
+    folder, flight = origin
+    there = _by_flight(_files(path.parent, PARQUET)).get(flight, {})
+    if not set(flight) <= set(there):
         raise RecordingError(
-            f"{path}: the runs must be loaded from the Parquet files of the folder "
-            f"{origin.folder}, got a recording (.rrd) alone, which only shows the runs."
+            f"{path}: the runs must be loaded from the Parquet files of the folder {folder}, got a "
+            "recording (.rrd) alone, which only shows the runs."
         )
-    return Recording(path=path, runs=tuple(read_run(there[sha256]) for sha256 in origin.sha256))
+    return Recording(path=path, runs=tuple(read_run(there[sha256]) for sha256 in flight))
+
+
+def check_recording(path: str | Path) -> None:
+    """Refuse a file that is no Rerun recording; the viewer reports faults inside one."""
+    if not file_bytes(Path(path), RECORDING_FILE).startswith(b"RRF"):
+        raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got another file.")
+
+
+def _origin(path: Path) -> tuple[str, tuple[str, ...]] | None:
+    """Folder and SHA-256 of the runs in a recording; None if they were not recorded with it."""
+    import pyarrow as pa
+    from rerun.chunk import RrdReader
+
+    try:
+        reader = RrdReader(path)
+        store = reader.store(store=reader.recordings()[0])
+        for chunk in store.stream().filter(content=f"/__properties/{ORIGIN}").to_chunks():
+            stated = chunk.to_record_batch()
+            (folder,), sha256 = (stated.column(key)[0].as_py() for key in ("folder", "sha256"))
+            return folder, tuple(sha256)
+    except (RuntimeError, ValueError, KeyError, IndexError, pa.ArrowException) as error:
+        got = first_line(error)
+        raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got: {got}.") from error
+    return None

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flighttune.guarantee.flight_check import flight_check
+from flighttune.metrics import metric_tables
 from flighttune.present.names import METRIC_LABELS, SYMBOLS
-from flighttune.present.numbers import MISSING, matrix, number
-from flighttune.present.palette import hue_tells_gains
+from flighttune.present.numbers import matrix, number
 from flighttune.present.tables import markdown
 from flighttune.recording import geometry
 from flighttune.recording.entities import runs_to_draw
@@ -21,45 +20,27 @@ ABOUT = {"verifies": "Verifies", "source": "Source"}
 
 NOT_SHOWN = "ITAE_mean"  # it follows from ITAE, which is on the page, and the time flown
 
-CERTIFICATE_NOTE = (
-    "s is the error and its rate (rad and rad/s), from the signals: exact increments over each "
-    "sample. The guarantee is the decaying exponential of R_K plus what the mismatch measured up "
-    "to then can have added. It is about the linear loop without limits: it starts anew where the "
-    "reference moves and where a limit lets go, and nothing is claimed while a limit holds a "
-    "command. The ultimate set is that of the largest derivative L_d of the mismatch in the second "
-    "half of the flight."
-)
-
 
 def scenario_page(
     runs: Sequence[Run],
     *,
     scenario: Mapping[str, Any],
     indicators: Mapping[str, tuple[float, float] | None] | None = None,
-    metrics: pd.DataFrame | None = None,
-    flight: pd.DataFrame | None = None,
 ) -> str:
     """The page of text in a recording, as Markdown.
 
     `indicators` are R_K and I_K by name of the gain set, None where the loop is not stable.
-    `metrics` has the index (run label, channel) and the columns of `flighttune.metrics.METRICS`;
-    `flight` has the run labels as index, and a column for each measure of the whole aircraft.
     """
+    metrics, flight = metric_tables(runs)
     parts = [f"# {scenario.get('title', 'Flight')}", *_about(scenario)]
     parts += ["## Runs", _runs(runs), "## Gains", _gains(runs, indicators or {})]
-    if metrics is not None and len(metrics):
+    if len(metrics):
         labels = [f"{run}, {SYMBOLS.get(channel, channel)}" for run, channel in metrics.index]
         parts += ["## Tracking", _metrics("run, channel", labels, metrics)]
-    if flight is not None and len(flight):
         parts += ["## Aircraft", _metrics("run", list(map(str, flight.index)), flight)]
-    parts += _certificates(runs)
     parts += ["## Scenario", _scenario(scenario), *_made_with(runs)]
     parts += ["## How to read it", *_reading(runs)]
     return "\n\n".join(parts) + "\n"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return markdown(head, rows)
 
 
 def _about(scenario: Mapping[str, Any]) -> list[str]:
@@ -71,9 +52,9 @@ def _runs(runs: Sequence[Run]) -> str:
     for run in runs:
         colour = styles[run.label].name if len(run.signals) > 1 else "not drawn"
         rows.append([run.label, colour, f"{run.duration:.2f}", run.outcome])
-    table = _table(["run", "colour", "flown [s]", "outcome"], rows)
+    table = markdown(["run", "colour", "flown [s]", "outcome"], rows)
     if any(set(TUBE_SIGNALS) <= set(run.signals) for run in runs):
-        return f"{table}\n\nThin red lines around the errors: the tube of the run."
+        return f"{table}\n\nThin lines around the errors of an aircraft: the tube of the run."
     return f"{table}\n\nNo tube around the errors: `flighttune fly SCENARIO --tube` makes it."
 
 
@@ -86,50 +67,14 @@ def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float] | N
             rows.append([name, *cells, "none found", "none found"])
         else:
             rows.append([name, *cells, matrix(gains.K_P), matrix(gains.K_I)])
-    return _table(["gains", "R_K [1/s]", "I_K [s²]", "K_P", "K_I"], rows)
+    return markdown(["gains", "R_K [1/s]", "I_K [s²]", "K_P", "K_I"], rows)
 
 
 def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
     names = [name for name in map(str, metrics) if name in METRIC_LABELS and name != NOT_SHOWN]
     columns = [metrics[name].map(METRIC_LABELS[name].written) for name in names]
     headings = [METRIC_LABELS[name].heading for name in names]
-    return _table([heading, *headings], [list(row) for row in zip(labels, *columns, strict=True)])
-
-
-def _certificates(runs: Sequence[Run]) -> list[str]:
-    rows = []
-    for run in runs:
-        check = flight_check(run)
-        if check is None:
-            continue
-        ultimate_set = [MISSING] * 3
-        if check.settled is not None:
-            claim = check.settled.claim
-            sizes = (number(size, "z.4f") for size in (claim.L_d, claim.radius))
-            ultimate_set = [*sizes, check.settled.sentence]
-        rows.append(
-            [
-                run.label,
-                number(check.loop.indicators.R_K / 2.0, "z.4f"),
-                f"{100.0 * np.isfinite(check.bound).mean():.1f}",
-                f"{100.0 * check.share_broken:.1f}",
-                "never" if check.t_broken is None else f"{check.t_broken:.2f}",
-                *ultimate_set,
-            ]
-        )
-    if not rows:
-        return []
-    headings = [
-        "run",
-        "decay [1/s]",
-        "claimed [% of time]",
-        "broken [% of those]",
-        "first broken [s]",
-        "second half: L_d [rad/s²]",
-        "radius of ultimate set",
-        "ultimate set",
-    ]
-    return ["## Certificate", _table(headings, rows), CERTIFICATE_NOTE]
+    return markdown([heading, *headings], [list(row) for row in zip(labels, *columns, strict=True)])
 
 
 def _scenario(scenario: Mapping[str, Any]) -> str:
@@ -167,11 +112,6 @@ def _reading(runs: Sequence[Run]) -> list[str]:
         "red where the guarantee is broken, and after a flight that ended early. Laws without an "
         "aircraft are drawn as outlines, and their paths dashed.",
     ]
-    if hue_tells_gains((run.provenance.plant, run.provenance.gains_name) for run in runs):
-        notes[-1] += (
-            " The hue stands for the gain set; of two plants the first has the light shade, the "
-            "last the strong one."
-        )
     if any(name in run.signals for run in runs for name in SEEN_AS.values()):
         notes.append(
             "The faint lines behind course, path angle and airspeed are what the sensors gave "
@@ -179,21 +119,11 @@ def _reading(runs: Sequence[Run]) -> list[str]:
             "count what sensors add: a flight may rise above it by that alone."
         )
     if drawn:
-        points = geometry.all_positions(drawn)
-        span = geometry.widest(drawn)
-        factor, spacing = geometry.enlargement(points, span), geometry.ground_grid(points)[1]
-        notes.append(
-            f"Aircraft are drawn {factor:g} times their size: a span of {span:.3g} m is shown as "
-            f"{factor * span:.3g} m. Lines on the ground are {spacing:g} m apart, half as much "
-            "below the lowest level flown; the paths have their shadows on it."
-        )
+        factor, span = geometry.drawn_scale(drawn), geometry.widest(drawn)
         length = metres_per_mps(drawn[0], factor * geometry.span_of(drawn[0].run))
         notes.append(
-            f"The arrow of an aircraft is its velocity over ground ({length:.3g} m per m/s), the "
-            f"grey one the wind, {WIND_TIMES:g} times longer. The grey ring at the tip of the "
-            "arrow of a law is the certified set: while the tip is inside, the errors of course "
-            "and path angle are as guaranteed. There is no ring while nothing below 45 deg is "
-            "claimed. The thick piece of the path of an aircraft is the last eighth of the "
-            "flight."
+            f"Aircraft are drawn {factor:g} times their size: a span of {span:.3g} m is shown as "
+            f"{factor * span:.3g} m. The arrow of an aircraft is its velocity over ground "
+            f"({length:.3g} m per m/s), the grey one the wind, {WIND_TIMES:g} times longer."
         )
     return notes

@@ -12,7 +12,7 @@ from flighttune.arrays import FloatArray
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.present.names import shown_unit
 from flighttune.recording.derived import UNITS
-from flighttune.simulate.run import SIGNAL_UNITS, TUBE_SIGNALS, Run
+from flighttune.simulate.run import SIGNAL_UNITS, TUBE_SIGNALS, WORST_SIGNALS, Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Plot:
     thin: str | None = None  # second signal of each run, drawn thin in the same colour
     common: str | None = None  # signal that is the same for every run, drawn once in grey
     limit: str | None = None  # key of the scenario's [limits] without unit, drawn as two lines
-    band: tuple[str, str] | None = None  # signals that bound it, drawn as two thin red lines
+    band: tuple[str, ...] = ()  # signals that bound it, drawn thin in the same colour
     measured: str | None = None  # what sensors gave, drawn faintly behind it in the same colour
     unit: str | None = None  # of a signal that SIGNAL_UNITS does not have; not converted
 
@@ -49,7 +49,7 @@ LABELS = 28.0  # an axis as high as a tab of a small window has room for so many
 LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second label
 SMALLEST_SPAN = 1e-6
 
-COMMANDS_TAB, LAW_TAB = "Commands and limits", "Controller"
+COMMANDS_TAB, LAW_TAB, CERTIFICATE_TAB = "Commands and limits", "Controller", "Certificate"
 
 # Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
 # under the same commands, and the resulting differences of course, path angle and path.
@@ -68,8 +68,16 @@ TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
         Plot("chi", "Course chi, reference grey", common="chi_ref"),
         Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
-        Plot("chi_err", "Course error, certified bounds thin", band=TUBE_SIGNALS[:2]),
-        Plot("gamma_err", "Path angle error, certified bounds thin", band=TUBE_SIGNALS[2:]),
+        Plot(
+            "chi_err",
+            "Course error, certified bounds thin",
+            band=(*TUBE_SIGNALS[:2], WORST_SIGNALS[0]),
+        ),
+        Plot(
+            "gamma_err",
+            "Path angle error, certified bounds thin",
+            band=(*TUBE_SIGNALS[2:], WORST_SIGNALS[1]),
+        ),
     ),
     COMMANDS_TAB: (
         Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
@@ -86,6 +94,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("lag_gamma", "Path angle: inner loop"),
         Plot("rest_gamma", "Path angle: rest"),
     ),
+    CERTIFICATE_TAB: (Plot("log_s", "log10 |s|, guarantee thin", thin="log_s_bound"),),
     "Aircraft": (
         Plot("V_a", "V_a"),
         Plot("V_g", "V_g"),
@@ -181,7 +190,7 @@ def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float
     power of ten: between -9 and 9 that is a lonely 0.
     """
     having = [run for run in runs if plot.signal in run.signals]
-    drawn = [*plot.signals, *filter(None, (plot.common, plot.measured)), *(plot.band or ())]
+    drawn = [*plot.signals, *filter(None, (plot.common, plot.measured)), *plot.band]
     values = [
         displayed(run.signals, name) for run in having for name in drawn if name in run.signals
     ]
@@ -193,25 +202,19 @@ def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float
     low, high = (everything.min(), everything.max()) if len(everything) else (0.0, 0.0)
     if not high - low > SMALLEST_SPAN * max(1.0, abs(low), abs(high)):
         return None
-    lower, upper = _with_two_labels(float(low), float(high), most=LABELS * share - 2.0)
-    if upper - lower <= LONGEST * (high - low):
-        low, high = lower, upper
+    # In steps between two labels; at least one label more than there are steps.
+    step = 10.0 ** math.ceil(math.log10((high - low) / max(LABELS * share - 2.0, 2.0)))
+    lower, upper = low / step, high / step
+    while math.floor(upper) - math.ceil(lower) < 1:
+        above, below = math.floor(upper) + 1, math.ceil(lower) - 1
+        if above - upper <= lower - below:
+            upper = above
+        else:
+            lower = below
+    if (upper - lower) * step <= LONGEST * (high - low):
+        low, high = lower * step, upper * step
     room = ROOM * (high - low)
     return float(low - room), float(high + room)
-
-
-def _with_two_labels(low: float, high: float, *, most: float) -> tuple[float, float]:
-    step = 10.0 ** math.ceil(math.log10((high - low) / max(most, 2.0)))
-    # Counted in steps: 12 * 0.1 / 0.1 is above 12, so that an axis that begins there seems to have
-    # its first label at 13, and would be made to begin there again for ever.
-    first, last = math.ceil(low / step), math.floor(high / step)
-    while last - first < 1:
-        above, below = (last + 1) * step, (first - 1) * step
-        if above - high <= low - below:
-            last, high = last + 1, max(high, above)
-        else:
-            first, low = first - 1, min(low, below)
-    return low, high
 
 
 def limits_of(scenario: Mapping[str, Any], name: str) -> tuple[float, float] | None:

@@ -80,9 +80,7 @@ def reading_line(drawn: Sequence[DrawnRun]) -> str:
         parts = ["**Hue:** gains"]
     if any(made.aircraft is None for made in made_by):
         parts.append("**dashed, outline:** a law")
-    if any(drawn_run.claim is not None for drawn_run in drawn):
-        parts.append("**ring:** certified directions")
-    factor = geometry.drawn_width(drawn) / geometry.widest(drawn)
+    factor = geometry.drawn_scale(drawn)
     spacing = geometry.ground_grid(geometry.all_positions(drawn))[1]
     parts += [
         f"**aircraft:** {factor:g} times their size",

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.flight.fly import FlownScenario
-from flighttune.recording.origin import origin_in
 from flighttune.recording.page import scenario_page
-from flighttune.recording.parquet import record_bytes, signal_files
+from flighttune.recording.parquet import naming, parts_of, record_bytes, signal_files
 from flighttune.recording.rrd import recording_bytes
-from flighttune.recording.run_record import RunRecord, naming
 from flighttune.whole_file import whole_file
 
 
@@ -50,18 +48,19 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     recording = folder / f"{name}.rrd"
     paths = signal_files(flown.runs, folder)
     with naming(recording):
-        records = [RunRecord.of(run) for run in flown.runs]
-    flight = tuple(run_record.sha256 for run_record in records)
+        runs = [parts_of(run) for run in flown.runs]
+    flight = [sha256 for _, _, sha256 in runs]
     drawn = recording_bytes(
         flown.runs,
         page=page_of(flown),
         title=flown.scenario.title,
-        origin=origin_in(folder, flight),
+        # Without the private part of the path.
+        origin={"folder": folder.name if folder.is_absolute() else str(folder), "sha256": flight},
     )
     # Nothing gets its name before all is written; the last one entered is renamed first.
     with ExitStack() as files:
-        for path, run_record in zip(paths, records, strict=True):
-            files.enter_context(whole_file(path)).write_bytes(record_bytes(run_record, flight))
+        for path, parts in zip(paths, runs, strict=True):
+            files.enter_context(whole_file(path)).write_bytes(record_bytes(parts, flight))
         files.enter_context(whole_file(recording)).write_bytes(drawn)
     labels = (run.label for run in flown.runs)
     return RecordedFiles(recording=recording, signals=dict(zip(labels, paths, strict=True)))
@@ -73,6 +72,4 @@ def page_of(flown: FlownScenario) -> str:
         flown.runs,
         scenario=flown.scenario.as_dict(),
         indicators={name: (values.R_K, values.I_K) for name, values in flown.indicators.items()},
-        metrics=flown.metrics,
-        flight=flown.flight,
     )

@@ -1,36 +1,28 @@
 """Runs to one Rerun recording with its layout, written by columns."""
 
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 from rerun.error_utils import strict_mode
 
 from flighttune.guarantee.flight_check import flight_check
-from flighttune.guarantee.mismatch import CHANNELS
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
-from flighttune.recording.certificate_tab import log_certificates
 from flighttune.recording.derived import with_derived
-from flighttune.recording.entities import (
-    DrawnRun,
-    application,
-    log_lines,
-    log_time_axis,
-    runs_to_draw,
-)
+from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
 from flighttune.recording.events import log_events
 from flighttune.recording.lanes import log_lanes
-from flighttune.recording.origin import Origin, log_origin
+from flighttune.recording.load import ORIGIN
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
 from flighttune.recording.readout import log_readout
 from flighttune.recording.scene import log_scene
@@ -39,7 +31,6 @@ from flighttune.whole_file import whole_file
 
 FAINT = 150  # opacity of thin lines, of 255
 FAINTEST = 110  # opacity of measured signals
-SHORTEST_BOUND = 1.5  # s; a bound that lasts less is not drawn: shreds of it say nothing
 
 
 def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
@@ -54,9 +45,9 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
 
 
 def recording_bytes(
-    runs: Sequence[Run], *, page: str, title: str, origin: Origin | None = None
+    runs: Sequence[Run], *, page: str, title: str, origin: Mapping[str, Any] | None = None
 ) -> bytes:
-    """The file that `write_recording` writes; `origin` says where the runs are recorded."""
+    """The file that `write_recording` writes; `origin` has folder and SHA-256 of the runs."""
     try:
         return _bytes(runs, page, title, origin)
     finally:
@@ -65,7 +56,7 @@ def recording_bytes(
         rerun_bindings.flush_and_cleanup_orphaned_recordings()  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def _bytes(runs: Sequence[Run], page: str, title: str, origin: Origin | None) -> bytes:
+def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any] | None) -> bytes:
     # In memory: Rerun raises nothing where the disk is full, but logs it, or never returns.
     # A new id each time: of two files with one id the viewer would keep one.
     stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
@@ -73,7 +64,7 @@ def _bytes(runs: Sequence[Run], page: str, title: str, origin: Origin | None) ->
         try:
             memory = stream.memory_recording()
             if origin is not None:
-                log_origin(stream, origin)
+                stream.send_property(ORIGIN, rr.AnyValues(**origin))
             log_recording(stream, runs, page=page, title=title)
             return memory.drain_as_bytes()
         finally:
@@ -97,11 +88,8 @@ def log_recording(
         log_lanes(stream, drawn)
         log_readout(stream, drawn)
         log_events(stream, drawn)
-    log_certificates(stream, drawn)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
         _log_plot(stream, plot, drawn)
-    for i, channel in enumerate(CHANNELS):
-        _log_bounds(stream, f"{channel}_err", i, drawn)
 
 
 def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
@@ -131,12 +119,13 @@ def strict() -> Iterator[None]:
         rr.set_strict_mode(before)
 
 
-def run_style(style: LineStyle, label: str, count: int = 2) -> rr.SeriesLines:
-    """Lines of a run: the signal strong and, with a `count` of two, its command thin."""
+def run_style(style: LineStyle, label: str, names: Sequence[str]) -> rr.SeriesLines:
+    """Lines of signals of a run: the first one strong, the others thin."""
+    thin = len(names) - 1
     return rr.SeriesLines(
-        colors=[(*style.rgb, 255), (*style.rgb, FAINT)][:count],
-        widths=[style.width, 1.0][:count],
-        names=[label, f"{label}, command"][:count],
+        colors=[(*style.rgb, 255), *[(*style.rgb, FAINT)] * thin],
+        widths=[style.width, *[1.0] * thin],
+        names=[label, *(f"{label}, {name}" for name in names[1:])],
     )
 
 
@@ -147,29 +136,28 @@ def reference_style() -> rr.SeriesLines:
 
 def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun]) -> None:
     folder = f"{entities.PLOTS}/{plot.signal}"
-    log_time_axis(stream, folder, drawn)
+    # The time axis reaches a little beyond the longest flight, in all plots alike.
+    end = entities.END * max(drawn_run.run.duration for drawn_run in drawn)
+    nothing = rr.Scalars.columns(scalars=[np.nan, np.nan])
+    stream.send_columns(f"{folder}/{entities.AXIS}", [times([0.0, end])], nothing)
     having = [drawn_run for drawn_run in drawn if plot.signal in drawn_run.run.signals]
     for drawn_run in having:
-        run, signals, colour = drawn_run.run, drawn_run.run.signals, drawn_run.style.rgb
-        names = [name for name in plot.signals if name in signals]
-        style = run_style(drawn_run.style, run.label, len(names))
-        _log_signals(stream, f"{folder}/{drawn_run.key}", style, run, names)
-        if plot.measured and plot.measured in signals:
-            style = rr.SeriesLines(
-                colors=[(*colour, FAINTEST)], widths=[1.0], names=[f"{run.label}, measured"]
-            )
-            _log_signals(
-                stream, f"{folder}/{entities.MEASURED}/{drawn_run.key}", style, run, [plot.measured]
-            )
-        if plot.band and set(plot.band) <= set(signals):
-            names = [*plot.band, *({f"{plot.signal}_worst"} & set(signals))]
-            whats = ("lower end of its tube", "upper end of its tube", "worst flight in it")
-            style = rr.SeriesLines(
-                colors=[(*rgb(LIMIT), FAINT)] * len(names),
-                widths=[1.0] * len(names),
-                names=[f"{run.label}, {what}" for what in whats[: len(names)]],
-            )
-            _log_signals(stream, f"{folder}/{drawn_run.key}_tube", style, run, names)
+        run, key = drawn_run.run, drawn_run.key
+        names = [name for name in plot.signals if name in run.signals]
+        style = run_style(drawn_run.style, run.label, names)
+        _log_signals(stream, f"{folder}/{key}", style, run, names)
+        for path, others, opacity in (
+            (f"{folder}/{entities.MEASURED}/{key}", [plot.measured], FAINTEST),
+            (f"{folder}/{key}_tube", plot.band, FAINT),
+        ):
+            names = [name for name in others if name in run.signals]
+            if names:
+                style = rr.SeriesLines(
+                    colors=[(*drawn_run.style.rgb, opacity)] * len(names),
+                    widths=[1.0] * len(names),
+                    names=[f"{run.label}, {name}" for name in names],
+                )
+                _log_signals(stream, path, style, run, names)
     longest = max((drawn_run.run for drawn_run in having), key=lambda run: run.duration)
     if plot.common is not None and plot.common in longest.signals:
         path = f"{folder}/{entities.REFERENCE}"
@@ -180,39 +168,6 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
         style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
         ends = longest.signals.index[[0, -1]]
         log_lines(stream, f"{folder}/{entities.LIMITS}", style, ends, np.array([bounds, bounds]))
-
-
-def _log_bounds(
-    stream: rr.RecordingStream, signal: str, channel: int, drawn: Sequence[DrawnRun]
-) -> None:
-    """Log the certified bounds of an error as thin lines where they are in the plot's range."""
-    having = [drawn_run.run.signals for drawn_run in drawn if signal in drawn_run.run.signals]
-    errors = [displayed(signals, signal) for signals in having]
-    widest = max((float(np.nanmax(np.abs(values), initial=0.0)) for values in errors), default=0.0)
-    for drawn_run in drawn:
-        claim = drawn_run.claim
-        if claim is None:
-            continue
-        bound = np.rad2deg(claim.error_bounds[:, channel])
-        shown = _lasting(bound <= widest, round(SHORTEST_BOUND / float(claim.t[1] - claim.t[0])))
-        both = np.where(shown[:, None], np.column_stack([-bound, bound]), np.nan)
-        if np.isfinite(both).any():
-            path = f"{entities.PLOTS}/{signal}/{entities.BOUNDS}/{drawn_run.key}"
-            names = [f"{drawn_run.run.label}, certified bound"] * 2
-            style = rr.SeriesLines(
-                colors=[(*drawn_run.style.rgb, FAINT)] * 2, widths=[1.0] * 2, names=names
-            )
-            kept = peaks(both)
-            log_lines(stream, path, style, claim.t[kept], both[kept])
-
-
-def _lasting(flags: npt.NDArray[np.bool_], samples: int) -> npt.NDArray[np.bool_]:
-    """`flags` without stretches shorter than so many samples."""
-    edges = np.flatnonzero(np.diff(flags.astype(int), prepend=0, append=0))
-    kept = np.zeros_like(flags)
-    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        kept[begin:end] = end - begin >= samples
-    return kept
 
 
 def _log_signals(

@@ -1,4 +1,4 @@
-"""The 3D scene in local NED: paths, shadows, and aircraft with trail, velocity, wind and ring."""
+"""The 3D scene in local NED: paths, shadows, and aircraft with velocity and wind."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,6 @@ import pandas as pd
 import rerun as rr
 
 from flighttune.arrays import FloatArray
-from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.plants.air_path import OVER_GROUND
 from flighttune.plants.wind import WIND
 from flighttune.present.palette import NEUTRAL, rgb
@@ -21,13 +20,10 @@ from flighttune.recording.entities import DrawnRun, on_screen, times
 MODEL = Path(__file__).with_name("aircraft.glb")
 
 PATH_POINTS = 4000  # of a path as drawn; longer flights are thinned
-INSTANTS = 500  # at which arrows, trail and ring are drawn
+INSTANTS = 500  # at which arrows are drawn
 DASHES = 60  # of the path of a law
-TRAIL_POINTS, TRAIL_SHARE = 40, 1.0 / 8.0  # length of the trail in points, and over the flight
 WIND_TIMES = 4.0  # scale of the wind arrow over that of the velocity arrow
 REACH = 0.9  # length of the velocity arrow at the start, in drawn widths of the aircraft
-WIDEST = math.radians(45.0)  # wider error bounds have no ring: it would be larger than the picture
-CORNERS = 32  # of the ring
 STILL_AIR = 1e-3  # wind (m/s) up to which there is no arrow
 SHADOW = 90  # opacity of a shadow, of 255
 
@@ -38,7 +34,7 @@ WIND_COLOUR = rgb(NEUTRAL)
 def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
     points = geometry.all_positions(drawn)
-    factor = geometry.drawn_width(drawn) / geometry.widest(drawn)
+    factor = geometry.drawn_scale(drawn)
     lines, spacing = geometry.ground_grid(points)
     log_ground(stream, lines)
     corner = lines[0][0]
@@ -57,8 +53,6 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
         width = factor * geometry.span_of(drawn_run.run)
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))
         _log_aircraft(stream, drawn_run, signals, width=width)
-        if _is_aircraft(drawn_run):
-            _log_trail(stream, drawn_run, signals)
         _log_arrows(stream, drawn_run, signals, width=width)
 
 
@@ -152,24 +146,10 @@ def _dashes(path: FloatArray) -> list[FloatArray]:
     return [piece for piece in pieces if len(piece) > 1]
 
 
-def _log_trail(stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame) -> None:
-    path = geometry.positions(signals)
-    heads = evenly(len(path), most=INSTANTS)
-    back = np.linspace(TRAIL_SHARE * len(path), 0.0, TRAIL_POINTS).astype(int)
-    strips = path[np.maximum(heads[:, None] - back, 0)]
-    entity = f"{entities.TRAILS}/{drawn_run.key}"
-    style = rr.LineStrips3D.from_fields(
-        colors=[drawn_run.style.rgb], radii=on_screen(2.0 * drawn_run.style.width)
-    )
-    stream.log(entity, style, static=True)
-    columns = rr.LineStrips3D.columns(strips=list(strips))
-    stream.send_columns(entity, [times(signals.index[heads])], columns)
-
-
 def _log_arrows(
     stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, width: float
 ) -> None:
-    """Velocity, wind and the ring of the guarantee, in the axes that turn with the course."""
+    """Velocity and wind, in the axes that turn with the course."""
     signals = signals.iloc[evenly(len(signals), most=INSTANTS)]
     time, scale = times(signals.index), metres_per_mps(drawn_run, width)
     frame = f"{entities.AIRCRAFT}/{drawn_run.key}"
@@ -177,7 +157,8 @@ def _log_arrows(
     # Where course and path angle are those through the air, so is the speed along them.
     over_ground = "V_g" in signals and OVER_GROUND[0] not in signals
     speed = signals["V_g" if over_ground else "V_a"].to_numpy(dtype=float)
-    arrows = {"velocity": (_direction(0.0, gamma) * (scale * speed)[:, None], drawn_run.style.rgb)}
+    ahead = np.column_stack([np.cos(gamma), np.zeros_like(gamma), -np.sin(gamma)])
+    arrows = {"velocity": (ahead * (scale * speed)[:, None], drawn_run.style.rgb)}
     if set(WIND) <= set(signals) and np.abs(signals[list(WIND)].to_numpy()).max() > STILL_AIR:
         north, east, down = (signals[name].to_numpy(dtype=float) for name in WIND)
         level = (north + 1j * east) * np.exp(-1j * chi)  # turned back by the course
@@ -187,35 +168,3 @@ def _log_arrows(
         style = rr.Arrows3D.from_fields(colors=[colour], radii=on_screen(1.0))
         stream.log(f"{frame}/{name}", style, static=True)
         stream.send_columns(f"{frame}/{name}", [time], rr.Arrows3D.columns(vectors=vectors))
-    if drawn_run.claim is None:
-        return
-    claimed, ring = _ring(signals, drawn_run.claim)
-    strips = list(scale * float(speed[0]) * ring[claimed])
-    style = rr.LineStrips3D.from_fields(colors=[rgb(NEUTRAL)], radii=on_screen(1.0))
-    stream.log(f"{frame}/certified", style, static=True)
-    # An instant without a claim gets a row with no strip, else the viewer would keep the last ring.
-    columns = rr.LineStrips3D.columns(strips=strips).partition(claimed.astype(int))
-    stream.send_columns(f"{frame}/certified", [time], columns)
-
-
-def _ring(signals: pd.DataFrame, claim: FlightCheck) -> tuple[np.ndarray, FloatArray]:
-    """Mask of instants with a claim, and unit vectors to the edge of the certified directions.
-
-    The shapes are (n,) and (n, CORNERS + 1, 3).
-    """
-    t = signals.index.to_numpy(dtype=float)
-    nearest = np.clip(np.searchsorted(claim.t, t), 0, len(claim.t) - 1)
-    widths = claim.error_bounds[nearest]
-    claimed: np.ndarray = np.all(widths <= WIDEST, axis=1)
-    chi, chi_ref, gamma_ref = (
-        signals[name].to_numpy(dtype=float) for name in ("chi", "chi_ref", "gamma_ref")
-    )
-    around = np.linspace(0.0, 2.0 * np.pi, CORNERS + 1)
-    course = (chi_ref - chi)[:, None] + widths[:, :1] * np.cos(around)
-    return claimed, _direction(course, gamma_ref[:, None] + widths[:, 1:] * np.sin(around))
-
-
-def _direction(course: FloatArray | float, gamma: FloatArray) -> FloatArray:
-    """Unit vectors of a course and path angle, north-east-down along the last axis."""
-    level = np.cos(gamma)
-    return np.stack([level * np.cos(course), level * np.sin(course), -np.sin(gamma)], axis=-1)

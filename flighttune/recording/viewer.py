@@ -12,7 +12,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from flighttune.errors import InputError, RecordingError
-from flighttune.recording.origin import check_recording
+from flighttune.recording.load import check_recording
 from flighttune.whole_file import reason_of
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
@@ -34,10 +34,8 @@ def free_port() -> int:
 def _check_free(*ports: int) -> None:
     for port in ports:
         with socket.socket() as probe:
-            # As the viewer does it: a connection closed a minute ago is no obstacle. On Windows it
-            # never is, and the option would let two programs have one port.
-            if os.name != "nt":
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            # As the viewer does it: a connection closed a minute ago is no obstacle.
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind((LOCAL, port))
             except OSError as error:
@@ -57,8 +55,7 @@ def executable() -> Path:
     # Not the script of that name: it is a shim, and ending the shim would orphan the viewer.
     import rerun_cli
 
-    name = "rerun.exe" if os.name == "nt" else "rerun"
-    return Path(next(iter(rerun_cli.__path__))) / name
+    return Path(next(iter(rerun_cli.__path__))) / "rerun"
 
 
 def tied(command: list[str]) -> list[str]:
@@ -140,8 +137,7 @@ class ViewerProcess:
         lines = self._output.read().decode(errors="replace").strip().splitlines()
         panics = [line for line in lines if "panicked" in line]
         errors = [line for line in lines if "error" in line.lower() and NOISE not in line]
-        status = f"exit status {self._process.poll()}"
-        line, *_ = panics[:1] or errors[-1:] or lines[-1:] or [status]
+        line, *_ = panics[:1] or errors[-1:] or lines[-1:] or [f"status {self._process.poll()}"]
         return line.strip().rstrip(".")
 
     def wait(self) -> int:

@@ -89,10 +89,6 @@ def test_ITAE_falls_with_the_frequency_except_in_course_under_the_strongest_dist
     assert [change < 0.0 for change in changes] == [True, True, False, True]
 
 
-def test_the_overshoots_are_reproduced(found):
-    assert found["overshoot-chi"].verdict == found["overshoot-gamma"].verdict == "reproduced"
-
-
 def test_the_printed_indicators_do_not_follow_from_the_printed_gains(found):
     computed = [check.computed for check in found["star-indicators"].checks]
 
@@ -100,27 +96,21 @@ def test_the_printed_indicators_do_not_follow_from_the_printed_gains(found):
     assert computed == pytest.approx([R_K, I_K], abs=LAST_DIGIT)
 
 
-def test_the_table_of_indicators_is_reproduced(found):
-    assert found["table-2"].verdict == "reproduced"
-    assert len(found["table-2"].checks) == 12
-
-
 def test_the_printed_gains_break_the_constraints_and_are_not_the_optimum(found):
     smallest, best = found["star-optimal"].checks
 
-    assert found["star-feasible"].verdict == "not reproduced"
     assert found["star-optimal"].verdict == "not reproduced"
     assert smallest.computed == pytest.approx(SMALLEST_I_K, abs=0.005)
     assert float(best.expected) == pytest.approx(BEST_R_K, abs=5e-6)
 
 
-def test_the_printed_rate_limits_prevent_convergence(found):
-    assert found["converges-with-all-limits"].verdict == "not reproduced"
-    assert found["commands-in-rate"].verdict == "not reproduced"
-
-
 def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
     assert {finding.verdict for finding in found.values()} == set(VERDICTS)
+    for name in ("overshoot-chi", "overshoot-gamma", "table-2", "eigenvalues"):
+        assert found[name].verdict == "reproduced"
+    for name in ("converges-with-all-limits", "commands-in-rate", "star-feasible"):
+        assert found[name].verdict == "not reproduced"
+    assert len(found["table-2"].checks) == 12
 
 
 @pytest.mark.parametrize(

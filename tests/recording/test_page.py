@@ -1,24 +1,18 @@
 """The page has what was asked for and what came of it, in tables that stay tables."""
 
-import pandas as pd
 import pytest
 
-from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.metrics import channel_metrics
 from flighttune.recording.page import scenario_page
 
 
 @pytest.fixture(scope="module")
 def page(four_runs, cut_short, without_gains):
     runs = [*four_runs, cut_short, without_gains]
-    flown = [run for run in runs if len(run.signals)]
     return scenario_page(
         runs,
         scenario=four_runs[0].provenance.scenario,
         indicators={"paper": (0.45993, 4.91615), "tuned": (0.53976, 5.0), "strict": None},
-        metrics=pd.concat({run.label: channel_metrics(run) for run in flown}),
-        flight=pd.DataFrame.from_dict(
-            {run.label: flight_metrics(run) for run in flown}, orient="index"
-        ),
     )
 
 
@@ -69,25 +63,16 @@ def test_metrics_are_shown_in_degrees_with_their_units(page, four_runs):
     assert "overshoot [deg]" in page
     assert found["jsbsim:aerosonde / paper, γ"][2] == f"{overshoot:.2f}"
     assert len(found) == 10
-
-
-def test_what_a_plant_does_not_show_is_a_dash(page):
-    found = {row[0]: row[1:] for row in rows(page, "Aircraft")}
-
-    assert found["kinematic / paper"][-1] == "–"
-    assert found["jsbsim:aerosonde / paper"][-1] != "–"
+    of_aircraft = {row[0]: row[1:] for row in rows(page, "Aircraft")}
+    assert of_aircraft["kinematic / paper"][-1] == "–"
+    assert of_aircraft["jsbsim:aerosonde / paper"][-1] != "–"
 
 
 def test_the_scenario_is_there_without_brackets_of_python(page):
     assert "- **flight**: V_a_mps 25, h_m 1000, chi_deg 0" in page
     assert "- **plant**: kind kinematic; kind jsbsim, aircraft aerosonde" in page
-    assert "{" not in page
-    assert "'" not in page
-
-
-def test_enlargement_and_units_are_stated(page):
+    assert not {"{", "'"} & set(page)
     assert "Aircraft are drawn 15 times their size: a span of 2.9 m is shown as 43.4 m." in page
-    assert "Plots show angles in degrees; files keep radians." in page
 
 
 def test_with_nothing_flown_the_page_says_why(without_gains):
@@ -96,10 +81,3 @@ def test_with_nothing_flown_the_page_says_why(without_gains):
     assert page.startswith("# None\n")
     assert "the smallest reachable I_K is 67.15" in page
     assert "times their size" not in page
-
-
-def test_faint_lines_are_told_of_where_there_are_sensors(page, sensed):
-    told = scenario_page([sensed], scenario=sensed.provenance.scenario)
-
-    assert "what the sensors gave the controller" in told
-    assert "sensors" not in page
