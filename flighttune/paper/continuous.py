@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
-from flighttune.errors import InputError
 from flighttune.paper import parameters as printed
 from flighttune.plants.point_mass import LOST
 from flighttune.simulate.disturbance import Sinusoid
@@ -53,7 +52,8 @@ class ContinuousLoop:
     gains : PIGains
     limits : Limits
     conditional : bool
-        Stop the integrator of a command while a limit holds it and it would drive it further on.
+        Stop the integrator of a command while a limit holds it and it would drive it further on;
+        with rate limits only.
     disturbance : Sinusoid or None
 
     Notes
@@ -78,8 +78,6 @@ class ContinuousLoop:
         self._moving: list[Moving | None] = [None, None]
         self.y = np.array([printed.CHI_0, printed.GAMMA_0, 0.0, 0.0, printed.PHI_0, printed.N_Z_0])
         self.rate_limited = bool(np.isfinite(limits.rate_upper).all())
-        if conditional and not self.rate_limited:
-            raise InputError("`conditional` must go with rate limits.")
         if self.rate_limited:
             v = self.signals(0.0, self.y).v
             for i in (0, 1):

@@ -62,8 +62,7 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     signals = (*ERRORS, *([AIRSPEED] if any(run.status != "completed" for run in runs) else []))
     by_signal = {plot.signal: plot for tab in plots.values() for plot in tab}
     beside = [by_signal[name] for name in signals if name in by_signal]
-    rows = 1 + len({run.provenance.plant for run in runs}) + len(runs)
-    table = min(TABLE + TABLE_ROW * rows, LONGEST_TABLE)
+    table = min(TABLE + TABLE_ROW * (2 + len(runs)), LONGEST_TABLE)
     lanes = LANES + LANE * len(drawn)
     scene: rrb.Container | rrb.View = whole
     right: rrb.Container | rrb.View = _lanes(drawn)

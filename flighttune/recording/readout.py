@@ -34,16 +34,10 @@ def log_readout(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     t = t[evenly(len(t), most=INSTANTS)]
     headings = " | ".join(heading for heading, _ in COLUMNS.values())
     rule = "|".join(["---", *["--:"] * len(COLUMNS)])
-    lines = [[f"| t = {now:.1f} s | {headings} |\n|{rule}|" for now in t.tolist()]]
-    cells = " | ".join(shown_unit(unit_of(name))[0] for name in COLUMNS)
-    plant_of = [drawn_run.run.provenance.plant for drawn_run in drawn]
-    plants, plant = list(dict.fromkeys(plant_of)), ""
-    for drawn_run in sorted(drawn, key=lambda line: plants.index(line.run.provenance.plant)):
-        if drawn_run.run.provenance.plant != plant:
-            plant = drawn_run.run.provenance.plant
-            lines.append([f"| **{plant}** | {cells} |"] * len(t))
-            cells = " | ".join([" "] * len(COLUMNS))  # the units stand once
-        lines.append(_rows(drawn_run, t))
+    units = " | ".join(shown_unit(unit_of(name))[0] for name in COLUMNS)
+    below = f" | {headings} |\n|{rule}|\n| | {units} |"
+    lines = [[f"| t = {now:.1f} s{below}" for now in t.tolist()]]
+    lines += [_rows(drawn_run, t) for drawn_run in drawn]
     pages = ["\n".join(page) + "\n" for page in zip(*lines, strict=True)]
     media = [rr.MediaType.MARKDOWN] * len(pages)
     stream.send_columns(NOW, [times(t)], rr.TextDocument.columns(text=pages, media_type=media))
@@ -60,7 +54,7 @@ def _rows(drawn_run: DrawnRun, t: FloatArray) -> list[str]:
             columns.append([f"{value:{form}}" for value in values])
         else:
             columns.append([" "] * len(t))
-    name = f"{drawn_run.number} {run.provenance.gains_name}"
+    name = f"{drawn_run.number} {run.label}"
     after = f"| {name} | {run.status.replace('_', ' ')} | " + " | ".join(" " * 5) + " |"
     return [
         after

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.errors import InputError
 from flighttune.paper import parameters as printed
 from flighttune.paper.continuous import ContinuousLoop, integrate
 from flighttune.paper.flight import fly
@@ -136,11 +135,6 @@ def test_without_limits_and_tan_phi_as_printed_the_law_diverges_upside_down(stud
     assert flight.status == "diverged"
     assert "gamma 1000 rad" in flight.reason
     assert flight.t[-1] < 20.0
-
-
-def test_anti_windup_without_rate_limits_is_refused():
-    with pytest.raises(InputError, match="`conditional`"):
-        ContinuousLoop(PAPER_GAINS, RANGES, conditional=True, disturbance=None)
 
 
 def test_samples_are_where_they_were_asked_for():

@@ -196,7 +196,7 @@ def test_the_readout_has_the_numbers_of_the_instant(contents, four_runs):
     when = contents.nanoseconds("/now")
     k = int(np.searchsorted(when, 5_000_000_000))
     (page,) = contents.timed["/now"]["TextDocument:text"].to_pylist()[k]
-    row = next(line for line in page.splitlines() if line.startswith("| 2 paper"))
+    row = next(line for line in page.splitlines() if line.startswith("| 2 jsbsim"))
     shown = [float(cell) for cell in row.strip("| ").split("|")[1:]]
     at = four_runs[1].signals.loc[when[k] / 1e9]
     turned = np.rad2deg([at["phi"], at["chi_err"], at["gamma_err"]])
