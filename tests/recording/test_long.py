@@ -8,8 +8,6 @@ import pytest
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.present.thinning import MOST
-from flighttune.recording.load import load_recording
-from flighttune.recording.parquet import write_run
 from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import SIGNAL_UNITS
 
@@ -37,28 +35,13 @@ def ten_minutes():
     return replace(run, signals=signals)
 
 
-@pytest.fixture(scope="module")
-def recording(ten_minutes, tmp_path_factory):
-    path = tmp_path_factory.mktemp("long") / "long.rrd"
+def test_ten_minutes_are_drawn_with_every_peak_in_thirty_megabytes(ten_minutes, tmp_path):
+    path = tmp_path / "long.rrd"
     write_recording([ten_minutes], path, page="# Long\n", title="Long")
-    return path
-
-
-def test_ten_minutes_stay_below_thirty_megabytes(recording):
-    assert recording.stat().st_size < LARGEST
-
-
-def test_ten_minutes_come_back_to_the_bit(ten_minutes, tmp_path):
-    write_run(ten_minutes, tmp_path / "long.parquet")
-    (run,) = load_recording(tmp_path).runs
-
-    pd.testing.assert_frame_equal(run.signals, ten_minutes.signals, check_exact=True)
-
-
-def test_a_plot_of_ten_minutes_has_few_points_and_every_peak(recording, ten_minutes):
-    drawn = Contents(recording).values("/plots/alpha/kinematic_paper")[:, 0]
+    drawn = Contents(path).values("/plots/alpha/kinematic_paper")[:, 0]
     alpha = np.rad2deg(ten_minutes.signals["alpha"].to_numpy())
 
+    assert path.stat().st_size < LARGEST
     assert MOST <= len(drawn) <= 1.1 * MOST
     assert drawn.min() == alpha.min()
     assert drawn.max() == alpha.max()

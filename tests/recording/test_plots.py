@@ -30,10 +30,12 @@ def with_signal(run, **values):
         [-0.004, 0.0003],
         [3.0, 3.2],
         [1.22, 1.300665539522204],
+        [0.0, np.inf, 10.0],
     ],
 )
 def test_an_axis_has_two_labels_and_all_values(four_runs, values):
     low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)], share=SHARE)
+    values = [value for value in values if math.isfinite(value)]
     span = max(values) - min(values)
     step = next(10.0**k for k in range(-9, 9) if 10.0**k * ROOM_FOR >= span)
 
@@ -42,18 +44,16 @@ def test_an_axis_has_two_labels_and_all_values(four_runs, values):
     assert math.floor(high / step) - math.ceil(low / step) >= 1
 
 
-def test_an_axis_is_not_longer_than_it_must_be(four_runs):
-    low, high = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=[-2.0, 9.0])], share=SHARE)
+@pytest.mark.parametrize(
+    ("values", "share", "ends"),
+    [((-2.0, 9.0), SHARE, (-2.0, 10.0)), ((-10.0, 14.0), 4.0 / LABELS, (-10.0, 14.0))],
+    ids=["to the next label", "not where that costs too much"],
+)
+def test_an_axis_is_not_longer_than_it_must_be(four_runs, values, share, ends):
+    limits = value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)], share=share)
 
-    assert low == pytest.approx(-2.0 - 0.05 * 12.0)
-    assert high == pytest.approx(10.0 + 0.05 * 12.0)
-
-
-def test_a_second_label_that_costs_too_much_is_left_out(four_runs):
-    run = with_signal(four_runs[0], V_a=[-10.0, 14.0])
-    low, high = value_range(PLOTS["V_a"], [run], share=4.0 / LABELS)
-
-    assert (low, high) == pytest.approx((-10.0 - 0.05 * 24.0, 14.0 + 0.05 * 24.0))
+    room = 0.05 * (ends[1] - ends[0])
+    assert limits == pytest.approx((ends[0] - room, ends[1] + room))
 
 
 def test_an_axis_reaches_over_limits_and_reference(four_runs):
@@ -69,15 +69,6 @@ def test_an_axis_reaches_over_limits_and_reference(four_runs):
 @pytest.mark.parametrize("values", [[25.0, 25.0], [np.nan, np.nan], [0.0, 0.0]])
 def test_what_does_not_vary_is_left_to_the_viewer(four_runs, values):
     assert value_range(PLOTS["V_a"], [with_signal(four_runs[0], V_a=values)], share=SHARE) is None
-
-
-def test_a_value_that_is_no_number_does_not_spoil_the_axis(four_runs):
-    low, high = value_range(
-        PLOTS["V_a"], [with_signal(four_runs[0], V_a=[0.0, np.inf, 10.0])], share=SHARE
-    )
-
-    assert math.isfinite(low)
-    assert math.isfinite(high)
 
 
 def test_a_scenario_without_limits_has_none():
