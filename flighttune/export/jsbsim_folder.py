@@ -167,8 +167,7 @@ class _Flight:
         values = {**fdm.settings, **inner_loop_settings(fdm.config)}
         for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
             values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
-        for name in (properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD):
-            values[name] = fdm.reader(name)()
+        values |= self._read((properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD))
         values |= {
             "ft/outer/dt-s": setup.dt,
             "ft/outer/phi/start": condition.phi,
@@ -188,6 +187,10 @@ class _Flight:
             for bound, limit in zip(("min", "max", "rate-min", "rate-max"), bounds, strict=True):
                 values[f"ft/outer/{command}/{bound}"] = float(limit[i])
         return values
+
+    def _read(self, names: Iterable[str]) -> dict[str, float]:
+        """Properties of the aircraft at its start."""
+        return {name: self._fdm.reader(name)() for name in names}
 
     def _sampled(self) -> dict[str, FloatArray]:
         """Inputs of the law at every sample that are not measured, by property."""
@@ -226,18 +229,21 @@ class _Flight:
             )
         )
         head = '<?xml version="1.0"?>', f'<initialize name="{START}">'
-        return _lines([*head, *lines, "</initialize>\n"])
+        return "\n".join([*head, *lines, "</initialize>\n"])
 
     def _script(self, model: str, values: Mapping[str, float]) -> str:
         fdm, t_0 = self._fdm, self.t_0
         half, end = 0.5 / self.rate, t_0 + float(self._t[-1])
-        rates = {f"ic/{axis}-rad_sec": fdm.reader(f"ic/{axis}-rad_sec")() for axis in "pqr"}
+        rates = [f"ic/{axis}-rad_sec" for axis in "pqr"]
         moving = {name: read() for name, (_, read) in fdm.integrators.items()}
         tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/contents-lbs")]
-        at_start = {name: fdm.reader(name)() for name in properties.TRIMS}
-        at_start |= {properties.ENGAGED: 1.0, "ft/outer/engaged": 1.0}
-        at_start["simulation/output/log_rate_hz"] = 1.0 / self._setup.dt
-        at_rest = {**values, **rates, **dict.fromkeys(moving, 0.0)}
+        at_start = {
+            **self._read(properties.TRIMS),
+            properties.ENGAGED: 1.0,
+            "ft/outer/engaged": 1.0,
+            "simulation/output/log_rate_hz": 1.0 / self._setup.dt,
+        }
+        at_rest = {**values, **self._read(rates), **dict.fromkeys(moving, 0.0)}
         return _SCRIPT.read_text(encoding="utf-8").format(
             title=escape(self._scenario.title, {'"': "&quot;"}),
             model=escape(model),
@@ -248,7 +254,7 @@ class _Flight:
             shorter=0.999 / self.rate,
             longer=1.001 / self.rate,
             csv=CSV,
-            at_rest=_lines(
+            at_rest="\n".join(
                 f'<property value="{value!r}"> {name} </property>'
                 for name, value in at_rest.items()
             ),
@@ -256,10 +262,10 @@ class _Flight:
             before=t_0 - half,
             after=t_0 + half,
             sample=self._setup.dt,
-            tanks=_sets({name: fdm.reader(name)() for name in tanks}),
+            tanks=_sets(self._read(tanks)),
             at_start=_sets(at_start),
             moving=_sets(moving),
-            references=_lines(
+            references="\n".join(
                 _reference(name, self._t, values) for name, values in self._sampled().items()
             ),
             g=G_0 / FT,
@@ -270,7 +276,7 @@ def _reference(name: str, t: FloatArray, values: FloatArray) -> str:
     """A property looked up by the time since the start; rows on a straight line are left out."""
     bends = np.abs(np.diff(values, 2)) > STRAIGHT
     rows = np.column_stack([t, values])[np.array([True, *bends, True])]
-    table = _lines(f"{at!r} {value!r}" for at, value in rows.tolist())
+    table = "\n".join(f"{at!r} {value!r}" for at, value in rows.tolist())
     return (
         f'<set name="{name}"> <function> <table> <independentVar> ft/outer/t-s </independentVar> '
         f"<tableData>\n{table}\n</tableData> </table> </function> </set>"
@@ -278,11 +284,7 @@ def _reference(name: str, t: FloatArray, values: FloatArray) -> str:
 
 
 def _sets(values: Mapping[str, float]) -> str:
-    return _lines(f'<set name="{name}" value="{value!r}"/>' for name, value in values.items())
-
-
-def _lines(lines: Iterable[str]) -> str:
-    return "\n".join(lines)
+    return "\n".join(f'<set name="{name}" value="{value!r}"/>' for name, value in values.items())
 
 
 def _parsed(file: Path) -> Element:
@@ -293,16 +295,14 @@ def _parsed(file: Path) -> Element:
 
 def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
     """Give the properties that systems declare their values; return their names."""
-    files = set()
-    for system in (
-        element for element in root.iter() if element.tag in ("system", "flight_control")
-    ):
+    names = set()
+    for system in (*root.iter("system"), *root.iter("flight_control")):
         for declared in system.iterfind("property"):
             name = (declared.text or "").strip()
             if name in values:
                 declared.set("value", repr(values[name]))
-                files.add(name)
-    return files
+                names.add(name)
+    return names
 
 
 def _copy_shared_parts(root: Element, folders: ModelFolders, folder: Path) -> None:
