@@ -18,8 +18,8 @@ from flighttune.value_file import STRICT
 
 KINDS = "states", "inputs", "errors"
 
+# The exact check takes seconds at this size, and grows with its fourth power.
 MAX_STATES = 24
-"""The exact check takes seconds at this size, and grows with its fourth power."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,8 +22,9 @@ from flighttune.theory.indicators import indicators
 from flighttune.theory.lmi import solver_versions
 
 Ellipsoid = tuple[FloatArray, float]
+
+# Airspeed (m/s) and flight-path angle (rad), and the model there.
 Condition = tuple[tuple[float, float], LinearModel]
-"""Airspeed (m/s) and flight-path angle (rad), and the model there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -21,8 +21,9 @@ from flighttune.errors import InputError
 from flighttune.units import DEG
 
 ENTRIES = ("a", "b1", "b2", "b3")
+
+# Relative widening of each range: some 50 times the rounding of the formulas.
 OUTWARD = 1e-14
-"""Relative widening of each range: some 50 times the rounding of the formulas."""
 
 Range = tuple[float, float]
 

@@ -28,17 +28,17 @@ RATE_SIGNALS: Mapping[str, str] = MappingProxyType(
     {"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"}
 )
 
+# Share of the airspeed below which the law takes no speed over ground to be.
 LEAST_SPEED = 0.2
-"""Share of the airspeed below which the law takes no speed over ground to be."""
 
+# Least vertical lift for which the roll command is computed, in weights.
 LIFT_FLOOR = 0.1
-"""Least vertical lift for which the roll command is computed, in weights."""
 
+# Weights: the least largest load factor by which the roll angle is found.
 LEAST_LIFT = 1e-9
-"""Weights: the least largest load factor by which the roll angle is found."""
 
+# Part of the load factor's rate limit with which the path angle is caught.
 BRAKING = 0.5
-"""Part of the load factor's rate limit with which the path angle is caught."""
 
 
 class RateLaw(NamedTuple):

@@ -9,17 +9,17 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, read_only_matrix
 
+# Commands that gains of the paper's law act on.
 COMMANDS = ("phi", "n_z")
-"""Commands that gains of the paper's law act on."""
 
+# Inputs of the exact law's gains: desired rates, in place of roll and load factor.
 RATES = ("chi_dot", "gamma_dot")
-"""Inputs of the exact law's gains: desired rates, in place of roll and load factor."""
 
 
 LABELS = {COMMANDS: ("phi [rad]", "n_z [1]"), RATES: ("chi' [1/s]", "gamma' [1/s]")}
 
+# Names in files for the inputs of gains: the built-in law with these inputs.
 LAW_OF_INPUTS = {COMMANDS: "paper", RATES: "exact"}
-"""Names in files for the inputs of gains: the built-in law with these inputs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,8 +103,8 @@ PAPER_GAINS = PIGains(
 )
 """K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma."""
 
+# Table 2 of arXiv 2411.13140: K = K* - epsilon (I, I).
 PAPER_EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
-"""Table 2 of arXiv 2411.13140: K = K* - epsilon (I, I)."""
 
 
 def paper_family() -> dict[str, PIGains]:

@@ -19,15 +19,15 @@ from flighttune.control.gains import PIGains
 from flighttune.control.limits import CommandLimiter, Limits
 from flighttune.control.linear_model import LinearModel
 
+# Exceptions that end a flight only: a user's code must not end the program.
 FAILURES = (Exception, SystemExit)
-"""Exceptions that end a flight only: a user's code must not end the program."""
 
 
+# Wall time by which a law may fall behind real time, s.
 MAX_LAG_S = 5.0
-"""Wall time by which a law may fall behind real time, s."""
 
+# Characters of a returned value that a message repeats.
 MAX_SHOWN = 40
-"""Characters of a returned value that a message repeats."""
 
 
 def failure(name: str, error: BaseException, t: float | None) -> str:

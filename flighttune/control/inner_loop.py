@@ -98,8 +98,8 @@ def _one_per_input(name: str, value: npt.ArrayLike, m: int) -> FloatArray:
     return values
 
 
+# Delay (s) below which it is neglected: a section of 2/delay would only spoil the arithmetic.
 NO_DELAY = 1e-5
-"""Delay (s) below which it is neglected: a section of 2/delay would only spoil the arithmetic."""
 
 Order: TypeAlias = Literal[1, 2, 3]
 

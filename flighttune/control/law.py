@@ -208,8 +208,8 @@ class Law(ABC):
         return tuple(gains) if self.name == DEFAULT else tuple(f"{self.name}:{n}" for n in gains)
 
 
+# Law of a scenario that names none, and of gain sets without a law before the colon.
 DEFAULT = "paper"
-"""Law of a scenario that names none, and of gain sets without a law before the colon."""
 
 
 def split_name(name: str) -> tuple[str, str]:

@@ -10,8 +10,8 @@ from flighttune.arrays import FloatArray, check_positive, read_only_matrix
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ShapeError
 
+# States, inputs and errors of the chi/gamma law.
 LAW_NAMES = ("chi", "gamma"), ("phi", "n_z"), ("chi", "gamma")
-"""States, inputs and errors of the chi/gamma law."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

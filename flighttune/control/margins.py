@@ -18,28 +18,28 @@ GRID_PER_DECADE = 60
 LONGEST_LAG = 1e3
 SHORTEST_LAG = 1e-4
 
+# A destabilising factor this small is the rounding of none at all.
 NO_GAIN = 1e-9
-"""A destabilising factor this small is the rounding of none at all."""
 
+# Distance from a pole, over the largest entry of A, at which a response is taken there.
 BESIDE = 1e-12
-"""Distance from a pole, over the largest entry of A, at which a response is taken there."""
 
+# Relative distance from the imaginary axis within which a zero is taken to lie on it. Rounding
+# moves a double zero by 1e-8; a zero let in by mistake is sorted out by the frequency response.
 ON_AXIS = 1e-5
-"""Relative distance from the imaginary axis within which a zero is taken to lie on it. Rounding
-moves a double zero by 1e-8; a zero let in by mistake is sorted out by the frequency response."""
 
+# Crossings are looked for within this factor of the closed loop's slowest and fastest
+# eigenvalues: a zero at infinity comes out of a pencil as a very large one.
 BAND = 1e6
-"""Crossings are looked for within this factor of the closed loop's slowest and fastest eigenvalues:
-a zero at infinity comes out of a pencil as a very large one."""
 
+# Relative: no frequency has a disk margin smaller than the result by more.
 DISK_ACCURACY = 1e-10
-"""Relative: no frequency has a disk margin smaller than the result by more."""
 
+# Iterations that balance three or more inputs; the first one balances two.
 SWEEPS = 10
-"""Iterations that balance three or more inputs; the first one balances two."""
 
+# A, B, C of a strictly proper loop L(s), from inputs to minus what the controller sends them.
 Loop: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
-"""A, B, C of a strictly proper loop L(s), from inputs to minus what the controller sends them."""
 
 Interval: TypeAlias = tuple[float, float]
 

@@ -27,8 +27,8 @@ ANTI_WINDUP: tuple[AntiWindup, ...] = get_args(AntiWindup)
 
 ERRORS = 2
 
+# No feed-forward.
 LEVEL = (0.0, 0.0)
-"""No feed-forward."""
 
 INTEGRAL_SIGNALS: Mapping[str, str] = MappingProxyType({"phi_integral": "rad", "n_z_integral": "1"})
 

@@ -37,8 +37,8 @@ from flighttune.tuning.result import TuningResult
 
 VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
 
+# Called with the label of a run and the part of it flown, 0 to 1.
 Progress = Callable[[str, float], None]
-"""Called with the label of a run and the part of it flown, 0 to 1."""
 
 
 @dataclass(frozen=True, eq=False)

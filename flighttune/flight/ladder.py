@@ -24,11 +24,11 @@ from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.run import Run
 
+# A shorter flight cannot be compared, and no lag can be fitted to it.
 LEAST_SAMPLES = 12
-"""A shorter flight cannot be compared, and no lag can be fitted to it."""
 
+# If the course reference moves by more between two samples, it may itself wrap the error.
 REFERENCE_STEP = math.radians(5.0)
-"""If the course reference moves by more between two samples, it may itself wrap the error."""
 
 LagSource = Literal["identified", "fitted"]
 

@@ -24,8 +24,8 @@ from flighttune.tuning.robust import tune_worst_case
 from flighttune.tuning.tune import tune
 from flighttune.units import wrap_angle
 
+# Of the course loop over the time by which a limited roll is late: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
-"""Of the course loop over the time by which a limited roll is late: design/roll_rate.md."""
 
 
 def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:

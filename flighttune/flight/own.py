@@ -16,11 +16,11 @@ from flighttune.plants.base import Plant
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
 
+# Called with a `LawSetup` and the parameters of a scenario's table, for every flight.
 LawMaker = Callable[..., Controller]
-"""Called with a `LawSetup` and the parameters of a scenario's table, for every flight."""
 
+# Called with the parameters of a scenario's table, for every flight.
 PlantMaker = Callable[..., Plant]
-"""Called with the parameters of a scenario's table, for every flight."""
 
 T = TypeVar("T", LawTable, PlantTable)
 

@@ -11,8 +11,8 @@ from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.units import DEG
 
+# Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
-"""Key of [flight] for each attribute of a condition that an aircraft bounds."""
 
 
 def check_aircraft(scenario: Scenario, source: str) -> None:

@@ -15,8 +15,8 @@ from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.shipped import nearest_name, scenario_files
 from flighttune.table_file import json_tables, toml_tables
 
+# Characters of an aircraft's name or path; files have none longer.
 LONGEST_NAME = 200
-"""Characters of an aircraft's name or path; files have none longer."""
 
 Model = TypeVar("Model", bound=BaseModel)
 

@@ -50,15 +50,15 @@ from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_
 from flighttune.simulate.reference import Reference
 from flighttune.units import DEG
 
+# Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000
-"""Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals."""
 
+# deg, and share of a duration.
 ROUNDING = 1e-9
-"""deg, and share of a duration."""
 
 
+# Share of every limit that a reference of shape feasible leaves to the feedback by default.
 MARGIN = 0.2
-"""Share of every limit that a reference of shape feasible leaves to the feedback by default."""
 
 
 class Scenario(Table):

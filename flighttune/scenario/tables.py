@@ -73,11 +73,11 @@ Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
 
 
+# Longest name of gains, a plant or an aircraft's folder: together they name a file.
 MAX_BYTES = 80
-"""Longest name of gains, a plant or an aircraft's folder: together they name a file."""
 
+# Longest part of a path on any file system.
 MAX_BYTES_OF_PART = 255
-"""Longest part of a path on any file system."""
 
 
 def _short(value: str) -> str:
@@ -90,8 +90,9 @@ def _short(value: str) -> str:
 Name: TypeAlias = Annotated[
     str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(_short)
 ]
+
+# Longest name of something that ships, or longest path.
 PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_short)]
-"""Longest name of something that ships, or longest path."""
 
 
 def _pair(value: object) -> object:
@@ -432,8 +433,8 @@ if TYPE_CHECKING:
 else:
     LawKind = Literal[tuple(law_kinds())]
 
+# Laws that a scenario can name without a table.
 LAWS = plain_laws()
-"""Laws that a scenario can name without a table."""
 
 
 class LawTable(OwnTable):
@@ -517,8 +518,8 @@ class SensorsTable(Table):
         )
 
 
+# Curve of Fig. 7 of MIL-F-8785C, and wind 20 ft above ground in m/s (15, 30, 45 kn).
 INTENSITIES = {"light": (3, 7.7), "moderate": (4, 15.4), "severe": (6, 23.1)}
-"""Curve of Fig. 7 of MIL-F-8785C, and wind 20 ft above ground in m/s (15, 30, 45 kn)."""
 
 
 class WindLevelTable(Table):
@@ -721,11 +722,11 @@ def _blowing(speed: float, from_deg: float, down: float) -> NED:
     return -speed * math.cos(from_deg * DEG), -speed * math.sin(from_deg * DEG), down
 
 
+# Gains tuned on the model that ``[tuning]`` names.
 TUNED = "tuned"
-"""Gains tuned on the model that ``[tuning]`` names."""
 
+# Gains tuned on the identified model, whichever ``[tuning]`` names.
 TUNED_IDENTIFIED = "tuned_identified"
-"""Gains tuned on the identified model, whichever ``[tuning]`` names."""
 
 INPUTS = 2
 

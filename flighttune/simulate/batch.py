@@ -21,20 +21,20 @@ from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.measures import ErrorMeasures
 from flighttune.units import G_PAPER
 
+# Columns of a trajectory: as in a run, and the rates of the errors by the law, rad/s.
 SIGNALS = (
     *("chi", "gamma", "chi_err", "gamma_err", "chi_err_rate", "gamma_err_rate"),
     *("phi_cmd", "n_z_cmd", "phi_unlimited", "n_z_unlimited"),
     *("phi_integral", "n_z_integral", "phi_limited", "n_z_limited"),
 )
-"""Columns of a trajectory: as in a run, and the rates of the errors by the law, rad/s."""
 
 BLOCKS_PER_THREAD = 8
 
+# Numbers of a `RateLaw`; a `PILaw` has fewer.
 LAW_NUMBERS = 23
-"""Numbers of a `RateLaw`; a `PILaw` has fewer."""
 
+# Flights a thread keeps the errors of sensors of.
 SENSED_AT_ONCE = 256
-"""Flights a thread keeps the errors of sensors of."""
 
 
 class Flights(NamedTuple):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from flighttune.plants.weather import OscillatingWind
 
+# Time (s) by which a switch is early: it belongs to a sample, whose time is a rounded sum.
 AHEAD = 1e-9
-"""Time (s) by which a switch is early: it belongs to a sample, whose time is a rounded sum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

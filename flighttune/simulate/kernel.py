@@ -43,8 +43,8 @@ SOURCES = (
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
 
+# Codes of the ways in which a flight ends.
 COMPLETED, ROLLED, DIVERGED = 0, 1, 2
-"""Codes of the ways in which a flight ends."""
 
 register_jitable(wrap_angle)
 register_jitable(limits.limit_command)

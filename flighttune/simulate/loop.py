@@ -26,14 +26,13 @@ from flighttune.plants.wind import WIND
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.simulate.reference import Reference
 
+# Signals that the loop adds to those of the plant, one row per sample of the controller.
+#
+# Signals that the controller records stand before the last two.
 LOOP_SIGNALS = (
     *("chi_ref", "gamma_ref", "chi_err", "gamma_err"),
     *("phi_cmd", "n_z_cmd", "phi_unlimited", "n_z_unlimited", "phi_limited", "n_z_limited"),
 )
-"""Signals that the loop adds to those of the plant, one row per sample of the controller.
-
-Signals that the controller records stand before the last two.
-"""
 
 _LIMITED = LOOP_SIGNALS[-2:]
 

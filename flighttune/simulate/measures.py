@@ -11,15 +11,16 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 
+# Errors up to this are none, rad.
 NO_STEP = 1e-6
-"""Errors up to this are none, rad."""
 
+# First error from which on there is a step to time, rad.
 SMALLEST_STEP = math.radians(0.1)
-"""First error from which on there is a step to time, rad."""
 
 SETTLING_BAND = 0.05
+
+# Part of the time from which on a response is taken as steady.
 STEADY_FROM = 0.75
-"""Part of the time from which on a response is taken as steady."""
 
 
 class ErrorMeasures(NamedTuple):

@@ -7,8 +7,8 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, read_only_vector
 
+# Times that differ by less are one, s.
 SAME_INSTANT = 1e-9
-"""Times that differ by less are one, s."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,24 +29,24 @@ _SIGNALS_BY_UNIT = {
     "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral gamma_dot_integral",
     "N": "thrust",
 }
+
+# Unit of every signal a run may hold.
+#
+# ``*_err`` is reference minus actual, the course error wrapped to (-pi, pi]. ``*_cmd`` is the
+# command after all limits, ``*_unlimited`` before them, ``*_integral`` the part of it that comes
+# from the integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held by a
+# rate limit). ``*_meas`` is what the controller saw, in runs with sensors; in others it saw the
+# signal itself. Positions are local NED from the start. Surfaces are positive trailing edge
+# down, the rudder trailing edge left; the aileron is the left one, so that positive rolls right.
+# ``wind_*`` is the velocity of the air: north is air that moves north. Course and path angle are
+# over ground, or through the air in runs that have ``*_ground`` too.
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
-"""Unit of every signal a run may hold.
 
-``*_err`` is reference minus actual, the course error wrapped to (-pi, pi]. ``*_cmd`` is the command
-after all limits, ``*_unlimited`` before them, ``*_integral`` the part of it that comes from the
-integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held by a rate limit).
-``*_meas`` is what the controller saw, in runs with sensors; in others it saw the signal itself.
-Positions are local NED from the start. Surfaces are positive trailing edge down, the rudder
-trailing edge left; the aileron is the left one, so that positive rolls right. ``wind_*`` is the
-velocity of the air: north is air that moves north. Course and path angle are over ground, or
-through the air in runs that have ``*_ground`` too.
-"""
-
+# Bounds of the errors in runs whose tube is known. They were computed, not flown.
 TUBE_SIGNALS = ("chi_err_low", "chi_err_high", "gamma_err_low", "gamma_err_high")
-"""Bounds of the errors in runs whose tube is known. They were computed, not flown."""
 
+# Errors of the flight found that comes nearest to leaving the tube, in runs where it is known.
 WORST_SIGNALS = ("chi_err_worst", "gamma_err_worst")
-"""Errors of the flight found that comes nearest to leaving the tube, in runs where it is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

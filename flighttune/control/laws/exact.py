@@ -20,12 +20,11 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import ChannelLaw
 from flighttune.errors import InputError
 
+# Lags of its channel over which an error counts as much as its rate, 1/s: design/exact_gains.md.
 LAGS_PER_ERROR = 3.0
-"""Lags of its channel over which an error counts as much as its rate, 1/s:
-design/exact_gains.md."""
 
+# Stands for infinity in a property of JSBSim.
 NO_BRAKE = 1e300
-"""Stands for infinity in a property of JSBSim."""
 
 
 @dataclass(frozen=True, kw_only=True)
