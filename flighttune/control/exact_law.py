@@ -10,16 +10,21 @@ import numpy as np
 from flighttune.arrays import check_positive
 from flighttune.control.controller import (
     AntiWindup,
-    FlightCondition,
     Measured,
     ReferenceSample,
-    SelfLimiting,
 )
-from flighttune.control.gains import RATES, PIGains
+from flighttune.control.gains import COMMANDS, RATES, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
 from flighttune.control.linear_model import LinearModel
-from flighttune.control.mimo_pi import PIState, empty_state, tracking_gain_of
-from flighttune.errors import InputError, ShapeError
+from flighttune.control.mimo_pi import (
+    ChannelLaw,
+    PIState,
+    StatefulPI,
+    channel_laws,
+    empty_state,
+    tracking_gain_of,
+)
+from flighttune.errors import InputError
 from flighttune.units import G_PAPER, wrap_angle
 
 Priority: TypeAlias = Literal["gamma", "chi"]
@@ -46,10 +51,9 @@ class RateLaw(NamedTuple):
 
     Attributes
     ----------
-    K_P, K_I_dt : tuple of two tuples of two floats
-        Rows chi_dot and gamma_dot, columns errors of chi and gamma; K_I times the sample time.
-    bounds : tuple of two tuples of four floats
-        Roll and load factor: range, and largest steps down and up in a sample.
+    channels : tuple of ChannelLaw, length 2
+        Gains of the course rate with the limits of roll, those of the path-angle rate with the
+        limits of the load factor.
     wrapped, conditional : bool
         True if the course error is taken the short way round; true for conditional anti-windup.
     tracking_gain : float
@@ -62,9 +66,7 @@ class RateLaw(NamedTuple):
         True if the course has priority.
     """
 
-    K_P: tuple[tuple[float, float], tuple[float, float]]
-    K_I_dt: tuple[tuple[float, float], tuple[float, float]]
-    bounds: tuple[tuple[float, float, float, float], tuple[float, float, float, float]]
+    channels: tuple[ChannelLaw, ...]
     wrapped: bool
     conditional: bool
     tracking_gain: float
@@ -74,7 +76,7 @@ class RateLaw(NamedTuple):
     course_first: bool
 
 
-class ExactLaw(SelfLimiting):
+class ExactLaw(StatefulPI):
     r"""Course and path angle by exact inversion of the point mass.
 
     The rates wanted are those of the reference and a PI of the errors,
@@ -140,8 +142,6 @@ class ExactLaw(SelfLimiting):
     design/anti_windup.md.
     """
 
-    state: PIState
-
     def __init__(
         self,
         gains: PIGains,
@@ -156,46 +156,30 @@ class ExactLaw(SelfLimiting):
         wrapped: bool = True,
         g: float = G_PAPER,
     ) -> None:
-        limits = Limits.none(2) if limits is None else limits
-        if limits.lower.shape != (2,):
-            raise ShapeError(f"`limits` must be of 2 commands, got {limits.lower.shape[0]}.")
         check_positive(
             dt=dt, tracking_time=tracking_time, lift_floor=lift_floor, braking=braking, g=g
         )
         if priority not in get_args(Priority):
             raise InputError(f"`priority` must be gamma or chi, got {priority!r}.")
         rate_model().check_channels(gains)
-        self.gains, self.limits, self.dt, self.signals = gains, limits, dt, RATE_SIGNALS
-        bounds = (limits.lower, limits.upper, limits.rate_lower * dt, limits.rate_upper * dt)
-        (a, b), (c, d) = gains.K_P.tolist()
-        (e, f), (h, i) = (gains.K_I * dt).tolist()
-        roll, load = zip(*(row.tolist() for row in bounds), strict=True)
+        self.gains, self.dt, self.signals = gains, dt, RATE_SIGNALS
+        channels = channel_laws(gains, gains.K_I * dt, limits, dt)
+        rate = math.inf if limits is None else min(limits.rate_upper[1], -limits.rate_lower[1])
         self.law = RateLaw(
-            K_P=((a, b), (c, d)),
-            K_I_dt=((e, f), (h, i)),
-            bounds=(roll, load),
+            channels=channels,
             wrapped=wrapped,
             conditional=anti_windup == "conditional",
             tracking_gain=tracking_gain_of(anti_windup, gains, dt, tracking_time),
             per_g=1.0 / g,
             lift_floor=lift_floor,
-            brake=2.0 * (braking or math.inf) * min(limits.rate_upper[1], -limits.rate_lower[1]),
+            brake=2.0 * (braking or math.inf) * rate,
             course_first=priority == "chi",
         )
         self.state = empty_state((0.0, 1.0))
 
-    @property
-    def limiter(self) -> PIState:
-        """Commands before the limits, and which limit holds: the law applies its own."""
-        return self.state
-
     def linear(self) -> tuple[LinearModel, PIGains]:
         """Model and gains of its error dynamics, the same at every flight condition."""
         return rate_model(), self.gains
-
-    def start(self, condition: FlightCondition) -> None:
-        """Empty the integrators; the roll and load factor of `condition` are in force."""
-        self.state = empty_state((condition.phi, condition.n_z_start))
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
         """Return roll and load-factor command after all limits, and the values of `signals`."""
@@ -255,11 +239,6 @@ def rate_model() -> LinearModel:
     )
 
 
-def acts_on_rates(gains: PIGains) -> bool:
-    """Whether gains are those of the exact law, in 1/s and 1/s^2."""
-    return gains.inputs == RATES
-
-
 def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
     """Gains of the paper's law as gains of the exact law, or as they are if they already are.
 
@@ -275,10 +254,8 @@ def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
     PIGains
         Times ``g / V_a``: the same loop about wings-level flight at gamma = 0.
     """
-    if acts_on_rates(gains):
-        return gains
     check_positive(V_a=V_a, g=g)
-    return PIGains(K_P=gains.K_P * (g / V_a), K_I=gains.K_I * (g / V_a), inputs=RATES)
+    return _acting_on(RATES, gains, g / V_a)
 
 
 def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
@@ -296,10 +273,14 @@ def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
     PIGains
         Times ``V_a / g``: `rate_gains` the other way.
     """
-    if not acts_on_rates(gains):
-        return gains
     check_positive(V_a=V_a, g=g)
-    return PIGains(K_P=gains.K_P * (V_a / g), K_I=gains.K_I * (V_a / g))
+    return _acting_on(COMMANDS, gains, V_a / g)
+
+
+def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGains:
+    if gains.inputs == inputs:
+        return gains
+    return PIGains(K_P=gains.K_P * factor, K_I=gains.K_I * factor, inputs=inputs)
 
 
 def exact_step(
@@ -321,18 +302,9 @@ def exact_step(
         Course and flight-path angle measured, and what else may follow.
     V_a : float, m/s
     """
-    (
-        K_P,
-        K_I_dt,
-        bounds,
-        wrapped,
-        conditional,
-        tracking_gain,
-        per_g,
-        lift_floor,
-        brake,
-        course_first,
-    ) = law
+    channels, wrapped, conditional, tracking_gain, per_g, lift_floor, brake, course_first = law
+    (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up), of_gamma = channels
+    K_gamma, I_gamma, n_z_low, n_z_high, n_z_down, n_z_up = of_gamma
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
     error, _, u, u_unsat, integral, limited, _ = state
     e_chi, e_gamma = ref[0] - y[0], ref[1] - y[1]
@@ -340,28 +312,28 @@ def exact_step(
         e_chi = wrap_angle(e_chi)
     error[0], error[1] = e_chi, e_gamma
     level, speed = math.cos(y[1]), V_a * per_g
-    nu_chi = ref[2] + K_P[0][0] * e_chi + K_P[0][1] * e_gamma + integral[0]
-    climb = K_P[1][0] * e_chi + K_P[1][1] * e_gamma
+    nu_chi = ref[2] + K_chi[0] * e_chi + K_chi[1] * e_gamma + integral[0]
+    climb = K_gamma[0] * e_chi + K_gamma[1] * e_gamma
     # The load factor can take back a rate of climb only at its own rate limit.
-    braked = abs(climb) * speed * K_P[1][1] > brake
+    braked = abs(climb) * speed * K_gamma[1] > brake
     if braked:
-        climb = math.copysign(math.sqrt(brake * abs(climb) / (speed * K_P[1][1])), climb)
+        climb = math.copysign(math.sqrt(brake * abs(climb) / (speed * K_gamma[1])), climb)
     nu_gamma = ref[3] + climb + integral[1]
 
     # Horizontal and vertical lift that these rates need, in weights.
     a, b = speed * level * nu_chi, speed * nu_gamma + level
     floored = b < lift_floor
     roll = math.atan2(a, lift_floor if floored else b)
-    most = max(bounds[1][1], LEAST_LIFT)  # a limit may leave none
+    most = max(n_z_high, LEAST_LIFT)  # a limit may leave none
     if not floored and a * a + b * b > most * most:
         # The largest load factor does not give both.
         if course_first:
             roll = math.copysign(math.asin(min(1.0, abs(a) / most)), a)
         else:
             roll = math.copysign(math.acos(min(1.0, b / most)), a)
-    phi, phi_limited = limit_command(roll, u[0], *bounds[0])
+    phi, phi_limited = limit_command(roll, u[0], phi_low, phi_high, phi_down, phi_up)
     load = b / math.cos(phi)
-    n_z, n_z_limited = limit_command(load, u[1], *bounds[1])
+    n_z, n_z_limited = limit_command(load, u[1], n_z_low, n_z_high, n_z_down, n_z_up)
     if braked and n_z_limited == FREE:
         n_z_limited = RATE_LIMITED
     u_unsat[0], u_unsat[1] = roll, load
@@ -370,8 +342,8 @@ def exact_step(
 
     # Whether the commands give the rates wanted; where no limit holds they do but for rounding.
     held_chi, held_gamma = phi_limited != FREE or floored, n_z_limited != FREE
-    more_chi = K_I_dt[0][0] * e_chi + K_I_dt[0][1] * e_gamma
-    more_gamma = K_I_dt[1][0] * e_chi + K_I_dt[1][1] * e_gamma
+    more_chi = I_chi[0] * e_chi + I_chi[1] * e_gamma
+    more_gamma = I_gamma[0] * e_chi + I_gamma[1] * e_gamma
     if conditional:
         more_chi, more_gamma = 0.0 if held_chi else more_chi, 0.0 if held_gamma else more_gamma
     elif tracking_gain:

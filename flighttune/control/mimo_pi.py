@@ -23,8 +23,6 @@ from flighttune.units import wrap_angle
 
 Vector: TypeAlias = MutableSequence[Any] | npt.NDArray[Any]
 
-ANTI_WINDUP: tuple[AntiWindup, ...] = get_args(AntiWindup)
-
 ERRORS = 2
 
 # No feed-forward.
@@ -39,7 +37,8 @@ class ChannelLaw(NamedTuple):
     Attributes
     ----------
     K_P, K_I_half : sequence of float, length 2
-        Its row of K_P, and of ``K_I dt/2``: the trapezoidal rule on the sum of two errors.
+        Its row of K_P, and of ``K_I dt/2``: the trapezoidal rule on the sum of two errors. The
+        exact law, which takes each error alone, has ``K_I dt`` there.
     lower, upper : float
         Its range.
     step_down, step_up : float
@@ -121,7 +120,35 @@ def empty_state(u: Sequence[float]) -> PIState:
     )
 
 
-class MimoPI(SelfLimiting):
+def channel_laws(
+    gains: PIGains, K_I_step: FloatArray, limits: Limits | None, dt: float
+) -> tuple[ChannelLaw, ...]:
+    """The settings of each command; `K_I_step` is K_I times the part of a sample it acts over."""
+    m = len(gains.inputs)
+    limits = Limits.none(m) if limits is None else limits
+    if limits.lower.shape != (m,):
+        raise ShapeError(f"`limits` must be of {m} commands, got {limits.lower.shape[0]}.")
+    steps = limits.rate_lower * dt, limits.rate_upper * dt
+    rows = gains.K_P, K_I_step, limits.lower, limits.upper, *steps
+    return tuple(map(ChannelLaw, *(row.tolist() for row in rows)))
+
+
+class StatefulPI(SelfLimiting):
+    """A law whose memory is a `PIState`: its commands, their limits and its integrators."""
+
+    state: PIState
+
+    @property
+    def limiter(self) -> PIState:
+        """Commands before the limits, and which limit holds: the law applies its own."""
+        return self.state
+
+    def start(self, condition: FlightCondition) -> None:
+        """Empty the integrators; the roll and load factor of `condition` are in force."""
+        self.state = empty_state((condition.phi, condition.n_z_start))
+
+
+class MimoPI(StatefulPI):
     """``u = limit(u_ff + K_P e + K_I integral of e)``, sampled every `dt` seconds.
 
     The integrator is kept per command, in the unit of the command, so that anti-windup acts on the
@@ -171,8 +198,6 @@ class MimoPI(SelfLimiting):
         If `limits` is not made for m commands.
     """
 
-    state: PIState
-
     def __init__(
         self,
         gains: PIGains,
@@ -185,42 +210,21 @@ class MimoPI(SelfLimiting):
         schedule_speed: float | None = None,
         feed_forward: bool = False,
     ) -> None:
-        m = len(gains.inputs)
         if len(gains.errors) != ERRORS:
             raise ShapeError(f"`gains` must be of {ERRORS} errors, got {len(gains.errors)}.")
-        limits = Limits.none(m) if limits is None else limits
-        if limits.lower.shape != (m,):
-            raise ShapeError(f"`limits` must be of {m} commands, got {limits.lower.shape[0]}.")
         check_positive(dt=dt, tracking_time=tracking_time, schedule_speed=schedule_speed)
-        self.gains, self.limits, self.dt, self.anti_windup = gains, limits, dt, anti_windup
+        self.gains, self.dt = gains, dt
         self.signals, self.feed_forward = INTEGRAL_SIGNALS, feed_forward
         self._gamma_ref, self._lift = math.nan, 0.0
         self.wrapped = tuple(name in wrapped for name in gains.errors)
-        rows = (
-            gains.K_P,
-            gains.K_I * (0.5 * dt),
-            limits.lower,
-            limits.upper,
-            limits.rate_lower * dt,
-            limits.rate_upper * dt,
-        )
         self.law = PILaw(
-            channels=tuple(map(ChannelLaw, *(row.tolist() for row in rows))),
+            channels=channel_laws(gains, gains.K_I * (0.5 * dt), limits, dt),
             wrapped=self.wrapped,
             conditional=anti_windup == "conditional",
             tracking_gain=tracking_gain_of(anti_windup, gains, dt, tracking_time),
             per_speed=0.0 if schedule_speed is None else 1.0 / schedule_speed,
         )
-        self.reset([0.0] * m)
-
-    @property
-    def limiter(self) -> PIState:
-        """Commands before the limits, and which limit holds: the controller applies its own."""
-        return self.state
-
-    def start(self, condition: FlightCondition) -> None:
-        """Empty the integrator; the roll and load factor of `condition` are in force."""
-        self.reset((condition.phi, condition.n_z_start))
+        self.state = empty_state([0.0] * len(gains.inputs))
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
         """Return roll and load-factor command after all limits, and the values of `signals`."""
@@ -235,62 +239,23 @@ class MimoPI(SelfLimiting):
         pi_step(self.law, state, reference, measured, u_ff, measured[2])
         return (*state.u, *state.integral)
 
-    def reset(self, u: Sequence[float]) -> None:
-        """Empty the integrator and take `u` (length m) as the command in force before t = 0."""
-        m = len(self.gains.inputs)
-        if len(u) != m or not all(map(math.isfinite, u)):
-            raise InputError(f"`u` must be {m} finite numbers, got {list(u)}.")
-        self.state = empty_state(u)
-
-    def command(
-        self, ref: Sequence[float], y: Sequence[float], u_ff: Sequence[float], V_a: float = 0.0
-    ) -> Vector:
-        """Return the command for the coming sample.
-
-        Parameters
-        ----------
-        ref, y : sequence of float, length 2
-            Reference and actual value of each controlled quantity.
-        u_ff : sequence of float, length m, input unit
-            Feed-forward.
-        V_a : float, m/s
-            Airspeed; used where the gains are scheduled.
-
-        Returns
-        -------
-        list of float, length m
-            Command after all limits; the controller's own list, overwritten by the next step.
-        """
-        return pi_step(self.law, self.state, ref, y, u_ff, V_a)
-
-
-def integral_time(K_P: FloatArray, K_I: FloatArray) -> float:
-    """``norm(K_P) / norm(K_I)``, s; infinite without integral gain.
-
-    Parameters
-    ----------
-    K_P, K_I : ndarray, shape (m, p), input unit per error unit, and that per second
-        Proportional and integral gain.
-    """
-    integral = float(np.linalg.norm(K_I))
-    return float(np.linalg.norm(K_P)) / integral if integral else math.inf
-
-
-def check_anti_windup(anti_windup: str) -> None:
-    """Refuse what is none of `ANTI_WINDUP`."""
-    if anti_windup not in ANTI_WINDUP:
-        raise InputError(f"`anti_windup` must be one of {ANTI_WINDUP}, got {anti_windup!r}.")
-
 
 def tracking_gain_of(
     anti_windup: str, gains: PIGains, dt: float, tracking_time: float | None
 ) -> float:
-    """Sample time over tracking time, by default the integral time; 0 without back-calculation."""
-    check_anti_windup(anti_windup)
+    """Sample time over tracking time; 0 without back-calculation.
+
+    The tracking time is by default the integral time ``norm(K_P) / norm(K_I)``, which is infinite
+    without integral gain.
+    """
+    if anti_windup not in get_args(AntiWindup):
+        names = ", ".join(get_args(AntiWindup))
+        raise InputError(f"`anti_windup` must be one of {names}, got {anti_windup!r}.")
     if anti_windup != "back_calculation":
         return 0.0
     if tracking_time is None:
-        tracking_time = integral_time(gains.K_P, gains.K_I)
+        integral = float(np.linalg.norm(gains.K_I))
+        tracking_time = float(np.linalg.norm(gains.K_P)) / integral if integral else math.inf
     return dt / max(tracking_time, dt)
 
 
@@ -302,7 +267,7 @@ def pi_step(
     u_ff: Sequence[float],
     V_a: float,
 ) -> Vector:
-    """One sample of the controller: `MimoPI.command`, written so that Numba compiles it too.
+    """One sample of the controller: the command of `MimoPI`, written so that Numba compiles it too.
 
     Parameters
     ----------
@@ -310,8 +275,10 @@ def pi_step(
         Written to.
     ref, y : sequence
         Course and flight-path angle, and what else may follow.
-    u_ff, V_a
-        As in `MimoPI.command`.
+    u_ff : sequence of float, length m, input unit
+        Feed-forward.
+    V_a : float, m/s
+        Airspeed; used where the gains are scheduled.
 
     Returns
     -------

@@ -178,9 +178,7 @@ def _channel(row):
 @njit
 def _rate_law(row):
     return RateLaw(
-        ((row[0], row[1]), (row[2], row[3])),
-        ((row[4], row[5]), (row[6], row[7])),
-        ((row[8], row[9], row[10], row[11]), (row[12], row[13], row[14], row[15])),
+        (_channel(row[:8]), _channel(row[8:16])),
         row[16] != 0.0,
         row[17] != 0.0,
         row[18],

@@ -7,7 +7,7 @@ import pytest
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.mimo_pi import MimoPI, empty_state, pi_step
 from flighttune.errors import InputError, ShapeError
 
 ROUNDING = 1e-12
@@ -24,9 +24,13 @@ def limits(magnitude=(math.inf, math.inf), rate=(math.inf, math.inf)):
     return Limits(lower=-magnitude, upper=magnitude, rate_lower=-rate, rate_upper=rate)
 
 
+def command(controller, ref, y, u_ff, V_a=0.0):
+    return pi_step(controller.law, controller.state, ref, y, u_ff, V_a)
+
+
 def flown(controller, error, samples):
     """Commands under a constant error."""
-    return np.array([controller.command(error, HERE, NO_FEED_FORWARD)[:] for _ in range(samples)])
+    return np.array([command(controller, error, HERE, NO_FEED_FORWARD)[:] for _ in range(samples)])
 
 
 def test_a_constant_error_is_answered_by_proportion_and_its_running_integral():
@@ -45,16 +49,16 @@ def test_the_integral_of_a_ramp_is_exact():
     controller = MimoPI(diagonal([0.0, 0.0], [2.0, 0.0]), dt=dt)
 
     for k in range(21):
-        command = controller.command((slope * k * dt, 0.0), HERE, NO_FEED_FORWARD)
+        u = command(controller, (slope * k * dt, 0.0), HERE, NO_FEED_FORWARD)
 
-    assert command[0] == pytest.approx(2.0 * slope * 2.0**2 / 2, abs=ROUNDING)
+    assert u[0] == pytest.approx(2.0 * slope * 2.0**2 / 2, abs=ROUNDING)
 
 
 @pytest.mark.parametrize(("ref", "actual"), [(3.1, -3.1), (-3.1, 3.1), (0.1, 6.2)])
 def test_the_course_error_takes_the_short_way_round(ref, actual):
     controller = MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
 
-    controller.command((ref, 0.0), (actual, 0.0), NO_FEED_FORWARD)
+    command(controller, (ref, 0.0), (actual, 0.0), NO_FEED_FORWARD)
 
     wanted = math.atan2(math.sin(ref - actual), math.cos(ref - actual))
     assert controller.state.error[0] == pytest.approx(wanted, abs=ROUNDING)
@@ -63,7 +67,7 @@ def test_the_course_error_takes_the_short_way_round(ref, actual):
 def test_gamma_is_not_wrapped():
     controller = MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
 
-    controller.command((0.0, 4.0), HERE, NO_FEED_FORWARD)
+    command(controller, (0.0, 4.0), HERE, NO_FEED_FORWARD)
 
     assert controller.state.error[1] == pytest.approx(4.0, abs=ROUNDING)
 
@@ -85,7 +89,7 @@ def test_magnitude_and_rate_limits_hold_and_are_told_apart():
 
 def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it():
     controller = MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((0.5, 9.0), (1.0, 9.0)), dt=0.1)
-    controller.reset((1.0, 0.0))
+    controller.state = empty_state((1.0, 0.0))
 
     commands = flown(controller, (0.0, 0.0), 12)[:, 0]
 
@@ -108,7 +112,7 @@ def test_conditional_integration_never_drives_the_command_beyond_a_limit():
     controller = MimoPI(diagonal([0.1, 0.1], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
 
     for _ in range(60):
-        controller.command((1.0, -1.0), HERE, NO_FEED_FORWARD)
+        command(controller, (1.0, -1.0), HERE, NO_FEED_FORWARD)
         assert np.all(np.abs(controller.state.u_unsat) <= 0.4 + ROUNDING)
 
     assert controller.state.u == pytest.approx([0.4, -0.4], abs=ROUNDING)
@@ -174,11 +178,11 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
     plain = MimoPI(PAPER_GAINS, dt=0.02)
     scheduled = MimoPI(PAPER_GAINS, dt=0.02, schedule_speed=25.0)
     for _ in range(10):
-        plain.command(error, HERE, NO_FEED_FORWARD, 30.0)
-        scheduled.command(error, HERE, NO_FEED_FORWARD, 30.0)
+        command(plain, error, HERE, NO_FEED_FORWARD, 30.0)
+        command(scheduled, error, HERE, NO_FEED_FORWARD, 30.0)
     before = list(scheduled.state.integral)
 
-    scheduled.command((0.0, 0.0), error, NO_FEED_FORWARD, 20.0)
+    command(scheduled, (0.0, 0.0), error, NO_FEED_FORWARD, 20.0)
 
     assert np.array(before) == pytest.approx(1.2 * np.array(plain.state.integral), abs=ROUNDING)
     assert scheduled.state.integral == pytest.approx(before, abs=ROUNDING)
@@ -187,15 +191,15 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
 def test_feed_forward_is_inside_the_limits():
     controller = MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((1.0, 1.0)), dt=0.02)
 
-    command = controller.command(HERE, HERE, (0.0, 1.4))
+    u = command(controller, HERE, HERE, (0.0, 1.4))
 
-    assert command[1] == pytest.approx(1.0, abs=ROUNDING)
+    assert u[1] == pytest.approx(1.0, abs=ROUNDING)
 
 
 def test_a_start_empties_the_integrator():
     controller = MimoPI(PAPER_GAINS, dt=0.02)
     once = flown(controller, (0.3, 0.1), 20)
-    controller.reset((0.0, 0.0))
+    controller.state = empty_state((0.0, 0.0))
 
     assert np.array_equal(flown(controller, (0.3, 0.1), 20), once)
 
@@ -217,8 +221,3 @@ def test_impossible_settings_are_refused(settings, message):
 def test_limits_must_be_of_as_many_commands():
     with pytest.raises(ShapeError, match=r"`limits` must be of 2 commands, got 3"):
         MimoPI(PAPER_GAINS, Limits.none(3), dt=0.1)
-
-
-def test_a_start_command_must_be_finite():
-    with pytest.raises(InputError, match=r"`u` must be 2 finite numbers, got \[nan, 0\.0\]"):
-        MimoPI(PAPER_GAINS, dt=0.1).reset((math.nan, 0.0))

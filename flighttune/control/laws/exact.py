@@ -17,7 +17,6 @@ from flighttune.control.gains import RATES
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, OuterLoop, SampledController, Trim
 from flighttune.control.linear_model import LinearModel
-from flighttune.control.mimo_pi import ChannelLaw
 from flighttune.errors import InputError
 
 # Lags of its channel over which an error counts as much as its rate, 1/s: design/exact_gains.md.
@@ -74,9 +73,7 @@ class Exact(Law):
     def sampled(self, setup: LawSetup, /) -> SampledController:
         """How a tube follows it: channels that command rates, and their inversion."""
         law = self.make(setup).law
-        rows = zip(law.K_P, law.K_I_dt, law.bounds, strict=True)
-        channels = tuple(ChannelLaw(K_P, K_I_dt, *bounds) for K_P, K_I_dt, bounds in rows)
-        return SampledController(channels, law.conditional, inverts=law)
+        return SampledController(law.channels, law.conditional, inverts=law)
 
     def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
         """How JSBSim flies it by itself."""
