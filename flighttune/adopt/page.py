@@ -1,15 +1,12 @@
 """One page on an adopted aircraft: whether it is adopted, how it flies, what was measured."""
 
-from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-
-import numpy as np
 
 from flighttune.adopt.adopt import CALM_DEG, GOOD_FIT, Adoption
 from flighttune.adopt.files import TURN
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.identify.experiment import DT
+from flighttune.identify.figure import held_out
 from flighttune.identify.model import lags_table
 from flighttune.identify.steps import steps_table
 from flighttune.present.chart import Chart
@@ -128,23 +125,10 @@ def _inner_loop(adoption: Adoption) -> Section:
         id="inner_loop",
         title="The inner loop",
         note="Steps flown against what was asked for, and the manoeuvre that checks the fit.",
-        charts=list(_check_charts(adoption)),
+        charts=[held_out(adoption.identified.conditions[0], i) for i in range(2)],
         tables=(steps_table(adoption.designed.checks), lags_table(adoption.identified.identified)),
         legend=False,
     )
-
-
-def _check_charts(adoption: Adoption) -> Iterator[Chart]:
-    assert adoption.identified is not None
-    condition = adoption.identified.conditions[0]
-    t = np.arange(len(condition.check.measured)) * DT
-    for i, (title, y, unit) in enumerate((("Roll", "φ [deg]", DEG), ("Load factor", "n_z", 1.0))):
-        chart = Chart(title=title, y=y)
-        styles = line_styles([("", "flown"), ("", "lag")]).values()
-        columns = condition.check.measured[:, i], condition.check_model[:, i]
-        for name, style, values in zip(("flown", "lag"), styles, columns, strict=True):
-            chart.line(t, values / unit, style.colour, name=name)
-        yield chart
 
 
 def _trims(adoption: Adoption) -> Section:

@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -12,22 +12,11 @@ from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import emit
 from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
 from flighttune.present.answer import Answer
-from flighttune.present.tables import Column, Table
-
-if TYPE_CHECKING:
-    from flighttune.paper.claims import Finding
+from flighttune.present.names import columns
+from flighttune.present.tables import Table
 
 PRINTED = ("convergence", "certificates", "aircraft")
 """Tables of the page that are printed too; ``--json`` has the records of all."""
-
-CLAIM_COLUMNS = (
-    Column("id", "claim"),
-    Column("verdict", "verdict"),
-    Column("text", "the paper says"),
-    Column("agree", "agree", missing="-"),
-    Column("first_expected", "expected", missing="-"),
-    Column("first_computed", "computed", missing="-"),
-)
 
 
 def report(
@@ -96,34 +85,19 @@ def reproduce(
         made = reproduce_items(items or (), out, progress=progress)
 
     values = made.as_dict()
-    claims = [
-        {**claim, **_compared(finding)}
-        for claim, finding in zip(values.pop("claims"), made.findings, strict=True)
-    ]
     counts = Counter(finding.verdict for finding in made.findings)
     verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
     # the claims of one item alone are few of many: the page lists them
-    columns = CLAIM_COLUMNS if not items else ()
+    claims = [] if items else values["claims"]
     emit(
         Answer(
-            values={**values, "claims": claims},
-            tables=[Table(title=verdicts, columns=columns, records=claims)] if columns else [],
+            values=values,
+            tables=[
+                Table(
+                    title="claims of the paper", columns=columns("id verdict text"), records=claims
+                )
+            ],
             verdict=f"claims: {verdicts}",
             files={"page": made.page, "recording": made.recording},
         )
     )
-
-
-def _compared(finding: "Finding") -> dict[str, str | None]:
-    """Count of comparisons that agree, and both sides of the first that does not."""
-    from flighttune.paper.claims import text_of
-
-    checks = finding.checks
-    if not checks:
-        return {"agree": None, "first_expected": None, "first_computed": None}
-    first = next((check for check in checks if not check.holds), checks[0])
-    return {
-        "agree": f"{sum(check.holds for check in checks)} of {len(checks)}",
-        "first_expected": text_of(first.expected),
-        "first_computed": text_of(first.computed),
-    }

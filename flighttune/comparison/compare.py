@@ -52,10 +52,10 @@ COMPARED = (
     Column("better", "better"),
 )
 PAIR_COLUMNS = [
-    Column("source_a", "A"),
     Column("run_a", "run of A"),
-    Column("source_b", "B"),
     Column("run_b", "run of B"),
+    Column("source_a", "A"),
+    Column("source_b", "B"),
     *columns("compared_s max_distance_m max_distance_at_s"),
     Column("better.a", "A better in", digits=".0f"),
     Column("better.b", "B better in", digits=".0f"),

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
+from itertools import zip_longest
 from textwrap import wrap
 from typing import Any
 
@@ -71,6 +72,17 @@ class Table:
     grouped: bool = False  # the first column repeats: it heads a table each where room is short
 
     @property
+    def filled(self) -> "Table":
+        """The table without columns that have no value; the first one stays."""
+        columns = [
+            column
+            for place, column in enumerate(self.columns)
+            if not place
+            or any(_value(record, column.key) not in (None, "") for record in self.records)
+        ]
+        return replace(self, columns=columns)
+
+    @property
     def head(self) -> list[str]:
         """Headings; none where no column has a name."""
         return (
@@ -107,80 +119,64 @@ class Table:
         columns follows in a second table, each with the first column. Columns without any value
         are left out.
         """
-        columns = [
-            column
-            for place, column in enumerate(self.columns)
-            if not place
-            or any(_value(record, column.key) not in (None, "") for record in self.records)
-        ]
-        if len(columns) < len(self.columns):
-            return replace(self, columns=columns).text(width)
-        least = sum(map(self._least, range(len(columns)))) + len(GAP) * (len(columns) - 1)
-        if self.grouped and least > width:
-            first, *others = self.columns
-            groups = dict.fromkeys(first.text(record) for record in self.records)
+        first, *others = shown = self.filled.columns
+        least = dict(zip(shown, replace(self, columns=shown)._least(), strict=True))
+        if self.grouped and sum(least[c] + len(GAP) for c in shown) > width + len(GAP):
+            groups: dict[str, list[Mapping[str, Any]]] = {}
+            for record in self.records:
+                groups.setdefault(first.text(record), []).append(record)
             tables = [
-                replace(
-                    self,
-                    title=group,
-                    columns=others,
-                    records=[record for record in self.records if first.text(record) == group],
-                    grouped=False,
-                ).text(width)
-                for group in groups
+                replace(self, title=name, columns=others, records=own, grouped=False).text(width)
+                for name, own in groups.items()
             ]
             return "\n\n".join([self.title, *tables] if self.title else tables)
-        blocks = self._blocks(width)
-        lines = [line for block in blocks for line in self._lines(block)]
+        blocks, room = [[first]], width - least[first]
+        for column in others:
+            room -= least[column] + len(GAP)
+            if room < 0 and len(blocks[-1]) > 1:
+                blocks.append([first])
+                room = width - least[first] - least[column] - len(GAP)
+            blocks[-1].append(column)
+        lines = [line for block in blocks for line in replace(self, columns=block)._lines(width)]
         return "\n".join([self.title, *lines] if self.title else lines)
 
-    def _natural(self) -> list[int]:
-        """Width of each column on one line."""
-        cells = zip(*self.rows, strict=True) if self.records else [()] * len(self.columns)
-        headings = [column.heading for column in self.columns]
-        return [max(map(len, (head, *own))) for head, own in zip(headings, cells, strict=True)]
+    def _least(self) -> list[int]:
+        """Width to which each column may be wrapped: numbers are never broken, words may be."""
+        widths = []
+        columns = zip([column.heading for column in self.columns], *self.rows, strict=True)
+        for place, ((heading, *cells), words) in enumerate(
+            zip(columns, self.of_words, strict=True)
+        ):
+            if not words:
+                widths.append(max(map(len, (*heading.split(), *cells)), default=0))
+            elif not place:  # it names the rows
+                widths.append(min(max(map(len, (heading, *cells))), 2 * NARROWEST))
+            else:
+                parts = " ".join([heading, *cells]).split()
+                widths.append(min(max(map(len, parts), default=0), NARROWEST))
+        return widths
 
-    def _least(self, i: int) -> int:
-        """Width to which a column may be wrapped."""
-        heading, cells = self.columns[i].heading, [row[i] for row in self.rows]
-        if not self.of_words[i]:
-            return max(map(len, (*heading.split(), *cells, "")))
-        if not i:  # it names the rows
-            return min(max(map(len, (heading, *cells))), 2 * NARROWEST)
-        words = max((len(word) for cell in (heading, *cells) for word in cell.split()), default=0)
-        return min(words, NARROWEST)
-
-    def _blocks(self, width: int) -> Iterator[dict[int, int]]:
-        """Width of each column by its number, of each table that the terminal has room for."""
-        natural = self._natural()
-        least = [min(self._least(i), natural[i]) for i in range(len(natural))]
-        left = list(range(1, len(natural)))
-        while True:
-            block, room = [0], width - least[0]
-            while left and (len(block) == 1 or room >= least[left[0]] + len(GAP)):
-                room -= least[left[0]] + len(GAP)
-                block.append(left.pop(0))
-            yield _shared_out({i: (least[i], natural[i]) for i in block}, max(room, 0))
-            if not left:
-                return
-
-    def _lines(self, widths: dict[int, int]) -> Iterator[str]:
-        if self.head:
-            yield from self._row(self.head, widths)
-            yield GAP.join("─" * width for width in widths.values())
-        for row in self.rows:
-            yield from self._row(row, widths)
-
-    def _row(self, cells: Sequence[str], widths: dict[int, int]) -> Iterator[str]:
-        words = self.of_words
-        wrapped = {i: wrap(cells[i], width, break_on_hyphens=False) for i, width in widths.items()}
-        for k in range(max(map(len, wrapped.values()))):
-            parts = {i: lines[k] if k < len(lines) else "" for i, lines in wrapped.items()}
-            shown = [
-                part.ljust(widths[i]) if words[i] else part.rjust(widths[i])
-                for i, part in parts.items()
+    def _lines(self, width: int) -> Iterator[str]:
+        """Lines of one block: the widest columns are wrapped until all have room."""
+        least, rows, words = self._least(), self.rows, self.of_words
+        cells = zip([column.heading for column in self.columns], *rows, strict=True)
+        widths = [max(map(len, own)) for own in cells]
+        while sum(widths) + len(GAP) * (len(widths) - 1) > width and widths != least:
+            wide = [i for i in range(len(widths)) if widths[i] > least[i]]
+            widths[max(wide, key=lambda i: widths[i])] -= 1
+        for place, row in enumerate([self.head, *rows] if self.head else rows):
+            wrapped = [
+                wrap(cell, size, break_on_hyphens=False)
+                for cell, size in zip(row, widths, strict=True)
             ]
-            yield GAP.join(shown).rstrip()
+            for parts in zip_longest(*wrapped, fillvalue=""):
+                shown = [
+                    part.ljust(size) if left else part.rjust(size)
+                    for part, size, left in zip(parts, widths, words, strict=True)
+                ]
+                yield GAP.join(shown).rstrip()
+            if self.head and not place:
+                yield GAP.join("─" * size for size in widths)
 
     def markdown(self) -> str:
         """Markdown without the title; numbers stand to the right."""
@@ -234,17 +230,3 @@ def _value(record: Any, key: str) -> Any:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _shared_out(columns: dict[int, tuple[int, int]], room: int) -> dict[int, int]:
-    """Widths from the least to the natural one, with `room` to share; narrow columns first.
-
-    The first column, which names the rows, takes what it needs.
-    """
-    widths = {}
-    lacking = sorted(columns, key=lambda i: (i > 0, columns[i][1] - columns[i][0]))
-    for k, i in enumerate(lacking):
-        least, natural = columns[i]
-        more = min(natural - least, room // (len(lacking) - k) if i else room)
-        widths[i], room = least + more, room - more
-    return {i: widths[i] for i in columns}

@@ -15,7 +15,7 @@ from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.outer_loop import certify_scenario, tuning_problem
 from flighttune.guarantee.flight_check import FlightCheck, flight_check
 from flighttune.metrics import CHANNELS
-from flighttune.report.panels import Flights
+from flighttune.report.panels import Drawn
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run, run_styles
@@ -70,9 +70,9 @@ class Facts:
     frontier: pd.DataFrame  # R_K against I_K with the gains marked
 
     @property
-    def flights(self) -> Flights:
-        """The runs as they are drawn."""
-        return Flights(runs=self.runs, styles=self.styles)
+    def drawn(self) -> Drawn:
+        """The runs with their lines."""
+        return [(run, self.styles[run.label]) for run in self.runs]
 
 
 def facts_of(source: Source) -> Facts:

@@ -5,6 +5,7 @@ import numpy as np
 from flighttune.present.chart import DASHED, DOTTED, Chart
 from flighttune.present.palette import LIMIT, LineStyle
 from flighttune.report.facts import Facts
+from flighttune.report.panels import most_points
 from flighttune.tuning.frontier import frontier_chart
 
 FLOOR = 1e-4
@@ -30,8 +31,10 @@ def certificate_panels(facts: Facts) -> list[Chart]:
         )
         for run, check in drawn:
             style, size = facts.styles[run.label], np.maximum(check.size, TINY)
-            chart.run_line(check.t, size, style, run.label, dash="", most=facts.flights.points)
-            guaranteed = {"dash": DASHED, "width": 1.2, "most": facts.flights.points}
+            chart.run_line(
+                check.t, size, style, run.label, dash="", most=most_points(len(facts.runs))
+            )
+            guaranteed = {"dash": DASHED, "width": 1.2, "most": most_points(len(facts.runs))}
             chart.run_line(check.t, check.bound, style, run.label, **guaranteed)
             if check.settled is not None:
                 radius = check.settled.claim.radius

@@ -115,7 +115,7 @@ def _sections(facts: Facts, tubes: Sequence[str]) -> list[Section]:
         Section(
             id="runs",
             title="",
-            charts=tracking(facts.flights),
+            charts=tracking(facts.drawn),
             tables=[convergence_table(facts)],
             folded=False,
         ),
@@ -123,14 +123,14 @@ def _sections(facts: Facts, tubes: Sequence[str]) -> list[Section]:
             id="tracking",
             title="Errors and metrics",
             note=" ".join([errors_note, *tubes]),
-            charts=errors(facts.flights),
+            charts=errors(facts.drawn),
             tables=[tracking_table(facts), runs_table(facts)],
         ),
         Section(
             id="commands",
             title="Commands and path",
             note="Commands after magnitude and rate limits.",
-            charts=[*commands(facts.flights), *paths(facts.flights)],
+            charts=[*commands(facts.drawn), *paths(facts.drawn)],
         ),
     ]
     if facts.gaps:

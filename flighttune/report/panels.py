@@ -1,7 +1,7 @@
 """Charts over time and of the path: tracking, commands with limits, paths."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -31,39 +31,35 @@ FINEST = 300
 """Bars that fit next to each other in a flight."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Flights:
-    """Runs that are drawn together."""
-
-    runs: Sequence[Run]  # Runs that flew
-    styles: Mapping[str, LineStyle]  # Line of each run, by label
-
-    @property
-    def points(self) -> int:
-        """Points a line may have, so that the page of many long runs stays small."""
-        return MAX_DRAWN * FEW_RUNS // max(FEW_RUNS, len(self.runs))
+Drawn: TypeAlias = Sequence[tuple[Run, LineStyle]]
+"""Runs that flew and are drawn together, each with its line."""
 
 
-def tracking(flights: Flights) -> list[Chart]:
+def most_points(runs: int) -> int:
+    """Points a line may have, so that the page of many long runs stays small."""
+    return MAX_DRAWN * FEW_RUNS // max(FEW_RUNS, runs)
+
+
+def tracking(drawn: Drawn) -> list[Chart]:
     """Course and path angle with their references."""
-    longest = max(flights.runs, key=lambda run: run.duration)
+    longest = max((run for run, _ in drawn), key=lambda run: run.duration)
     charts = []
     for signal, title, unit in ANGLES:
-        chart = over_time(flights, title, unit)
+        chart = over_time(drawn, title, unit)
         reference = displayed(longest.signals, f"{signal}_ref")
-        chart.line(longest.t, reference, NEUTRAL, width=2.2, most=flights.points)
-        charts.append(_with_runs(chart, flights, signal))
+        chart.line(longest.t, reference, NEUTRAL, width=2.2, most=most_points(len(drawn)))
+        charts.append(_with_runs(chart, drawn, signal))
     return charts
 
 
-def errors(flights: Flights) -> list[Chart]:
+def errors(drawn: Drawn) -> list[Chart]:
     """Both errors, each in the tube of its run where that is known."""
     charts = []
     for signal, title, unit in ERRORS:
-        chart = over_time(flights, title, unit)
+        chart = over_time(drawn, title, unit)
         chart.level(0.0, NEUTRAL, dash="")
         bounds = [f"{signal}_{end}" for end in ("low", "high")]
-        for run, style in styled(flights):
+        for run, style in drawn:
             if set(bounds) <= set(run.signals):
                 low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in bounds)
                 chart.band(run.t, low, high, style.colour, run=run.label)
@@ -71,62 +67,58 @@ def errors(flights: Flights) -> list[Chart]:
                 worst = displayed(run.signals, f"{signal}_worst")
                 chart.run_line(run.t, worst, style, run.label, dash=DASHED, width=1.2)
                 chart.title = f"{title}; dashed: the worst flight found in the tube"
-        charts.append(_with_runs(chart, flights, signal))
+        charts.append(_with_runs(chart, drawn, signal))
     return charts
 
 
-def commands(flights: Flights) -> list[Chart]:
+def commands(drawn: Drawn) -> list[Chart]:
     """Commands after their limits, the limits, and bars while a command is limited."""
     charts = []
     for name, title, unit in COMMANDS:
-        chart = _with_runs(over_time(flights, title, unit), flights, f"{name}_cmd")
-        limits = limits_of(flights.runs[0].provenance.scenario, name) or ()
+        chart = _with_runs(over_time(drawn, title, unit), drawn, f"{name}_cmd")
+        limits = limits_of(drawn[0][0].provenance.scenario, name) or ()
         for limit in limits:
             chart.level(limit)
         low, high = chart.y_ends()
-        room = LANE * (len(flights.runs) + 1)
+        room = LANE * (len(drawn) + 1)
         chart.y_range = low - room / (1.0 - room) * (high - low), high
-        for place, (run, style) in enumerate(styled(flights)):
+        for place, (run, style) in enumerate(drawn):
             limited = run.signals[f"{name}_limited"].to_numpy() != 0.0
             chart.spans(_spans(run.t, limited), LANE * (place + 0.8), style.colour, run=run.label)
         charts.append(chart)
     return charts
 
 
-def paths(flights: Flights) -> list[Chart]:
+def paths(drawn: Drawn) -> list[Chart]:
     """The paths from above, and their heights."""
-    height = over_time(flights, "Height over the start", "height [m]")
-    for run, style in styled(flights):
+    height = over_time(drawn, "Height over the start", "height [m]")
+    for run, style in drawn:
         down = run.signals["down"].to_numpy()
-        height.run_line(run.t, -down, style, run.label, most=flights.points)
-    return [_from_above(flights), height]
+        height.run_line(run.t, -down, style, run.label, most=most_points(len(drawn)))
+    return [_from_above(drawn), height]
 
 
-def over_time(flights: Flights, title: str, unit: str) -> Chart:
+def over_time(drawn: Drawn, title: str, unit: str) -> Chart:
     """An empty chart over the longest flight."""
     return Chart(
         title=title,
         y=unit,
-        x_range=(0.0, max(run.duration for run in flights.runs)),
+        x_range=(0.0, max(run.duration for run, _ in drawn)),
         linked=True,
     )
 
 
-def styled(flights: Flights) -> Iterator[tuple[Run, LineStyle]]:
-    """Every run that flew with its line style."""
-    for run in flights.runs:
-        yield run, flights.styles[run.label]
-
-
-def _with_runs(chart: Chart, flights: Flights, signal: str) -> Chart:
-    for run, style in styled(flights):
-        chart.run_line(run.t, displayed(run.signals, signal), style, run.label, most=flights.points)
+def _with_runs(chart: Chart, drawn: Drawn, signal: str) -> Chart:
+    for run, style in drawn:
+        chart.run_line(
+            run.t, displayed(run.signals, signal), style, run.label, most=most_points(len(drawn))
+        )
     return chart
 
 
-def _from_above(flights: Flights) -> Chart:
+def _from_above(drawn: Drawn) -> Chart:
     """North up, or to the right where the flight is longer that way."""
-    points = np.vstack([run.signals[["north", "east"]].to_numpy() for run in flights.runs])
+    points = np.vstack([run.signals[["north", "east"]].to_numpy() for run, _ in drawn])
     north, east = np.ptp(points, axis=0)
     x, y = ("north", "east") if north > east else ("east", "north")
     chart = Chart(
@@ -136,9 +128,9 @@ def _from_above(flights: Flights) -> Chart:
         equal=True,
         downwards=y == "east",  # with north to the right, east is down
     )
-    for run, style in styled(flights):
+    for run, style in drawn:
         across, up = (run.signals[name].to_numpy() for name in (x, y))
-        chart.run_line(across, up, style, run.label, most=flights.points)
+        chart.run_line(across, up, style, run.label, most=most_points(len(drawn)))
     chart.points(0.0, 0.0, NEUTRAL, shape="plus", size=6)
     return chart
 

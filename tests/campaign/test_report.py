@@ -167,7 +167,7 @@ def test_the_summary_says_how_many_succeed_and_what_matters(made_up, page):
 
 
 def test_the_tables_have_the_numbers_of_the_groups(made_up, page):
-    groups = {record["group"]: record for record in records_of(page, "How often")}
+    groups = {record["group"]: record for record in records_of(page, "Success")}
 
     for group in made_up.groups:
         record = groups[group.group.label]

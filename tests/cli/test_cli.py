@@ -73,16 +73,6 @@ def test_tune_finds_the_optimum_of_the_unlimited_problem():
     assert {"reason", "K_I", "spectral_abscissa", "starts", "wall_s"} <= found.keys()
 
 
-@pytest.mark.slow
-def test_tune_says_no_to_the_printed_limits_and_which_bind():
-    found = answer("tune", "paper_printed_limits", status=1)
-
-    assert found["status"] == "infeasible"
-    assert found["I_K"] == pytest.approx(67.15, abs=0.005)
-    assert "phi_rate_min" in found["active"]
-    assert "67.1" in found["reason"]
-
-
 @pytest.mark.parametrize("name", TABLE_2)
 def test_certify_gives_the_papers_table(name):
     found = answer("certify", "paper", "--gains", name)

@@ -202,16 +202,6 @@ def test_tune_and_certify_say_their_units_of_state_and_agree_in_the_same_ones(id
     assert "units of state: scaled" in flighttune("tune", identified)[0]
 
 
-@pytest.mark.slow
-def test_the_table_of_a_loop_of_many_states_can_be_read(identified):
-    out, _ = flighttune("certify", identified, "--gains", "tuned_identified")
-
-    rate = answer("certify", identified, "--gains", "tuned_identified")["R_K"]
-    assert f"{rate:.5g}" in out
-    assert "scaled by [tuning]" in out
-    assert out.index("spectral abscissa") < out.index("eigenvalues")
-
-
 def test_certify_shows_the_lag_at_which_the_printed_gains_lose_stability():
     margins = answer("certify", "paper")["margins"]
 

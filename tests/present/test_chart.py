@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from flighttune.present.chart import (
-    DASHED,
     HEAD_AND_FOOT,
     Chart,
     Sheet,
@@ -173,18 +172,6 @@ def test_a_symbol_has_its_index_lowered_and_a_name_with_underscores_does_not():
     assert marked_up("R_K of <K*>", "<sub>{}</sub>") == "R<sub>K</sub> of &lt;K*&gt;"
     assert marked_up("ITAE of ė_χ", "<sub>{}</sub>") == "ITAE of ė<sub>χ</sub>"
     assert marked_up("tuned_identified, n_z_cmd") == "tuned_identified, n_z_cmd"
-
-
-def test_names_that_several_charts_share_stand_once_above_them():
-    charts = [Chart(title="Course"), Chart(title="Path angle")]
-    legend = [("K1", BLUE, ""), ("K2", RUST, DASHED), ("printed", RUST, "cross")]
-
-    root = ElementTree.fromstring(Sheet(charts=charts, legend=legend).svg())
-
-    names = {one.text: float(one.get("y")) for one in root.iter(f"{SVG}text") if one.get("y")}
-    assert names["K1"] == names["K2"] == names["printed"]
-    plots = [one for one in root.iter(f"{SVG}svg") if one.get("data-axes")]
-    assert all(names["K1"] < float(one.get("y")) for one in plots)
 
 
 def test_points_at_both_ends_of_an_axis_are_whole_where_it_has_room():

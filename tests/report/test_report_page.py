@@ -268,7 +268,3 @@ def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
     assert nominal.aircraft.signals["chi"].iloc[-1] != heavy.aircraft.signals["chi"].iloc[-1]
     (table,) = (table for table in written.tables if table.name == "gap")
     assert {record["gains"] for record in table.records} == {gap.name for gap in facts.gaps}
-
-
-def test_the_gaps_of_one_aircraft_are_called_by_their_gains(paper_facts):
-    assert [gap.name for gap in paper_facts.gaps] == ["paper", "tuned"]

@@ -203,7 +203,7 @@ def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
             shown.append(
                 Column(f"{key}.{percentile}", heading, label.unit, figures, label.factor, ends=ends)
             )
-    return _by_group("How often", shown, groups)
+    return _by_group("Success", shown, groups)
 
 
 def certified_table(groups: Sequence[Mapping[str, Any]]) -> Table:

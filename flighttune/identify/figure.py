@@ -27,7 +27,7 @@ BANDWIDTH = -3.01
 
 def identification_figure(identification: Identification, title: str) -> Sheet:
     """Bode diagrams, coupling and the held-out manoeuvre of one condition, a column per channel."""
-    kinds = (_magnitude, _phase, _coupling, _held_out)
+    kinds = (_magnitude, _phase, _coupling, held_out)
     return Sheet(charts=[kind(identification, i) for kind in kinds for i in range(2)], title=title)
 
 
@@ -54,12 +54,11 @@ def _coupling(identification: Identification, i: int) -> Chart:
     return chart
 
 
-def _held_out(identification: Identification, i: int) -> Chart:
+def held_out(identification: Identification, i: int) -> Chart:
+    """The manoeuvre not used for the fit, of roll (0) or load factor (1)."""
     channel = list(identification.condition.channels.values())[i]
-    chart = Chart(
-        title=f"Not used for the fit: {channel.fit_percent:.1f} % of the variance explained",
-        y=LABELS[i],
-    )
+    title = f"Not used for the fit: {channel.fit_percent:.1f} % of the variance explained"
+    chart = Chart(title=title, y=LABELS[i])
     check = identification.check
     t = DT * np.arange(len(check.measured))
     chart.line(
