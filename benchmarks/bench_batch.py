@@ -159,7 +159,7 @@ def against_single_run(flights, repeats):
 
     def alone():
         return simulate(
-            PointMassPlant(law="paper", disturbance=WAVES),
+            PointMassPlant(turn="paper", disturbance=WAVES),
             MimoPI(PAPER_GAINS, PRINTED, dt=DT),
             Reference(chi=REF[0], gamma=REF[1]),
             condition=START,

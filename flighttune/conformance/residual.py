@@ -103,7 +103,7 @@ def residual_rates(
 
             def rates(at: float, climbed: FloatArray) -> FloatArray:
                 gamma = flown[:-1, 1] + climbed
-                turning = turn_rates(model.V_a, gamma, phi[at], n_z[at], law="exact", g=model.g)
+                turning = turn_rates(model.V_a, gamma, phi[at], n_z[at], turn="exact", g=model.g)
                 return np.column_stack(turning) + residual  # noqa: B023
 
             k1 = rates(a, change[:, 1])

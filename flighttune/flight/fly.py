@@ -214,7 +214,7 @@ def plant_of(
             table.lags(),
             wind=wind,
             disturbance=None if scenario.disturbance is None else scenario.disturbance.sinusoid(),
-            law=table.family.turn,
+            turn=table.family.turn,
             g=scenario.flight.g_mps2,
         )
     from flighttune.aircraft.aircraft import load_aircraft

@@ -123,7 +123,7 @@ def fly_ladder(
     # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
     wind = None if scenario.weather() is None else wind_met(aircraft)
     lower: dict[str, Plant] = {
-        "kinematic": PointMassPlant(law="paper", wind=wind, g=g),
+        "kinematic": PointMassPlant(turn="paper", wind=wind, g=g),
         "point_mass": PointMassPlant(wind=wind, g=g),
         "point_mass_lag": PointMassPlant(inner_loop.lags, wind=wind, g=g),
     }

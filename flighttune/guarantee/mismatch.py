@@ -116,7 +116,7 @@ def _kinematic(signals: "pd.DataFrame", level: FloatArray, trim: Trim) -> tuple[
 def _point_mass(signals: "pd.DataFrame", level: FloatArray, trim: Trim) -> tuple[FloatArray, ...]:
     """Mean rates of the point mass at the airspeed flown: those that its inversion wanted."""
     V_a, phi, n_z = (signals[name].to_numpy() for name in ("V_a", "phi_cmd", "n_z_cmd"))
-    chi_dot, gamma_dot = turn_rates(V_a, 0.0, phi, n_z, law="exact", g=trim.g)
+    chi_dot, gamma_dot = turn_rates(V_a, 0.0, phi, n_z, turn="exact", g=trim.g)
     return chi_dot / level, gamma_dot + trim.g / V_a * (1.0 - level)
 
 

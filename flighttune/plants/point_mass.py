@@ -44,7 +44,7 @@ def turn_rates(
     phi: Floats,
     n_z: Floats,
     *,
-    law: TurnLaw = "paper",
+    turn: TurnLaw = "paper",
     g: float = G_PAPER,
 ) -> tuple[FloatArray, FloatArray]:
     r"""Course and flight-path-angle rates of a point mass in coordinated flight.
@@ -57,8 +57,8 @@ def turn_rates(
         Flight-path angle, climb positive; roll angle about the velocity, right wing down positive.
     n_z : array_like, shape (...), 1
         Load factor: lift over weight.
-    law : {"paper", "exact"}
-        See Notes.
+    turn : {"paper", "exact"}
+        Equations of motion: see Notes.
     g : float, m/s^2
         Acceleration of gravity.
 
@@ -83,7 +83,7 @@ def turn_rates(
     if not np.all(np.greater(V_a, 0.0)):
         raise InputError(f"`V_a` must be positive, got {np.min(V_a):g} m/s.")
     g_over_v = g / np.asarray(V_a, dtype=float)
-    turning = np.tan(phi) if law == "paper" else n_z * np.sin(phi) / np.cos(gamma)
+    turning = np.tan(phi) if turn == "paper" else n_z * np.sin(phi) / np.cos(gamma)
     return g_over_v * turning, g_over_v * (n_z * np.cos(phi) - np.cos(gamma))
 
 
@@ -113,7 +113,7 @@ class PointMassPlant:
         Still air by default.
     disturbance : callable, optional
         Disturbance of the two rates over time; none by default.
-    law : {"exact", "paper"}
+    turn : {"exact", "paper"}
         Rates of course and climb from roll and load factor: see `turn_rates`.
     g : float, m/s^2
         Acceleration of gravity.
@@ -130,7 +130,7 @@ class PointMassPlant:
     Raises
     ------
     InputError
-        If `g` is not positive or `law` is unknown.
+        If `g` is not positive or `turn` is unknown.
 
     Notes
     -----
@@ -146,13 +146,13 @@ class PointMassPlant:
         *,
         wind: WindRecord | None = None,
         disturbance: Disturbance | None = None,
-        law: TurnLaw = "exact",
+        turn: TurnLaw = "exact",
         g: float = G_PAPER,
     ) -> None:
         check_positive("m/s^2", g=g)
-        if law not in ("exact", "paper"):
-            raise InputError(f"`law` must be exact or paper, got {law!r}.")
-        self._paper = law == "paper"
+        if turn not in ("exact", "paper"):
+            raise InputError(f"`turn` must be exact or paper, got {turn!r}.")
+        self._paper = turn == "paper"
         self.kind = (
             "kinematic" if self._paper else "point_mass" if lags is None else "point_mass_lag"
         )

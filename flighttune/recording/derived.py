@@ -77,9 +77,9 @@ def _parts(run: Run) -> dict[str, FloatArray]:
     phi, n_z, phi_cmd, n_z_cmd, V_a, gamma = (signals[name].to_numpy() for name in FLOWN)
     chi_rate = np.gradient(np.unwrap(signals["chi"].to_numpy()), run.t)
     flown = chi_rate, np.gradient(signals["gamma"].to_numpy(), run.t)
-    exact = turn_rates(V_a, gamma, phi_cmd, n_z_cmd, law="exact", g=trim.g)
-    behind = turn_rates(V_a, gamma, phi, n_z, law="exact", g=trim.g)
-    kinematic = turn_rates(trim.V_a, gamma, phi_cmd, n_z_cmd, law="paper", g=trim.g)
+    exact = turn_rates(V_a, gamma, phi_cmd, n_z_cmd, turn="exact", g=trim.g)
+    behind = turn_rates(V_a, gamma, phi, n_z, turn="exact", g=trim.g)
+    kinematic = turn_rates(trim.V_a, gamma, phi_cmd, n_z_cmd, turn="paper", g=trim.g)
     modelled = {"kinematic": kinematic, "point_mass": exact}[run.provenance.law.plant]
     steps = modelled, exact, behind, flown
     return {

@@ -276,7 +276,7 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
 
     def rates(i: int, gamma: FloatArray) -> tuple[FloatArray, FloatArray]:
         return turn_rates(
-            manoeuvre.V_a, gamma, fine_phi[:, i], fine_n_z[:, i], law="exact", g=manoeuvre.g
+            manoeuvre.V_a, gamma, fine_phi[:, i], fine_n_z[:, i], turn="exact", g=manoeuvre.g
         )
 
     for i in range(0, 2 * KNOTS * SUBSTEPS, 2):

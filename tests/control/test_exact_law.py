@@ -66,7 +66,7 @@ def test_commands_give_the_point_mass_the_rates_wanted(seed):
 
     phi, n_z = command(ExactLaw(GAINS, dt=DT, lift_floor=1e-6), here, wanted)
 
-    flown = turn_rates(V_a, gamma, phi, n_z, law="exact")
+    flown = turn_rates(V_a, gamma, phi, n_z, turn="exact")
     if lift > 0.0:
         assert flown == pytest.approx(rate + np.array([1.4, 1.2]) * e, abs=ROUNDING)
     assert n_z * math.cos(phi) == pytest.approx(lift, abs=ROUNDING)

@@ -28,14 +28,14 @@ def flown(plant):
 
 
 def test_the_kinematic_law_has_no_mismatch_with_itself():
-    found = mismatch(flown(PointMassPlant(law="paper")))
+    found = mismatch(flown(PointMassPlant(turn="paper")))
 
     assert found.bound < NOTHING
     assert np.abs(found.d[:, 0]).max() < EXACT
 
 
 def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
-    found = mismatch(flown(PointMassPlant(law="paper", disturbance=SINUSOID)))
+    found = mismatch(flown(PointMassPlant(turn="paper", disturbance=SINUSOID)))
 
     ends = np.append(found.t, 20.0)
     chi = -0.03 / 0.8 * np.diff(np.cos(0.8 * ends)) / 0.02
@@ -45,7 +45,7 @@ def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
 
 
 def test_the_bound_of_the_derivative_is_that_of_the_disturbance():
-    run = flown(PointMassPlant(law="paper", disturbance=SINUSOID))
+    run = flown(PointMassPlant(turn="paper", disturbance=SINUSOID))
     settled = replace(run, signals=run.signals.iloc[100:])
 
     found = mismatch(settled)
@@ -66,23 +66,23 @@ def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():
 
 
 def test_gravity_of_another_size_is_mismatch():
-    found = mismatch(flown(PointMassPlant(law="paper", g=9.80665)))
+    found = mismatch(flown(PointMassPlant(turn="paper", g=9.80665)))
 
-    run = flown(PointMassPlant(law="paper", g=9.80665))
+    run = flown(PointMassPlant(turn="paper", g=9.80665))
     phi = run.signals["phi_cmd"].to_numpy()[:-1]
     expected = (9.80665 - G) / V_A * np.tan(phi)
     assert found.d[:, 0] == pytest.approx(expected, abs=EXACT)
 
 
 def test_a_flight_of_three_samples_is_too_short():
-    run = flown(PointMassPlant(law="paper"))
+    run = flown(PointMassPlant(turn="paper"))
 
     with pytest.raises(InputError, match="`run` must have at least 4 samples, got 3"):
         mismatch(replace(run, signals=run.signals.iloc[:3]))
 
 
 def test_angles_are_continuous_where_a_course_passes_south():
-    run = flown(PointMassPlant(law="paper"))
+    run = flown(PointMassPlant(turn="paper"))
     turned = run.signals.assign(chi=run.signals["chi"] + math.pi)
 
     found = mismatch(replace(run, signals=turned))

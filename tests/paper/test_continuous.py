@@ -77,7 +77,7 @@ def test_the_sampled_controller_comes_closer_in_proportion_to_its_sample_time(an
 
     def distance(dt):
         signals, _ = simulate(
-            PointMassPlant(law="paper", disturbance=WAVE),
+            PointMassPlant(turn="paper", disturbance=WAVE),
             MimoPI(PAPER_GAINS, BOTH, dt=dt, anti_windup=anti_windup),
             Reference(chi=REF[0], gamma=REF[1]),
             condition=FlightCondition(

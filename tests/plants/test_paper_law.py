@@ -40,7 +40,7 @@ def test_airspeed_must_be_positive(V_a):
 
 
 def test_a_level_turn_flies_a_circle():
-    plant, phi = PointMassPlant(law="paper"), math.radians(30.0)
+    plant, phi = PointMassPlant(turn="paper"), math.radians(30.0)
     plant.start(LEVEL)
     turn_time = math.tau * 25.0 / (G_PAPER * math.tan(phi))
 
@@ -53,7 +53,7 @@ def test_a_level_turn_flies_a_circle():
 
 
 def test_a_steady_climb_goes_up_along_its_course():
-    plant, gamma = PointMassPlant(law="paper"), math.radians(20.0)
+    plant, gamma = PointMassPlant(turn="paper"), math.radians(20.0)
     plant.start(FlightCondition(V_a=20.0, chi=math.pi / 2, gamma=gamma))
 
     plant.advance(0.0, math.cos(gamma), 10.0)
@@ -66,7 +66,7 @@ def test_a_steady_climb_goes_up_along_its_course():
 
 def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
     sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.2, gamma_omega=1.7)
-    plant = PointMassPlant(law="paper", disturbance=sinusoid)
+    plant = PointMassPlant(turn="paper", disturbance=sinusoid)
     plant.start(FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
     phi, n_z = 0.4, 1.2
 
@@ -84,7 +84,7 @@ def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
 
 @pytest.mark.parametrize("phi", [math.pi / 2, -1.7, math.nan])
 def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
-    plant = PointMassPlant(law="paper")
+    plant = PointMassPlant(turn="paper")
     plant.start(LEVEL)
 
     stop = plant.advance(phi, 1.0, 0.02)
@@ -96,7 +96,7 @@ def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
 
 def test_gravity_must_be_positive():
     with pytest.raises(InputError, match=r"`g` .* 0\.0"):
-        PointMassPlant(law="paper", g=0.0)
+        PointMassPlant(turn="paper", g=0.0)
 
 
 @pytest.mark.parametrize(

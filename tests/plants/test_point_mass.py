@@ -71,7 +71,7 @@ def test_a_climbing_coordinated_turn_is_a_helix():
 
 
 def test_without_lift_there_is_no_turn_and_the_point_falls_as_a_stone_would():
-    chi_dot, gamma_dot = turn_rates(25.0, gamma=0.0, phi=1.0, n_z=0.0, g=G, law="exact")
+    chi_dot, gamma_dot = turn_rates(25.0, gamma=0.0, phi=1.0, n_z=0.0, g=G, turn="exact")
 
     assert chi_dot == 0.0
     assert gamma_dot == pytest.approx(-G / 25.0, rel=ROUNDING)
@@ -82,12 +82,12 @@ def test_the_papers_law_in_a_wind_of_zero_is_that_in_still_air():
     start, commands = FlightCondition(V_a=25.0, chi=1.0, gamma=0.3), weaving(500, 0.02)
 
     still, windy = (
-        fly(PointMassPlant(law="paper", disturbance=sinusoid, wind=wind), start, commands, 0.02)
+        fly(PointMassPlant(turn="paper", disturbance=sinusoid, wind=wind), start, commands, 0.02)
         for wind in (None, WindRecord.steady())
     )
 
     assert {name: windy[name] for name in still} == pytest.approx(still, abs=INTEGRATION)
-    assert PointMassPlant(law="paper").kind == "kinematic"
+    assert PointMassPlant(turn="paper").kind == "kinematic"
 
 
 def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
@@ -255,7 +255,7 @@ def test_straight_up_ends_the_flight_with_a_reason():
 
 
 def test_what_cannot_be_flown_says_so():
-    plant = PointMassPlant(law="paper")
+    plant = PointMassPlant(turn="paper")
     plant.start(FlightCondition(V_a=25.0))
 
     assert plant.advance(math.pi / 2, 1.0, 0.02).status == "diverged"
@@ -267,7 +267,7 @@ def test_what_cannot_be_flown_says_so():
     ("make", "error", "message"),
     [
         (lambda: PointMassPlant(g=0.0), InputError, "`g` must be positive"),
-        (lambda: PointMassPlant(law="other"), InputError, "`law` must be exact or paper"),
+        (lambda: PointMassPlant(turn="other"), InputError, "`turn`"),
         (
             lambda: WindRecord(t=[0.0, 0.0], north=[0.0] * 2, east=[0.0] * 2, down=[0.0] * 2),
             InputError,
@@ -279,7 +279,7 @@ def test_what_cannot_be_flown_says_so():
             "`north` must have as many values as `t`",
         ),
         (
-            lambda: turn_rates(0.0, gamma=0.0, phi=0.0, n_z=1.0, law="exact"),
+            lambda: turn_rates(0.0, gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
             InputError,
             "`V_a` must be positive",
         ),

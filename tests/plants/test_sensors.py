@@ -78,7 +78,7 @@ def test_what_cannot_be_used_is_refused(change, message):
 
 def test_a_plant_seen_through_sensors_flies_as_it_does_alone():
     errors = Sensors(bias=BIAS, noise_sd=SD, seed=1).errors(5, DT)
-    sensed, alone = SensedPlant(PointMassPlant(law="paper"), errors), PointMassPlant(law="paper")
+    sensed, alone = SensedPlant(PointMassPlant(turn="paper"), errors), PointMassPlant(turn="paper")
     assert sensed.signals == alone.signals + MEASURED
 
     for plant in (sensed, alone):

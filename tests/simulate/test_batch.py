@@ -74,7 +74,7 @@ def random_cases(count, seed):
 def flown_alone(case, reference, dt, *, feed_forward, **settings):
     gains, condition, limits, waves = case
     return simulate(
-        PointMassPlant(law="paper", disturbance=waves),
+        PointMassPlant(turn="paper", disturbance=waves),
         MimoPI(gains, limits, dt=dt, feed_forward=feed_forward, **settings),
         reference,
         condition=condition,

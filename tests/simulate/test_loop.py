@@ -57,7 +57,7 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
     assert scenario.disturbance is not None
 
     signals, _ = simulate(
-        PointMassPlant(law="paper", disturbance=scenario.disturbance.sinusoid()),
+        PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid()),
         controller,
         scenario.followed(),
         condition=scenario.condition,
@@ -71,7 +71,7 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
 def flown(anti_windup, duration=40.0):
     controller = MimoPI(PAPER_GAINS, PAPER_LIMITS, dt=0.02, anti_windup=anti_windup)
     signals, _ = simulate(
-        PointMassPlant(law="paper"),
+        PointMassPlant(turn="paper"),
         controller,
         PAPER_REFERENCE,
         condition=PAPER_START,
@@ -124,7 +124,7 @@ def test_with_feed_forward_level_flight_needs_no_integral():
     controller = MimoPI(PAPER_GAINS, dt=0.02, feed_forward=True)
 
     signals, _ = simulate(
-        PointMassPlant(law="paper"),
+        PointMassPlant(turn="paper"),
         controller,
         Reference(chi=0.0, gamma=0.3),
         condition=still,
@@ -150,7 +150,7 @@ class StopsAfterThreeSamples(PointMassPlant):
 
 def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
     signals, stop = simulate(
-        StopsAfterThreeSamples(law="paper"),
+        StopsAfterThreeSamples(turn="paper"),
         MimoPI(PAPER_GAINS, dt=0.02),
         PAPER_REFERENCE,
         condition=PAPER_START,
@@ -165,7 +165,7 @@ def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
 def test_a_flight_lasts_at_least_one_sample(duration):
     with pytest.raises(InputError, match=r"`duration` must be at least one sample"):
         simulate(
-            PointMassPlant(law="paper"),
+            PointMassPlant(turn="paper"),
             MimoPI(PAPER_GAINS, dt=0.02),
             PAPER_REFERENCE,
             condition=PAPER_START,

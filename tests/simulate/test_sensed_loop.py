@@ -28,7 +28,7 @@ SAME = 1e-12
 
 def flown(sensors, reference=TURN, duration=DURATION, limits=LIMITS, **controller):
     signals, _ = simulate(
-        PointMassPlant(law="paper"),
+        PointMassPlant(turn="paper"),
         MimoPI(PAPER_GAINS, limits, dt=DT, **controller),
         reference,
         condition=START,
@@ -42,7 +42,7 @@ def test_sensors_without_error_change_no_bit_of_what_was_there():
     perfect, alone = flown(Sensors()), flown(None)
 
     loop = [*LOOP_SIGNALS[:-2], *INTEGRAL_SIGNALS, *LOOP_SIGNALS[-2:]]
-    assert list(alone.columns) == [*PointMassPlant(law="paper").signals, *loop]
+    assert list(alone.columns) == [*PointMassPlant(turn="paper").signals, *loop]
     assert perfect[list(alone.columns)].equals(alone)
     assert [column for column in perfect if column not in alone] == list(MEASURED)
 

@@ -65,7 +65,7 @@ def check_exact(case, seed):
             PointMassPlant(
                 scenario.plant[0].lags(),
                 disturbance=bang_bang(disturbance, problem.controller().dt, rng),
-                law="paper" if scenario.plant[0].kind == "kinematic" else "exact",
+                turn="paper" if scenario.plant[0].kind == "kinematic" else "exact",
                 g=scenario.flight.g_mps2,
             ),
             problem.controller(),

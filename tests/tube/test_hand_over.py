@@ -54,7 +54,7 @@ def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
             disturbance=Sinusoid(
                 chi_amplitude=D, chi_omega=omega, gamma_amplitude=-D, gamma_omega=omega
             ),
-            law="paper",
+            turn="paper",
             g=scenario.flight.g_mps2,
         ),
         found.problem.controller(),

@@ -171,7 +171,7 @@ def flights(problem, count, disturbance, rng):
         plant = PointMassPlant(
             problem.lags or None,
             disturbance=bang_bang(disturbance, problem.loop.dt, rng),
-            law="exact" if problem.loop.exact else "paper",
+            turn="exact" if problem.loop.exact else "paper",
             g=scenario.flight.g_mps2,
         )
         signals, _ = simulate(
