@@ -21,11 +21,6 @@ def test_prefixes_rise_to_all_flights_in_equal_factors(n):
         assert np.ptp(np.diff(np.log(found))) < 0.1
 
 
-def test_few_flights_are_looked_at_from_a_quarter_on():
-    assert prefixes(8) == [2, 3, 4, 5, 6, 7, 8]
-    assert prefixes(1) == [1]
-
-
 def test_each_point_is_what_the_first_flights_tell(tmp_path):
     plan = made_up_plan(tmp_path)
     flown = flights_of(made_up_rows(plan), plan)
@@ -41,14 +36,3 @@ def test_each_point_is_what_the_first_flights_tell(tmp_path):
             completed = first[first["status"] == "completed"]["chi.ITAE"]
             assert p95.value == pytest.approx(np.quantile(completed, 0.95))
             assert p95.n == len(completed)
-
-
-def test_intervals_shrink_as_one_over_the_root_of_the_number(tmp_path):
-    plan = made_up_plan(tmp_path, runs=40_000)
-    flown = flights_of(made_up_rows(plan), plan)
-
-    paper = convergence(flown, "chi.ITAE")[2]
-
-    widths = np.array([one.hi - one.lo for one in paper.success])
-    slope = np.polyfit(np.log(paper.n[8:]), np.log(widths[8:]), 1)[0]
-    assert slope == pytest.approx(-0.5, abs=0.05)

