@@ -13,7 +13,7 @@ import pyarrow as pa
 from flighttune.arrays import FloatArray, check_at_least, check_between
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.planning.plan import plan_campaign
+from flighttune.campaign.planning.plan import on_plants, plan_campaign
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
 from flighttune.campaign.statistics.intervals import (
     Estimate,
@@ -27,7 +27,6 @@ from flighttune.control.gains import PIGains
 from flighttune.control.law import plain_laws, split_name
 from flighttune.errors import InputError
 from flighttune.flight.outer_loop import tuning_problem
-from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import ExpectTable, in_rad
 from flighttune.tuning.frontier import frontier
@@ -122,8 +121,17 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
             f"`law` must be {' or '.join(plain_laws())}, one of them alone, for a campaign to "
             f"choose gains, got {', '.join(law.name for law in laws)}."
         )
+    labels = [plant.label for plant in campaign.nominal.plant]
+    for plant in settings.plants:
+        if plant not in labels:
+            raise InputError(f"`plant` must be one of {', '.join(labels)}, got {plant!r}.")
     if settings.plants:
-        campaign = on_plants(campaign, settings.plants)
+        nominal, central = (
+            on_plants(scenario, settings.plants)
+            for scenario in (campaign.nominal, campaign.central)
+        )
+        changed = {"plant": None, "nominal": nominal, "central": central}
+        campaign = campaign.model_copy(update=changed)
     candidates = frontier_candidates(campaign.nominal, settings.candidates)
     if not candidates:
         return RobustChoice(
@@ -287,22 +295,6 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
             "central": changed(campaign.central),
         }
     )
-
-
-def on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
-    """The same campaign on some of its plants."""
-    labels = [plant.label for plant in campaign.nominal.plant]
-    for wanted in plants:
-        if wanted not in labels:
-            raise InputError(f"`plant` must be one of {', '.join(labels)}, got {wanted!r}.")
-
-    def changed(scenario: Scenario) -> Scenario:
-        kept = [plant for plant in scenario.plant if plant.label in plants]
-        expect = [x for x in scenario.expect if any(goes_by(plant, x.plant) for plant in plants)]
-        return scenario.model_copy(update={"plant": kept, "expect": expect})
-
-    nominal, central = changed(campaign.nominal), changed(campaign.central)
-    return campaign.model_copy(update={"plant": None, "nominal": nominal, "central": central})
 
 
 def scored(

@@ -6,11 +6,13 @@ written is hashed: the plan in ``campaign.json``, a file of rows in its name.
 
 import hashlib
 import json
+import os
 import re
 import shutil
+import socket
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,9 +20,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from filelock import FileLock, Timeout
 
 from flighttune.campaign.planning.plan import Plan, plan_from
-from flighttune.errors import OutputError, RecordingError, ScenarioError
+from flighttune.errors import InputError, OutputError, RecordingError, ScenarioError
 from flighttune.mistakes import abridged
 from flighttune.scenario.load import validated
 from flighttune.scenario.tables import Table
@@ -28,7 +31,7 @@ from flighttune.table_file import json_tables
 from flighttune.whole_file import reason_of
 
 FORMAT = 2
-CAMPAIGN = "campaign.json"
+CAMPAIGN, LOCK = "campaign.json", "campaign.lock"
 RUNS, SIGNALS = "runs", "signals"
 WRITING = ".writing"
 """Folder of unfinished files: not in ``runs``, where a reader's ``*.parquet`` would find them."""
@@ -62,9 +65,9 @@ class Part(NamedTuple):
     digest: str  # first quarter of the SHA-256 of the file, hexadecimal
 
     @property
-    def name(self) -> str:
-        """Name of the file."""
-        return f"part-{self.span.first:010d}-{self.span.end:010d}-{self.digest}.parquet"
+    def path(self) -> str:
+        """Path of the file in the folder of the campaign."""
+        return f"{RUNS}/part-{self.span.first:010d}-{self.span.end:010d}-{self.digest}.parquet"
 
     @classmethod
     def holding(cls, span: Span, data: bytes) -> "Part":
@@ -98,15 +101,10 @@ class Dataset:
         for part, other in pairwise(parts):
             if other.span.first < part.span.end:
                 raise RecordingError(
-                    f"{self.folder / RUNS}: a run must be in one file, got run {other.span.first} "
-                    f"in {part.name} and {other.name}."
+                    f"{self.folder}: a run must be in one file, got run {other.span.first} in "
+                    f"{part.path} and {other.path}."
                 )
         return tuple(parts)
-
-    @property
-    def spans(self) -> tuple[Span, ...]:
-        """Runs of each file that is there, in order; RecordingError as `parts`."""
-        return tuple(part.span for part in self.parts)
 
     @property
     def kept(self) -> tuple[int, ...]:
@@ -123,11 +121,11 @@ class Dataset:
         """Write the rows of a span of runs, in order of `run`."""
         runs = rows.column("run")
         span, data = Span(runs[0].as_py(), runs[-1].as_py() + 1), parquet_bytes(rows)
-        self._write(f"{RUNS}/{Part.holding(span, data).name}", data)
+        self._write(Part.holding(span, data).path, data)
 
     def read_part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
         """The rows of one file; a file that is not as it was written is a `RecordingError`."""
-        path = self.folder / RUNS / part.name
+        path = self.folder / part.path
         wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
         try:
             data = path.read_bytes()
@@ -140,10 +138,6 @@ class Dataset:
             )
         # a thread of Arrow that releases our bytes while Python exits would crash the process
         return pq.ParquetFile(pa.BufferReader(data)).read(wanted, use_threads=False)
-
-    def remove_part(self, part: Part) -> None:
-        """Remove a file of rows."""
-        self._remove(f"{RUNS}/{part.name}")
 
     def tables(self, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
         """The rows, file by file in order of `run`."""
@@ -159,11 +153,15 @@ class Dataset:
 
     def write_signals(self, run: int, data: bytes) -> None:
         """Write the recording of a run."""
-        self._write(f"{SIGNALS}/{_signals_name(run)}", data)
+        self._write(signals_path(run), data)
 
-    def remove_signals(self, run: int) -> None:
-        """Remove the recording of a run."""
-        self._remove(f"{SIGNALS}/{_signals_name(run)}")
+    def remove(self, name: str) -> None:
+        """Remove a file, named by its path in the folder; OutputError if it cannot be."""
+        path = self.folder / name
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{path}: must be removable, got {reason_of(error)}.") from error
 
     def clean(self) -> None:
         """Remove what was being written when a campaign was killed."""
@@ -187,13 +185,6 @@ class Dataset:
             with suppress(OSError):
                 unfinished.unlink()
             raise OutputError(f"{path}: must be writable, got {reason_of(error)}.") from error
-
-    def _remove(self, name: str) -> None:
-        path = self.folder / name
-        try:
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"{path}: must be removable, got {reason_of(error)}.") from error
 
 
 def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
@@ -287,5 +278,33 @@ def _digest_of(tables: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 
-def _signals_name(run: int) -> str:
-    return f"run-{run:010d}.parquet"
+def signals_path(run: int) -> str:
+    """Path of the recording of a run in the folder of its campaign."""
+    return f"{SIGNALS}/run-{run:010d}.parquet"
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Lock the folder for the block; the system drops the lock of a process that was killed.
+
+    The folder is made where it does not exist. InputError if another process has locked it,
+    OutputError if it cannot be written or its file system has no locks.
+    """
+    path, owner = folder / LOCK, ""
+    lock = FileLock(path, timeout=0.0)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout as error:
+        with suppress(OSError, UnicodeDecodeError):
+            owner = path.read_text(encoding="utf-8")
+        raise InputError(f"{folder}: a campaign is being flown into it{owner}.") from error
+    except OSError as error:
+        got = reason_of(error)
+        raise OutputError(f"{path}: must be writable and locked, got {got}.") from error
+    with suppress(OSError):  # the owner is only for the message; the lock works without it
+        path.write_bytes(f" by process {os.getpid()} on {socket.gethostname()}".encode())
+    try:
+        yield
+    finally:
+        lock.release()

@@ -4,10 +4,9 @@ from pathlib import Path
 
 from flighttune.campaign.dataset import CAMPAIGN, open_dataset
 from flighttune.campaign.planning.load import campaign_on, load_campaign
-from flighttune.campaign.planning.plan import Plan, plan_campaign
+from flighttune.campaign.planning.plan import Plan, on_plants, plan_campaign
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.errors import InputError
-from flighttune.plants.label import goes_by
 from flighttune.scenario.load import load_scenario, scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.shipped import campaign_files, scenario_files
@@ -57,15 +56,9 @@ def _about(
     scenario: Scenario, name: str, plant: str | None, start_deg: float, disturbance: float
 ) -> Campaign:
     """Starts and disturbances of one plant of a scenario, all equally likely."""
-    labels = [table.label for table in scenario.plant]
+    if plant in [table.label for table in scenario.plant]:  # callers refuse an unknown one
+        scenario = on_plants(scenario, [plant])  # another may not stand the disturbance
     tables = scenario.as_dict()
-    if plant in labels:  # another may not stand the disturbance; callers refuse one that is unknown
-        tables["plant"] = [tables["plant"][labels.index(plant)]]
-        tables["expect"] = [
-            requirement
-            for requirement in tables["expect"]
-            if goes_by(plant, requirement.get("plant"))
-        ]
     ranges: dict[str, tuple[float, float, str]] = {}
     if start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):

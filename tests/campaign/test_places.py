@@ -78,8 +78,3 @@ def test_values_put_in_leave_the_tables_as_they_were():
     assert TABLES["flight"] == {"V_a_mps": 25.0}
     assert TABLES["limits"]["phi_deg"] == [-45.0, 45.0]
     assert "airframe" not in TABLES["plant"][1]
-
-
-def test_a_value_that_is_not_there_is_none():
-    assert value_at(TABLES, ("wind", "speed_mps")) is None
-    assert value_at(TABLES, ("flight", "V_a_mps", "x")) is None

@@ -26,7 +26,7 @@ from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
-from flighttune.errors import InputError, RecordingError
+from flighttune.errors import RecordingError
 from flighttune.present.palette import line_styles
 from flighttune.report.campaign.page import notes, summary, write_campaign_report
 from flighttune.report.campaign.panels import styles_of
@@ -131,11 +131,6 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
         path.unlink()
     with pytest.raises(RecordingError, match=r"no run .*flown"):
         load_flights(out)
-
-
-def test_a_confidence_must_be_a_probability(flown_folder):
-    with pytest.raises(InputError, match=r"`confidence` .* 95"):
-        findings(load_flights(flown_folder), confidence=95.0)
 
 
 @pytest.mark.parametrize(

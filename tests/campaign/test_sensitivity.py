@@ -139,16 +139,9 @@ def test_flights_without_a_value_are_left_out(flown):
 
     assert influences(table, holed) == influences(table[kept], measure[kept])
 
-
-def test_a_nan_that_was_drawn_spoils_no_other_flight(flown):
-    table, measure = flown
-    holed = table.copy()
-    holed.loc[5, "speed"] = np.nan
-
-    found = influences(holed, measure)
-
-    assert found == influences(table.drop(5), np.delete(measure, 5))
-    assert found[0].n == 799
+    drawn = table.copy()
+    drawn.loc[5, "speed"] = np.nan
+    assert influences(drawn, measure) == influences(table.drop(5), np.delete(measure, 5))
 
 
 def test_nothing_is_said_of_what_does_not_vary(flown):

@@ -15,14 +15,15 @@ from flighttune.campaign.dataset import (
     RUNS,
     Dataset,
     Span,
+    locked,
     missing,
     open_dataset,
     parquet_bytes,
     runs_to_keep,
+    signals_path,
 )
 from flighttune.campaign.engine.pool import WorkerPool, worker_pool
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, Tally
-from flighttune.campaign.lock import locked
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.errors import InputError, RecordingError
@@ -95,7 +96,7 @@ def run_campaign(
         tally = _counted(dataset, observer.hear)
         plan = dataset.plan
         for runs in interim:
-            gaps = missing(dataset.spans, runs)
+            gaps = missing((part.span for part in dataset.parts), runs)
             done = pool.fly_rows(plan, gaps, dataset.write_part, tally=tally)
             if not done or until_halfwidth is None:
                 break
@@ -140,15 +141,10 @@ def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:
 
 def _widest(dataset: Dataset, runs: int) -> float:
     """Largest half width of Wilson's interval of a group's success rate in the first `runs`."""
-    groups = len(dataset.plan.groups)
-    n, successes = np.zeros(groups), np.zeros(groups)
-    for rows in dataset.tables(["success"]):
-        run = rows.column("run").to_numpy()
-        success = rows.column("success").fill_null(False).to_numpy()[run < runs]
-        group = run[run < runs] % groups
-        n += np.bincount(group, minlength=groups)
-        successes += np.bincount(group, weights=success, minlength=groups)
-    low, high = rate_interval(successes, n)
+    rows = dataset.rows(["success"]).to_pandas()
+    rows = rows.loc[rows["run"] < runs]
+    success = rows["success"].groupby(rows["run"] % len(dataset.plan.groups))
+    low, high = rate_interval(success.sum(), success.count())
     return float(np.max(high - low) / 2.0)
 
 
@@ -156,7 +152,7 @@ def _keep_signals(dataset: Dataset, pool: WorkerPool, tally: Tally) -> bool:
     """Keep the signals that the rows ask for; return whether all were."""
     wanted, present = set(runs_to_keep(dataset)), set(dataset.kept)
     for run in present - wanted:
-        dataset.remove_signals(run)
+        dataset.remove(signals_path(run))
     return pool.fly_signals(
         dataset.plan, sorted(wanted - present), dataset.write_signals, tally=tally
     )
@@ -246,7 +242,7 @@ def _counted(dataset: Dataset, hear: Callable[[str], None]) -> Tally:
             rows = dataset.read_part(part, ["status", "success"])
         except RecordingError as error:
             hear(str(error))
-            dataset.remove_part(part)
+            dataset.remove(part.path)
         else:
             tally.add(rows.column("status").to_pylist(), rows.column("success").to_pylist())
     return tally

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -23,6 +23,7 @@ from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_sets
 from flighttune.mistakes import abridged
+from flighttune.plants.label import goes_by
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.load import validated
 from flighttune.scenario.schema import GainsTable, Scenario
@@ -297,6 +298,13 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
         runs=runs,
         aircraft={name: files_hash(name) for name in sorted(aircraft)},
     )
+
+
+def on_plants(scenario: Scenario, labels: Collection[str]) -> Scenario:
+    """The scenario with some of its plants, and the requirements that are about them."""
+    kept = [plant for plant in scenario.plant if plant.label in labels]
+    expect = [x for x in scenario.expect if any(goes_by(label, x.plant) for label in labels)]
+    return scenario.model_copy(update={"plant": kept, "expect": expect})
 
 
 def _groups(campaign: Campaign) -> tuple[Group, ...]:
