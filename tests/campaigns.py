@@ -15,12 +15,10 @@ import psutil
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.engine import pool as pool_module
-from flighttune.campaign.flying.refly import fly_run
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.plants.jsbsim.model_files import model_hash
-from flighttune.recording.parquet import parquet_bytes
 from flighttune.shipped import aircraft_folder
 
 SCENARIO = """
@@ -270,11 +268,6 @@ def flown_here(module, planned, plan, rows=fly_runs):
         def fly_rows(self, plan, gaps, keep, doing, **options):
             for gap in gaps:
                 keep(rows(plan, range(gap.first, gap.end), **options))
-            return True
-
-        def fly_signals(self, plan, runs, keep, tally, doing, draws):
-            for run in runs:
-                keep(run, parquet_bytes(fly_run(plan, run, draws[run])))
             return True
 
     with (

@@ -9,16 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-import pyarrow.parquet as pq
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.engine.progress import Tally
 from flighttune.campaign.flying.refly import scenario_of_run
-from flighttune.campaign.flying.rows import Drawn
+from flighttune.campaign.flying.rows import Drawn, Probes
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
@@ -36,8 +34,6 @@ MARGIN = "margin"
 
 TUBE = "tube"
 """Metric: share of a tube that the errors use; beyond 1 they leave it."""
-
-DOING = "searching"
 
 REGION = 0.999
 """Share of the stated distribution inside the region searched."""
@@ -398,7 +394,7 @@ class _Search:
         self.plan = plan.of_group(group)
         self.metric = TUBE if settings.tube else settings.metric or _metric_of(plan, group)
         self._failed = -FAILED if settings.completed else FAILED
-        self._probes = {TUBE: partial(_use_of, settings.tube)} if settings.tube else {}
+        self._probes: Probes = {TUBE: partial(_use_of, settings.tube)} if settings.tube else {}
         self._settings, self._pool, self.flights = settings, pool, 0
         self.worst: dict[str, Any] = {"value": -math.inf}
         self.worst_plan, self.worst_drawn = self.plan, {}
@@ -463,15 +459,12 @@ class _Search:
         plan, draws = self._switched(flights)
         errors: list[FloatArray | None] = [None] * len(draws)
 
-        def keep(run: int, recording: bytes) -> None:
-            table = pq.read_table(pa.BufferReader(recording), columns=list(ERRORS))
-            if len(table) == len(flights[run]):  # a sample more than there are intervals
-                errors[run] = np.column_stack([column.to_numpy() for column in table.columns])
+        def keep(rows: pa.Table) -> None:
+            for row in rows.to_pylist():
+                if row["errors"] is not None:
+                    errors[row["run"]] = np.reshape(row["errors"], (-1, 2))
 
-        runs = range(len(draws))
-        if not self._pool.fly_signals(plan, runs, keep, tally=Tally(), doing=DOING, draws=draws):
-            raise _StoppedError
-        self.flights += len(draws)
+        self._fly_rows(plan, draws, keep, {"errors": _errors_of})
         return errors
 
     def _fly(self, plan: Plan, draws: Sequence[Drawn], channel: int | None = None) -> FloatArray:
@@ -489,13 +482,27 @@ class _Search:
                     self.worst, self.worst_plan = {**row, "value": value}, plan
                     self.worst_drawn = draws[row["run"]]
 
+        self._fly_rows(plan, draws, keep, self._probes)
+        return values
+
+    def _fly_rows(
+        self,
+        plan: Plan,
+        draws: Sequence[Drawn],
+        keep: Callable[[pa.Table], None],
+        probes: Probes,
+    ) -> None:
         span = Span(0, len(draws))
         if not self._pool.fly_rows(
-            plan, [span], keep, doing=DOING, probes=self._probes, draws=draws
+            plan, [span], keep, doing="searching", probes=probes, draws=draws
         ):
             raise _StoppedError
         self.flights += len(draws)
-        return values
+
+
+def _errors_of(run: Run, _: Scenario) -> list[float]:
+    """Errors of a flight, sample by sample."""
+    return run.signals[list(ERRORS)].to_numpy().ravel().tolist()
 
 
 def _use_of(tube: TubeBounds, run: Run, _: Scenario) -> list[float]:

@@ -177,8 +177,6 @@ class WorkerPool:
         keep: Callable[[int, bytes], None],
         *,
         tally: Tally,
-        doing: str = "keeping signals",
-        draws: Sequence[Drawn] | None = None,
     ) -> bool:
         """Fly runs of a plan once more for their signals; return whether all were.
 
@@ -195,12 +193,8 @@ class WorkerPool:
             else:
                 self._observer.hear(f"run {run}: did not end when it was flown for its signals.")
 
-        def task(run: int) -> Task:
-            number = plan.draw_of(run)
-            drawn = plan.values_of(number) if draws is None else draws[number]
-            return fly_signals, work, Draw((run,), drawn), limit
-
-        return self._hand_out(map(task, runs), done, doing, tally, tally.runs)
+        tasks = ((fly_signals, work, Draw((run,), {}), limit) for run in runs)
+        return self._hand_out(tasks, done, "keeping signals", tally, tally.runs)
 
     def _hand_out(
         self,

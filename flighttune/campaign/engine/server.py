@@ -75,7 +75,7 @@ def _answer(
     try:
         _end_after(limit)
         if signals:
-            return parquet_bytes(fly_run(plan, draw.runs[0], draw.drawn))
+            return parquet_bytes(fly_run(plan, draw.runs[0]))
         for row in fly_draw(plan, draw, claim_of, probes):
             rows.append(row)
             _end_after(limit)  # of the next flight

@@ -53,12 +53,12 @@ def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> Flow
     return fly(scenario_of_run(plan, run), progress=progress)
 
 
-def fly_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None) -> Run:
+def fly_run(plan: Plan, run: int) -> Run:
     """Fly one run of a plan for its signals; its provenance has a scenario of this flight alone."""
     group = plan.group_of(run)
     if plan.gain_sets[group.gains] is None:
         return fly_group(plan, plan.scenario_of(plan.draw_of(run)), group)
-    return fly(scenario_of_run(plan, run, drawn))[group.label]
+    return fly_again(plan, run)[group.label]
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
