@@ -361,22 +361,17 @@ def _plain(scenario: Scenario) -> dict[str, Any]:
 
 def _leaves(plan: Plan) -> dict[str, Any]:
     """Values of a plan that change its rows, by name."""
-    campaign = plan.campaign.as_dict()
+    tables = plan.as_dict()
+    campaign, scenario = tables["campaign"], tables["nominal"]
     campaign["disperse"] = {table["key"]: table for table in campaign["disperse"]}
-    scenario = _plain(plan.scenario)
-    for name in FOR_THE_READER:
+    for name in ("runs", *FOR_THE_READER):
         campaign.pop(name, None)
         scenario.pop(name, None)
-    campaign.pop("runs", None)
-    gains = {
-        name: None if gain_set is None else gain_set.as_lists()
-        for name, gain_set in plan.gain_sets.items()
-    }
     return {
         "runs": plan.runs,
         **dict(_walk(campaign, "")),
         **dict(_walk(scenario, "scenario.")),
-        **dict(_walk(gains, "gains as numbers, ")),
+        **dict(_walk(tables["gains"], "gains as numbers, ")),
         **dict(_walk(plan.aircraft, "files of aircraft ")),
     }
 
