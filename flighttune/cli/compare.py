@@ -1,16 +1,13 @@
 """The command that compares runs."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Option
 
 from flighttune.cli.options import check_ending
 from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, pick
 from flighttune.present.answer import Answer
-
-if TYPE_CHECKING:
-    from flighttune.comparison import Comparison, Violation
 
 
 def compare(
@@ -38,21 +35,43 @@ def compare(
     """
     from flighttune.comparison import compare as compare_sources
     from flighttune.comparison import load_tolerances, violations
+    from flighttune.comparison.compare import comparison_table, pairs_table
 
     check_ending(out, ".rrd", ".html")
     allowed = None if tolerance is None else load_tolerances(tolerance)
     comparison = compare_sources(first, *others)
     broken = violations(comparison, allowed) if allowed else []
+    files: dict[str, Path | None] = {"recording": None, "page": None}
     if out is not None and comparison.comparable:
         if out.suffix.lower() == ".html":
-            from flighttune.report.compare_page import write_comparison_page
-
-            write_comparison_page(comparison, out)
+            from flighttune.report.compare_page import write_comparison_page as write
         else:
-            from flighttune.comparison.overlay import write_overlay
-
-            write_overlay(comparison, out)
-    emit(_answer(comparison, broken, out))
+            from flighttune.comparison.overlay import write_overlay as write
+        write(comparison, out)
+        files["page" if out.suffix.lower() == ".html" else "recording"] = out
+    differs = {
+        f"not the same: {key}: {first} and {second}"
+        for pair in comparison.pairs
+        for key, (first, second) in pair.differs.items()
+    }
+    answer = Answer(
+        values={
+            **pick(comparison, "comparable reason"),
+            "metrics": comparison.metrics.to_dict(orient="records"),
+            "max_distance_m": comparison.max_distance,
+            **pick(comparison, "unpaired missing"),
+            "violations": broken,
+        },
+        tables=[pairs_table(comparison), comparison_table("metrics", comparison.metrics)],
+        notes=[
+            *sorted(differs),
+            *(f"missing: {line}" for line in comparison.missing),
+            *(f"no partner: {line}" for line in comparison.unpaired),
+            *(f"out of tolerance: {violation.sentence}" for violation in broken),
+        ],
+        files=files,
+    )
+    emit(answer)
     if not comparison.comparable:
         fail(comparison.reason, COULD_NOT_RUN)
     if allowed and comparison.unpaired:
@@ -64,35 +83,3 @@ def compare(
     if broken:
         more = f" ({len(broken) - 1} more)" if len(broken) > 1 else ""
         fail(f"{tolerance}: {broken[0].sentence}{more}", NO)
-
-
-def _answer(comparison: "Comparison", broken: list["Violation"], out: Path | None) -> Answer:
-    from flighttune.comparison.compare import comparison_table, pairs_table
-
-    is_page = out is not None and out.suffix.lower() == ".html"
-    written = out if comparison.comparable else None
-    differs = {
-        f"not the same: {key}: {first} and {second}"
-        for pair in comparison.pairs
-        for key, (first, second) in pair.differs.items()
-    }
-    return Answer(
-        values={
-            **pick(comparison, "comparable reason"),
-            "metrics": comparison.metrics.to_dict(orient="records"),
-            "max_distance_m": comparison.max_distance,
-            **pick(comparison, "unpaired missing"),
-            "violations": broken,
-        },
-        tables=[
-            pairs_table(comparison),
-            comparison_table("metrics", comparison.metrics),
-        ],
-        notes=[
-            *sorted(differs),
-            *(f"missing: {line}" for line in comparison.missing),
-            *(f"no partner: {line}" for line in comparison.unpaired),
-            *(f"out of tolerance: {violation.sentence}" for violation in broken),
-        ],
-        files={"recording": None if is_page else written, "page": written if is_page else None},
-    )

@@ -118,7 +118,7 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
         scenario.linear_model(),
         tuning_scaling(scenario),
     )
-    stable = result.status == "optimal" and result.gains is not None
+    stable = result.gains if result.status == "optimal" else None
     n, _, p = model.shape
     why, tables = None, []
     if result.status == "infeasible":
@@ -142,7 +142,7 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
         tables=[
             Table(title="tuning", columns=RESULT_COLUMNS, records=[values]),
             gains_table("gains", result.gains),
-            margins_table(loop_margins(model, result.gains) if stable else None),
+            margins_table(None if stable is None else loop_margins(model, stable)),
             *tables,
         ],
         notes=[

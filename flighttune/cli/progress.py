@@ -3,7 +3,7 @@
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -126,45 +126,41 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
 
 
-@contextmanager
-def stop_on_interrupt(stop: Callable[[], object]) -> Iterator[None]:
+def stop_on_interrupt(stop: Callable[[], object]) -> AbstractContextManager[None]:
     """Call `stop` at the first of `SIGNALS` in the block; a second one ends the command.
 
     `stop` is called from the signal handler: it only asks for the end, and returns at once.
     """
-    before = _handlers()
 
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        _install(before)
-        stop()
+    def stopping(before: Mapping[signal.Signals, Any]) -> Any:
+        def handle(_number: int, _frame: FrameType | None) -> None:
+            _install(before)
+            stop()
 
-    _install(dict.fromkeys(before, handle))
-    try:
-        yield
-    finally:
-        _install(before)
+        return handle
+
+    return _handled(stopping)
 
 
-@contextmanager
-def raise_on_interrupt() -> Iterator[None]:
+def raise_on_interrupt() -> AbstractContextManager[None]:
     """Raise KeyboardInterrupt at each of `SIGNALS`, so that what the block opened is closed.
 
     Shells start commands in the background with SIGINT ignored; in the block it is not.
     """
-    before = _handlers()
-    _install(dict.fromkeys(before, signal.default_int_handler))
+    return _handled(lambda _: signal.default_int_handler)
+
+
+@contextmanager
+def _handled(handler: Callable[[Mapping[signal.Signals, Any]], Any]) -> Iterator[None]:
+    """Handle the signals in the block with what `handler` makes of those that handled them."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    if before[signal.SIGHUP] == signal.SIG_IGN:  # nohup wants it to be ignored
+        del before[signal.SIGHUP]
+    _install(dict.fromkeys(before, handler(before)))
     try:
         yield
     finally:
         _install(before)
-
-
-def _handlers() -> dict[signal.Signals, Any]:
-    """Present handlers of the signals that are to be handled: nohup wants SIGHUP to be ignored."""
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    if before[signal.SIGHUP] == signal.SIG_IGN:
-        del before[signal.SIGHUP]
-    return before
 
 
 def _install(handlers: Mapping[signal.Signals, Any]) -> None:

@@ -37,7 +37,8 @@ class Answer:
         """One JSON object; numbers that JSON has no word for become null."""
         records = {table.name: table.records for table in self.tables if table.name}
         said = {"notes": self.notes, "verdict": self.verdict}
-        return json_text({**records, **said, **self.values, **self.files})
+        values = {**records, **said, **self.values, **self.files}
+        return json.dumps(_plain(values), indent=2)
 
     def text(self, width: int) -> Iterator[str]:
         """Paragraphs and tables of at most `width` characters; paths may be longer."""
@@ -53,11 +54,6 @@ class Answer:
             if path is not None:
                 how = f"   (flighttune {READ_BY[key]} {path})" if key in READ_BY else ""
                 yield f"{key.replace('_', ' ')}: {path}{how}"
-
-
-def json_text(value: Mapping[str, Any]) -> str:
-    """A value as JSON text; numbers that JSON has no word for become null."""
-    return json.dumps(_plain(value), indent=2)
 
 
 def _plain(value: Any) -> Any:

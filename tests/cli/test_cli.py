@@ -201,9 +201,7 @@ def test_list_shows_what_ships():
 @pytest.mark.parametrize(
     ("command", "name", "meant"),
     [
-        (("fly", "papr"), "papr", "paper"),
         (("campaign", "run", "first_campain"), "first_campain", "first_campaign"),
-        (("trim", "aerosond"), "aerosond", "aerosonde"),
         (("certify", "paper", "--gains", "tunde"), "tunde", "tuned"),
         (("reproduce", "gain"), "gain", "gains"),
     ],
@@ -275,7 +273,6 @@ def test_every_help_ends_with_an_example_and_fits_80_columns(command, monkeypatc
     [
         ("fly pa", {"paper", "paper_as_printed", "paper_identified", "paper_printed_limits"}),
         ("campaign run first", {"first_campaign"}),
-        ("trim aero", {"aerosonde"}),
         ("ca", {"campaign"}),
     ],
 )

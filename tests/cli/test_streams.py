@@ -44,10 +44,7 @@ def printed(folder, command, encoding):
 COMMANDS = [
     "list",
     "fly paper_as_printed --out {folder}/flown",
-    "refly {folder}/run",
     "compare {folder}/run {folder}/run",
-    "tune paper_as_printed",
-    "certify paper_as_printed",
     "verify {folder}/certificate.json",
     "--help",
 ]
