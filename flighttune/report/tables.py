@@ -16,7 +16,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
 
-TRACKING = "ITAE MO_rad PT_s rise_s settling_s MS_rad ST_rad saturation_s"
+TRACKING = "ITAE_mean MO_rad PT_s rise_s MS_rad ST_rad effort_rms saturation_s"
 FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad"
 
 CONVERGENCE_COLUMNS = [

@@ -15,7 +15,6 @@ from flighttune.present.numbers import MISSING
 from flighttune.present.tables import Table, facts_table
 from flighttune.report.campaign import tables
 from flighttune.report.campaign.panels import (
-    against,
     convergence,
     distributions,
     rates,
@@ -166,9 +165,7 @@ def _sections(findings: Findings, values: dict[str, Any]) -> list[Section]:
             id="paired",
             title="Gains on the same draws",
             note="Every gain set flies every draw, so that only gains differ. A flight that was "
-            "not completed counts as the worst. Below the diagonal the gains on the vertical axis "
-            "do better.",
-            charts=against(findings),
+            "not completed counts as the worst.",
             tables=[tables.paired_table(findings, values["paired"])],
             legend=False,
         ),

@@ -12,9 +12,9 @@ from flighttune.campaign.statistics.findings import Findings, values_of
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.campaign.statistics.paired import scores
 from flighttune.campaign.statistics.summary import ConvergenceCurve
-from flighttune.present.chart import HEAD_AND_FOOT, WIDTH, Chart
+from flighttune.present.chart import HEAD_AND_FOOT, Chart
 from flighttune.present.names import metric_label
-from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, line_styles
+from flighttune.present.palette import LIMIT, LineStyle, line_styles
 from flighttune.report.campaign.tables import influential_parameters
 
 ROW = 30.0
@@ -29,7 +29,6 @@ MANY_TIMES = 30.0
 DOTS = 400
 """Flights of a group in a chart of dots."""
 
-MAX_PAIRS = 4
 SCATTERED = 2
 """Parameters over which a measure is drawn."""
 
@@ -68,40 +67,6 @@ def distributions(findings: Findings) -> list[Chart]:
     wanted = dict.fromkeys([findings.measure, *SPREAD])
     measures = [name for name in wanted if name and name in findings.flights.measures]
     return [_distribution(findings, name) for name in measures]
-
-
-def against(findings: Findings) -> list[Chart]:
-    """One gain set over another, a dot a draw."""
-    styles, charts = styles_of(findings), []
-    for pair in findings.paired[:MAX_PAIRS]:
-        how = metric_label(pair.measure)
-        rows = findings.flights.rows
-        on_plant = rows.loc[(rows["plant"] == pair.plant).to_numpy()]
-        values = on_plant.assign(score=scores(on_plant, pair.measure))
-        table = values.pivot(index="draw", columns="gains", values="score")[[pair.a, pair.b]]
-        both = table.to_numpy(dtype=float)
-        finite = np.isfinite(both).all(axis=1)
-        both, draws = how.factor * both[finite], table.index[finite]
-        if not len(both):
-            continue
-        ends, log = _scale(both.ravel())
-        chart = Chart(
-            title=f"{pair.plant}: {how.name}, a dot a draw",
-            x=f"{pair.a} [{how.unit}]",
-            y=f"{pair.b} [{how.unit}]",
-            height=WIDTH * 0.75,
-            log="xy" if log else "",
-            x_range=ends,
-            y_range=ends,
-        )
-        some = slice(None, None, len(both) // DOTS + 1)
-        style = styles[f"{pair.plant} / {pair.b}"]
-        tips = [f"draw {draw}" for draw in draws[some]]
-        across, up = both[some].T
-        chart.points(across, up, style.colour, size=2.8, opacity=0.6, tips=tips)
-        chart.line(ends, ends, NEUTRAL, width=1.0)
-        charts.append(chart)
-    return charts
 
 
 def convergence(findings: Findings) -> list[Chart]:
