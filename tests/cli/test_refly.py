@@ -1,12 +1,11 @@
 """`flighttune refly`: recordings that fly again to the same bits, and some that do not."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import answer, flighttune
 
 from flighttune.flight.fly import fly
 from flighttune.flight.refly import first_difference, refly
@@ -16,15 +15,6 @@ from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 
 pytestmark = pytest.mark.slow
-
-
-def command(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "flighttune", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -57,21 +47,19 @@ def with_sample(run, t, signal, value):
 
 
 def test_a_recording_flies_again_to_the_same_bits(folder):
-    said = command("refly", folder, "--json")
-    answer = json.loads(said.stdout)
+    again = answer("refly", folder)
 
-    assert said.returncode == 0, said.stderr
-    assert answer["equal"] is True
-    assert answer["missing"] == []
-    assert answer["versions"] == {}
-    assert len(answer["runs"]) == 4
-    assert {run["samples"] for run in answer["runs"]} == {151}
+    assert again["equal"] is True
+    assert again["missing"] == []
+    assert again["versions"] == {}
+    assert len(again["runs"]) == 4
+    assert {run["samples"] for run in again["runs"]} == {151}
 
 
 def test_a_single_parquet_file_flies_again(folder):
-    (found,) = refly(load_recording(folder / "kinematic-tuned.parquet").runs)
+    (again,) = refly(load_recording(folder / "kinematic-tuned.parquet").runs)
 
-    assert found.difference is None
+    assert again.difference is None
 
 
 def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
@@ -83,32 +71,24 @@ def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
         change=lambda run: with_sample(run, t, "phi", np.nextafter(was, 9.0)),
     )
 
-    said = command("refly", path, "--json")
-    (found,) = [run for run in json.loads(said.stdout)["runs"] if not run["equal"]]
+    out, err = flighttune("refly", path, "--json", status=1)
+    (changed,) = [run for run in json.loads(out)["runs"] if not run["equal"]]
 
-    assert said.returncode == 1
-    assert found["run"] == run.label
-    assert found["difference"] == {
+    assert changed["run"] == run.label
+    assert changed["difference"] == {
         "what": "phi",
         "t_s": t,
         "recorded": float(np.nextafter(was, 9.0)),
         "reflown": was,
     }
-    assert said.stderr.startswith(f"flighttune: {path}: {run.label}: phi differs at t = 1.54 s: ")
-    assert said.stderr.count("\n") == 1
+    assert err.startswith(f"flighttune: {path}: {run.label}: phi differs at t = 1.54 s: ")
+    assert err.count("\n") == 1
 
 
 def test_other_gains_are_told_before_what_came_of_them(folder, tmp_path):
-    path = rewritten(
-        folder,
-        tmp_path / "gains",
-        change=lambda run: with_gains(run, np.eye(2)),
-    )
+    path = rewritten(folder, tmp_path / "gains", change=lambda run: with_gains(run, np.eye(2)))
 
-    said = command("refly", path)
-
-    assert said.returncode == 1
-    assert "K_P[0][0] differs: " in said.stderr
+    assert "K_P[0][0] differs: " in flighttune("refly", path, status=1)[1]
 
 
 def test_another_version_is_said_and_no_failure(folder, tmp_path):
@@ -116,13 +96,12 @@ def test_another_version_is_said_and_no_failure(folder, tmp_path):
         versions = {**run.provenance.versions, "numpy": "1.0"}
         return replace(run, provenance=replace(run.provenance, versions=versions))
 
-    said = command("refly", rewritten(folder, tmp_path / "old", change=older))
+    path = rewritten(folder, tmp_path / "old", change=older)
 
-    assert said.returncode == 0
-    assert "numpy: 1.0 then, " in said.stdout
+    assert "numpy: 1.0 then, " in flighttune("refly", path)[0]
 
 
-def test_of_an_interrupted_run_only_its_samples_are_compared(folder, tmp_path):
+def test_of_an_interrupted_run_only_its_samples_are_compared(folder):
     run = load_recording(folder).runs[0]
     part = replace(run, signals=run.signals.iloc[:40], status="interrupted")
 
@@ -134,18 +113,14 @@ def test_of_an_interrupted_run_only_its_samples_are_compared(folder, tmp_path):
 def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):
     run = load_recording(folder).runs[0]
     strange = replace(run, provenance=replace(run.provenance, plant="ladder"))
-    write_run(strange, tmp_path / "strange.parquet")
+    path = tmp_path / "strange.parquet"
+    write_run(strange, path)
 
-    said = command("refly", tmp_path / "strange.parquet")
+    _, err = flighttune("refly", path, status=2)
 
-    assert said.returncode == 2
-    assert said.stderr.startswith(f"flighttune: {tmp_path / 'strange.parquet'}: ladder / paper: ")
-    assert "Traceback" not in said.stderr
+    assert err.startswith(f"flighttune: {path}: ladder / paper: ")
 
 
 @pytest.mark.parametrize("name", ["none.rrd", "."])
 def test_what_is_no_recording_exits_with_two(tmp_path, name):
-    said = command("refly", tmp_path / name)
-
-    assert said.returncode == 2
-    assert said.stderr.count("\n") == 1
+    assert flighttune("refly", tmp_path / name, status=2)[1].count("\n") == 1
