@@ -12,8 +12,6 @@ from flighttune.paper import parameters as printed
 from flighttune.paper.flight import PaperFlight
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
-from flighttune.recording.page import scenario_page
-from flighttune.recording.rrd import write_recording
 from flighttune.simulate.run import Provenance, Run
 from flighttune.units import DEG
 
@@ -53,6 +51,9 @@ def family_runs(study: Study) -> list[Run]:
 
 def write_families(study: Study, folder: Path) -> Path:
     """Write the recording of the families; return its file."""
+    from flighttune.recording.page import scenario_page
+    from flighttune.recording.rrd import write_recording
+
     runs = family_runs(study)
     page = scenario_page(
         runs,
@@ -85,7 +86,8 @@ def _signals(flight: PaperFlight) -> pd.DataFrame:
         [np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)]
     )
     disturbance = flight.disturbance or (lambda _: (0.0, 0.0))
-    columns = {"V_a": printed.V_A, "chi_ref": printed.CHI_C, "gamma_ref": printed.GAMMA_C}
+    columns: dict[str, Any] = {"V_a": printed.V_A, "chi_ref": printed.CHI_C}
+    columns["gamma_ref"] = printed.GAMMA_C
     for names, values in (
         (("chi", "gamma"), flight.x.T),
         (("phi", "n_z"), flight.u.T),

@@ -162,8 +162,8 @@ def scene_view(
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=eye.position,
-            look_target=eye.target,
+            position=eye[0],
+            look_target=eye[1],
             eye_up=(0.0, 0.0, -1.0),  # z of NED goes down
         ),
     )

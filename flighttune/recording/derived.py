@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.guarantee.flight_check import FlightCheck
@@ -28,6 +29,11 @@ UNITS = {
 SHORTEST_BOUND = 1.5  # s; a bound that lasts less is not drawn: shreds of it say nothing
 SMALLEST = 1e-4  # norms of s below this (rad and rad/s) are drawn as this: they go down for ever
 FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
+
+
+def positions(signals: pd.DataFrame) -> FloatArray:
+    """North, east and down of every sample, shape (n, 3), m."""
+    return signals[["north", "east", "down"]].to_numpy(dtype=float)
 
 
 def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
@@ -57,8 +63,6 @@ def _over_ground(run: Run) -> dict[str, FloatArray]:
     if "h" not in signals and "h_m" in flight:
         derived["h"] = float(flight["h_m"]) - signals["down"].to_numpy()
     if "V_g" not in signals and len(signals) > 1:
-        from flighttune.recording.geometry import positions
-
         level = positions(signals)[:, :2]
         derived["V_g"] = np.linalg.norm(np.gradient(level, run.t, axis=0), axis=1)
     return derived
@@ -109,8 +113,6 @@ def _claimed(run: Run, claim: FlightCheck | None) -> dict[str, FloatArray]:
 def _compared(run: Run, lower: Sequence[Run]) -> dict[str, FloatArray]:
     if not lower:
         return {}
-    from flighttune.recording.geometry import positions  # reports do without Rerun and its scene
-
     differences = {}
     for channel in CHANNELS:
         values = np.unwrap(run.signals[channel].to_numpy())

@@ -1,4 +1,4 @@
-"""Events of a flight: steps of the reference, limits, gusts, settling, ends, broken claims."""
+"""Lanes and events of flights: limits that hold, guarantees, steps, gusts, settling, ends."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
+from flighttune.arrays import FloatArray
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import channel_metrics
 from flighttune.plants.wind import WIND
-from flighttune.recording.entities import EVENTS, DrawnRun, times
-from flighttune.recording.lanes import RATE, runs_of_equal
+from flighttune.present.palette import LIMIT, rgb
+from flighttune.recording.entities import END, EVENTS, DrawnRun, lane_name, times
 from flighttune.simulate.measures import NO_STEP
 from flighttune.simulate.run import Run
 
@@ -31,6 +32,19 @@ MEASURED = (
 
 # Log level of each sort of event: the viewer has no other classes.
 SORTS = {"end": "ERROR", "claim": "WARN", "limit": "WARN", "wind": "INFO", "track": "INFO"}
+
+
+BROKEN, GUARANTEED, FREE, ENDED = "broken", "guaranteed", "within limits", "ended"
+# Code of the limits that act: a sum of signals times factors (0 free, 1 magnitude, 2 rate).
+LIMITED = {"phi_limited": 1, "n_z_limited": 3}
+HOLDING = [
+    ", ".join(filter(None, (roll, n_z))) or FREE
+    for n_z in ("", "n_z", "n_z rate")
+    for roll in ("", "roll", "roll rate")
+]
+RATE = 2.0  # of a ``*_limited`` signal
+SHORTEST = 0.3  # s; shorter pieces are drawn as the one before: sensor noise would fragment a lane
+DIMMED = 0.45  # brightness of a lane while a limit holds a command
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,3 +160,52 @@ def _converged(run: Run) -> Iterator[Event]:
 
 def _of(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:
     return run.t, run.signals[name].to_numpy(dtype=float)
+
+
+def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
+    """Log a lane for each run, in its colour."""
+    end = END * max(drawn_run.run.duration for drawn_run in drawn)
+    for drawn_run in drawn:
+        run, colour = drawn_run.run, drawn_run.style.rgb
+        t, states = lane(run, drawn_run.claim)
+        after = "" if run.status == "completed" else run.status.replace("_", " ")
+        t, states = np.append(t, [run.duration, end]), [*states, after, ENDED]
+        dimmed = tuple(round(DIMMED * part) for part in colour)
+        colours = {GUARANTEED: colour, FREE: colour, BROKEN: rgb(LIMIT), after: rgb(LIMIT)}
+        shown = [state for state in dict.fromkeys(states) if state not in ("", ENDED)]
+        style = rr.StateConfiguration(
+            values=[*shown, "", ENDED],
+            labels=[*shown, "", ""],
+            colors=[*(colours.get(state, dimmed) for state in shown), (0, 0, 0), (0, 0, 0)],
+            visible=[True] * len(shown) + [False, False],
+        )
+        path = lane_name(drawn_run, len(drawn))
+        stream.log(path, style, static=True)
+        stream.send_columns(path, [times(t)], rr.StateChange.columns(state=states))
+
+
+def lane(run: Run, check: FlightCheck | None) -> tuple[FloatArray, list[str]]:
+    """When the state of a run begins and changes (s), and to what.
+
+    A state names the limits that hold commands, such as ``roll rate``. Otherwise it is `BROKEN`,
+    `GUARANTEED`, or `FREE` where nothing is claimed.
+    """
+    t, words = run.t[:-1], [*HOLDING, GUARANTEED, BROKEN]
+    now = np.zeros(len(t), dtype=int)
+    for name, factor in LIMITED.items():
+        if name in run.signals:
+            now += factor * run.signals[name].to_numpy()[:-1].astype(int)
+    if check is not None:
+        now[(now == 0) & np.isfinite(check.bound)] = words.index(GUARANTEED)
+        now[check.broken] = words.index(BROKEN)
+    begun, codes = runs_of_equal(t, now)
+    kept = np.diff(begun, append=run.duration) >= SHORTEST
+    kept[0] = True
+    begun, codes = runs_of_equal(begun[kept], codes[kept])
+    return begun, [words[code] for code in codes.tolist()]
+
+
+def runs_of_equal(t: FloatArray, values: np.ndarray) -> tuple[FloatArray, np.ndarray]:
+    """When a piecewise constant signal begins and changes, and to what."""
+    at = np.flatnonzero(np.diff(values, prepend=np.nan))
+    return t[at], values[at]

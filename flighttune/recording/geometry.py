@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,7 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.errors import FlightTuneError
 from flighttune.plants.jsbsim.model_files import wing_span
+from flighttune.recording.derived import positions
 from flighttune.recording.entities import DrawnRun
 from flighttune.simulate.run import Run
 
@@ -29,18 +30,7 @@ FINELY_ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 AXES = 2.0  # length of the arrows that name the axes, in spacings of the grid
 GROUND_LINES = 12  # approximate number along the longer side of the ground grid
 
-
-@dataclass(frozen=True, slots=True)
-class Eye:
-    """A camera: where it is and where it looks, m."""
-
-    position: tuple[float, float, float]
-    target: tuple[float, float, float]
-
-
-def positions(signals: pd.DataFrame) -> FloatArray:
-    """North, east and down of every sample, shape (n, 3), m."""
-    return signals[["north", "east", "down"]].to_numpy(dtype=float)
+Eye: TypeAlias = tuple[FloatArray, FloatArray]  # of a camera: where it is and where it looks, m
 
 
 def all_positions(drawn: Sequence[DrawnRun]) -> FloatArray:
@@ -158,7 +148,7 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     depth, seen = (points - centre) @ back, (points - centre) @ np.column_stack([right, up])
     slopes = math.tan(FIELD_OF_VIEW / 2.0) * np.array([ASPECT, 1.0])
     distance = float(np.max((np.abs(seen) + margin) / slopes + depth[:, None]))
-    return Eye(tuple(centre + distance * back), tuple(centre))
+    return centre + distance * back, centre
 
 
 def chase_eye(width: float) -> Eye:
@@ -166,4 +156,4 @@ def chase_eye(width: float) -> Eye:
 
     The aircraft takes two fifths of the width of a square view.
     """
-    return Eye((-2.0 * width, -0.9 * width, -1.0 * width), (0.3 * width, 0.0, 0.0))
+    return width * np.array([-2.0, -0.9, -1.0]), width * np.array([0.3, 0.0, 0.0])

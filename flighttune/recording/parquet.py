@@ -151,8 +151,8 @@ def run_of(parts: Parts) -> Run:
                 raise RecordingError(f"`{name}` must be in {SIGNAL_UNITS[name]}, got {unit}.")
         gains = provenance.pop("gains")
         if gains is not None:
-            names = {key: tuple(gains.pop(key)) for key in ("inputs", "errors")}
-            gains = PIGains(**gains, **names)
+            gains |= {key: tuple(gains[key]) for key in ("inputs", "errors")}
+            gains = PIGains(**gains)
         _, *names = columns
         index = pd.Index(rows[:, 0], name="t", dtype=np.float64)
         own = set(names) - set(SIGNAL_UNITS)

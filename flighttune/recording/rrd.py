@@ -20,11 +20,10 @@ from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
 from flighttune.recording.derived import with_derived
 from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
-from flighttune.recording.events import log_events
-from flighttune.recording.lanes import log_lanes
+from flighttune.recording.events import log_events, log_lanes
 from flighttune.recording.load import ORIGIN
+from flighttune.recording.page import log_readout
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots
-from flighttune.recording.readout import log_readout
 from flighttune.recording.scene import log_scene
 from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
@@ -147,7 +146,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
         style = run_style(drawn_run.style, run.label, names)
         _log_signals(stream, f"{folder}/{key}", style, run, names)
         for path, others, opacity in (
-            (f"{folder}/{entities.MEASURED}/{key}", [plot.measured], FAINTEST),
+            (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),
             (f"{folder}/{key}_tube", plot.band, FAINT),
         ):
             names = [name for name in others if name in run.signals]

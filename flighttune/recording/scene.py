@@ -14,6 +14,7 @@ from flighttune.plants.wind import WIND
 from flighttune.present.palette import NEUTRAL, rgb
 from flighttune.present.thinning import evenly
 from flighttune.recording import entities, geometry
+from flighttune.recording.derived import positions
 from flighttune.recording.entities import DrawnRun, on_screen, times
 
 # Made by ``docs/figures/aircraft_glb.py``; body axes, m.
@@ -49,7 +50,7 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     for drawn_run in drawn:
         # NaN breaks the camera of a 3D view, which in a plot is only a gap.
         signals = drawn_run.run.signals
-        signals = signals.loc[np.isfinite(geometry.positions(signals)).all(axis=1)]
+        signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
         width = factor * geometry.span_of(drawn_run.run)
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))
         _log_aircraft(stream, drawn_run, signals, width=width)
@@ -84,7 +85,7 @@ def metres_per_mps(drawn_run: DrawnRun, width: float) -> float:
 def _log_path(
     stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, floor: float
 ) -> None:
-    path = geometry.positions(signals)
+    path = positions(signals)
     path = path[evenly(len(path), most=PATH_POINTS)]
     # Where paths coincide, dashes of the law on the line of an aircraft show both.
     dashes = [path] if _is_aircraft(drawn_run) else _dashes(path)
@@ -110,7 +111,7 @@ def _log_aircraft(
     signals = signals.iloc[evenly(len(signals))]
     frame, time = f"{entities.AIRCRAFT}/{drawn_run.key}", times(signals.index)
     carried = rr.Transform3D.columns(
-        translation=geometry.positions(signals), quaternion=geometry.headings(signals)
+        translation=positions(signals), quaternion=geometry.headings(signals)
     )
     stream.send_columns(frame, [time], carried)
     turned = rr.Transform3D.columns(quaternion=geometry.attitudes(signals))
