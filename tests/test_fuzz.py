@@ -32,8 +32,7 @@ from flighttune.control.margins import loop_margins
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import certify_scenario
-from flighttune.identify.file import load_identified
-from flighttune.identify.model import design_model
+from flighttune.identify.file import design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.scenario import load_gains, load_scenario, scenario_from

@@ -16,8 +16,7 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError, PlantError, ShapeError
 from flighttune.flight.outer_loop import tune_scenario
-from flighttune.identify.file import load_identified
-from flighttune.identify.model import design_model
+from flighttune.identify.file import design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 from flighttune.present.chart import DASHED, Chart, Sheet

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+import tomlkit
 
-from flighttune.adopt.files import PAPER, SOURCE, TUNED, TURN, aircraft_text, turn_text
-from flighttune.adopt.survey import Refusal, Survey, survey
+from flighttune.adopt.survey import SOURCE, Refusal, Survey, survey
 from flighttune.aircraft.aircraft import (
     GAINS_FILE,
     AircraftConfig,
@@ -22,6 +22,7 @@ from flighttune.aircraft.aircraft import (
     load_aircraft,
     save_gains,
 )
+from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.flight.fly import FlownScenario, fly
 from flighttune.identify.design import Airframe, DesignedAircraft, airframe, design_aircraft
@@ -37,6 +38,22 @@ from flighttune.shipped import nearest_name
 from flighttune.table_file import toml_tables
 from flighttune.units import DEG
 from flighttune.whole_file import made_folder, write_text
+
+TURN = "turn.toml"
+
+TUNED, PAPER = "tuned_identified", "paper_scaled"  # gain sets of the turn
+
+PAPER_SPEED = 25.0  # airspeed of the paper's gains, m/s: gains of the same loop grow with airspeed
+
+_COMMENTS = {
+    "surfaces": "stops in deg; positions at the commands -1 and +1 in rad",
+    "engines": "time they take to a steady thrust",
+    "settings": "JSBSim properties, for the whole flight",
+    "declared": "properties of another simulator that the model refers to",
+    "envelope": "leaving it ends a flight",
+    "limits": "of the commands the inner loop follows",
+    "design": "what `flighttune design` makes the gains for",
+}
 
 Status: TypeAlias = Literal["adopted", "flies", "refused"]
 
@@ -370,3 +387,52 @@ def _record(best: Adoption, surveyed: Survey, config: AircraftConfig) -> dict[st
         "notes": surveyed.notes,
         "trims": best.trims,
     }
+
+
+def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
+    """The text of an ``aircraft.toml``, with what was done to the model as comments."""
+    document = tomlkit.document()
+    document.update({key: tables[key] for key in ("title", "source", "model")})
+    for note in notes:
+        document.add(tomlkit.comment(note))
+    for name, comment in _COMMENTS.items():
+        if tables.get(name):
+            table = tomlkit.table()
+            table.comment(comment)
+            for key, value in _rounded(tables[name]).items():
+                table[key] = tomlkit.inline_table() | value if isinstance(value, dict) else value
+            document.add(tomlkit.nl())
+            document[name] = table
+    return tomlkit.dumps(document)
+
+
+def turn_text(aircraft: str, V_a: float, h: float, limits: Mapping[str, Any]) -> str:
+    """The text of a scenario: a turn of 20 deg with a climb of 3 deg, both as a step.
+
+    `aircraft` is the folder that the scenario stands in, `limits` are those of its
+    ``aircraft.toml``, `V_a` is in m/s and `h` in m.
+    """
+    K_P, K_I = (V_a / PAPER_SPEED * getattr(PAPER_GAINS, key) for key in ("K_P", "K_I"))
+    scenario = {
+        "title": "A turn of 20 deg with a climb of 3 deg",
+        "verifies": "gains tuned on the identified aircraft against those of the paper, scaled "
+        "with airspeed",
+        "source": SOURCE,
+        "gains": [TUNED, {"name": PAPER, "K_P": K_P.tolist(), "K_I": K_I.tolist()}],
+        "flight": {"V_a_mps": V_a, "h_m": h, "duration_s": 40.0},
+        "reference": {"chi_deg": 20.0, "gamma_deg": 3.0},
+        "limits": limits,
+        "controller": {"feed_forward": True},
+        "tuning": {"model": "identified", "roll_rate": True},
+        "plant": [{"kind": "jsbsim", "aircraft": f"../{aircraft}"}],
+    }
+    return tomlkit.dumps(_rounded(scenario))
+
+
+def _rounded(value: Any) -> Any:
+    """Plain values of TOML, floats to five digits."""
+    if isinstance(value, Mapping):
+        return {key: _rounded(entry) for key, entry in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_rounded(entry) for entry in value]
+    return float(f"{value:.5g}") if isinstance(value, float) else value

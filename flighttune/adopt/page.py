@@ -3,11 +3,10 @@
 from importlib.metadata import version
 from pathlib import Path
 
-from flighttune.adopt.adopt import CALM_DEG, GOOD_FIT, Adoption
-from flighttune.adopt.files import TURN
+from flighttune.adopt.adopt import CALM_DEG, GOOD_FIT, TURN, Adoption
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.identify.figure import held_out
-from flighttune.identify.model import lags_table
+from flighttune.identify.file import lags_table
 from flighttune.identify.steps import steps_table
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Section, page_template, write_page

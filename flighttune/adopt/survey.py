@@ -10,7 +10,6 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from flighttune.adopt.files import SOURCE
 from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, aircraft_from
 from flighttune.aircraft.model_xml import found_file, read_xml
 from flighttune.arrays import FloatArray
@@ -20,6 +19,8 @@ from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS
 from flighttune.plants.jsbsim.model_files import main_root, model_files, source_folders
 from flighttune.units import DEG, FT, G_0
+
+SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
 
 # Most properties of another simulator that are declared for a model.
 MAX_DECLARED = 60

@@ -142,9 +142,8 @@ def identify(
     """Identify AIRCRAFT's roll and load-factor response in flight; write a model to tune on."""
     from flighttune.aircraft.aircraft import load_aircraft
     from flighttune.identify.figure import identification_figure
-    from flighttune.identify.file import FILE_NAME, identified_tables, save_identified
+    from flighttune.identify.file import FILE_NAME, identified_tables, lags_table, save_identified
     from flighttune.identify.identify import identify_aircraft
-    from flighttune.identify.model import lags_table
 
     check_ending(out, ".json")
     angles = [angle * DEG for angle in gamma or (0.0,)]

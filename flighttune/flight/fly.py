@@ -23,10 +23,9 @@ from flighttune.flight.outer_loop import gain_sets
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.metrics import metric_tables
 from flighttune.plants.air_path import AirPathPlant
-from flighttune.plants.base import Plant
-from flighttune.plants.guarded import GuardedPlant
+from flighttune.plants.base import GuardedPlant, Plant
 from flighttune.plants.point_mass import PointMassPlant
-from flighttune.plants.wind import WIND, WindRecord
+from flighttune.plants.weather import WIND, WindRecord
 from flighttune.scenario.aircraft_check import check_aircraft
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable

@@ -11,7 +11,7 @@ from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGai
 from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, ScenarioError
-from flighttune.identify.model import DesignModel
+from flighttune.identify.file import DesignModel
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.shipped import nearest_name

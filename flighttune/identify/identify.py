@@ -20,6 +20,13 @@ from flighttune.identify.experiment import (
     multisines,
     respond,
 )
+from flighttune.identify.file import (
+    IdentifiedAircraft,
+    IdentifiedChannel,
+    IdentifiedCondition,
+    LagTable,
+    lag_table,
+)
 from flighttune.identify.fit import (
     FrequencyResponse,
     LagCandidate,
@@ -27,13 +34,6 @@ from flighttune.identify.fit import (
     fit_percent,
     frequency_responses,
     lag_response,
-)
-from flighttune.identify.model import (
-    IdentifiedAircraft,
-    IdentifiedChannel,
-    IdentifiedCondition,
-    LagTable,
-    lag_table,
 )
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.linearize import RigidBodyModel, linearize

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -10,12 +10,10 @@ from flighttune.arrays import FloatArray, Floats, check_positive
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
+from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop, TurnLaw
 from flighttune.plants.lagged import LaggedChannel
-from flighttune.plants.wind import CALM, NED, WIND, WindRecord, course_of, velocity_along
+from flighttune.plants.weather import CALM, NED, WIND, WindRecord, course_of, velocity_along
 from flighttune.units import G_PAPER
-
-TurnLaw: TypeAlias = Literal["paper", "exact"]
 
 Disturbance: TypeAlias = Callable[[float], tuple[float, float]]
 """Time (s) to the disturbance of course and flight-path-angle rate (rad/s)."""

@@ -10,7 +10,7 @@ import rerun as rr
 from flighttune.arrays import FloatArray
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import channel_metrics
-from flighttune.plants.wind import WIND
+from flighttune.plants.weather import WIND
 from flighttune.present.palette import LIMIT, rgb
 from flighttune.recording.entities import END, EVENTS, DrawnRun, lane_name, times
 from flighttune.simulate.measures import NO_STEP

@@ -10,7 +10,7 @@ import rerun as rr
 
 from flighttune.arrays import FloatArray
 from flighttune.plants.air_path import OVER_GROUND
-from flighttune.plants.wind import WIND
+from flighttune.plants.weather import WIND
 from flighttune.present.palette import NEUTRAL, rgb
 from flighttune.present.thinning import evenly
 from flighttune.recording import entities, geometry

@@ -9,7 +9,7 @@ from typing import Any
 from flighttune.flight.gap import Gap
 from flighttune.flight.gap_charts import gap_charts
 from flighttune.flight.ladder import Step
-from flighttune.identify.model import lag_table
+from flighttune.identify.file import lag_table
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table

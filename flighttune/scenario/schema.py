@@ -16,8 +16,7 @@ from flighttune.control.law import DEFAULT, Law, Trim, law_name, made_law, split
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
-from flighttune.identify.file import load_identified
-from flighttune.identify.model import DesignModel, design_model
+from flighttune.identify.file import DesignModel, design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG

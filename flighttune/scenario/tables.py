@@ -28,12 +28,11 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
 from flighttune.control.limits import Limits
 from flighttune.metrics import FLIGHT_METRICS, METRICS
+from flighttune.plants.base import PLANT_KINDS, PlantKind
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
-from flighttune.plants.kinds import PLANT_KINDS, PlantKind
 from flighttune.plants.label import goes_by, plant_label
 from flighttune.plants.sensors import Sensors
-from flighttune.plants.weather import Gust, Turbulence, TurbulenceModel, WindProfile
-from flighttune.plants.wind import NED
+from flighttune.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
 from flighttune.quantities import (
     Airspeed,
     Angle,

@@ -22,7 +22,7 @@ from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
-from flighttune.plants.wind import WIND
+from flighttune.plants.weather import WIND
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.simulate.reference import Reference
 

@@ -18,8 +18,8 @@ from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.flight.fly import law_setup
-from flighttune.plants.kinds import PLANT_KINDS
-from flighttune.plants.wind import course_of, velocity_along
+from flighttune.plants.base import PLANT_KINDS
+from flighttune.plants.weather import course_of, velocity_along
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.feasible import FeasibleReference

@@ -9,9 +9,8 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
-from flighttune.tuning.program import Program
+from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import Assessment, assessment, is_feasible
-from flighttune.tuning.starts import stabilising_starts
 from flighttune.tuning.tune import STARTS, searches, smallest_radius
 
 

@@ -12,9 +12,8 @@ from flighttune.control.gains import PIGains
 from flighttune.present.chart import Chart
 from flighttune.present.palette import INK, NEUTRAL, LineStyle
 from flighttune.tuning.problem import TuningProblem, search_space
-from flighttune.tuning.program import Program
+from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import Assessment, assessment, is_feasible
-from flighttune.tuning.starts import stabilising_starts
 from flighttune.tuning.tune import STARTS, smallest_radius
 
 if TYPE_CHECKING:

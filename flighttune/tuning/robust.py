@@ -16,9 +16,8 @@ from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
-from flighttune.tuning.program import Program
+from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult
-from flighttune.tuning.starts import stabilising_starts
 
 STARTS = 4
 AGREEMENT = 1e-4

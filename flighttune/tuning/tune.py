@@ -20,7 +20,7 @@ from flighttune.errors import InputError
 from flighttune.theory.indicators import IndicatorArrays, indicators_batch
 from flighttune.theory.lmi import blocks, largest, solve, unknown
 from flighttune.tuning.problem import Method, TuningProblem, search_space
-from flighttune.tuning.program import Objective, Program
+from flighttune.tuning.program import Objective, Program, stabilising_starts
 from flighttune.tuning.result import (
     Assessment,
     TuningResult,
@@ -29,7 +29,6 @@ from flighttune.tuning.result import (
     result,
     why_infeasible,
 )
-from flighttune.tuning.starts import stabilising_starts
 
 STARTS = 4
 

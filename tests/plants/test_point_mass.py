@@ -12,7 +12,7 @@ from flighttune.errors import InputError, ShapeError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.lagged import LaggedChannel
 from flighttune.plants.point_mass import PointMassPlant, turn_rates
-from flighttune.plants.wind import WindRecord, course_of, velocity_along
+from flighttune.plants.weather import WindRecord, course_of, velocity_along
 from flighttune.simulate.disturbance import Sinusoid
 
 G = 9.81

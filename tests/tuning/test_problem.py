@@ -9,7 +9,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError, ShapeError
 from flighttune.tuning.problem import TuningProblem, decoupled, search_space
-from flighttune.tuning.starts import stabilising_starts
+from flighttune.tuning.program import stabilising_starts
 
 PRINTED_DIGITS = 5e-4
 ROUNDING = 1e-12

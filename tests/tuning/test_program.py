@@ -5,8 +5,7 @@ import pytest
 
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.tuning.problem import TuningProblem, decoupled, search_space
-from flighttune.tuning.program import Program
-from flighttune.tuning.starts import stabilising_starts
+from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.tune import searches
 
 STEP = 1e-5

@@ -12,8 +12,13 @@ from flighttune.control.linear_model import closed_loop, closed_loops, kinematic
 from flighttune.errors import InputError
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.ascent import ascend, point
-from flighttune.tuning.envelope import envelope_rate, largest_envelope, tune_over_envelope
+from flighttune.tuning.envelope import (
+    ascend,
+    envelope_rate,
+    largest_envelope,
+    point,
+    tune_over_envelope,
+)
 from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.tune import tune_by_gradient
 

@@ -4,8 +4,7 @@ import math
 from collections.abc import Callable
 
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.weather import Gust, Turbulence, Weather
-from flighttune.plants.wind import NED
+from flighttune.plants.weather import NED, Gust, Turbulence, Weather
 from flighttune.units import FT
 
 _AXES = {"ahead": "X", "right": "Y", "down": "Z"}
