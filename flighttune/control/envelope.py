@@ -16,7 +16,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive, read_only_vector
 from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import LAW_NAMES, LinearModel, closed_loop
+from flighttune.control.linear_model import LinearModel, closed_loop, entry_model
 from flighttune.errors import InputError
 from flighttune.units import DEG
 
@@ -146,19 +146,6 @@ class JacobianHull:
     def models(self) -> tuple[LinearModel, ...]:
         """The linear model of each vertex."""
         return tuple(entry_model(corner) for corner in self.corners)
-
-
-def entry_model(entries: FloatArray) -> LinearModel:
-    """The chi/gamma law's linear model of given entries (a, b1, b2, b3), 1/s."""
-    a, b1, b2, b3 = entries
-    return LinearModel(
-        A=np.array([[0.0, 0.0], [0.0, a]]),
-        B=np.array([[-b1, 0.0], [b2, -b3]]),
-        C=np.eye(2),
-        states=LAW_NAMES[0],
-        inputs=LAW_NAMES[1],
-        errors=LAW_NAMES[2],
-    )
 
 
 def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:

@@ -1,7 +1,9 @@
 """Gains of the multivariable PI controller."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -107,15 +109,11 @@ PAPER_GAINS = PIGains(
 PAPER_EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
 
 
-def paper_family() -> dict[str, PIGains]:
-    """K* (as ``paper``) and K1 to K6 of the paper's Table 2, by name."""
-    return dict(_family())
-
-
 @cache
-def _family() -> dict[str, PIGains]:
-    shifts = PAPER_EPSILON.items()
-    return {"paper": PAPER_GAINS, **{name: shifted(PAPER_GAINS, by) for name, by in shifts}}
+def paper_family() -> Mapping[str, PIGains]:
+    """K* (as ``paper``) and K1 to K6 of the paper's Table 2, by name."""
+    family = {name: shifted(PAPER_GAINS, by) for name, by in PAPER_EPSILON.items()}
+    return MappingProxyType({"paper": PAPER_GAINS, **family})
 
 
 def shifted(gains: PIGains, epsilon: float) -> PIGains:

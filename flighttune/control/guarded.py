@@ -5,7 +5,6 @@ import textwrap
 import time
 import traceback
 from collections.abc import Sequence
-from typing import Any
 
 from flighttune.control.controller import (
     Controller,
@@ -68,7 +67,6 @@ class GuardedLaw(SelfLimiting):
         self.signals = {str(name): str(unit) for name, unit in law.signals.items()}
         self._limits = CommandLimiter(limits, self.dt)
         self._recorded: Limiter = self._limits
-        self._width = 2 + len(self.signals)
         self._spent = 0.0
 
     @property
@@ -101,23 +99,22 @@ class GuardedLaw(SelfLimiting):
         except FAILURES as error:
             raise self._failed(error, t) from error
         self._spent += time.perf_counter() - began
-        values = _numbers(returned)
-        if values is None or len(values) != self._width:
-            names = ", ".join(("phi_cmd", "n_z_cmd", *self.signals))
-            got = textwrap.shorten(repr(returned), MAX_SHOWN) if values is None else len(values)
-            raise LawError(
-                f"{self._name} at t = {t:.2f} s: `step` must return {self._width} numbers "
-                f"({names}), got {got}."
-            )
-        for name, value in zip(("phi_cmd", "n_z_cmd"), values, strict=False):
+        at, names = f"{self._name} at t = {t:.2f} s", ("phi_cmd", "n_z_cmd", *self.signals)
+        try:
+            values = [float(value) for value in returned]  # type: ignore[attr-defined]
+        except (TypeError, ValueError):
+            values = []
+        if len(values) != len(names):
+            got = textwrap.shorten(repr(returned), MAX_SHOWN) if not values else len(values)
+            wanted = f"{len(names)} numbers ({', '.join(names)})"
+            raise LawError(f"{at}: `step` must return {wanted}, got {got}.")
+        for name, value in zip(names[:2], values, strict=False):
             if not math.isfinite(value):
-                raise LawError(
-                    f"{self._name} at t = {t:.2f} s: `{name}` must be finite, got {value}."
-                )
+                raise LawError(f"{at}: `{name}` must be finite, got {value}.")
         if self._spent > t + MAX_LAG_S:
             raise LawError(
-                f"{self._name} at t = {t:.2f} s: its steps must not take {MAX_LAG_S:g} s longer "
-                f"than the flight, got {self._spent:.1f} s."
+                f"{at}: its steps must not take {MAX_LAG_S:g} s longer than the flight, "
+                f"got {self._spent:.1f} s."
             )
         return (*self._limits.limit(*values[:2]), *values[2:])
 
@@ -137,11 +134,3 @@ class GuardedLaw(SelfLimiting):
 
     def _failed(self, error: BaseException, t: float) -> LawError:
         return LawError(failure(self._name, error, t))
-
-
-def _numbers(returned: Any) -> list[float] | None:
-    """Values that a law returned, as numbers; None where they are none."""
-    try:
-        return [float(value) for value in returned]
-    except (TypeError, ValueError):
-        return None

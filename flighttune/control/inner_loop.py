@@ -71,21 +71,35 @@ def with_input_delay(model: LinearModel, delay: npt.ArrayLike, *, sections: int 
         If a delay is not positive and finite, or `sections` not at least 1.
     """
     check_at_least(1, sections=sections)
-    n, m, p = model.shape
-    rate = 2.0 * sections / _one_per_input("delay", delay, m)
-    A = np.block([[model.A, 2.0 * model.B], [np.zeros((m, n)), -np.diag(rate)]])
-    delayed = LinearModel(
-        A=A,
-        B=np.vstack([-model.B, np.diag(rate)]),
-        C=np.hstack([model.C, np.zeros((p, m))]),
-        states=(*model.states, *(f"{name}_delay_{sections}" for name in model.inputs)),
+    each = _one_per_input("delay", delay, len(model.inputs)) / sections
+    for section in range(sections, 0, -1):
+        late = [(np.array([[-2.0 / h]]), np.array([2.0 / h]), [2.0], -1.0) for h in each]
+        model = _behind(model, late, [[f"{name}_delay_{section}"] for name in model.inputs])
+    return model
+
+
+# State space A (k, k), B (k,), C (k,), D of what stands between a command and an input.
+Filter: TypeAlias = tuple[FloatArray, FloatArray, Sequence[float], float]
+
+
+def _behind(
+    model: LinearModel, filters: Sequence[Filter], names: Sequence[Sequence[str]]
+) -> LinearModel:
+    """The model with a filter before each input; `names` are those of the filters' states."""
+    from scipy.linalg import block_diag
+
+    A, B, C, D = zip(*filters, strict=True)
+    inside = block_diag(*A)
+    passed, k = model.B @ block_diag(*C), len(inside)
+    n, _, p = model.shape
+    return LinearModel(
+        A=np.block([[model.A, passed], [np.zeros((k, n)), inside]]),
+        B=np.vstack([model.B * D, block_diag(*(column[:, None] for column in B))]),
+        C=np.hstack([model.C, np.zeros((p, k))]),
+        states=(*model.states, *(name for group in names for name in group)),
         inputs=model.inputs,
         errors=model.errors,
     )
-    if sections == 1:
-        return delayed
-    rest = np.broadcast_to(delay, (m,)) * (sections - 1) / sections
-    return with_input_delay(delayed, rest, sections=sections - 1)
 
 
 def _one_per_input(name: str, value: npt.ArrayLike, m: int) -> FloatArray:
@@ -226,29 +240,15 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
     ShapeError
         If there is not one lag an input.
     """
-    from scipy.linalg import block_diag
-
-    n, m, p = model.shape
-    if len(lags) != m:
-        raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
-    parts = [lag.state_space for lag in lags]
-    sizes = [len(A) for A, _ in parts]
-    inside = block_diag(*(A for A, _ in parts))
-    commands = block_diag(*(B[:, None] for _, B in parts))
-    from_lags = np.zeros((n, sum(sizes)))
-    from_lags[:, np.cumsum([0, *sizes[:-1]])] = model.B
-    names = [
-        (name, *(f"{name}_lag_{i}" for i in range(1, lag.order)), f"{name}_delay")[:size]
-        for name, lag, size in zip(model.inputs, lags, sizes, strict=True)
-    ]
-    return LinearModel(
-        A=np.block([[model.A, from_lags], [np.zeros((sum(sizes), n)), inside]]),
-        B=np.vstack([np.zeros((n, m)), commands]),
-        C=np.hstack([model.C, np.zeros((p, sum(sizes)))]),
-        states=(*model.states, *(name for group in names for name in group)),
-        inputs=model.inputs,
-        errors=model.errors,
-    )
+    if len(lags) != len(model.inputs):
+        raise ShapeError(f"`lags` must be {len(model.inputs)}, one an input, got {len(lags)}.")
+    filters, names = [], []
+    for name, lag in zip(model.inputs, lags, strict=True):
+        A, B = lag.state_space
+        filters.append((A, B, np.eye(len(A))[0], 0.0))
+        states = (name, *(f"{name}_lag_{i}" for i in range(1, lag.order)), f"{name}_delay")
+        names.append(states[: len(A)])
+    return _behind(model, filters, names)
 
 
 def inner_loop_scaling(model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:

@@ -63,6 +63,19 @@ class LinearModel:
         return len(self.states), len(self.inputs), len(self.errors)
 
 
+def entry_model(entries: FloatArray) -> LinearModel:
+    """The chi/gamma law's linear model of given entries (a, b1, b2, b3), 1/s."""
+    a, b1, b2, b3 = entries
+    return LinearModel(
+        A=np.array([[0.0, 0.0], [0.0, a]]),
+        B=np.array([[-b1, 0.0], [b2, -b3]]),
+        C=np.eye(2),
+        states=LAW_NAMES[0],
+        inputs=LAW_NAMES[1],
+        errors=LAW_NAMES[2],
+    )
+
+
 def kinematic_model(
     *, V_a: float, gamma: float, phi: float = 0.0, n_z: float | None = None, g: float
 ) -> LinearModel:
@@ -100,16 +113,8 @@ def kinematic_model(
             raise InputError(f"`{name}` must lie inside +-pi/2, got {value} rad.")
     if n_z is None:
         n_z = math.cos(gamma) / math.cos(phi)
-    g_over_v = g / V_a
-    return LinearModel(
-        A=np.array([[0.0, 0.0], [0.0, g_over_v * math.sin(gamma)]]),
-        B=g_over_v
-        * np.array([[-1.0 / math.cos(phi) ** 2, 0.0], [n_z * math.sin(phi), -math.cos(phi)]]),
-        C=np.eye(2),
-        states=LAW_NAMES[0],
-        inputs=LAW_NAMES[1],
-        errors=LAW_NAMES[2],
-    )
+    entries = math.sin(gamma), 1.0 / math.cos(phi) ** 2, n_z * math.sin(phi), math.cos(phi)
+    return entry_model(g / V_a * np.array(entries))
 
 
 def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:

@@ -1,7 +1,6 @@
 """Stability margins of a loop: gain, phase, delay and lag, for one channel and for all at once."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -15,6 +14,7 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop
 
 GRID_PER_DECADE = 60
+RTOL = 1e-15  # of a root between two points of the grid
 LONGEST_LAG = 1e3
 SHORTEST_LAG = 1e-4
 
@@ -164,6 +164,8 @@ def lag_margin(model: LinearModel, gains: PIGains) -> float:
     InputError
         If the channels of `gains` are not those of `model`.
     """
+    from scipy.optimize import brentq
+
     if not _is_stable(closed_loop(model, gains)):
         return 0.0
 
@@ -179,11 +181,13 @@ def lag_margin(model: LinearModel, gains: PIGains) -> float:
     log_lags = np.linspace(
         math.log(SHORTEST_LAG), math.log(LONGEST_LAG), int(decades * GRID_PER_DECADE)
     )
-    unstable = np.flatnonzero(abscissa(log_lags[1:]) >= 0.0)
+    unstable = np.flatnonzero(abscissa(log_lags) >= 0.0)
     if not len(unstable):
         return math.inf
-    shorter, longer = log_lags[unstable[0] :][:2]
-    return math.exp(_root(lambda log_lag: float(abscissa(log_lag)), shorter, longer))
+    if unstable[0] == 0:
+        return SHORTEST_LAG
+    ends = log_lags[unstable[0] - 1], log_lags[unstable[0]]
+    return math.exp(brentq(lambda log_lag: float(abscissa(log_lag)), *ends, rtol=RTOL))
 
 
 def delay_margin(model: LinearModel, gains: PIGains) -> float:
@@ -204,6 +208,8 @@ def delay_margin(model: LinearModel, gains: PIGains) -> float:
     ``L(jw) exp(-jwh)`` has the eigenvalue -1 where an eigenvalue of L(jw) has the modulus 1; its
     phase says at which delay h.
     """
+    from scipy.optimize import brentq
+
     A_K = closed_loop(model, gains)
     if not _is_stable(A_K):
         return 0.0
@@ -219,25 +225,10 @@ def delay_margin(model: LinearModel, gains: PIGains) -> float:
     excess = np.abs(eigenvalues(omega)) - 1.0
     delays = [math.inf]
     for step, k in np.argwhere(excess[:-1] * excess[1:] <= 0.0):
-        crossing = _root(
-            lambda w, k=k: float(np.abs(eigenvalues(w)[k])) - 1.0, omega[step], omega[step + 1]
-        )
+        ends = omega[step], omega[step + 1]
+        crossing = brentq(lambda w, k=k: float(np.abs(eigenvalues(w)[k])) - 1.0, *ends, rtol=RTOL)
         delays.append(float(_phase_lag(eigenvalues(crossing)[k])) / crossing)
     return min(delays)
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """The root between two signs, by bisection down to rounding.
-
-    SciPy's would take longer to import than all margins take to compute.
-    """
-    rises = function(low) < 0.0 or function(high) > 0.0
-    while low < (middle := 0.5 * (low + high)) < high:
-        if (function(middle) < 0.0) == rises:
-            low = middle
-        else:
-            high = middle
-    return high
 
 
 def _is_stable(A_K: FloatArray) -> bool:

@@ -285,8 +285,7 @@ def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
 
 def _identified_everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, ...]:
     """The identified models of every condition of the file, all of one order."""
-    everywhere = scenario.tuning.model_copy(update={"robust": True})
-    models = scenario.model_copy(update={"tuning": everywhere}).identified_models(law)
+    models = scenario.identified_models(law, everywhere=True)
     orders = sorted({len(model.model.states) for model in models})
     if len(orders) > 1:
         raise InputError(

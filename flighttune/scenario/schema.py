@@ -357,17 +357,19 @@ class Scenario(Table):
             )
         return source
 
-    def identified_models(self, law: Law | None = None) -> tuple[DesignModel, ...]:
+    def identified_models(
+        self, law: Law | None = None, *, everywhere: bool = False
+    ) -> tuple[DesignModel, ...]:
         """A law, by default the first, behind the identified inner loop and half a sample of delay.
 
         The model is about wings-level flight on the first reference with the lags of the nearest
-        condition. Where [tuning] says ``robust`` there is one model for each condition, at its own
-        airspeed and climb.
+        condition. If `everywhere`, or where [tuning] says ``robust``, there is one model for each
+        condition, at its own airspeed and climb.
         """
         identified, law = load_identified(self._identified()), law or self.laws[0]
         V_a, gamma = self.flight.V_a_mps, self.followed().initial[1]
         g, hold = self.flight.g_mps2, 0.5 / self.controller.rate_hz
-        if self.tuning.robust:
+        if everywhere or self.tuning.robust:
             speed = V_a if self.controller.schedule else None
             return tuple(
                 design_model(condition, g=g, hold=hold, schedule_speed=speed, law=law)

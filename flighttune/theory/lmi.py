@@ -22,17 +22,6 @@ SOLVER_OPTIONS = {
     "equilibrate_enable": False,
 }
 
-REASONS = {
-    "optimal": "",
-    "optimal_inaccurate": "the solver stopped short of its tolerance",
-    "infeasible": "the solver found the inequalities infeasible",
-    "infeasible_inaccurate": "the solver thinks the inequalities infeasible, but is not sure",
-    "unbounded": "the solver found the objective unbounded",
-    "unbounded_inaccurate": "the solver thinks the objective unbounded, but is not sure",
-    "user_limit": "the solver ran out of iterations",
-    "solver_error": "the solver failed numerically",
-}
-
 LmiStatus = Literal["optimal", "inaccurate", "infeasible", "failed"]
 STATUSES: dict[str, LmiStatus] = {
     "optimal": "optimal",
@@ -106,8 +95,8 @@ def solve(problem: Any) -> LmiAnswer:
             said = problem.status
         except cvxpy.SolverError:
             said = "solver_error"
-    reason = REASONS.get(said, f"the solver said {said!r}")
-    return LmiAnswer(status=STATUSES.get(said, "failed"), reason=reason)
+    status = STATUSES.get(said, "failed")
+    return LmiAnswer(status, "" if status == "optimal" else f"the solver said {said!r}")
 
 
 def solver_versions() -> dict[str, str]:

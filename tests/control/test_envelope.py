@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from flighttune.control.envelope import Envelope, entry_model, jacobian_hull, vertex_loops
+from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import closed_loop, kinematic_model
+from flighttune.control.linear_model import closed_loop, entry_model, kinematic_model
 from flighttune.errors import InputError
 
 G = 9.81

@@ -77,7 +77,7 @@ def test_a_solver_that_breaks_down_is_a_failure_with_a_reason(monkeypatch):
     answer = solve(problem)
 
     assert answer.status == "failed"
-    assert "numerically" in answer.reason
+    assert "solver_error" in answer.reason
 
 
 def test_a_solver_stopped_early_is_not_called_optimal(monkeypatch):
