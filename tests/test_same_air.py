@@ -132,28 +132,3 @@ def test_steered_through_the_air_the_aircraft_meets_the_papers_disturbance(storm
     assert ((aircraft - law).abs().max() < np.array(apart_deg)).all()
     assert (law.abs().max() > 0.6).all()
     assert (aircraft - law).loc[45.0:].abs().max().max() < 0.05
-
-
-@pytest.mark.slow
-def test_the_aerosonde_lives_through_the_wind_of_the_printed_amplitude():
-    flown = fly(
-        scenario(
-            [{"kind": "jsbsim", "aircraft": "aerosonde"}],
-            gains=["paper", "tuned"],
-            flight={"V_a_mps": 25.0, "chi_deg": 60.0, "gamma_deg": 45.0},
-            reference={"chi_deg": 0.0, "gamma_deg": 15.0},
-            limits={
-                "phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0,
-                "n_z": [-2.1, 2.1], "n_z_rate_per_s": 1.0,
-            },
-            disturbance={
-                "chi_amplitude": 0.1, "chi_omega_rad_s": 0.15,
-                "gamma_amplitude": 0.1, "gamma_omega_rad_s": 0.15, "as_wind": True,
-            },
-        )
-    )  # fmt: skip
-
-    for run in flown.runs:
-        assert (run.status, run.duration) == ("completed", pytest.approx(20.0))
-        speed = np.hypot(run.signals["wind_north"], run.signals["wind_east"])
-        assert speed.iloc[0] == pytest.approx(25.0 * math.cos(math.radians(15.0)) * 0.1 / 0.15)

@@ -26,7 +26,7 @@ from flighttune.flight.outer_loop import (
 )
 from flighttune.identify.file import load_identified
 from flighttune.scenario import load_scenario, scenario_from
-from flighttune.shipped import aircraft_folder, scenario_files
+from flighttune.shipped import scenario_files
 from flighttune.theory.indicators import indicators
 from flighttune.value_file import tables_of, value_of
 
@@ -93,11 +93,13 @@ def paper():
     return fly(load_scenario("paper_identified"))
 
 
-@pytest.mark.parametrize("channel", ["chi", "gamma"])
-def test_itae_on_the_aircraft_is_less_than_half_of_the_papers(paper, channel):
-    ratio = itae(paper, "tuned_identified")[channel] / itae(paper, "paper")[channel]
+@pytest.mark.parametrize(
+    ("plant", "allowed"), [(AIRCRAFT, ON_THE_AIRCRAFT), ("kinematic", ON_THE_LAW)]
+)
+def test_itae_over_that_of_the_papers_gains(paper, plant, allowed):
+    tuned, printed = (itae(paper, gains, plant) for gains in ("tuned_identified", "paper"))
 
-    assert ratio <= ON_THE_AIRCRAFT
+    assert all(tuned[channel] <= allowed * printed[channel] for channel in printed)
 
 
 def test_the_table_of_the_page_is_what_the_scenario_flies(paper):
@@ -118,14 +120,6 @@ def test_the_table_of_the_page_is_what_the_scenario_flies(paper):
         )
         ratio = [] if gains == "paper" else aircraft / printed
         assert told == pytest.approx([*law, *aircraft, *ratio], abs=HALF_OF_THE_LAST_DIGIT), title
-
-
-@pytest.mark.parametrize("channel", ["chi", "gamma"])
-def test_itae_on_the_kinematic_law_stays_near_the_papers(paper, channel):
-    law = "kinematic"
-    ratio = itae(paper, "tuned_identified", law)[channel] / itae(paper, "paper", law)[channel]
-
-    assert ratio <= ON_THE_LAW
 
 
 @pytest.mark.parametrize("signal", ["phi", "chi_err", "gamma_err"])
@@ -188,17 +182,6 @@ def test_the_model_of_the_scenario_is_the_identified_one_where_it_says_so():
     assert own.linear_model().inputs == ("phi", "n_z")
     assert len(own.linear_model().states) > 6
     assert np.array_equal(tune_scenario(own).gains.K, tune_scenario(scenario, "identified").gains.K)
-
-
-def test_a_model_file_and_the_aircraft_it_ships_with_are_one():
-    tables = load_scenario("paper_identified").as_dict()
-    tables["tuning"]["identified"] = str(aircraft_folder("aerosonde") / "identified.json")
-
-    by_file, by_name = scenario_from(tables), load_scenario("paper_identified")
-
-    assert np.array_equal(
-        by_file.identified_models()[0].model.A, by_name.identified_models()[0].model.A
-    )
 
 
 def test_the_loop_on_the_identified_model_is_certified():

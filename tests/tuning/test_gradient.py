@@ -165,8 +165,9 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
     assert found.reason
 
 
-def test_the_same_problem_gives_the_same_bits(printed):
-    first, second = (tune(printed.relaxed(7.0, 7.0)) for _ in range(2))
+@pytest.mark.parametrize("method", ["gradient", "convex"])
+def test_the_same_problem_gives_the_same_bits(printed, method):
+    first, second = (tune(printed.relaxed(7.0, 7.0), method) for _ in range(2))
 
     assert np.array_equal(first.gains.K, second.gains.K)
 

@@ -50,18 +50,6 @@ def test_a_banked_law_stays_in_one_piece():
     assert np.array_equal(whole.problem.model.B, law.B)
 
 
-def test_the_rate_of_the_whole_is_that_of_the_slowest_channel():
-    one = problem()
-    found = tune_worst_case([one])
-    rates = [
-        rate(part.problem, found.gains.K[np.ix_(part.inputs, [part.errors[0], 2 + part.errors[0]])])
-        for part in channels(one)
-    ]
-
-    assert found.status == "optimal"
-    assert found.R_K == pytest.approx(min(rates), rel=1e-9)
-
-
 def test_one_model_gives_the_optimum_of_the_decoupled_problem():
     one = problem()
 
@@ -118,12 +106,6 @@ def test_input_limits_are_kept():
     assert found.status == "optimal"
     assert np.abs(asked).max() <= 0.3
     assert found.R_K < tune_worst_case([free]).R_K
-
-
-def test_the_same_problem_gives_the_same_gains():
-    assert np.array_equal(
-        tune_worst_case([problem()]).gains.K, tune_worst_case([problem()]).gains.K
-    )
 
 
 def test_problems_with_other_bounds_are_refused():

@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
+from flighttune.control.envelope import Envelope, jacobian_hull
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import closed_loop, closed_loops, kinematic_model
+from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.errors import InputError
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import indicators
@@ -85,13 +85,6 @@ def test_one_common_Q_holds_at_a_thousand_conditions_drawn_from_the_envelope():
         assert np.linalg.eigvalsh(A.T @ Q + Q @ A + np.eye(4))[-1] < SOLVER
 
 
-def test_the_rate_over_an_envelope_is_at_most_that_at_any_condition_of_it():
-    trim = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=G)
-    rate = envelope_rate(TUNED, GENTLE, g=G).R
-
-    assert rate < indicators(closed_loop(trim, TUNED)).R_K
-
-
 def test_the_papers_gains_certify_a_narrower_envelope_than_the_tuned_ones():
     factors = [largest_envelope(gains, MODERATE, TRIM, g=G).factor for gains in SETS]
 
@@ -105,12 +98,6 @@ def test_the_largest_envelope_is_certified_and_a_slightly_larger_one_is_not():
     assert envelope_rate(PAPER_GAINS, largest.envelope, g=G).R == largest.R
     beyond = MODERATE.scaled(TRIM, 1.01 * largest.factor)
     assert envelope_rate(PAPER_GAINS, beyond, g=G).status == "none"
-
-
-def test_gains_that_are_unstable_at_the_trim_reach_nowhere():
-    unstable = PIGains(K_P=-np.eye(2), K_I=np.eye(2))
-
-    assert largest_envelope(unstable, MODERATE, TRIM, g=G).factor == 0.0
 
 
 @pytest.fixture(scope="module")
@@ -207,26 +194,13 @@ def test_a_point_that_breaks_a_constraint_is_none(model):
     assert point(problem, models, TUNED.K[free] + 2e3) is None
 
 
-def test_the_trim_must_lie_in_the_envelope(model):
+def test_an_envelope_without_the_trim_and_a_state_scaling_are_refused(model):
     outside = Envelope.at(V_a=40.0, gamma=0.0)
+    scaled = TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
 
-    with pytest.raises(InputError, match="`envelope` must contain the trim"):
+    with pytest.raises(InputError, match="`envelope` must contain"):
         largest_envelope(TUNED, GENTLE, outside, g=G)
-    with pytest.raises(InputError, match="`envelope` must contain the trim"):
+    with pytest.raises(InputError, match="`envelope` must contain"):
         tune_over_envelope(TuningProblem(model=model), GENTLE, outside, g=G)
-
-
-def test_a_state_scaling_has_no_rate_over_an_envelope(model):
-    problem = TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
-
-    with pytest.raises(InputError, match="`scaling` must be all ones"):
-        tune_over_envelope(problem, GENTLE, TRIM, g=G)
-
-
-def test_the_loops_of_an_envelope_are_those_of_its_models():
-    models = jacobian_hull(GENTLE, g=G).models()
-
-    assert np.array_equal(
-        vertex_loops(GENTLE, TUNED, g=G),
-        np.array([closed_loops(model, TUNED.K) for model in models]),
-    )
+    with pytest.raises(InputError, match="`scaling`"):
+        tune_over_envelope(scaled, GENTLE, TRIM, g=G)

@@ -1,13 +1,10 @@
 """Aircraft of JSBSim's own set inside our inner loop: flown as shipped, at 50 and at 200 m/s."""
 
-import hashlib
 import math
 import re
 import shutil
 from contextlib import suppress
-from pathlib import Path
 
-import jsbsim
 import numpy as np
 import pytest
 
@@ -21,7 +18,6 @@ from flighttune.units import G_0
 
 DEG = math.pi / 180.0
 WRAPPED = [("c172p", 50.0), ("a4", 200.0)]
-SHIPPED = Path(jsbsim.get_default_root_dir())
 STEADY = {"phi": 0.1 * DEG, "gamma": 0.1 * DEG, "V_a": 0.15, "n_z": 2e-3}
 
 
@@ -52,15 +48,10 @@ def test_propeller_thrust_at_the_trim_balances_drag_and_weight(fly):
         for g in (0.0, gamma)
     )
 
+    assert climb["thrust"] == pytest.approx(climb["thrust"][0], rel=2e-3)  # from the start on
     weight = 1680.0 * 4.44822 + 200.0 * 4.44822
     gained = climb["thrust"][0] - level["thrust"][0]
     assert gained == pytest.approx(weight * math.sin(gamma), rel=0.02)
-
-
-def test_an_engine_with_a_propeller_starts_its_flight_in_steady_state(fly):
-    flight = fly((0.0, 1.0), aircraft="c172p", V_a=45.0, duration=2.0)
-
-    assert flight["thrust"] == pytest.approx(flight["thrust"][0], rel=2e-3)
 
 
 def test_the_clock_starts_at_zero_after_the_engine_has_settled():
@@ -75,22 +66,6 @@ def test_two_flights_of_a_propeller_aircraft_are_equal_to_the_bit(fly):
 
     for name in first.signals:
         assert np.array_equal(first[name], second[name]), name
-
-
-def test_shipped_files_stay_as_they_are_and_nothing_is_left_behind(fly, tmp_path, monkeypatch):
-    files = [
-        SHIPPED / "aircraft/c172p/c172p.xml", SHIPPED / "engine/eng_io320.xml",
-        SHIPPED / "engine/prop_75in2f.xml",
-    ]  # fmt: skip
-    before = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-
-    fly((0.0, 1.0), aircraft="c172p", V_a=50.0, duration=1.0)
-
-    assert [hashlib.sha256(file.read_bytes()).hexdigest() for file in files] == before
-    assert list(tmp_path.iterdir()) == []
-    assert not list((SHIPPED / "aircraft/c172p").glob("*.csv"))
 
 
 @pytest.fixture
