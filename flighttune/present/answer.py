@@ -21,7 +21,7 @@ READ_BY = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What a command computed. Its tables show numbers of its values, or have records of their own.
+    """The result of a command. Its tables show numbers of its values, or have records of their own.
 
     The text has tables, notes, verdict and files; the JSON object has the values, the records of
     tables with a name, notes, verdict, and each file under its key.

@@ -10,7 +10,7 @@ from flighttune.certificates import Certification, Claim
 
 
 def claim_values(claim: Claim | None) -> dict[str, Any]:
-    """What a certificate claims and where; all null where there is none."""
+    """The claim of a certificate and its place; all null where there is none."""
     return {
         **{key: getattr(claim, key, None) for key in ("rate", "radius", "L_d")},
         "holds": claim.place if claim else None,

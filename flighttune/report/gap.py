@@ -101,7 +101,7 @@ def gap_tables(gap: Gap, values: Mapping[str, Any]) -> list[Table]:
 
 
 def step_table(gaps: Sequence[Gap]) -> Table:
-    """What each step from the paper's law to the aircraft adds, and all of them together."""
+    """The difference that each step from the paper's law to the aircraft adds, and the total."""
     records = [
         {"gains": gap.name, **_step(step)}
         for gap in gaps

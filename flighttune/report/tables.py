@@ -139,7 +139,7 @@ def kept_table(facts: Facts) -> Table:
 
 
 def paths_table(facts: Facts) -> Table:
-    """How far each aircraft flies from the first plant that is none, with the same gains."""
+    """Largest distance of each aircraft from the first plant that is none, with the same gains."""
     laws = [run for run in facts.runs if run.provenance.aircraft is None]
     first = {
         run.provenance.gains_name: run

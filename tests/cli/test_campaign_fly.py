@@ -90,9 +90,3 @@ def test_a_run_that_cannot_be_flown_says_why(folder, tmp_path, run, says):
     assert says in told
     assert printed == ""
     assert not list(tmp_path.iterdir())
-
-
-def test_a_folder_that_holds_no_campaign_says_so(tmp_path):
-    _, told = flighttune("campaign", "fly", tmp_path, "--run", 0, status=2, cwd=tmp_path)
-
-    assert "must hold a campaign, got no campaign.json" in told

@@ -85,19 +85,6 @@ def test_a_pipe_that_nobody_reads_is_no_failure(command, status):
     assert done.stderr.count(b"\n") == status  # the reason for exit status 1
 
 
-@POSIX
-@pytest.mark.slow
-def test_errors_into_a_pipe_that_nobody_reads_keep_their_status():
-    nobody, pipe = os.pipe()
-    os.close(nobody)
-    try:
-        done = ended("fly no_such_scenario", stdout=pipe, stderr=pipe)
-    finally:
-        os.close(pipe)
-
-    assert done.returncode == 2
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.slow
 def test_standard_output_on_a_full_disk_is_said_in_one_line():

@@ -141,13 +141,6 @@ def test_a_flight_that_does_not_converge_has_its_late_errors_and_limits(written,
         assert record["residual"][channel] == pytest.approx(error.loc[0.75 * run.duration :].max())
 
 
-def test_the_bound_of_a_certificate_has_the_factor_it_starts_from(written, paper_facts):
-    records = records_of(written, "certificates")
-    for gain_set in paper_facts.gains:
-        growth = np.sqrt(np.linalg.cond(gain_set.trim.certificate.Q))
-        assert records[gain_set.name]["growth"] == pytest.approx(growth)
-
-
 def test_every_flight_is_held_against_its_certificate(written, paper_source, paper_facts):
     laws = [run.label for run in paper_source.runs if run.provenance.aircraft is None]
     assert list(paper_facts.checks) == laws
@@ -226,12 +219,6 @@ def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp
     with pytest.raises(RecordingError, match=r"^mixed: .*one scenario"):
         write_report(mixed, tmp_path / "never.html")
     assert not (tmp_path / "never.html").exists()
-
-
-def test_without_an_aircraft_there_is_no_gap(printed_source, tmp_path):
-    written = write_report(printed_source, tmp_path / "printed.html")
-
-    assert "From the law to the aircraft" not in written.sections
 
 
 @pytest.mark.slow

@@ -62,7 +62,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
 
 
 def summary(findings: Findings) -> tuple[str, ...]:
-    """How many flights succeed, and the parameters that matter most."""
+    """Two sentences: the number of flights that succeed, and the parameters that matter most."""
     n = sum(group.n for group in findings.groups)
     successes = sum(group.successes for group in findings.groups)
     strongest = Counter(
@@ -89,27 +89,27 @@ def _strongest(findings: Findings, group: Group, measure: str) -> str:
 def notes(findings: Findings) -> tuple[str, ...]:
     """Number of flights, and effect of the design on the intervals."""
     flown, plan = findings.flights, findings.flights.plan
-    found_notes = []
+    lines = []
     if len(flown.rows) < plan.runs:
-        found_notes.append(
+        lines.append(
             f"Not finished: the numbers are those of {len(flown.rows)} of {plan.runs} flights."
         )
     if plan.cycle > 1:
-        found_notes.append(
+        lines.append(
             f"Draws of this design come in blocks of {plan.cycle}: intervals are for the effective "
             "number of independent flights."
         )
     elif plan.campaign.design in ("latin_hypercube", "sobol"):
-        found_notes.append(
+        lines.append(
             "Draws are spread evenly (" + plan.campaign.design.replace("_", " ") + "); intervals "
             "are those of independent draws, which is conservative."
         )
     if any(plan.scenario.plant_table(group.plant).aircraft for group in plan.groups):
-        found_notes.append(
+        lines.append(
             "How far an aircraft can be off: flighttune conform CAMPAIGN --out FILE, then "
             "flighttune tube SCENARIO --conformance FILE."
         )
-    return tuple(found_notes)
+    return tuple(lines)
 
 
 def _sections(findings: Findings, values: dict[str, Any]) -> list[Section]:

@@ -117,24 +117,18 @@ def scatter_panels(findings: Findings) -> list[Chart]:
     for key in influential_parameters(findings)[:SCATTERED]:
         if not findings.flights.is_number(key):
             continue
-        chart = Chart(title=f"{how.name} over {key}", x=_axis(key), y=how.heading)
-        tops = []
+        chart = Chart(title=f"{how.name} over {key}", x=_axis(key), y=how.heading, x_room=0.03)
+        highest = np.nanmax(how.factor * values_of(findings.flights.rows, findings.measure))
         for group, rows in findings.flights.groups():
-            some = rows.iloc[:: len(rows) // DOTS + 1]
+            label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
             x = some[key].to_numpy(dtype=float)
             y = how.factor * values_of(some, findings.measure)
-            colour, tips = styles[group.label].colour, flight_tips(some, findings.flights.url)
-            finite = np.isfinite(y)
-            some_tips = [tip for tip, flew in zip(tips, finite, strict=True) if flew]
-            chart.points(
-                x[finite], y[finite], colour, run=group.label, size=2.6, opacity=0.6, tips=some_tips
-            )
-            lost_tips = [tip for tip, flew in zip(tips, finite, strict=True) if not flew]
-            tops.append((x[~finite], lost_tips, group.label))
-        # flights that ended early have no value: they stand at the upper edge
-        top = chart.y_ends()[1]
-        for lost, tips, label in tops:
-            chart.points(lost, np.full(len(lost), top), LIMIT, run=label, shape="cross", tips=tips)
+            tips, flown = np.array(flight_tips(some, findings.flights.url)), np.isfinite(y)
+            dots = {"size": 2.6, "opacity": 0.6, "tips": tips[flown].tolist()}
+            chart.points(x[flown], y[flown], styles[label].colour, run=label, **dots)
+            # flights that ended early have no value: they stand as high as the worst one
+            top, lost = np.full(len(x), highest), {"shape": "cross", "tips": tips[~flown].tolist()}
+            chart.points(x[~flown], top[~flown], LIMIT, run=label, **lost)
         charts.append(chart)
     return charts
 
