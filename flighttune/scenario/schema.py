@@ -42,7 +42,6 @@ from flighttune.scenario.tables import (
     TuningTable,
     TurbulenceTable,
     WindTable,
-    check_air,
     law_named,
 )
 from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
@@ -123,8 +122,6 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _can_be_flown(self) -> "Scenario":
-        aircraft = any(p.kind == "jsbsim" for p in self.plant)
-        check_air(self.disturbance, self.wind, self.gust or self.turbulence, aircraft=aircraft)
         duration, rate = self.flight.duration_s, self.controller.rate_hz
         if not 2.0 <= duration * rate <= MAX_SAMPLES:
             raise ValueError(
@@ -153,9 +150,28 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
-    def _swings_as_air_does(self) -> "Scenario":
-        disturbance = self.disturbance
-        for channel in ("chi", "gamma") if disturbance and disturbance.as_wind else ():
+    def _air_fits(self) -> "Scenario":
+        disturbance, aircraft = self.disturbance, any(plant.aircraft for plant in self.plant)
+        for name in () if aircraft else ("gust", "turbulence"):
+            if getattr(self, name):
+                raise ValueError(
+                    f"`{name}` must be absent without a jsbsim plant: the others replay its wind"
+                )
+        if self.wind and self.wind.level and not aircraft:
+            raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
+        if disturbance is None:
+            return self
+        if aircraft and not disturbance.as_wind:
+            raise ValueError(
+                "`disturbance` must be absent where a plant is jsbsim, or have `as_wind`: the "
+                "sinusoid is a term of the kinematic law"
+            )
+        if disturbance.path == "air" and self.windy:
+            raise ValueError(
+                '`path` of [disturbance] must be "ground" where there is other wind, which plants '
+                "that are no aircraft meet over ground"
+            )
+        for channel in ("chi", "gamma") if disturbance.as_wind else ():
             amplitude = abs(getattr(disturbance, f"{channel}_amplitude"))
             omega = getattr(disturbance, f"{channel}_omega_rad_s")
             wind = self.flight.V_a_mps * amplitude / omega if amplitude else 0.0

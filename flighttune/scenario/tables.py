@@ -338,6 +338,10 @@ class AirframeTable(Table):
 class OwnTable(Table):
     """A law or plant, which may be a class of the user's: the class itself is in no file."""
 
+    module: Annotated[str, Field(min_length=1)] | None = None
+    class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
+    parameters: dict[str, Any] | None = None
+    sha256: str | None = None
     _maker: Callable[..., Any] | None = PrivateAttr(None)
 
     @property
@@ -386,10 +390,6 @@ class PlantTable(OwnTable):
     n_z_lag_rad_s: Bandwidth | None = None
     n_z_damping: Damping | None = None
     n_z_delay_s: Delay | None = None
-    module: Annotated[str, Field(min_length=1)] | None = None
-    class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
-    parameters: dict[str, Any] | None = None
-    sha256: str | None = None
 
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> Self:
@@ -449,10 +449,6 @@ class LawTable(OwnTable):
     priority: Priority | None = None
     lift_floor: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     braking: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
-    module: Annotated[str, Field(min_length=1)] | None = None
-    class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
-    parameters: dict[str, Any] | None = None
-    sha256: str | None = None
 
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> Self:
@@ -682,38 +678,6 @@ class DisturbanceTable(Table):
         for key in ("chi_switch_s", "gamma_switch_s"):
             if times := getattr(self, key):
                 yield key, times[-1]
-
-
-def check_air(
-    disturbance: DisturbanceTable | None,
-    wind: WindTable | None,
-    unsteady: GustTable | TurbulenceTable | None,
-    *,
-    aircraft: bool,
-) -> None:
-    """Refuse air that the plants of a scenario cannot fly in.
-
-    `unsteady` is the table of its gust or turbulence; `aircraft` says that one of its plants is of
-    kind jsbsim. Refused are a sinusoid of the kinematic law on an aircraft, a wind that no plant
-    meets for the others to replay, and steering an aircraft through the air in other wind as well.
-    """
-    if disturbance and aircraft and not disturbance.as_wind:
-        raise ValueError(
-            "`disturbance` must be absent where a plant is jsbsim, or have `as_wind`: the "
-            "sinusoid is a term of the kinematic law"
-        )
-    if disturbance and disturbance.path == "air" and (wind or unsteady):
-        raise ValueError(
-            '`path` of [disturbance] must be "ground" where there is other wind, which plants that '
-            "are no aircraft meet over ground"
-        )
-    if unsteady and not aircraft:
-        name = "gust" if isinstance(unsteady, GustTable) else "turbulence"
-        raise ValueError(
-            f"`{name}` must be absent without a jsbsim plant: the others replay its wind"
-        )
-    if wind and wind.level and not aircraft:
-        raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
 
 
 def _blowing(speed: float, from_deg: float, down: float) -> NED:

@@ -146,31 +146,24 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
 
 
 def _check(manoeuvre: Manoeuvre) -> None:
-    for name, value in (("phi", manoeuvre.phi_0), ("n_z", manoeuvre.n_z_0)):
+    for name, end, value in (
+        ("phi", "begin", manoeuvre.phi_0),
+        ("n_z", "begin", manoeuvre.n_z_0),
+        ("n_z", "end", math.cos(manoeuvre.end[1])),
+    ):
         low, high = getattr(manoeuvre, name)
         if not low <= value <= high:
             raise InputError(
-                f"`{name}` of a feasible reference must begin in {low:.4g} to {high:.4g} (the "
+                f"`{name}` of a feasible reference must {end} in {low:.4g} to {high:.4g} (the "
                 f"limits without the margin), got {value:.4g}."
             )
-    n_z = math.cos(manoeuvre.end[1])
-    if not manoeuvre.n_z[0] <= n_z <= manoeuvre.n_z[1]:
-        raise InputError(
-            f"`n_z` of a feasible reference must end in {manoeuvre.n_z[0]:.4g} to "
-            f"{manoeuvre.n_z[1]:.4g} (the limits without the margin), got {n_z:.4g}."
-        )
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """Commands at the inner knots, shapes (KNOTS - 1,), and the duration."""
-
-    phi: FloatArray
-    n_z: FloatArray
-    duration: float
+# A plan is a vector x of `2 KNOTS - 1` numbers: roll at the inner knots, load factor there, and the
+# duration.
 
 
-def _first_plan(manoeuvre: Manoeuvre) -> _Plan:
+def _first_plan(manoeuvre: Manoeuvre) -> FloatArray:
     """A roll to one side and back, the load factor of the start led to that of the end."""
     share = np.arange(1, KNOTS) / KNOTS
     turn, climb = manoeuvre.change
@@ -178,11 +171,12 @@ def _first_plan(manoeuvre: Manoeuvre) -> _Plan:
     rate = manoeuvre.g / manoeuvre.V_a
     duration = 2.0 + abs(turn) / (rate * math.tan(largest)) + abs(climb) / rate
     n_z = manoeuvre.n_z_0 + (math.cos(manoeuvre.end[1]) - manoeuvre.n_z_0) * share
-    return _Plan(math.copysign(largest, turn) * np.sin(math.pi * share), n_z, duration)
+    phi = math.copysign(largest, turn) * np.sin(math.pi * share)
+    return np.concatenate([phi, n_z, [duration]])
 
 
-def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
-    """The plan of the shortest duration near `plan`; `radius` is that of the trust region."""
+def _fastest(manoeuvre: Manoeuvre, x: FloatArray, radius: float) -> FloatArray:
+    """The plan of the shortest duration near `x`; `radius` is that of the trust region."""
     from scipy.optimize import linprog
 
     size, inner = 2 * KNOTS - 1, KNOTS - 1
@@ -191,7 +185,7 @@ def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
         np.concatenate([np.full(inner, manoeuvre.phi[i]), np.full(inner, manoeuvre.n_z[i]), [edge]])
         for i, edge in enumerate((0.2, np.inf))
     )
-    scale = np.concatenate([high[:-1] - low[:-1], [plan.duration]])
+    scale = np.concatenate([high[:-1] - low[:-1], x[-1:]])
     # Slack of the two ends, both ways, and one of all rates: each at the price of the penalty.
     cost = np.concatenate([np.zeros(size - 1), [1.0], np.full(5, PENALTY)])
     slack = np.array([[1.0, 0.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, -1.0, 0.0]])
@@ -201,7 +195,6 @@ def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
         rates = max(float(np.max(rows @ x - bounds)), 0.0)
         return float(x[-1] + PENALTY * (np.abs(_missed(manoeuvre, x[None])[0]).sum() + rates))
 
-    x = np.concatenate([plan.phi, plan.n_z, [plan.duration]])
     best = merit(x)
     for _ in range(MAX_STEPS):
         near = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
@@ -233,7 +226,7 @@ def _fastest(manoeuvre: Manoeuvre, plan: _Plan, radius: float) -> _Plan:
             radius *= 0.4
         if expected < CLOSE or radius < SMALLEST_RADIUS or 0.0 < better < CLOSE:
             break
-    return _Plan(x[:inner], x[inner:-1], float(x[-1]))
+    return x
 
 
 def _rate_rows(manoeuvre: Manoeuvre) -> tuple[FloatArray, FloatArray]:
@@ -292,18 +285,19 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     return np.column_stack([turned - turn, gamma - manoeuvre.start[1] - climb])
 
 
-def _flown(manoeuvre: Manoeuvre, plan: _Plan) -> FeasibleReference:
+def _flown(manoeuvre: Manoeuvre, x: FloatArray) -> FeasibleReference:
     """The flight of the exact point mass, behind the lag, under a plan that is held by samples."""
-    dt, knots = manoeuvre.dt, np.linspace(0.0, plan.duration, KNOTS + 1)
+    dt, duration = manoeuvre.dt, float(x[-1])
+    knots = np.linspace(0.0, duration, KNOTS + 1)
     rest = max((_settling(lag) for lag in manoeuvre.lags or ()), default=0.0)
-    samples = math.ceil((plan.duration + rest) / dt) + 1
+    samples = math.ceil((duration + rest) / dt) + 1
     # The middle of each sample: held commands are half a sample late on average.
     middles = (np.arange(samples) + 0.5) * dt
     ends = (manoeuvre.phi_0, 0.0), (manoeuvre.n_z_0, math.cos(manoeuvre.end[1]))
     planned = np.column_stack(
         [
             np.interp(middles, knots, np.concatenate([[first], inner, [last]]))
-            for (first, last), inner in zip(ends, (plan.phi, plan.n_z), strict=True)
+            for (first, last), inner in zip(ends, np.split(x[:-1], 2), strict=True)
         ]
     )
     plant = PointMassPlant(manoeuvre.lags, g=manoeuvre.g)
@@ -318,7 +312,7 @@ def _flown(manoeuvre: Manoeuvre, plan: _Plan) -> FeasibleReference:
         plant.advance(phi, n_z, dt)
         path.append(plant.observe()[:2])
     chis, gammas = np.array(path).T
-    return FeasibleReference(duration=plan.duration, dt=dt, chi=chis, gamma=gammas, planned=planned)
+    return FeasibleReference(duration=duration, dt=dt, chi=chis, gamma=gammas, planned=planned)
 
 
 def _settling(lag: InnerLag) -> float:

@@ -149,15 +149,10 @@ def _measured(
 ) -> Callable[[tuple[float, ...]], Measured]:
     """A function that makes `Measured` of a plant's signals; sensor signals begin at `sensed`."""
     chi, gamma, V_a = (0, 1, _V_A) if sensed is None else range(sensed, sensed + len(MEASURED))
-    first = (chi, gamma, V_a, _PHI, _N_Z)
     new = tuple.__new__  # a third of the time of the call of the class
     # Steered by its path through the air, a plant moves as in still air.
     windy = WIND[0] in signals and "chi_ground" not in signals
-    if "h" in signals and windy:
-        wind = signals.index(WIND[0])
-        pick = itemgetter(*first, signals.index("h"), _POSITION, slice(wind, wind + len(WIND)))
-        return lambda seen: new(Measured, pick(seen))
-    angles = itemgetter(*first)
+    angles = itemgetter(chi, gamma, V_a, _PHI, _N_Z)
     h = signals.index("h") if "h" in signals else None
     air = signals.index(WIND[0]) if windy else None
 
