@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -57,15 +57,11 @@ STRIDE = 0.6
 """Length of a step of its chains, in standard deviations; 1 would be a new draw."""
 
 
-class Draws(NamedTuple):
-    """Points of the standard normal space, and seeds."""
+Seeds = npt.NDArray[np.int64]
 
-    z: FloatArray  # (n, d); normal scores of the dispersed keys, before correlation
-    seeds: npt.NDArray[np.int64]  # (n,)
-
-
-Evaluate = Callable[[Draws], FloatArray]
-"""Values of draws, larger is worse."""
+Evaluate = Callable[[FloatArray, Seeds], FloatArray]
+"""Values of n draws, larger is worse: of normal scores before correlation, shape (n, d), and seeds.
+"""
 
 
 class _StoppedError(Exception):
@@ -182,7 +178,7 @@ def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstF
         )
     except _StoppedError:
         return None
-    plan, drawn, row = search.worst_plan, search.worst_drawn, search.worst
+    (plan, drawn), row = search.made_by, search.worst
     switched = plan.keys != search.plan.keys
     waves = "square_wave" if settings.disturbance else None
     scenario = scenario_of_run(plan, row["run"], drawn)
@@ -250,7 +246,7 @@ def search_worst(
 
     z = inside(rng.standard_normal((POPULATION, dimension)))
     seeds = rng.integers(0, 2**31, POPULATION)
-    objective = values(Draws(z, seeds))
+    objective = values(z, seeds)
     at = int(np.argmax(objective))
     best, chance, worst, spent = z[at], int(seeds[at]), float(objective[at]), POPULATION
     first, strategy, generation = worst, None, 0
@@ -266,7 +262,7 @@ def search_worst(
                 strategy = cma.CMAEvolutionStrategy(best, SPREAD, settings)
             asked = np.array(strategy.ask())
             z, seeds = inside(asked), np.full(POPULATION, chance)
-        objective = values(Draws(z, seeds))
+        objective = values(z, seeds)
         spent += POPULATION
         if generation % SEEDS_EVERY and strategy is not None:
             # A point outside the region scores as its projection, minus a penalty that grows with
@@ -316,7 +312,7 @@ def subset_simulation(
     length = size // heads
     size = heads * length  # whole chains
     z, seeds = rng.standard_normal((size, dimension)), rng.integers(0, 2**31, size)
-    objective = values(Draws(z, seeds))
+    objective = values(z, seeds)
     spent, probability, squares, levels = size, 1.0, 0.0, []
     chains = np.arange(size)[:, None]  # each flight its own at first
     while True:
@@ -336,7 +332,7 @@ def subset_simulation(
             moved = math.sqrt(1.0 - STRIDE**2) * z_now
             moved = moved + STRIDE * rng.standard_normal(z_now.shape)
             other = np.where(rng.random(heads) < 0.5, rng.integers(0, 2**31, heads), seeds_now)
-            there = values(Draws(moved, other))
+            there = values(moved, other)
             spent += heads
             stays = there < begins
             z_now = np.where(stays[:, None], z_now, moved)
@@ -397,18 +393,18 @@ class _Search:
         self._probes: Probes = {TUBE: partial(_use_of, settings.tube)} if settings.tube else {}
         self._settings, self._pool, self.flights = settings, pool, 0
         self.worst: dict[str, Any] = {"value": -math.inf}
-        self.worst_plan, self.worst_drawn = self.plan, {}
+        self.made_by: tuple[Plan, Drawn] = self.plan, {}  # plan and draw of the worst row
         self.reach = np.zeros(2)
 
-    def values(self, draws: Draws) -> FloatArray:
+    def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
         """Fly draws for the values of the metric."""
         campaign = self.plan.campaign
-        u = np.clip(ndtr(draws.z), SMALLEST_POINT, LARGEST_POINT)
+        u = np.clip(ndtr(z), SMALLEST_POINT, LARGEST_POINT)
         u = correlated(u, list(campaign.keys), campaign.correlation)
         columns = {
             table.key: table.at(u[:, i]).tolist() for i, table in enumerate(campaign.disperse)
         }
-        columns[SEED] = draws.seeds.tolist()
+        columns[SEED] = seeds.tolist()
         drawn = [
             dict(zip(columns, values, strict=True))
             for values in zip(*columns.values(), strict=True)
@@ -479,8 +475,7 @@ class _Search:
                 values[row["run"]] = value if channel is None or not reach else reach[channel]
                 self.reach = np.maximum(self.reach, reach or 0.0)
                 if value > self.worst["value"]:
-                    self.worst, self.worst_plan = {**row, "value": value}, plan
-                    self.worst_drawn = draws[row["run"]]
+                    self.worst, self.made_by = {**row, "value": value}, (plan, draws[row["run"]])
 
         self._fly_rows(plan, draws, keep, self._probes)
         return values

@@ -53,7 +53,7 @@ def test_the_worst_of_a_plane_lies_where_its_normal_meets_the_region(dimension):
     normal = np.arange(1.0, dimension + 1.0)
     normal /= np.linalg.norm(normal)
 
-    z, _, first = search_worst(lambda draws: draws.z @ normal, dimension, budget=2000, seed=3)
+    z, _, first = search_worst(lambda z, seeds: z @ normal, dimension, budget=2000, seed=3)
 
     radius = math.sqrt(chi2.ppf(0.999, dimension))
     assert np.linalg.norm(z) <= radius * (1.0 + SAME)
@@ -68,21 +68,21 @@ def test_the_region_holds_its_share_of_the_distribution():
 def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
     seen = []
 
-    def values(draws):
-        seen.append(draws)
-        return (draws.seeds % 1000).astype(float)
+    def values(z, seeds):
+        seen.append((z, seeds))
+        return (seeds % 1000).astype(float)
 
     _, seed, first = search_worst(values, 3, budget=640, seed=5)
 
     best = first
-    assert first == max(seen[0].seeds % 1000)
-    for generation, draws in enumerate(seen[1:], 1):
+    assert first == max(seen[0][1] % 1000)
+    for generation, (z, seeds) in enumerate(seen[1:], 1):
         if generation % SEEDS_EVERY == 0:
-            assert len(set(draws.seeds)) == len(draws.seeds)
-            assert (draws.z == draws.z[0]).all()
-            best = max(best, *(draws.seeds % 1000))
+            assert len(set(seeds)) == len(seeds)
+            assert (z == z[0]).all()
+            best = max(best, *(seeds % 1000))
         else:
-            assert set(draws.seeds % 1000) == {best}
+            assert set(seeds % 1000) == {best}
     assert seed % 1000 == best > first
 
 
@@ -92,7 +92,7 @@ def test_subset_simulation_finds_the_tail_of_a_normal_distribution(beta):
     true = norm.cdf(-beta)
     estimates = [
         subset_simulation(
-            lambda draws: draws.z.sum(axis=1) / math.sqrt(5.0),
+            lambda z, seeds: z.sum(axis=1) / math.sqrt(5.0),
             5, threshold=beta, budget=10_000, seed=seed,
         )
         for seed in range(20)
@@ -106,7 +106,7 @@ def test_subset_simulation_finds_the_tail_of_a_normal_distribution(beta):
 
 
 def test_what_is_never_reached_has_a_ceiling_only():
-    miss = subset_simulation(lambda draws: draws.z[:, 0], 2, threshold=99.0, budget=1000, seed=1)
+    miss = subset_simulation(lambda z, seeds: z[:, 0], 2, threshold=99.0, budget=1000, seed=1)
 
     assert miss.probability == 0.0
     assert 0.0 < miss.high < 1e-2
@@ -179,7 +179,7 @@ def test_flights_that_end_early_are_the_worst_or_left_out():
         settings = WorstSettings(metric="chi.ITAE", completed=completed)
         with mock.patch.object(worst_module, "planned", return_value=plan):
             search = worst_module._Search("campaign", settings, mock.Mock(fly_rows=fly_rows))
-        found = search.values(worst_module.Draws(np.zeros((3, 2)), np.arange(3)))
+        found = search.values(np.zeros((3, 2)), np.arange(3))
         assert np.argmax(found) == worst
         assert search.worst["run"] == worst
 
