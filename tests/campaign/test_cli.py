@@ -84,7 +84,7 @@ def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address
         assert process.wait() == 0
     os.close(ours)
     assert b"flying" in seen
-    assert b"/40" in seen
+    assert b"of 40 runs" in seen
 
 
 def _read(terminal):
