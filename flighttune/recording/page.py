@@ -15,14 +15,27 @@ from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import markdown
 from flighttune.present.thinning import evenly
 from flighttune.recording import geometry
-from flighttune.recording.entities import NOW, READING, DrawnRun, runs_to_draw, times
-from flighttune.recording.plots import SEEN_AS, displayed, unit_of
-from flighttune.recording.scene import WIND_TIMES, metres_per_mps
+from flighttune.recording.entities import NOW, READING, DrawnRun, times
+from flighttune.recording.plots import displayed, unit_of
 from flighttune.simulate.run import TUBE_SIGNALS, Run, run_styles
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
 NOT_SHOWN = "ITAE_mean"  # it follows from ITAE, which is on the page, and the time flown
+
+HOW_TO_READ = """\
+Plots show angles in degrees; files keep radians. Positions are local north, east and down from
+the start, in m. Errors are reference minus actual.
+
+Every run has a colour of its own, the same in 3D and in every plot; the lanes name them. A lane
+is dark while a limit holds a command of the run, and says which one; it is red where the
+guarantee is broken, and after a flight that ended early. Laws without an aircraft are drawn as
+outlines, and their paths dashed. The arrow of an aircraft is its velocity over ground, the grey
+one the wind, four times longer.
+
+Faint lines behind course, path angle and airspeed are what sensors gave the controller. Errors
+and metrics are of the true values. The guarantee does not count what sensors add: a flight may
+rise above it by that alone."""
 
 INSTANTS = 120  # at which the numbers change
 
@@ -55,7 +68,7 @@ def scenario_page(
         parts += ["## Tracking", _metrics("run, channel", labels, metrics)]
         parts += ["## Aircraft", _metrics("run", list(map(str, flight.index)), flight)]
     parts += ["## Scenario", _scenario(scenario), *_made_with(runs)]
-    parts += ["## How to read it", *_reading(runs)]
+    parts += ["## How to read it", HOW_TO_READ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -116,33 +129,6 @@ def _made_with(runs: Sequence[Run]) -> list[str]:
     versions = ", ".join(f"{name} {number}" for name, number in first.versions.items())
     seconds = sum(run.provenance.wall_s for run in runs)
     return [f"Seed {first.seed}; {versions}; flown in {seconds:.2f} s."]
-
-
-def _reading(runs: Sequence[Run]) -> list[str]:
-    drawn = runs_to_draw(runs)
-    notes = [
-        "Plots show angles in degrees; files keep radians. Positions are local north, east and "
-        "down from the start, in m. Errors are reference minus actual.",
-        "Every run has a colour of its own, the same in 3D and in every plot; the lanes name "
-        "them. A lane is dark while a limit holds a command of the run, and says which one; it is "
-        "red where the guarantee is broken, and after a flight that ended early. Laws without an "
-        "aircraft are drawn as outlines, and their paths dashed.",
-    ]
-    if any(name in run.signals for run in runs for name in SEEN_AS.values()):
-        notes.append(
-            "The faint lines behind course, path angle and airspeed are what the sensors gave "
-            "the controller. Errors and metrics are of the true values. The guarantee does not "
-            "count what sensors add: a flight may rise above it by that alone."
-        )
-    if drawn:
-        factor, span = geometry.drawn_scale(drawn), geometry.widest(drawn)
-        length = metres_per_mps(drawn[0], factor * geometry.span_of(drawn[0].run))
-        notes.append(
-            f"Aircraft are drawn {factor:g} times their size: a span of {span:.3g} m is shown as "
-            f"{factor * span:.3g} m. The arrow of an aircraft is its velocity over ground "
-            f"({length:.3g} m per m/s), the grey one the wind, {WIND_TIMES:g} times longer."
-        )
-    return notes
 
 
 def log_readout(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:

@@ -23,7 +23,7 @@ MODEL = Path(__file__).with_name("aircraft.glb")
 PATH_POINTS = 4000  # of a path as drawn; longer flights are thinned
 INSTANTS = 500  # at which arrows are drawn
 DASHES = 60  # of the path of a law
-WIND_TIMES = 4.0  # scale of the wind arrow over that of the velocity arrow
+WIND_TIMES = 4.0  # scale of the wind arrow over that of the velocity arrow, as the page says
 REACH = 0.9  # length of the velocity arrow at the start, in drawn widths of the aircraft
 STILL_AIR = 1e-3  # wind (m/s) up to which there is no arrow
 SHADOW = 90  # opacity of a shadow, of 255
@@ -74,12 +74,6 @@ def aircraft_model(
         rr.Asset3D(path=MODEL, albedo_factor=colour),
         rr.InstancePoses3D(scales=[[width / geometry.MODEL_SPAN] * 3]),
     )
-
-
-def metres_per_mps(drawn_run: DrawnRun, width: float) -> float:
-    """Scale of the arrows: length over speed, for an aircraft drawn `width` m wide."""
-    V = float(drawn_run.run.signals["V_a"].iloc[0])
-    return REACH * width / V if math.isfinite(V) and V > 0.0 else 0.0
 
 
 def _log_path(
@@ -152,7 +146,9 @@ def _log_arrows(
 ) -> None:
     """Velocity and wind, in the axes that turn with the course."""
     signals = signals.iloc[evenly(len(signals), most=INSTANTS)]
-    time, scale = times(signals.index), metres_per_mps(drawn_run, width)
+    V = float(drawn_run.run.signals["V_a"].iloc[0])
+    scale = REACH * width / V if math.isfinite(V) and V > 0.0 else 0.0  # m per m/s
+    time = times(signals.index)
     frame = f"{entities.AIRCRAFT}/{drawn_run.key}"
     chi, gamma = (signals[name].to_numpy(dtype=float) for name in ("chi", "gamma"))
     # Where course and path angle are those through the air, so is the speed along them.

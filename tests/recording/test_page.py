@@ -72,7 +72,6 @@ def test_the_scenario_is_there_without_brackets_of_python(page):
     assert "- **flight**: V_a_mps 25, h_m 1000, chi_deg 0" in page
     assert "- **plant**: kind kinematic; kind jsbsim, aircraft aerosonde" in page
     assert not {"{", "'"} & set(page)
-    assert "Aircraft are drawn 15 times their size: a span of 2.9 m is shown as 43.4 m." in page
 
 
 def test_with_nothing_flown_the_page_says_why(without_gains):
@@ -80,4 +79,3 @@ def test_with_nothing_flown_the_page_says_why(without_gains):
 
     assert page.startswith("# None\n")
     assert "the smallest reachable I_K is 67.15" in page
-    assert "times their size" not in page
