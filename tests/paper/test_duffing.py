@@ -65,9 +65,6 @@ def test_the_condition_of_the_theorem_ends_where_the_quadratic_says():
     assert PRINTED.margin(0.0) == pytest.approx(1.0, abs=ROUNDING)
     assert PRINTED.margin(0.999 * edge) > 0.0 > PRINTED.margin(1.001 * edge)
     assert bound(PRINTED, 1.0, half_width=1.001 * edge).radius == math.inf
-
-
-def test_an_oscillator_without_cubic_stiffness_has_no_edge():
     assert Duffing(alpha=1.0, beta=0.0, delta=1.0).region == math.inf
 
 

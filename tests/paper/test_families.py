@@ -9,13 +9,11 @@ from scipy.integrate import solve_ivp
 from flighttune.metrics import channel_metrics
 from flighttune.paper.flight import (
     decay_rate,
-    fly,
     initial_commands,
     largest_share,
     measures,
     oscillations,
 )
-from flighttune.paper.parameters import disturbance
 from flighttune.paper.record import family_runs
 
 SAME_PATH = 1e-6
@@ -129,13 +127,6 @@ def test_the_family_is_shifted_by_epsilon_times_the_identity(study):
     assert list(family) == ["K1", "K2", "K3", "K*", "K4", "K5", "K6"]
     assert family["K4"].K_P == pytest.approx(study.star.K_P - 0.5 * np.eye(2))
     assert family["K1"].K_I == pytest.approx(study.star.K_I + 4.0 * np.eye(2))
-
-
-def test_a_flight_lasts_as_long_as_asked(study):
-    flight = fly(study.star, disturbance("d1"), duration=1.0)
-
-    assert flight.t[-1] == pytest.approx(1.0)
-    assert len(flight.t) == 101
 
 
 def test_decay_and_oscillations_of_a_known_signal():

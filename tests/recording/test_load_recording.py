@@ -41,8 +41,9 @@ def labels(runs):
     return [run.label for run in runs]
 
 
-def test_a_folder_gives_back_what_was_written_to_the_bit_and_in_order(folder, flown):
-    recording = flighttune.load_recording(folder)
+@pytest.mark.parametrize("name", ["", "flight.rrd"], ids=["folder", "the recording in it"])
+def test_a_folder_gives_back_what_was_written_to_the_bit_and_in_order(folder, flown, name):
+    recording = flighttune.load_recording(folder / name)
 
     assert recording.missing == ()
     assert labels(recording.runs) == labels(flown.runs)
@@ -57,12 +58,6 @@ def test_a_run_is_found_by_its_label(folder):
     assert recording["kinematic / paper"].label == "kinematic / paper"
     with pytest.raises(KeyError, match="kinematic / strict"):
         recording["kinematic / other"]
-
-
-def test_a_recording_stands_for_the_parquet_files_beside_it(folder, flown):
-    recording = load_recording(folder / "flight.rrd")
-
-    assert labels(recording.runs) == labels(flown.runs)
 
 
 def test_a_lone_recording_names_the_folder_whose_parquet_files_are_needed(

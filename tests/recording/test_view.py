@@ -60,17 +60,11 @@ def test_without_a_screen_a_browser_is_served_on_this_machine(recording):
 
 
 @pytest.mark.usefixtures("without_screen")
-def test_a_window_without_a_screen_gives_one_line(recording):
+def test_what_cannot_be_opened_gives_one_line(recording, tmp_path):
     with pytest.raises(RecordingError, match="got none of DISPLAY"):
         view(recording, web=False)
-
-
-def test_what_is_no_recording_is_not_opened(tmp_path):
     with pytest.raises(RecordingError, match="got no such file"):
         view(tmp_path / "none.rrd", web=True)
-
-
-def test_a_viewer_that_does_not_start_says_why():
     with pytest.raises(RecordingError, match=r"must start, got: .*--no-such"):
         ViewerProcess(["--no-such"], port=free_port())
 
