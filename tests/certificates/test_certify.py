@@ -289,7 +289,7 @@ def test_envelope_and_gravity_go_together():
 
 
 def test_a_claim_must_be_positive(at_trim):
-    with pytest.raises(InputError, match=r"`rate` must be positive, got -1\.0"):
+    with pytest.raises(InputError, match=r"`rate`.*-1\.0"):
         replace(at_trim.claim, rate=-1.0)
     with pytest.raises(InputError, match="`radius` and `L_d`"):
         replace(at_trim.claim, L_d=None)

@@ -110,7 +110,7 @@ def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp
 
     reflown = refly(again, laws={"mine": mine}, plants={"glider": Glider})
     assert [one.difference for one in reflown] == [None] * 4
-    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: .* from Python, `laws="):
+    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: .*`laws="):
         refly(again)
 
 
@@ -212,12 +212,12 @@ def test_a_file_that_is_gone_or_changed_is_refused(files):
     law = files / "my_law.py"
     law.write_text(law.read_text() + "\n# changed\n")
 
-    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module` must be the file that"):
+    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module`.* the file"):
         fly(scenario)
     law.unlink()
-    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module` must be a file"):
+    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module`.* a file"):
         fly(scenario)
-    with pytest.raises(ScenarioError, match=r"own.toml: \[\[law\]\] `module` must be a file"):
+    with pytest.raises(ScenarioError, match=r"own.toml: \[\[law\]\] `module`"):
         load_scenario(files / "own.toml")
 
 
@@ -258,7 +258,7 @@ def test_a_campaign_knows_the_hash_and_refuses_another_file(files):
     assert again.sha256 == plan.sha256
     with_own(again.scenario)
     (files / "my_law.py").write_text("# nothing")
-    with pytest.raises(ScenarioError, match="must be the file that was planned"):
+    with pytest.raises(ScenarioError, match=r"`module`.*planned"):
         with_own(again.scenario)
 
 

@@ -27,40 +27,29 @@ def tables(**changes):
     return given
 
 
+AIRCRAFT = {"kind": "jsbsim", "aircraft": "a4"}
+SLOW_WIND = {"chi_amplitude": 1.0, "chi_omega_rad_s": 1e-300, "as_wind": True}
 BEYOND = [
-    ({"flight": {"V_a_mps": 1e30}}, r"\[flight\] `V_a_mps` must be less than or equal to 1000"),
-    ({"flight": {"V_a_mps": 1e-3}}, r"`V_a_mps` must be greater than or equal to 1,"),
-    ({"flight": {"h_m": -1e9}}, r"\[flight\] `h_m` must be greater than or equal to -500"),
-    ({"flight": {"chi_deg": 1e308}}, r"\[flight\] `chi_deg` must be less than"),
-    ({"flight": {"gamma_deg": 89.9999999}}, r"`gamma_deg` must be less than or equal to 89,"),
-    ({"flight": {"g_mps2": 5e-324}}, r"`g_mps2` must be greater than or equal to 0\.1"),
-    ({"flight": {"duration_s": 1e5}}, r"`duration_s` of \[flight\] must .* at most 1000000"),
-    ({"flight": {"duration_s": 1e300}}, r"\[flight\] `duration_s` must be less than"),
-    ({"limits": {"phi_rate_dps": 1e300}}, r"\[limits\] `phi_rate_dps` must be less than"),
-    ({"plant": [{**LAG, "roll_lag_rad_s": 1e5}]}, r"\[plant\] `roll_lag_rad_s` must be .* 200"),
-    ({"plant": [{**LAG, "roll_damping": 1e300}]}, r"`roll_damping` must be less than or equal"),
-    ({"plant": [{**LAG, "n_z_delay_s": 1e9}]}, r"`n_z_delay_s` must be less than or equal to 2,"),
-    ({"gust": {**GUST, "length_m": 5e-324}}, r"\[gust\] `length_m` must be greater .* 0\.1,"),
-    ({"wind": {**WINDY, "speed_mps": 1e308}}, r"\[wind\] `speed_mps` must be less .* 200,"),
-    ({"disturbance": {"chi_omega_rad_s": 1e308}}, r"`chi_omega_rad_s` must be less .* 1000,"),
+    ({"flight": {"V_a_mps": 1e30}}, r"\[flight\] `V_a_mps`.* 1000,"),
+    ({"flight": {"V_a_mps": 1e-3}}, r"`V_a_mps`.* 1,"),
+    ({"flight": {"gamma_deg": 89.9999999}}, r"`gamma_deg`.* 89,"),
+    ({"flight": {"g_mps2": 5e-324}}, r"`g_mps2`.* 0\.1"),
+    ({"flight": {"duration_s": 1e5}}, r"`duration_s` of \[flight\].* 1000000"),
+    ({"limits": {"phi_rate_dps": 1e300}}, r"\[limits\] `phi_rate_dps`"),
+    ({"plant": [{**LAG, "roll_lag_rad_s": 1e5}]}, r"\[plant\] `roll_lag_rad_s`.* 200"),
+    ({"plant": [{**LAG, "n_z_delay_s": 1e9}]}, r"`n_z_delay_s`.* 2,"),
+    ({"gust": {**GUST, "length_m": 5e-324}}, r"\[gust\] `length_m`.* 0\.1,"),
+    ({"wind": {**WINDY, "speed_mps": 1e308}}, r"\[wind\] `speed_mps`.* 200,"),
+    ({"disturbance": {"chi_omega_rad_s": 1e308}}, r"`chi_omega_rad_s`.* 1000,"),
+    ({"disturbance": SLOW_WIND, "plant": [AIRCRAFT]}, r"`chi_amplitude`.* 200 m/s .* 2\.5e\+301"),
+    ({"sensors": {"chi_bias_deg": 1e308}}, r"\[sensors\] `chi_bias_deg`.* 180,"),
+    ({"gains": [{**GAINS, "K_I": [[1e308, 0.0], [0.0, 1.0]]}]}, r"`K_I`.* 1e"),
+    ({"gains": [{**GAINS, "name": "x" * 240}]}, r"`name`.* 80 bytes"),
+    ({"tuning": {"state_scaling": [1.0]}}, r"`state_scaling` of \[tuning\].* 4 numbers"),
+    ({"plant": [{**AIRCRAFT, "aircraft": "a" * 5000}]}, r"\[plant\] `aircraft`.* 4096"),
     (
-        {
-            "disturbance": {"chi_amplitude": 1.0, "chi_omega_rad_s": 1e-300, "as_wind": True},
-            "plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}],
-        },
-        r"\[disturbance\] `chi_amplitude` must be that of a wind of at most 200 m/s .* 2\.5e\+301",
-    ),
-    ({"sensors": {"chi_bias_deg": 1e308}}, r"\[sensors\] `chi_bias_deg` must be less .* 180,"),
-    ({"gains": [{**GAINS, "K_I": [[1e308, 0.0], [0.0, 1.0]]}]}, r"`K_I` must be less than .* 1e"),
-    ({"gains": [{**GAINS, "name": "x" * 240}]}, "`name` must be a name of at most 80 bytes"),
-    ({"tuning": {"state_scaling": [1.0]}}, r"`state_scaling` of \[tuning\] must be 4 numbers"),
-    (
-        {"plant": [{"kind": "jsbsim", "aircraft": "a" * 5000}]},
-        r"\[plant\] `aircraft` must have at most 4096 characters",
-    ),
-    (
-        {"plant": [{"kind": "jsbsim", "aircraft": "a4", "airframe": {"drag_factor": 1e308}}]},
-        r"\[plant\.airframe\] `drag_factor` must be less than or equal to 100",
+        {"plant": [{**AIRCRAFT, "airframe": {"drag_factor": 1e308}}]},
+        r"\[plant\.airframe\] `drag_factor`.* 100",
     ),
 ]  # fmt: skip
 

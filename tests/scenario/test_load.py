@@ -165,7 +165,7 @@ def to_toml(tables):
 def test_a_missing_key_is_named(tables):
     del tables["flight"]["V_a_mps"]
 
-    with pytest.raises(ScenarioError, match=r"scenario: \[flight\] `V_a_mps` must be given\."):
+    with pytest.raises(ScenarioError, match=r"\[flight\] `V_a_mps`"):
         scenario_from(tables)
 
 
@@ -203,7 +203,7 @@ def test_a_file_that_is_not_toml_gives_the_line(tmp_path):
     path = tmp_path / "torn.toml"
     path.write_text("title = \n")
 
-    with pytest.raises(ScenarioError, match=r"torn\.toml: .* valid TOML: .*line 1"):
+    with pytest.raises(ScenarioError, match=r"torn\.toml: .*line 1"):
         load_scenario(path)
 
 

@@ -129,7 +129,7 @@ def test_two_plants_of_one_label_are_told_to_have_a_name():
 
 @pytest.mark.parametrize("name", ["", "two words", "a:b", "a/b", "a[0]"])
 def test_a_name_is_of_the_characters_that_names_of_gains_are_of(name):
-    with pytest.raises(ScenarioError, match=r"^scenario: \[plant\] `name` must [^\n]*, got"):
+    with pytest.raises(ScenarioError, match=r"\[plant\] `name`"):
         scenario_from(tables(name=name))
 
 

@@ -163,7 +163,7 @@ def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
 
 @pytest.mark.parametrize("duration", [0.0, 0.01, math.nan, math.inf])
 def test_a_flight_lasts_at_least_one_sample(duration):
-    with pytest.raises(InputError, match=r"`duration` must be at least one sample"):
+    with pytest.raises(InputError, match="`duration`"):
         simulate(
             PointMassPlant(turn="paper"),
             MimoPI(PAPER_GAINS, dt=0.02),

@@ -103,10 +103,10 @@ def test_the_disturbance_bound_must_be_positive(L_d):
 
 
 def test_an_unstable_loop_has_no_ellipsoid():
-    with pytest.raises(InputError, match=r"`A` must be stable, got spectral abscissa 0\.5 1/s"):
+    with pytest.raises(InputError, match=r"`A`.*0\.5"):
         invariant_ellipsoid([[0.5]], [[1.0]], L_d=1.0)
 
 
 def test_the_disturbance_must_enter_somewhere():
-    with pytest.raises(ShapeError, match="`E` must have 2 rows and not vanish"):
+    with pytest.raises(ShapeError, match=r"`E`.*2"):
         invariant_ellipsoid(-np.eye(2), [[0.0], [0.0]], L_d=1.0)

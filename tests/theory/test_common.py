@@ -138,9 +138,9 @@ def test_a_solver_that_lies_is_not_believed(monkeypatch):
 
 
 def test_vertices_must_be_a_stack_of_matrices():
-    with pytest.raises(ShapeError, match=r"`vertices` must have shape \(k, n, n\)"):
+    with pytest.raises(ShapeError, match=r"`vertices`.*\(k, n, n\)"):
         common_Q(A_K)
     with pytest.raises(ShapeError, match="`E` must have 4 rows"):
         common_ellipsoid(A_K[None], np.eye(2), L_d=1.0)
-    with pytest.raises(InputError, match="`L_d` must be positive, got 0"):
+    with pytest.raises(InputError, match=r"`L_d`.*0"):
         common_ellipsoid(A_K[None], E, L_d=0.0)
