@@ -254,20 +254,16 @@ class Chart:
         """Write at a point, `shift` pixels to the right and down."""
         self._seen.append((np.array([x]), np.array([y])))
 
-        def drawn(a: "_Axes") -> str:
-            at = f'x="{a.sx(x) + shift[0]:.1f}" y="{a.sy(y) + shift[1]:.1f}"'
-            return (
-                f'<text class="named" {at} text-anchor="{anchor}"{_owner(run)}>'
-                f"{marked_up(text)}</text>"
+        more = f' class="named"{_owner(run)}'
+        self._marks.append(
+            lambda a: _text(
+                float(a.sx(x)) + shift[0], float(a.sy(y)) + shift[1], text, more, anchor=anchor
             )
-
-        self._marks.append(drawn)
+        )
 
     def name_row(self, y: float, name: str) -> None:
         """Write the name of a row at the left edge, at a height of the y axis."""
-        self._marks.append(
-            lambda a: f'<text class="named" x="2" y="{a.sy(y):.1f}">{marked_up(name)}</text>'
-        )
+        self._marks.append(lambda a: _text(2.0, float(a.sy(y)), name, ' class="named"'))
 
     def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
         """Name points (x, y, name), each where its name covers neither a point nor another name."""
@@ -292,10 +288,7 @@ class Chart:
                     parts.append(
                         f'<path class="axis" d="M{x:.1f},{y:.1f}L{near:.1f},{box[1] + 6.0:.1f}"/>'
                     )
-                parts.append(
-                    f'<text class="named" x="{box[0]:.1f}" y="{box[1] + 10.0:.1f}">'
-                    f"{marked_up(name)}</text>"
-                )
+                parts.append(_text(box[0], box[1] + 10.0, name, ' class="named"'))
             return "".join(parts)
 
         self._marks.append(drawn)
@@ -332,24 +325,20 @@ class Chart:
         for value, label in y_ticks:
             up = float(a.sy(value))
             lines.append(f"M0,{up:.1f}H{a.width:.1f}")
-            at = f'x="{LEFT - 6:g}" y="{TOP + up + 4.0:.1f}"'
-            labels.append(f'<text {at} text-anchor="end">{marked_up(label)}</text>')
+            labels.append(_text(LEFT - 6.0, TOP + up + 4.0, label, anchor="end"))
         for value, label in x_ticks:
             across = float(a.sx(value))
             lines.append(f"M{across:.1f},0V{a.height:.1f}")
             for row, part in enumerate(label.split("\n")):
-                at = f'x="{LEFT + across:.1f}" y="{TOP + a.height + 15.0 + 12.0 * row:.1f}"'
-                labels.append(f'<text {at} text-anchor="middle">{marked_up(part)}</text>')
+                down = TOP + a.height + 15.0 + 12.0 * row
+                labels.append(_text(LEFT + across, down, part, anchor="middle"))
         middle = TOP + a.height / 2.0
         if self.y:
             labels.append(
                 f'<text transform="translate(12 {middle:.1f}) rotate(-90)" '
                 f'text-anchor="middle">{marked_up(self.y)}</text>'
             )
-        labels.append(
-            f'<text x="{LEFT + a.width / 2.0:.1f}" y="{self.height - 4.0:.1f}" '
-            f'text-anchor="middle">{marked_up(self.x)}</text>'
-        )
+        labels.append(_text(LEFT + a.width / 2.0, self.height - 4.0, self.x, anchor="middle"))
         size = f'x="{LEFT:g}" y="{TOP:g}" width="{a.width:g}" height="{a.height:g}"'
         marks = "".join(mark(a) for mark in self._marks)
         axis = f"M0,0V{a.height:g}H{a.width:g}" if y_ticks else f"M0,{a.height:g}H{a.width:g}"
@@ -406,7 +395,7 @@ class Sheet:
                 size = f'width="{WIDTH:g}" height="{chart.height:g}"'
                 parts.append(chart.svg().replace("<svg ", f"<svg {at} {size} ", 1))
             top += above + max(chart.height for chart in row) + 8.0
-        title = f'<text class="title" x="8" y="17">{marked_up(self.title)}</text>'
+        title = _text(8.0, 17.0, self.title, ' class="title"')
         # its colours are its own: a notebook puts it into a page with other ones
         own = style().replace(":root", "svg.sheet")
         return (
@@ -541,6 +530,11 @@ def _cross(x: float, y: float, size: float, shape: Shape) -> str:
     )
 
 
+def _text(x: float, y: float, text: str, more: str = "", *, anchor: str = "start") -> str:
+    at = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"'
+    return f"<text {at}{more}>{marked_up(text)}</text>"
+
+
 def _stroke(colour: str, width: float, dash: str = "") -> str:
     dashes = f' stroke-dasharray="{dash}"' if dash else ""
     return f' stroke="{css_colour(colour)}" stroke-width="{width:g}"{dashes}'
@@ -605,7 +599,7 @@ def _legend(legend: Sequence[LegendEntry], width: float, top: float) -> str:
         left, up = 8.0, top + LEGEND_ROW * place
         for name, colour, dash in row:
             parts.append(f'<g transform="translate({left:.1f} {up:.1f})">{key(colour, dash)}</g>')
-            parts.append(f'<text x="{left + SIGN:.1f}" y="{up + 4.0:.1f}">{marked_up(name)}</text>')
+            parts.append(_text(left + SIGN, up + 4.0, name))
             left += NEXT_SIGN + LETTER * len(name)
     return "".join(parts)
 
@@ -615,8 +609,7 @@ def _head_height(chart: Chart) -> float:
 
 
 def _head(chart: Chart) -> str:
-    title = f'<text class="title" x="8" y="13">{marked_up(chart.title)}</text>'
-    return title + _legend(chart.legend, WIDTH, 24.0)
+    return _text(8.0, 13.0, chart.title, ' class="title"') + _legend(chart.legend, WIDTH, 24.0)
 
 
 def key(colour: str, dash: str = "", width: float = 2.0) -> str:
