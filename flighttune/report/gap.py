@@ -86,7 +86,7 @@ def gap_tables(gap: Gap, values: Mapping[str, Any]) -> list[Table]:
     mismatch = [values["mismatch"]] if values["mismatch"] else []
     return [
         Table(
-            title=f"{gap.scenario.title}; gains {values['gains']}",
+            title="plants, from the law to the aircraft",
             columns=RUNG_COLUMNS,
             records=values["ladder"],
         ),
@@ -109,7 +109,7 @@ def step_table(gaps: Sequence[Gap]) -> Table:
         for step in (*gap.ladder.steps, gap.ladder.whole)
     ]
     shown = STEP_COLUMNS if len(gaps) > 1 else STEP_COLUMNS[1:]
-    return Table(title="Steps", columns=shown, records=records)
+    return Table(title="steps", columns=shown, records=records)
 
 
 def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Report:
