@@ -96,7 +96,12 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
         function for function in named if name in (function[2], function[2].rpartition("/")[2])
     ]
     if len(functions) != 1:
-        raise InputError(f"`coefficient_factors.{name}` must be {_one_of(name, named, file)}")
+        meant = ", ".join(full for _, _, full in functions)
+        short = [full.rpartition("/")[2] for _, _, full in named]
+        got = f", it means {meant}." if meant else nearest_name(name, short)
+        raise InputError(
+            f"`coefficient_factors.{name}` must be a named aerodynamic function of {file}{got}"
+        )
     parent, i, _ = functions[0]
     if parent[i].tag == "function":
         _multiply_function(parent[i], placeholder(f"{COEFFICIENT}{name}"))
@@ -151,15 +156,6 @@ def _named(root: Element) -> Iterator[tuple[Element, int, str]]:
                 name = child.get("name")
                 if name and child.tag != "axis":
                     yield parent, i, name.strip()
-
-
-def _one_of(name: str, named: list[tuple[Element, int, str]], file: Path) -> str:
-    names = [full for _, _, full in named]
-    meant = [full for full in names if full.rpartition("/")[2] == name]
-    if meant:
-        return f"one function of {file}: it means {', '.join(meant)}."
-    short = [full.rpartition("/")[2] for full in names]
-    return f"a named aerodynamic function of {file}{nearest_name(name, short)}"
 
 
 def _inlined(holder: Element, folders: Sequence[Path]) -> Element:

@@ -94,7 +94,8 @@ def test_outside_the_envelope_trim_tells_the_range(aircraft, condition, outside)
     (row,) = json.loads(printed)["trims"]
 
     assert row["trim"] is None
-    assert row["reason"].startswith(f"outside the envelope: {outside}")
+    assert row["reason"].startswith("outside the envelope: ")
+    assert outside in row["reason"]
     assert err.count("\n") == 1
 
 
