@@ -39,29 +39,18 @@ def test_the_nearest_place_counts(places):
     assert load_aircraft("aerosonde").folder == shipped
 
 
-def test_beside_the_scenario_comes_first_and_the_label_stays_short(places, tmp_path):
-    here, _ = places
-    copied(here, "mine")
+@pytest.mark.parametrize("aircraft", ["mine", "./mine"])
+def test_beside_the_scenario_comes_first_and_the_label_stays_short(places, tmp_path, aircraft):
+    copied(places[0], "mine")
     beside = copied(tmp_path / "scenarios", "mine")
     text = scenario_files()["paper"].read_text(encoding="utf-8")
     file = tmp_path / "scenarios" / "turn.toml"
-    file.write_text(text.replace('"aerosonde"', '"mine"'), encoding="utf-8")
+    file.write_text(text.replace('"aerosonde"', f'"{aircraft}"'), encoding="utf-8")
 
     plant = next(one for one in load_scenario(file).plant if one.aircraft)
 
     assert load_aircraft(plant.aircraft).folder == beside
     assert plant.label == "jsbsim:mine"
-
-
-def test_a_path_in_a_scenario_is_taken_from_its_folder(places, tmp_path):
-    beside = copied(tmp_path / "scenarios", "mine")
-    text = scenario_files()["paper"].read_text(encoding="utf-8")
-    file = tmp_path / "scenarios" / "turn.toml"
-    file.write_text(text.replace('"aerosonde"', '"./mine"'), encoding="utf-8")
-
-    plant = next(one for one in load_scenario(file).plant if one.aircraft)
-
-    assert load_aircraft(plant.aircraft).folder == beside
 
 
 def test_a_name_that_is_nowhere_is_answered_with_those_there_are(places):

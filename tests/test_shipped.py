@@ -17,23 +17,15 @@ from flighttune.errors import InputError
 REPOSITORY = Path(__file__).parents[1]
 
 
-def test_every_aircraft_folder_of_the_checkout_is_listed():
-    names = {path.name for path in (REPOSITORY / "aircraft").iterdir() if path.is_dir()}
+def test_every_aircraft_scenario_and_campaign_of_the_checkout_is_listed():
+    scenarios = REPOSITORY / "scenarios"
+    folders = {path.name for path in (REPOSITORY / "aircraft").iterdir() if path.is_dir()}
 
-    assert set(shipped.aircraft_names()) == names
-
-
-def test_every_scenario_of_the_checkout_is_listed():
-    names = {path.stem for path in (REPOSITORY / "scenarios").glob("*.toml")}
-
-    assert set(shipped.scenario_files()) == names
-
-
-def test_every_campaign_of_the_checkout_is_listed():
-    names = {path.stem for path in (REPOSITORY / "scenarios/campaigns").glob("*.toml")}
-
-    assert set(shipped.campaign_files()) == names
-    assert not names & set(shipped.scenario_files())
+    assert set(shipped.aircraft_names()) == folders
+    assert set(shipped.scenario_files()) == {path.stem for path in scenarios.glob("*.toml")}
+    campaigns = {path.stem for path in (scenarios / "campaigns").glob("*.toml")}
+    assert set(shipped.campaign_files()) == campaigns
+    assert not campaigns & set(shipped.scenario_files())
 
 
 @pytest.mark.parametrize("name", ["lost", "", "..", "../aircraft/aerosonde", "/etc"])

@@ -33,12 +33,6 @@ def test_a_loop_pulled_at_constant_load_factor_starts_with_the_radius_of_the_tex
     assert V_a / gamma_dot == pytest.approx(V_a**2 / (9.81 * (n_z - 1.0)), rel=1e-12)
 
 
-@pytest.mark.parametrize("V_a", [0.0, -1.0, np.nan])
-def test_airspeed_must_be_positive(V_a):
-    with pytest.raises(InputError, match=r"`V_a` .* m/s"):
-        turn_rates(V_a, gamma=0.0, phi=0.0, n_z=1.0)
-
-
 def test_a_level_turn_flies_a_circle():
     plant, phi = PointMassPlant(turn="paper"), math.radians(30.0)
     plant.start(LEVEL)
@@ -94,16 +88,12 @@ def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
     assert "t = 0.00 s" in stop.reason
 
 
-def test_gravity_must_be_positive():
-    with pytest.raises(InputError, match=r"`g` .* 0\.0"):
-        PointMassPlant(turn="paper", g=0.0)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"V_a": -25.0}, r"`V_a` must be positive, got -25\.0 m/s"),
         ({"gamma": 1.6}, r"`gamma` must lie inside \+-pi/2, got 1\.6 rad"),
+        ({"phi": math.pi}, r"`phi` must lie inside \+-pi/2"),
         ({"chi": math.inf}, r"`chi` must be finite"),
         ({"n_z": math.nan}, r"`n_z` must be finite"),
     ],

@@ -279,7 +279,7 @@ def test_what_cannot_be_flown_says_so():
             "`north` must have as many values as `t`",
         ),
         (
-            lambda: turn_rates(0.0, gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
+            lambda: turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
             InputError,
             "`V_a` must be positive",
         ),

@@ -9,27 +9,16 @@ from flighttune.errors import InputError
 from flighttune.shipped import aircraft_folder
 
 
-@pytest.fixture
-def folder(tmp_path):
-    return shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "mine")
-
-
-def test_a_file_that_stays_is_read_once(folder):
-    assert load_aircraft(folder) is load_aircraft(folder)
-
-
-def test_a_file_that_was_written_to_is_read_again(folder):
-    before = load_aircraft(folder).title
+def test_a_file_is_read_once_and_again_when_it_was_written_to(tmp_path):
+    folder = shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "mine")
     file = folder / "aircraft.toml"
-    file.write_text(file.read_text().replace(before, before[::-1]))
+    first = load_aircraft(folder)
+    assert load_aircraft(folder) is first
 
-    assert load_aircraft(folder).title == before[::-1] != before
+    file.write_text(file.read_text().replace(first.title, first.title[::-1]))
+    assert load_aircraft(folder).title == first.title[::-1] != first.title
 
-
-def test_a_file_that_was_removed_is_missed(folder):
-    load_aircraft(folder)
-    (folder / "aircraft.toml").unlink()
-
+    file.unlink()
     with pytest.raises(InputError, match=r"aircraft\.toml: .*readable"):
         load_aircraft(folder)
 

@@ -94,18 +94,6 @@ def test_commanded_load_factor_is_clipped_to_what_the_aircraft_may(fly):
     assert np.max(flight["n_z"]) == pytest.approx(2.1, abs=0.1)
 
 
-@pytest.mark.parametrize("phi_deg", [60.0, -80.0])
-def test_recovery_from_a_bank_beyond_the_limits_is_refused(phi_deg):
-    with pytest.raises(InputError, match=r"`phi` .* -45 to 45 deg"):
-        JSBSimPlant().start(FlightCondition(V_a=25.0, phi=phi_deg * DEG))
-
-
-@pytest.mark.parametrize("phi_deg", [120.0, 180.0])
-def test_inverted_flight_is_no_condition_to_start_from(phi_deg):
-    with pytest.raises(InputError, match=r"`phi` must lie inside \+-pi/2"):
-        FlightCondition(V_a=25.0, phi=phi_deg * DEG)
-
-
 def test_a_roll_command_beyond_the_inverted_stays_a_bank_of_45_deg(fly):
     flight = fly((math.pi, 1.3), duration=4.0)
 
