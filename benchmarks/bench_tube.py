@@ -28,9 +28,9 @@ from flighttune.conformance import load_conformance
 from flighttune.flight.outer_loop import gain_set
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
-from flighttune.tube.flights import flights_inside
+from flighttune.tube.problem import tube_problem
 from flighttune.tube.proof import save_tube, verify_tube
-from flighttune.tube.tube import tube
+from flighttune.tube.tube import flights_inside, tube_of
 from flighttune.units import DEG
 
 ROWS = {
@@ -64,15 +64,20 @@ HOLDS = (1, 5, 25, 100, 1000)
 """Samples for which a random or bang-bang disturbance is held."""
 
 
+def tube(scenario, gains, **flights):
+    """The tube of a scenario's flights."""
+    return tube_of(tube_problem(scenario, gains, **flights))
+
+
 def drawn(found, count, rng):
     """Random and bang-bang disturbances, shape (k, 2, count), and starts, shape (2, count)."""
     problem = found.problem
-    d_max = problem.d_high[0][:, np.newaxis]
+    d_max = problem.disturbances[1][0][:, np.newaxis]
     edge = np.where(rng.random((2, count)) < 0.5, 1.0, rng.random((2, count)))
     starts = problem.start * edge * rng.choice([-1.0, 1.0], (2, count))
     hold = rng.choice(HOLDS, count)
     shift, bang = rng.integers(0, hold), rng.random(count) < 0.7
-    d = np.empty((len(found.t), 2, count))
+    d = np.empty((len(found.bounds.t), 2, count))
     for k in range(len(d)):
         fresh = rng.uniform(-1.0, 1.0, (2, count))
         fresh = np.where(bang, np.sign(fresh), fresh) * d_max
@@ -92,8 +97,8 @@ def flown(found, d, starts):
     x = np.array(loop.start[:2])[:, np.newaxis] + starts
     u = np.stack([np.full(count, loop.start[2]), np.cos(x[1]) / np.cos(loop.start[2])])
     integral, before = np.zeros((2, count)), None
-    errors = np.empty((len(found.t), 2, count))
-    for k in range(len(found.t)):
+    errors = np.empty((len(found.bounds.t), 2, count))
+    for k in range(len(found.bounds.t)):
         error = np.array([loop.chi_ref[k], loop.gamma_ref[k]])[:, np.newaxis] - x
         errors[k] = error
         increment = 0.0 if before is None else K_I_half @ (error + before)
@@ -117,7 +122,9 @@ class Reached:
     """The range of the errors of flights over time, and how far any is outside of the tube."""
 
     def __init__(self, found):
-        self._low, self._high = (found.bounds[:, :2, j, np.newaxis] for j in (0, 1))
+        self._low, self._high = (
+            ends[:, :2, np.newaxis] for ends in (found.bounds.low, found.bounds.high)
+        )
         self._least = np.full(self._low.shape, np.inf)
         self._most = -self._least
         self.outside = 0.0
@@ -150,8 +157,8 @@ def sensitive_flights(found):
     disturbance. Limits bend the loop, so those that follow are about the flight that reached the
     largest error of each kind so far.
     """
-    samples = len(found.t)
-    d_max = found.problem.d_high[0][:, np.newaxis]
+    samples = len(found.bounds.t)
+    d_max = found.problem.disturbances[1][0][:, np.newaxis]
     reached, undisturbed = Reached(found), np.zeros((samples, 2))
     nominal = flown(found, undisturbed[:, :, np.newaxis], np.zeros((2, 1)))
     about = [undisturbed] * 4
@@ -170,8 +177,8 @@ def sensitive_flights(found):
 
 def sensitivities(found, d):
     """Of both errors at every time to each disturbance, shape (k, 2, target, error)."""
-    samples = len(found.t)
-    step = NUDGE * found.problem.d_high.max()
+    samples = len(found.bounds.t)
+    step = NUDGE * found.problem.disturbances[1].max()
     nudged = np.repeat(d[:, :, np.newaxis], 2 * samples + 1, axis=2)
     for channel in range(2):
         which = np.arange(samples)
@@ -190,7 +197,7 @@ def row(name, folder, flights):
         scenario, gain_set(scenario, gains), start=start * DEG, disturbance=disturbance or None
     )
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    widths = found.half_widths[:, :2] / DEG
+    widths = found.bounds.half_widths[:, :2] / DEG
     measured = {
         "row": name,
         "status": found.status,
@@ -258,7 +265,8 @@ def beyond_in(boxes, signs):
 
 def flown_by_model(problem, count, rng):
     """Errors of `count` flights of the point mass behind the lags, shape (k, 2, count)."""
-    middle, radius = 0.5 * (problem.d_low + problem.d_high), 0.5 * (problem.d_high - problem.d_low)
+    low, high = problem.disturbances
+    middle, radius = 0.5 * (low + high), 0.5 * (high - low)
     scenario, dt, k = problem.scenario, problem.controller().dt, len(problem.t)
     flights = []
     for i in range(count):
@@ -300,7 +308,7 @@ def tube_of_aircraft(name, path, folder):
     measured = {"status": found.status, "reason": found.reason, "cpu_s": cpu}
     if found.status != "bounded":
         return found, measured
-    widths = found.half_widths[:, :2] / DEG
+    widths = found.bounds.half_widths[:, :2] / DEG
     file = Path(folder) / "aircraft.npz"
     save_tube(found, file)
     began = time.process_time()
@@ -324,9 +332,9 @@ def calm_row(name, folder, flights):
     measured = {"row": f"Aerosonde, calm, {name}"} | measured
     if found.status != "bounded" or found.counted_from is not None:
         return measured | {"target_met": False}
-    widths = found.half_widths[:, :2] / DEG
+    widths = found.bounds.half_widths[:, :2] / DEG
     errors = flown_by_model(found.problem, flights, np.random.default_rng(1))
-    low, high = (found.bounds[:, :2, j, np.newaxis] for j in (0, 1))
+    low, high = (ends[:, :2, np.newaxis] for ends in (found.bounds.low, found.bounds.high))
     outside = float(np.maximum(low - errors, errors - high).max())
     widest = 0.5 * np.ptp(errors, axis=2).max(axis=0) / DEG
     ratios = widths.max(axis=0) / widest

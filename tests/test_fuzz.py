@@ -24,7 +24,13 @@ from flighttune.certificates import load_certificate, verify
 from flighttune.comparison import load_tolerances
 from flighttune.conformance import Windows, load_conformance
 from flighttune.conformance.boxes import RateBoxes
-from flighttune.conformance.file import Attempt, Conformance, Distribution, flown_values
+from flighttune.conformance.file import (
+    Attempt,
+    Conformance,
+    Distribution,
+    conformance_tables,
+    flown_values,
+)
 from flighttune.conformance.residual import ConformantModel
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
@@ -144,7 +150,7 @@ def boxed(folder):
     scenario = load_scenario(file)
     windows = Windows.covering("time", scenario.flight.duration_s)
     wide = np.ones((windows.count, 6))
-    return Conformance(
+    conformance = Conformance(
         aircraft="aerosonde",
         gains_name="paper",
         gains=PAPER_GAINS,
@@ -165,8 +171,11 @@ def boxed(folder):
             disperse=[],
             correlation=[],
         ),
-        sha256={"aircraft": files_hash("aerosonde"), "identified": "", "campaign": ""},
-    ).as_dict()
+        aircraft_sha256=files_hash("aerosonde"),
+        identified_sha256="",
+        campaign_sha256="",
+    )
+    return conformance_tables(conformance)
 
 
 def planned(folder):

@@ -59,8 +59,11 @@ RESIDUALS = "residuals"
 """Column of the extremes of the residual rates of each flight, window by window."""
 
 CALM, STEADY_WIND = "calm", "wind"
-AIR = ("disturbance", "gust", "turbulence", "wind")
-"""Tables that move the air, in the order in which they are left out."""
+DROPPED = {
+    CALM: ("disturbance", "gust", "turbulence", "wind"),
+    STEADY_WIND: ("gust", "turbulence"),
+}
+"""Tables of a scenario that calm air and steady wind do not have."""
 
 UNIT_ENDS = (1e-9, 1.0 - 1e-9)
 """Points of the unit interval at which a dispersed key counts as lowest and highest."""
@@ -136,22 +139,24 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     ``1 - confidence`` (Bonferroni). Fresh flights are those of ``design = "random"``, whatever the
     design of those learned from. A count ends early once a flight is outside: it has failed.
     """
-    learned, fresh, summary = _plans(source, settings)
+    learned, fresh, residuals = _plans(source, settings)
     first, each = learned.runs, settings.flights
     attempts: list[Attempt] = []
-    training = _flown(pool, learned, summary, Span(0, first), "learning")
+    training = _flown(pool, learned, residuals, Span(0, first), "learning")
     while training is not None:
-        boxes, widened = fitted_boxes(summary.windows, *training.completed, each)
-        counted = _counted(pool, fresh, summary, Span(first, first + each), boxes)
+        completed = training[:, ~np.isnan(training[0]).any(axis=(1, 2))]
+        if not completed.size:
+            raise InputError("`flights` must be flown to their end to be learned from, none was.")
+        boxes, widened = fitted_boxes(residuals.windows, *completed, each)
+        counted = _counted(pool, fresh, residuals, Span(first, first + each), boxes)
         if counted is None:
             break
-        outside = int(np.sum(~boxes.hold(counted.low, counted.high)))
-        end = first + len(counted.low)
+        outside, end = int(np.sum(~boxes.hold(*counted))), first + counted.shape[1]
         attempts.append(Attempt((0, first), (first, end), outside, widened))
         if not outside or len(attempts) == settings.attempts:
-            return _conformance(fresh, summary, settings, boxes, attempts)
+            return _conformance(fresh, residuals, settings, boxes, attempts)
         first = end
-        training = _Residuals.joined([training, counted])
+        training = np.concatenate([training, counted], axis=1)
     return None
 
 
@@ -177,22 +182,22 @@ def recount(
         window=conformance.boxes.windows.length,
         seed=conformance.seed,
     )
-    _, counted, summary = _plans(source, settings)
+    _, counted, residuals = _plans(source, settings)
     # Tuning gives other last digits on another machine, and the hash would be another one.
     counted = counted.with_tuned_gains_of(
         replace(counted, gain_sets={conformance.gains_name: conformance.gains})
     )
-    if _hash_of(counted, summary) != conformance.sha256["campaign"]:
+    if _hash_of(counted, residuals) != conformance.campaign_sha256:
         raise InputError(
             f"{source}: must be what the conformance was made of, with its aircraft and the same "
             "--start-deg and --plant, got another hash."
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
     learned, last = conformance.attempts[-1].learned, conformance.attempts[-1].counted
-    flown = _flown(pool, again, summary, Span(*last), "counting again")
+    flown = _flown(pool, again, residuals, Span(*last), "counting again")
     if flown is None:
         return None
-    outside = int(np.sum(~conformance.boxes.hold(flown.low, flown.high)))
+    outside = int(np.sum(~conformance.boxes.hold(*flown)))
     return Attempt(learned, last, outside, conformance.attempts[-1].widened)
 
 
@@ -213,7 +218,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
             "flights are the same one."
         )
     in_this_air = replace(plan, campaign=campaign)
-    summary = ResidualSummary(
+    residuals = ResidualSummary(
         model=conformant_model(campaign.nominal, group.plant),
         windows=Windows.covering(
             settings.over or _over(in_this_air), campaign.nominal.flight.duration_s, settings.window
@@ -227,7 +232,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
     )
     # Fresh draws come after those learned from, whose seeds they must not share.
     runs = plan.draws + settings.attempts * settings.flights
-    return learned, replace(learned, campaign=at_random(campaign), runs=runs), summary
+    return learned, replace(learned, campaign=at_random(campaign), runs=runs), residuals
 
 
 def _is_degenerate(table: Dispersion) -> bool:
@@ -239,25 +244,25 @@ def _is_degenerate(table: Dispersion) -> bool:
 
 
 def _counted(
-    pool: WorkerPool, plan: Plan, summary: ResidualSummary, span: Span, boxes: RateBoxes
-) -> "_Residuals | None":
-    """Fresh flights until one is outside, `PART` at a time; None where it was stopped."""
-    parts: list[_Residuals] = []
+    pool: WorkerPool, plan: Plan, residuals: ResidualSummary, span: Span, boxes: RateBoxes
+) -> FloatArray | None:
+    """`_flown` of fresh flights, `PART` at a time, until one is outside."""
+    parts: list[FloatArray] = []
     firsts = range(span.first, span.end, PART)
     for i, first in enumerate(firsts, 1):
         doing = "counting" if len(firsts) == 1 else f"counting, part {i} of {len(firsts)}"
-        part = _flown(pool, plan, summary, Span(first, min(first + PART, span.end)), doing)
+        part = _flown(pool, plan, residuals, Span(first, min(first + PART, span.end)), doing)
         if part is None:
             return None
         parts.append(part)
-        if not boxes.hold(part.low, part.high).all():
+        if not boxes.hold(*part).all():
             break
-    return _Residuals.joined(parts)
+    return np.concatenate(parts, axis=1)
 
 
 def _conformance(
     plan: Plan,
-    summary: ResidualSummary,
+    residuals: ResidualSummary,
     settings: ConformSettings,
     boxes: RateBoxes,
     attempts: list[Attempt],
@@ -271,7 +276,7 @@ def _conformance(
         aircraft=aircraft,
         gains_name=group.gains,
         gains=gains,
-        model=summary.model,
+        model=residuals.model,
         boxes=boxes,
         epsilon=settings.epsilon,
         confidence=settings.confidence,
@@ -279,65 +284,42 @@ def _conformance(
         attempts=tuple(attempts),
         seed=plan.campaign.seed,
         distribution=distribution_of(plan, group.plant),
-        sha256={
-            "aircraft": files,
-            "identified": hashlib.sha256(identified.encode()).hexdigest(),
-            "campaign": _hash_of(plan, summary),
-        },
+        aircraft_sha256=files,
+        identified_sha256=hashlib.sha256(identified.encode()).hexdigest(),
+        campaign_sha256=_hash_of(plan, residuals),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Residuals:
-    """Lowest and highest residual rates of flights, shape (n, count, 6) each; NaN if not flown."""
-
-    low: FloatArray
-    high: FloatArray
-
-    @property
-    def completed(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest residual rates of the completed flights."""
-        completed = ~np.isnan(self.low).any(axis=(1, 2))
-        if not completed.any():
-            raise InputError("`flights` must be flown to their end to be learned from, none was.")
-        return self.low[completed], self.high[completed]
-
-    @classmethod
-    def joined(cls, parts: "Sequence[_Residuals]") -> "_Residuals":
-        """The flights of all parts."""
-        return cls(
-            *(np.concatenate([getattr(part, end) for part in parts]) for end in ("low", "high"))
-        )
-
-
-def _hash_of(plan: Plan, summary: ResidualSummary) -> str:
+def _hash_of(plan: Plan, residuals: ResidualSummary) -> str:
     """Hash of the flights that are counted, and of what is counted of them."""
-    tables = {**plan.as_dict(), "residuals": summary.as_dict()}
+    tables = {**plan.as_dict(), "residuals": residuals.as_dict()}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 
 def _flown(
-    pool: WorkerPool, plan: Plan, summary: ResidualSummary, span: Span, doing: str
-) -> _Residuals | None:
-    """The residual rates of the runs of a span; None where it was stopped."""
-    shape = (span.runs, 2, summary.windows.count, len(COUNTED))
-    extremes = np.full(shape, np.nan)
+    pool: WorkerPool, plan: Plan, residuals: ResidualSummary, span: Span, doing: str
+) -> FloatArray | None:
+    """Lowest and highest residuals of the runs of a span, shape (2, runs, windows, 6).
+
+    NaN for a flight that was not completed; None where the observer stopped.
+    """
+    shape = (2, residuals.windows.count, len(COUNTED))
+    extremes = np.full((span.runs, *shape), np.nan)
 
     def keep(rows: pa.Table) -> None:
-        runs = rows.column("run").to_pylist()
-        for run, values in zip(runs, rows.column(RESIDUALS).to_pylist(), strict=True):
+        for run, values in zip(rows["run"].to_pylist(), rows[RESIDUALS].to_pylist(), strict=True):
             if values is not None:
-                extremes[run - span.first] = np.reshape(values, shape[1:])
+                extremes[run - span.first] = np.reshape(values, shape)
 
-    probes = {RESIDUALS: partial(_residuals_of, summary)}
+    probes = {RESIDUALS: partial(_residuals_of, residuals)}
     if not pool.fly_rows(plan, [span], keep, doing=doing, probes=probes):
         return None
-    return _Residuals(extremes[:, 0], extremes[:, 1])
+    return np.moveaxis(extremes, 1, 0)
 
 
-def _residuals_of(summary: ResidualSummary, run: Run, scenario: Scenario) -> list[float]:
+def _residuals_of(residuals: ResidualSummary, run: Run, scenario: Scenario) -> list[float]:
     """The extremes of the residual rates of a flight, lowest first."""
-    return np.ravel(summary.of_flight(run, scenario.condition)).tolist()
+    return np.ravel(residuals.of_flight(run, scenario.condition)).tolist()
 
 
 def _planned(source: str, settings: ConformSettings) -> Plan:
@@ -370,42 +352,28 @@ def air_of(scenario: Scenario) -> str:
 
 def in_air(campaign: Campaign, air: str) -> Campaign:
     """A campaign with only the draws that fly in one class of air; in calm air without its wind."""
-    keys = [key.split(".")[0] for key in campaign.keys]
-    tables, central = campaign.nominal.as_dict(), air_of(campaign.central)
-    airs = {CALM, central, *((STEADY_WIND,) if campaign.central.wind else ())}
-    if campaign.central.turbulence is not None and campaign.central.turbulence.intensity:
+    nominal, central = campaign.nominal.as_dict(), campaign.central
+    airs = {CALM, air_of(central), *((STEADY_WIND,) if central.wind else ())}
+    if central.turbulence is not None and central.turbulence.intensity:
         airs |= set(INTENSITIES)
     if air not in airs:
         raise InputError(f"`air` must be one of {', '.join(sorted(airs))}, got {air!r}.")
-    dropped: tuple[str, ...] = ()
-    if air == CALM:
-        dropped = AIR
-    elif air == STEADY_WIND:
-        dropped = ("gust", "turbulence")
-    elif air in INTENSITIES:
-        dropped = ("turbulence",)
-    if not {*keys, *tables} & set(dropped):
+    dropped = DROPPED.get(air, ("turbulence",) if air in INTENSITIES else ())
+    tables = {name: table for name, table in nominal.items() if name not in dropped}
+    disperse = [own for own in campaign.disperse if own.key.split(".")[0] not in dropped]
+    if tables == nominal and disperse == campaign.disperse:
         return campaign
-    for name in dropped:
-        tables.pop(name, None)
     if air in INTENSITIES:
-        tables["turbulence"] = {
-            **campaign.central.model_dump(mode="json", exclude_none=True)["turbulence"],
-            "intensity": air,
-        }
-    disperse = [
-        table for table, key in zip(campaign.disperse, keys, strict=True) if key not in dropped
-    ]
+        turbulence = central.model_dump(mode="json", exclude_none=True)["turbulence"]
+        tables["turbulence"] = {**turbulence, "intensity": air}
     return _rebuilt(campaign, disperse, scenario_from(tables), campaign.design)
 
 
 def at_random(campaign: Campaign) -> Campaign:
     """The same campaign with independent draws; points of a grid become equally likely values."""
     disperse = [
-        Choice(key=table.key, acts=table.acts, values=table.levels)
-        if isinstance(table, Grid)
-        else table
-        for table in campaign.disperse
+        Choice(key=own.key, acts=own.acts, values=own.levels) if isinstance(own, Grid) else own
+        for own in campaign.disperse
     ]
     if campaign.design == "random" and disperse == campaign.disperse:
         return campaign
@@ -439,11 +407,9 @@ def distribution_of(plan: Plan, plant: str) -> Distribution:
     dispersed: dict[str, list[Any]] = {}
     for table in plan.campaign.disperse:
         for place in plan.places[table.key]:
-            if place[:1] == ("plant",):
-                if place[1] != position:
-                    continue
-                place = ("plant", *place[2:])
-            key = spelled(place)
+            if place[0] == "plant" and place[1] != position:
+                continue
+            key = spelled(("plant", *place[2:]) if place[0] == "plant" else place)
             fixed.pop(key, None)
             dispersed[key] = _range(table, nominal.get(key))
     tables = plan.campaign.model_dump(mode="json", include={"disperse", "correlation"})
@@ -490,9 +456,28 @@ def own_campaign(aircraft: str) -> Campaign:
     """
     limits = load_aircraft(aircraft).limits
     first = load_identified(aircraft).conditions[0]
-    roll = min(-limits.phi[0], limits.phi[1])
-    scenario = scenario_from(_own_tables(aircraft, first.V_a, first.h, limits))
+    ramp = {"shape": "ramp", "rate_dps": 0.0}
+    scenario = scenario_from(
+        {
+            "title": f"ramps of {aircraft}",
+            "gains": [TUNED_IDENTIFIED],
+            "flight": {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": 20.0},
+            "reference": {
+                "chi_deg": [{**ramp, "start_s": 2.0, "duration_s": 6.0}],
+                "gamma_deg": [{**ramp, "start_s": 5.0, "duration_s": 3.0}],
+            },
+            "limits": {
+                "phi_deg": [edge * DEG_PER_RAD for edge in limits.phi],
+                "phi_rate_dps": limits.phi_rate * DEG_PER_RAD,
+                "n_z": list(limits.n_z),
+                "n_z_rate_per_s": limits.n_z_rate,
+            },
+            "controller": {"feed_forward": True},
+            "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
+        }
+    )
     check_aircraft(scenario, aircraft)
+    roll = min(-limits.phi[0], limits.phi[1])
     turn = scenario.flight.g_mps2 * math.tan(0.5 * roll) / first.V_a * DEG_PER_RAD
     uniform = {
         "flight.chi_deg": 5.0,
@@ -512,24 +497,3 @@ def own_campaign(aircraft: str) -> Campaign:
         }
     )
     return campaign_on(table, scenario, aircraft)
-
-
-def _own_tables(aircraft: str, V_a: float, h: float, limits: Any) -> dict[str, Any]:
-    ramps = {"chi_deg": (2.0, 6.0), "gamma_deg": (5.0, 3.0)}
-    return {
-        "title": f"ramps of {aircraft}",
-        "gains": [TUNED_IDENTIFIED],
-        "flight": {"V_a_mps": V_a, "h_m": h, "duration_s": 20.0},
-        "reference": {
-            key: [{"shape": "ramp", "start_s": start, "duration_s": lasts, "rate_dps": 0.0}]
-            for key, (start, lasts) in ramps.items()
-        },
-        "limits": {
-            "phi_deg": [edge * DEG_PER_RAD for edge in limits.phi],
-            "phi_rate_dps": limits.phi_rate * DEG_PER_RAD,
-            "n_z": list(limits.n_z),
-            "n_z_rate_per_s": limits.n_z_rate,
-        },
-        "controller": {"feed_forward": True},
-        "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
-    }

@@ -20,9 +20,9 @@ from flighttune.campaign.flying.rows import Drawn, Probes
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.campaign.planning.tube_bounds import ERRORS, TubeBounds
 from flighttune.campaign.stated_set import planned
 from flighttune.errors import InputError
+from flighttune.guarantee.bounds import ERRORS, Bounds
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import in_rad
@@ -76,7 +76,7 @@ class WorstSettings:
     # A column of the rows, such as chi.ITAE, or margin. By default the margin where there are
     # requirements with bounds, else chi.ITAE; with a tube it is always tube.
     metric: str | None = None
-    tube: TubeBounds | None = None  # the tube that flights are to come close to leaving
+    tube: Bounds | None = None  # the tube that flights are to come close to leaving
     gains: str | None = None  # by default tuned_identified, or else the first
     plant: str | None = None  # by default the first
     completed: bool = False  # consider only completed flights; otherwise lost ones are the worst
@@ -500,9 +500,9 @@ def _errors_of(run: Run, _: Scenario) -> list[float]:
     return run.signals[list(ERRORS)].to_numpy().ravel().tolist()
 
 
-def _use_of(tube: TubeBounds, run: Run, _: Scenario) -> list[float]:
+def _use_of(tube: Bounds, run: Run, _: Scenario) -> list[float]:
     """Share of a tube that a flight uses, and its reach in both channels."""
-    return [tube.share(run), *tube.reach(run)]
+    return [tube.share(run), *tube.reach(run).tolist()]
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:

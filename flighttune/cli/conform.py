@@ -155,6 +155,8 @@ def _recount(
 
 
 def _answer(conformance: "Conformance", out: Path) -> Answer:
+    from flighttune.conformance.file import conformance_tables
+
     low, high = conformance.boxes.low, conformance.boxes.high
     rates = [
         {
@@ -172,7 +174,7 @@ def _answer(conformance: "Conformance", out: Path) -> Answer:
     counts = [asdict(attempt) | {"flights": attempt.flights} for attempt in conformance.attempts]
     return Answer(
         values={
-            **conformance.as_dict(),
+            **conformance_tables(conformance),
             "status": "counted" if conformance.holds else "flights_outside",
             "air": conformance.air,
         },

@@ -16,7 +16,13 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import progress_bar, raise_on_interrupt
 from flighttune.cli.show import NO, emit, fail, pick, say, tell
-from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
+from flighttune.cli.tube import (
+    fail_if_outside,
+    run_tubes,
+    run_tubes_notes,
+    run_tubes_table,
+    run_tubes_values,
+)
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
@@ -34,7 +40,7 @@ REFLOWN_COLUMNS = columns("run status samples result")
 if TYPE_CHECKING:
     from flighttune.flight.fly import FlownScenario
     from flighttune.recording.record import RecordedFiles
-    from flighttune.tube.of_run import RunTubes
+    from flighttune.tube.store import RunTubes
 
 
 def fly(
@@ -253,6 +259,7 @@ def _flown(
             Table(
                 title="on the kinematic law", columns=columns("gains R_K I_K"), records=gain_sets
             ),
+            run_tubes_table(tubes),
         ],
         notes=notes,
         verdict=claim.sentence,

@@ -17,7 +17,13 @@ from flighttune.cli.options import (
 )
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import NO, emit, fail, tell
-from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
+from flighttune.cli.tube import (
+    fail_if_outside,
+    run_tubes,
+    run_tubes_notes,
+    run_tubes_table,
+    run_tubes_values,
+)
 from flighttune.present.answer import Answer
 
 if TYPE_CHECKING:
@@ -73,7 +79,7 @@ def gap(
     emit(
         Answer(
             values={**values, "tubes": run_tubes_values(tubes)},
-            tables=tables,
+            tables=[*tables, run_tubes_table(tubes)],
             notes=[
                 *_failed(explained),
                 *run_tubes_notes(tubes, f"flighttune gap {scenario} --tube --conformance FILE"),

@@ -10,7 +10,13 @@ from typer import Argument, Option
 from flighttune.cli.options import ConformanceOption, TubeOption, check_ending
 from flighttune.cli.progress import progress_bar
 from flighttune.cli.show import emit
-from flighttune.cli.tube import fail_if_outside, run_tubes, run_tubes_notes, run_tubes_values
+from flighttune.cli.tube import (
+    fail_if_outside,
+    run_tubes,
+    run_tubes_notes,
+    run_tubes_table,
+    run_tubes_values,
+)
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
@@ -50,6 +56,7 @@ def report(
         out,
         tubes=notes,
         at_a_glance=tubes.at_a_glance,
+        tube_table=run_tubes_table(tubes),
     )
     emit(
         Answer(
@@ -60,7 +67,10 @@ def report(
                 "tables": {table.name: table.records for table in page.tables if table.name},
                 "tubes": run_tubes_values(tubes),
             },
-            tables=[replace(table, name="") for table in page.tables if table.name in PRINTED],
+            tables=[
+                *(replace(table, name="") for table in page.tables if table.name in PRINTED),
+                run_tubes_table(tubes),
+            ],
             notes=[*page.summary, *notes],
             files={"report": page.path},
         )

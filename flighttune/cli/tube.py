@@ -1,6 +1,7 @@
 """The command that encloses all flights of a scenario."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,12 +23,9 @@ NOT_CHECKED = "for the boxes in the file; that an aircraft keeps them is not che
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flighttune.control.gains import PIGains
-    from flighttune.control.law import Law
-    from flighttune.scenario.schema import Scenario
     from flighttune.simulate.run import Run
-    from flighttune.tube.of_run import RunTubes
     from flighttune.tube.result import Tube
+    from flighttune.tube.store import RunTube, RunTubes
 
 WIDTH_COLUMNS = [
     *columns("error"),
@@ -49,7 +47,23 @@ DISTURBANCE_COLUMNS = [
     Column("low", "lowest", "rad/s"),
     Column("high", "highest", "rad/s"),
 ]
-LIMIT_COLUMNS = columns("command lower upper rate_lower rate_upper")
+LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
+RUN_COLUMNS = [
+    Column("run", "run"),
+    Column("start_deg", "from starts within", "deg"),
+    *(
+        Column(f"half_width_deg.{channel}.{key}", f"{symbol} {words}", "deg", ".2g")
+        for key, words in (("max", "±"), ("end", "± at the end"))
+        for channel, symbol in CHANNEL_SYMBOLS.items()
+    ),
+    Column("handed_over_s", "for ever from", "s"),
+    *columns("inside"),
+    Column("computed", "proven now"),
+    *(
+        Column(f"worst.{channel}", f"tube over worst flight {symbol}", digits=".2g")
+        for channel, symbol in CHANNEL_SYMBOLS.items()
+    ),
+]
 
 
 def tube(
@@ -99,10 +113,10 @@ def tube(
 
     from flighttune.conformance import load_conformance
     from flighttune.scenario import load_scenario
-    from flighttune.tube.flights import flights_inside
+    from flighttune.tube import tube as tube_module
+    from flighttune.tube.problem import tube_problem
     from flighttune.tube.proof import save_tube
-    from flighttune.tube.signals import write_signals
-    from flighttune.tube.tube import tube as tube_of
+    from flighttune.tube.store import write_signals
 
     check_ending(out, ".npz")
     loaded = load_scenario(scenario)
@@ -112,26 +126,27 @@ def tube(
         fail(
             f"{scenario}: gains {name}: a tube must be of the paper's law, got one of your own.", NO
         )
-    if largest_disturbance:
-        if disturbance is not None or conformance is not None or out is not None:
-            raise InputError(
-                "`largest_disturbance` must stand without --disturbance, --conformance and --out."
-            )
-        _largest_disturbance(loaded, name, chosen, plant=plant, start=start_deg * DEG, law=law)
-        return
-    began = time.perf_counter()
-    with progress_bar() as progress:
-        enclosure = tube_of(
-            loaded,
-            chosen,
-            plant=plant,
-            start=start_deg * DEG,
-            disturbance=disturbance,
-            conformance=None if conformance is None else load_conformance(conformance),
-            law=law,
-            progress=None if progress is None else (lambda part: progress(f"tube {name}", part)),
+    if largest_disturbance and (disturbance, conformance, out) != (None, None, None):
+        raise InputError(
+            "`largest_disturbance` must stand without --disturbance, --conformance and --out."
         )
-    inside = flights_inside(enclosure)
+    began = time.perf_counter()
+    problem = tube_problem(
+        loaded,
+        chosen,
+        plant=plant,
+        start=start_deg * DEG,
+        disturbance=disturbance,
+        conformance=None if conformance is None else load_conformance(conformance),
+        law=law,
+    )
+    with progress_bar() as progress:
+        follow = None if progress is None else partial(progress, f"tube {name}")
+        if largest_disturbance:
+            _tried(tube_module.largest_disturbance(problem, progress=follow), name)
+            return
+        enclosure = tube_module.tube_of(problem, progress=follow)
+    inside = tube_module.flights_inside(enclosure)
     # A tube that its own flight leaves is wrong: neither bounds nor a proof of them are written.
     signals = proof = None
     if inside:
@@ -161,62 +176,46 @@ def tube(
         fail(f"{scenario}: gains {name}: a flight leaves the tube, so that no file is written.", NO)
 
 
-def _largest_disturbance(
-    scenario: "Scenario",
-    name: str,
-    gains: "PIGains",
-    *,
-    plant: str | None,
-    start: float,
-    law: "Law",
-) -> None:
-    from flighttune.tube.tube import largest_disturbance
-
-    with progress_bar() as progress:
-        tried = largest_disturbance(
-            scenario,
-            gains,
-            plant=plant,
-            start=start,
-            law=law,
-            progress=None if progress is None else (lambda part: progress(f"tube {name}", part)),
-        )
+def _tried(tubes: "Sequence[Tube]", gains: str) -> None:
+    """Show the disturbances that were tried, and end with status 1 if none is bounded."""
     records = [
-        {"disturbance": float(run.problem.d_high.max()), **pick(run, "status reason")}
-        for run in tried
+        {"disturbance": tube.problem.disturbance, **pick(tube, "status reason")} for tube in tubes
     ]
     bounded = [record["disturbance"] for record in records if record["status"] == "bounded"]
     largest = max(bounded, default=None)
+    verdict = f"largest disturbance for which the set is bounded: {largest} rad/s"
     emit(
         Answer(
             values={"largest_disturbance": largest},
             tables=[Table(title="tried", name="tried", columns=TRIED_COLUMNS, records=records)],
-            verdict=""
-            if largest is None
-            else f"largest disturbance for which the set is bounded: {largest:.2g} rad/s",
+            verdict=verdict if bounded else "",
         )
     )
-    if largest is None:
-        fail(f"{scenario.title}: gains {name}: for no disturbance tried the set is bounded.", NO)
+    if not bounded:
+        title = tubes[0].problem.scenario.title
+        fail(f"{title}: gains {gains}: for no disturbance tried the set is bounded.", NO)
 
 
 def tube_values(tube: "Tube") -> dict[str, Any]:
     """A tube as ``--json`` has it."""
-    problem, widths = tube.problem, tube.half_widths[:, :2] / DEG
-    ever = None
-    if tube.hand_over is not None:
-        ever = 0.5 * (tube.hand_over.bounds[:, 1] - tube.hand_over.bounds[:, 0]) / DEG
+    import numpy as np
+
+    problem, widths = tube.problem, tube.bounds.half_widths / DEG
+    ever = None if tube.hand_over is None else (0.5 / DEG * np.ptp(tube.hand_over.bounds, axis=1))
+    low, high = problem.disturbances
     return {
-        **pick(tube, "status reason model"),
-        "probability": tube.probability,
+        **pick(tube, "status reason probability"),
+        "model": problem.model,
         "half_width_deg": {
             channel: {
-                "max": float(column.max()),
-                "end": float(column[-1]),
-                "ever": None if ever is None else float(ever[i]),
+                "max": float(widths[:, i].max()),
+                "end": float(widths[-1, i]),
+                "ever": None
+                if ever is None
+                else 0.5 * float(ever.bounds[i, 1] - ever.bounds[i, 0]) / DEG,
             }
-            for i, (channel, column) in enumerate(zip(("chi", "gamma"), widths.T, strict=True))
-            if len(column)
+            for i, channel in enumerate(CHANNEL_SYMBOLS)
+            if len(widths)
         },
         "limits_can_hold": {
             name: tube.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))
@@ -225,7 +224,7 @@ def tube_values(tube: "Tube") -> dict[str, Any]:
         "counted_from_s": tube.counted_from,
         "gains": problem.gains.as_lists(),
         "start_rad": problem.start,
-        "disturbance_rad_s": [problem.d_low.min(axis=0), problem.d_high.max(axis=0)],
+        "disturbance_rad_s": [low.min(axis=0), high.max(axis=0)],
         "counted": problem.conformance.sentence if problem.conformance else None,
     }
 
@@ -235,35 +234,20 @@ def problem_tables(tube: "Tube", values: Mapping[str, Any], gains: str) -> list[
     problem = tube.problem
     flight, limits = problem.scenario.flight, problem.limits
     kind = problem.table.family.enclosed
-    title = f"{problem.scenario.title!r}; gains {gains}, {kind}: {tube.status}"
-    widths = [{"error": channel, **own} for channel, own in values["half_width_deg"].items()]
     about = {
         "plant": problem.plant,
-        "duration_s": flight.duration_s,
-        "V_a_mps": flight.V_a_mps,
+        **pick(flight, "duration_s V_a_mps"),
         "rate_hz": problem.scenario.controller.rate_hz,
         "start": dict(zip(CHANNEL_SYMBOLS, problem.path_at_start, strict=True)),
         "within": problem.start,
         "end": dict(zip(CHANNEL_SYMBOLS, problem.reference[-1, :2].tolist(), strict=True)),
     }
-    low, high = problem.d_low.min(axis=0), problem.d_high.max(axis=0)
     disturbance = [
-        {"channel": name, "low": float(low[i]), "high": float(high[i])}
-        for i, name in enumerate(CHANNEL_SYMBOLS)
+        {"channel": channel, "low": float(low), "high": float(high)}
+        for channel, low, high in zip(CHANNEL_SYMBOLS, *values["disturbance_rad_s"], strict=True)
     ]
     commands = [
-        {
-            "command": name,
-            **{
-                key: float(values[i]) * unit
-                for key, values in (
-                    ("lower", limits.lower),
-                    ("upper", limits.upper),
-                    ("rate_lower", limits.rate_lower),
-                    ("rate_upper", limits.rate_upper),
-                )
-            },
-        }
+        {"command": name} | {key: float(getattr(limits, key)[i]) * unit for key in LIMIT_KEYS}
         for i, (name, unit) in enumerate((("phi_cmd [deg]", 1.0 / DEG), ("n_z_cmd", 1.0)))
     ]
     at_limit = [
@@ -272,12 +256,20 @@ def problem_tables(tube: "Tube", values: Mapping[str, Any], gains: str) -> list[
         for begin, end in intervals or [("never", None)]
     ]
     return [
-        Table(title=title, columns=WIDTH_COLUMNS, records=widths),
+        Table(
+            title=f"{problem.scenario.title!r}; gains {gains}, {kind}: {tube.status}",
+            columns=WIDTH_COLUMNS,
+            records=[{"error": name, **own} for name, own in values["half_width_deg"].items()],
+        ),
         Table(title="flights", columns=FLIGHT_COLUMNS, records=[about]),
         Table(
             title="any disturbance of the rates", columns=DISTURBANCE_COLUMNS, records=disturbance
         ),
-        Table(title="limits, rates per second", columns=LIMIT_COLUMNS, records=commands),
+        Table(
+            title="limits, rates per second",
+            columns=columns(" ".join(["command", *LIMIT_KEYS])),
+            records=commands,
+        ),
         Table(title="a limit can hold", columns=columns("command from_s to_s"), records=at_limit),
         gains_table("gains", problem.gains),
     ]
@@ -287,11 +279,7 @@ def bounds_after(tube: "Tube") -> list[str]:
     """Sentences on the bounds after the enclosed time, and on the flights counted."""
     problem = tube.problem
     if tube.lost is not None:
-        boxes = (
-            "in the file"
-            if problem.aircraft_checked is False
-            else "that flights were counted against"
-        )
+        boxes = "that flights were counted against" if problem.conformance else "in the file"
         notes = [f"{tube.reason}: the bounds on the errors are those {boxes}."]
     elif tube.hand_over is None:
         notes = ["There is no claim beyond the end of the scenario: no invariant set was found."]
@@ -311,13 +299,10 @@ def run_tubes(
     runs: "Sequence[Run]", folder: Path, *, make: bool, conformance: Path | None
 ) -> "RunTubes":
     """The tubes of runs that are in a folder; with `make` also those that are not."""
-    from flighttune.tube.of_run import tubes_of
+    from flighttune.conformance import load_conformance
+    from flighttune.tube.store import tubes_of
 
-    boxes = None
-    if conformance is not None:
-        from flighttune.conformance import load_conformance
-
-        boxes = load_conformance(conformance)
+    boxes = None if conformance is None else load_conformance(conformance)
     with progress_bar() as progress:
         return tubes_of(runs, folder, make=make, conformance=boxes, progress=progress)
 
@@ -326,23 +311,43 @@ def run_tubes_values(tubes: "RunTubes") -> dict[str, Any]:
     """Tubes of runs as ``--json`` has them, by label of the run."""
     return {
         label: {
-            **pick(tube.about, "status reason model start_deg handed_over_s counted_from_s"),
-            "probability": tube.about.probability,
+            **pick(
+                tube.about, "status reason model start_deg handed_over_s counted_from_s probability"
+            ),
             "half_width_deg": {
-                channel: dict(zip(("max", "end"), widths.tolist(), strict=True))
-                for channel, widths in zip(("chi", "gamma"), tube.half_widths / DEG, strict=True)
+                channel: {key: width / DEG for key, width in widths.items()}
+                for channel, widths in tube.half_widths.items()
             },
-            "inside": label not in tubes.outside,
+            **pick(tube, "inside computed worst file"),
         }
-        for label, tube in tubes.found.items()
+        for label, tube in tubes.tubes.items()
     }
 
 
+def run_tubes_table(tubes: "RunTubes") -> Table:
+    """Widths of the tubes of runs, and whether the flights are inside."""
+    records = [{"run": label, **values} for label, values in run_tubes_values(tubes).items()]
+    return Table(title="tubes", columns=RUN_COLUMNS, records=records)
+
+
 def run_tubes_notes(tubes: "RunTubes", how: str) -> list[str]:
-    """A sentence for each tube, for each that could not be made, or how to make them."""
-    notes = [tubes.sentence(label) for label in tubes.found]
+    """The model of each tube and its probability, why a run has none, or how to make them."""
+    notes = [_note(label, tube) for label, tube in tubes.tubes.items()]
     notes += [f"{label}: no tube: {why}" for label, why in tubes.why_not.items()]
     return notes or [f"No tube around the errors yet: {how} makes it."]
+
+
+def _note(label: str, tube: "RunTube") -> str:
+    about, lost = tube.about, ""
+    if about.reason:
+        counted = about.counted_from_s is not None
+        lost = f" It is lost{', and the bounds are those counted' if counted else ''}: "
+        lost += f"{about.reason}."
+    chance = f" {about.probability.sentence}." if about.probability else ""
+    worst = ""
+    if tube.worst is None:
+        worst = f" flighttune worst SCENARIO|CAMPAIGN --tube {tube.file} searches its worst flight."
+    return f"{label}: a tube of {about.model}.{lost}{chance}{worst}"
 
 
 def fail_if_outside(tubes: "RunTubes") -> None:

@@ -100,14 +100,13 @@ def worst(
     Writes that flight as a scenario for `flighttune fly`.
     """
     check_ending(out, ".toml")
-    from flighttune.campaign.planning.tube_bounds import TubeBounds
     from flighttune.campaign.worst import RareMiss, WorstSettings, find_worst, rare_miss
     from flighttune.flight.fly import fly
     from flighttune.report.toml_text import toml_text
-    from flighttune.tube.of_run import write_worst
+    from flighttune.tube.store import read_bounds, write_worst
     from flighttune.whole_file import write_text
 
-    bounds = None if tube is None else TubeBounds.read(tube)
+    bounds = None if tube is None else read_bounds(tube)[1]
     settings = WorstSettings(
         budget=budget,
         metric=metric,

@@ -1,7 +1,6 @@
 """Windows of a flight, and boxes that hold its residuals and errors inside each of them."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias
 
@@ -11,6 +10,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.conformance.residual import COUNTED, RESIDUALS, ConformantModel, residuals_of
 from flighttune.errors import InputError
+from flighttune.guarantee.bounds import Bounds
 from flighttune.plants.base import FlightCondition
 from flighttune.simulate.run import Run
 
@@ -132,14 +132,8 @@ class ResidualSummary:
         return low, high
 
     def as_dict(self) -> dict[str, Any]:
-        """The summary as plain values; `of` reads them."""
+        """The summary as plain values, which are hashed."""
         return {"model": self.model.as_dict(), "windows": asdict(self.windows)}
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "ResidualSummary":
-        """The summary that `as_dict` wrote."""
-        model, windows = ConformantModel.of(values["model"]), Windows(**values["windows"])
-        return cls(model=model, windows=windows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,16 +166,13 @@ class RateBoxes:
         """Half its width, shape (count, 6), rad/s and rad."""
         return 0.5 * (self.high - self.low)
 
-    def over(
-        self, t: FloatArray, chi_ref: FloatArray, gamma_ref: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """The box of every sample of a flight.
+    def over(self, t: FloatArray, chi_ref: FloatArray, gamma_ref: FloatArray) -> Bounds:
+        """The box of every sample of a flight but the last: bounds from each to the next.
 
         `t` (shape (n,), s). `chi_ref`, `gamma_ref` (shape (n,), rad): the reference of the flight.
-        `low`, `high` (shape (n - 1, 6), rad/s and rad): bounds from each sample to the next.
         """
         window = self.windows.of_samples(t, chi_ref, gamma_ref)
-        return self.low[window], self.high[window]
+        return Bounds(t[:-1], self.low[window], self.high[window], COUNTED)
 
     def hold(self, low: FloatArray, high: FloatArray) -> npt.NDArray[np.bool_]:
         """Whether flights stay in the boxes from start to end.

@@ -3,40 +3,28 @@
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import check_between
-from flighttune.conformance.boxes import SHORTEST_S, Over, RateBoxes, Windows
+from flighttune.conformance.boxes import RateBoxes
 from flighttune.conformance.probability import CountedProbability
 from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import abridged, first_mistake
 from flighttune.present.numbers import number
-from flighttune.quantities import (
-    Airspeed,
-    Bandwidth,
-    Damping,
-    Delay,
-    Finite,
-    Gravity,
-    TimeConstant,
-)
-from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import PlantTable, Table
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
 from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.table_file import json_tables
+from flighttune.value_file import STRICT, tables_of, value_of
 from flighttune.whole_file import whole_file
-
-FORMAT = "flighttune conformance 4"
-"""Format of the file; readers refuse any other."""
 
 FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
 """Tables of a scenario that must be those of the flights counted, but for what was dispersed."""
@@ -67,14 +55,10 @@ Count: TypeAlias = Annotated[int, Field(ge=0, le=10**9)]
 Draws: TypeAlias = tuple[Count, Count]
 """Numbers of draws of a campaign: the first, and the first after the last."""
 
-STRICT = ConfigDict(extra="forbid", strict=True)
-
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
     """One count: boxes fitted to some draws, and fresh ones flown against them."""
-
-    __pydantic_config__: ClassVar = STRICT
 
     learned: Draws  # draws that the boxes were fitted to
     counted: Draws  # draws flown against the boxes; a count that failed ends early
@@ -109,8 +93,6 @@ def flights_needed(epsilon: float, confidence: float, attempts: int) -> float:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution:
     """Distribution of the flights that a count holds for."""
-
-    __pydantic_config__: ClassVar = STRICT
 
     title: str  # title of the campaign
     air: str  # ``calm``, ``wind``, or the intensity of the turbulence
@@ -198,15 +180,26 @@ class Conformance:
     # `epsilon` and `confidence`: probability and confidence of the claim, in (0, 1)
     epsilon: float
     confidence: float
-    planned: int  # number of attempts that share the confidence, fixed before the first
+    planned: Count  # number of attempts that share the confidence, fixed before the first
     attempts: tuple[Attempt, ...]  # the boxes are those of the last one
-    seed: int  # seed of the campaign: with their numbers it determines the draws
+    seed: Count  # seed of the campaign: with their numbers it determines the draws
     distribution: Distribution
-    # Hashes of the ``aircraft`` (its files), the ``identified`` model and the ``campaign``
-    sha256: Mapping[str, str]
+    aircraft_sha256: str  # of the files of the aircraft
+    identified_sha256: str  # of its identified model
+    campaign_sha256: str  # of the plan that was flown
+
+    __pydantic_config__: ClassVar = STRICT
+    FORMAT: ClassVar[str] = "flighttune conformance 5"
+    UNITS: ClassVar[Mapping[str, str]] = {
+        "model": "V_a in m/s, g in m/s^2; lags of roll and load factor, in rad/s and s",
+        "boxes": "lowest and highest values by window, in columns " + ", ".join(COUNTED),
+        "distribution": "keys of the scenario, in the units of their names",
+    }
 
     def __post_init__(self) -> None:
         check_between(0.0, 1.0, epsilon=self.epsilon, confidence=self.confidence)
+        if self.gains.K.shape != (2, 4):
+            raise InputError(f"`gains` must have 2 rows and columns, got {self.gains.K_P.shape}.")
         if not 1 <= len(self.attempts) <= self.planned:
             raise InputError(
                 f"`attempts` must be 1 to the {self.planned} planned, got {len(self.attempts)}."
@@ -280,7 +273,7 @@ class Conformance:
         the scenario's course and path angle. Raises InputError if aircraft, gains, manoeuvre,
         limits, controller, starts or air differ; one line that names the key.
         """
-        if plant.aircraft is None or files_hash(plant.aircraft) != self.sha256["aircraft"]:
+        if plant.aircraft is None or files_hash(plant.aircraft) != self.aircraft_sha256:
             raise InputError(
                 f"conformance: `aircraft` must be {self.aircraft} with the files it was flown "
                 f"with, got {plant.aircraft or plant.kind}."
@@ -304,104 +297,20 @@ class Conformance:
                     f"flights counted, got {math.degrees(start):.4g} deg."
                 )
 
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as plain values, as written to the file."""
-        return {
-            "format": FORMAT,
-            "sentence": self.sentence,
-            "aircraft": self.aircraft,
-            "sha256": dict(self.sha256),
-            "gains": {"name": self.gains_name, **self.gains.as_lists()},
-            "model": self.model.as_dict(),
-            "distribution": asdict(self.distribution),
-            "epsilon": self.epsilon,
-            "confidence": self.confidence,
-            "planned": self.planned,
-            "seed": self.seed,
-            "attempts": [asdict(attempt) for attempt in self.attempts],
-            "boxes": {
-                "over": self.boxes.windows.over,
-                "window_s": self.boxes.windows.length,
-                **{name: _pairs(self.boxes, i) for i, name in enumerate(COUNTED)},
-            },
-        }
-
-
-def _pairs(boxes: RateBoxes, column: int) -> list[list[float]]:
-    return np.column_stack([boxes.low[:, column], boxes.high[:, column]]).tolist()
-
-
-class LagTable(Table):
-    """An `InnerLag` in a file."""
-
-    order: Literal[1, 2, 3]
-    natural_frequency: Bandwidth
-    damping: Damping
-    lag: TimeConstant
-    delay: Delay
-
-
-class _Model(Table):
-    V_a_mps: Airspeed
-    g_mps2: Gravity
-    phi: LagTable
-    n_z: LagTable
-
-
-Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
-
-
-class _Boxes(Table):
-    over: Over
-    window_s: Annotated[float, Field(ge=SHORTEST_S, allow_inf_nan=False)]
-    d_chi_rad_s: list[Pair]
-    d_gamma_rad_s: list[Pair]
-    roll_rad: list[Pair]
-    roll_change_rad: list[Pair]
-    chi_err_rad: list[Pair]
-    gamma_err_rad: list[Pair]
-
-    def value(self) -> RateBoxes:
-        """The boxes as a value."""
-        both = np.array([getattr(self, name) for name in COUNTED], dtype=float)
-        windows = Windows(over=self.over, count=both.shape[1], length=self.window_s)
-        return RateBoxes(windows=windows, low=both[:, :, 0].T, high=both[:, :, 1].T)
-
-
-class _Hashes(Table):
-    aircraft: str
-    identified: str
-    campaign: str
-
-
-class _File(Table):
-    format: Literal["flighttune conformance 4"]
-    sentence: str
-    aircraft: str
-    sha256: _Hashes
-    gains: GainsTable
-    model: _Model
-    distribution: Distribution
-    epsilon: float
-    confidence: float
-    planned: Count
-    seed: Count
-    attempts: Annotated[list[Attempt], Field(min_length=1)]
-    boxes: _Boxes
-    seal: str
-
-
-KIND, REMEDY = "conformance file", "make it again with flighttune conform"
-
 
 def save_conformance(conformance: Conformance, path: str | Path) -> None:
     """Write a conformance as JSON with its SHA-256, whole or not at all.
 
     Raises OutputError if the file cannot be written.
     """
-    text = json.dumps({**conformance.as_dict(), "seal": BLANK}, indent=1, ensure_ascii=False)
+    tables = {**conformance_tables(conformance), "seal": BLANK}
     with whole_file(Path(path)) as part:
-        part.write_bytes(seal(f"{text}\n".encode()))
+        part.write_bytes(seal(f"{json.dumps(tables, indent=1, ensure_ascii=False)}\n".encode()))
+
+
+def conformance_tables(conformance: Conformance) -> dict[str, Any]:
+    """Everything as plain values, as it is in the file, with the claim in words."""
+    return {**tables_of(conformance), "sentence": conformance.sentence}
 
 
 def load_conformance(path: str | Path) -> Conformance:
@@ -411,31 +320,10 @@ def load_conformance(path: str | Path) -> Conformance:
     conformance, or claims more than what was counted supports; the message names file and key.
     """
     tables = json_tables(Path(path))
-    if tables.get("format") != FORMAT:
-        raise ScenarioError(
-            f"{path}: `format` must be {FORMAT!r}, got {abridged(tables.get('format'))}."
-        )
-    sealed_bytes(Path(path), KIND, REMEDY)
+    if tables.get("format") == Conformance.FORMAT:
+        sealed_bytes(Path(path), "conformance file", "make it again with flighttune conform")
+    own = {key: tables[key] for key in tables if key not in ("sentence", "seal")}
     try:
-        # Strictly from JSON text: only there is an object a dataclass, and an array a tuple.
-        read = _File.model_validate_json(json.dumps(tables))
-        return Conformance(
-            aircraft=read.aircraft,
-            gains_name=read.gains.name,
-            gains=read.gains.gains(),
-            model=ConformantModel.of(read.model.model_dump()),
-            boxes=read.boxes.value(),
-            epsilon=read.epsilon,
-            confidence=read.confidence,
-            planned=read.planned,
-            attempts=tuple(read.attempts),
-            seed=read.seed,
-            distribution=read.distribution,
-            sha256=read.sha256.model_dump(),
-        )
-    except ValidationError as error:
-        raise ScenarioError(f"{path}: {first_mistake(error)}") from error
+        return value_of(own, Conformance)
     except InputError as error:
         raise ScenarioError(f"{path}: {error}") from error
-    except ValueError as error:  # NumPy's, of rows that differ in length
-        raise ScenarioError(f"{path}: `boxes` must have equal counts: {error}") from error

@@ -1,7 +1,6 @@
 """Residuals: the part of a flight's course and path-angle rates and roll that the model misses."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -42,15 +41,9 @@ class ConformantModel:
         check_positive(V_a=self.V_a, g=self.g)
 
     def as_dict(self) -> dict[str, Any]:
-        """The model as plain values; `of` reads them."""
+        """The model as plain values, which are hashed."""
         phi, n_z = map(asdict, self.lags)
         return {"V_a_mps": self.V_a, "g_mps2": self.g, "phi": phi, "n_z": n_z}
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "ConformantModel":
-        """The model that `as_dict` wrote."""
-        lags = InnerLag(**values["phi"]), InnerLag(**values["n_z"])
-        return cls(V_a=values["V_a_mps"], g=values["g_mps2"], lags=lags)
 
 
 def residual_rates(

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
+from flighttune.guarantee.bounds import Bounds
 from flighttune.guarantee.error_states import error_states
 from flighttune.guarantee.mismatch import (
     LEAST_SAMPLES,
@@ -27,10 +28,9 @@ from flighttune.guarantee.ultimate_set import (
     ROUNDING,
     SETTLED_FROM,
     CertifiedLoop,
+    Outcome,
     UltimateSet,
-    Verdict,
     certified_loop,
-    entered_and_left,
     largest_command,
     outcomes,
 )
@@ -57,8 +57,7 @@ class FlightCheck:
     # (n,): Upper bound of `size`; NaN where there is no claim, because the reference moves or a
     # command is at a limit
     bound: FloatArray
-    # (n, 2), rad: Largest errors of course and path angle that go with `bound`
-    error_bounds: FloatArray
+    error_bounds: Bounds  # on the errors of course and path angle, which go with `bound`
     commanded: float  # rad: Largest change commanded; see `UltimateSet`
     duration: float  # s: Time flown
     # The plant is the law itself, so that the mismatch is rounding and bounds nothing
@@ -82,7 +81,7 @@ class FlightCheck:
     @property
     def t_broken(self) -> float | None:
         """When the bound is first broken, s; None where it holds."""
-        return self._first(self.broken)
+        return round(float(self.t[self.broken.argmax()]), 9) if self.broken.any() else None
 
     @property
     def share_broken(self) -> float:
@@ -90,29 +89,18 @@ class FlightCheck:
         claimed = int(np.isfinite(self.bound).sum())
         return float(self.broken.sum()) / claimed if claimed else 0.0
 
-    def verdict(self, t_from: float = 0.0) -> Verdict:
-        """Whether the ultimate set of the mismatch from `t_from` (s) on holds from there on."""
+    def claim(self, t_from: float) -> tuple[UltimateSet, Outcome]:
+        """Ultimate set of the mismatch from `t_from` (s) on, and whether it holds from there."""
         first = int(np.searchsorted(self.t, t_from))
         L_d = float(self.strength[min(first, len(self.strength) - 1) :].max())
         claim = UltimateSet(loop=self.loop, L_d=L_d, t_from=t_from, commanded=self.commanded)
-        inside, moved = claim.contains(self.level[first:]), self.moved[first:]
-        within, left = entered_and_left(inside, moved)
-        outcome: Any = outcomes(inside, moved).item()
-        return Verdict(
-            claim=claim,
-            outcome=outcome,
-            t_entered=self._first(within, first),
-            t_broken=self._first(left, first),
-        )
+        outcome: Any = outcomes(claim.contains(self.level[first:]), self.moved[first:]).item()
+        return claim, outcome
 
     @property
-    def settled(self) -> Verdict | None:
-        """The verdict on the second half of the flight; None of the law itself."""
-        return None if self.of_the_law else self.verdict(SETTLED_FROM * self.duration)
-
-    def _first(self, where: npt.NDArray[np.bool_], offset: int = 0) -> float | None:
-        places = np.flatnonzero(where)
-        return round(float(self.t[offset + places[0]]), 9) if len(places) else None
+    def settled(self) -> tuple[UltimateSet, Outcome] | None:
+        """`claim` about the second half of the flight; None of the law itself."""
+        return None if self.of_the_law else self.claim(SETTLED_FROM * self.duration)
 
 
 def flight_check(run: Run) -> FlightCheck | None:
@@ -185,6 +173,7 @@ def check_against(run: Run, loop: CertifiedLoop, mismatch: Mismatch) -> FlightCh
     smallest = float(np.linalg.eigvalsh(Q)[0])
     free_widths = np.sqrt(np.diag(np.linalg.inv(Q))[2:])
     forced_widths = np.sqrt(np.diag(loop.unit.W)[2:])
+    widths = np.sqrt(free)[:, None] * free_widths + np.sqrt(forced)[:, None] * forced_widths
     return FlightCheck(
         loop=loop,
         t=middle,
@@ -194,8 +183,7 @@ def check_against(run: Run, loop: CertifiedLoop, mismatch: Mismatch) -> FlightCh
         moved=flown.moved,
         limited=limited,
         bound=np.sqrt(free / smallest) + loop.unit.radius * np.sqrt(forced),
-        error_bounds=np.sqrt(free)[:, None] * free_widths
-        + np.sqrt(forced)[:, None] * forced_widths,
+        error_bounds=Bounds(middle, -widths, widths),
         commanded=largest_command(*references, (errors[0][0], errors[1][0])),
         duration=float(t[-1]),
         of_the_law=flies_the_law(run),

@@ -16,7 +16,6 @@ from flighttune.metrics import signal_arrays
 from flighttune.simulate.run import Run
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.units import DEG
 
 ROUNDING = 1e-6
 """Part by which a bound may be exceeded before it counts as broken."""
@@ -154,38 +153,6 @@ class UltimateSet:
         return outcomes(inside[..., late], states.moved[..., late])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Verdict:
-    """Outcome of a claim in a flight."""
-
-    claim: UltimateSet
-    outcome: Outcome
-    t_entered: float | None  # s: When the flight first was in the set; None where it never was
-    # s: When it first left the set without a move of the reference; None where it did not
-    t_broken: float | None
-
-    @property
-    def held(self) -> bool:
-        """Whether the flight came into the set, did not leave it, and ended in it."""
-        return self.outcome == "held"
-
-    @property
-    def sentence(self) -> str:
-        """The outcome with its time, and whether the bound is vacuous."""
-        outcome = self.outcome if self.t_broken is None else held_or_broken(self.t_broken)
-        return f"{outcome}, {too_loose(self.claim)}" if self.claim.vacuous else outcome
-
-
-def too_loose(claim: UltimateSet) -> str:
-    """Remark that a vacuous bound is useless, with its size."""
-    return f"but at ±{max(claim.tube) / DEG:.0f} deg the bound is too loose to be useful"
-
-
-def held_or_broken(t_broken: float | None) -> str:
-    """``held``, or ``broken at t = ...`` in s."""
-    return "held" if t_broken is None else f"broken at t = {t_broken:.2f} s"
-
-
 def largest_command(chi_ref: FloatArray, gamma_ref: FloatArray, e_0: tuple[float, float]) -> float:
     """Largest change commanded in a flight: from where it began to the reference, rad.
 
@@ -200,34 +167,13 @@ def largest_command(chi_ref: FloatArray, gamma_ref: FloatArray, e_0: tuple[float
     return float(np.abs(changes).max())
 
 
-def entered_and_left(
-    inside: npt.NDArray[np.bool_], moved: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Where flights are in their set, and where they have just left it.
-
-    Parameters
-    ----------
-    inside, moved : ndarray of bool, shape (..., n)
-        True inside the set, and where the reference changed: the flight may leave it then.
-
-    Returns
-    -------
-    within, left : ndarray of bool, shape (..., n)
-        Inside with the reference at rest; outside with the reference at rest, and within just
-        before.
-    """
-    within = inside & ~moved
-    left = np.zeros_like(within)
-    left[..., 1:] = within[..., :-1] & ~inside[..., 1:] & ~moved[..., 1:]
-    return within, left
-
-
 def outcomes(inside: npt.NDArray[np.bool_], moved: npt.NDArray[np.bool_]) -> npt.NDArray[np.str_]:
-    """`Outcome` of flights, shape (...) of `inside` without its last axis.
+    """`Outcome` of flights, shape (...), from where they are inside, shape (..., n).
 
     ``broken`` where a flight left its set, ``held`` where it did not and ends in it, else ``not
-    entered``: also where the reference moved and the flight did not come in again.
+    entered``: also where the reference moved (`moved`) and the flight did not come in again.
     """
-    within, left = entered_and_left(inside, moved)
-    ends_in = within[..., -1] if within.shape[-1] else np.zeros(within.shape[:-1], dtype=bool)
-    return np.where(left.any(axis=-1), "broken", np.where(ends_in, "held", "not entered"))
+    within = inside & ~moved
+    left = (within[..., :-1] & ~inside[..., 1:] & ~moved[..., 1:]).any(axis=-1)
+    ends_in = within[..., -1:].any(axis=-1)
+    return np.where(left, "broken", np.where(ends_in, "held", "not entered"))

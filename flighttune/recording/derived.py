@@ -100,7 +100,9 @@ def _claimed(run: Run, claim: FlightCheck | None) -> dict[str, FloatArray]:
     lines = {"log_s": claim.size, "log_s_bound": claim.bound}
     columns = {name: np.log10(np.maximum(line, SMALLEST)) for name, line in lines.items()}
     for i, channel in enumerate(CHANNELS):
-        bound, error = claim.error_bounds[:, i], run.signals[f"{channel}_err"]
+        if f"{channel}_err_low" in run.signals:
+            continue  # the bounds of its tube
+        bound, error = claim.error_bounds.high[:, i], run.signals[f"{channel}_err"]
         shown = bound <= error.abs().max()
         stretch = np.cumsum(np.diff(shown, prepend=shown[0]))
         lasting = np.bincount(stretch)[stretch] * (claim.t[1] - claim.t[0])

@@ -37,8 +37,7 @@ def certificate_panels(facts: Facts) -> list[Chart]:
             guaranteed = {"dash": DASHED, "width": 1.2, "most": most_points(len(facts.runs))}
             chart.run_line(check.t, check.bound, style, run.label, **guaranteed)
             if check.settled is not None:
-                radius = check.settled.claim.radius
-                chart.level(radius, style.colour, dash=DOTTED, run=run.label)
+                chart.level(check.settled[0].radius, style.colour, dash=DOTTED, run=run.label)
             if check.t_broken is not None:
                 at = float(np.interp(check.t_broken, check.t, check.size))
                 chart.points(check.t_broken, at, LIMIT, shape="cross", size=5, run=run.label)

@@ -8,6 +8,7 @@ from flighttune.comparison import Source, load_source
 from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.tables import Table
 from flighttune.report.facts import CONVERGED_AT_LEAST, CONVERGED_PART, Facts, facts_of
 from flighttune.report.gap import step_table
 from flighttune.report.guarantee_panels import certificate_panels, frontier_panel
@@ -52,6 +53,7 @@ def write_report(
     *,
     tubes: Sequence[str] = (),
     at_a_glance: Sequence[str] = (),
+    tube_table: Table | None = None,
 ) -> Report:
     """Write one self-contained page about the runs of a scenario.
 
@@ -66,6 +68,8 @@ def write_report(
         A sentence for each tube of the runs. Tubes are drawn where the runs have them.
     at_a_glance : sequence of str
         Sentences at the top on the possible deviation of each aircraft.
+    tube_table : Table, optional
+        Widths of the tubes.
 
     Returns
     -------
@@ -92,7 +96,7 @@ def write_report(
         ),
         claim_sentence=f"{facts.claim.sentence}.",
         criterion=CONVERGES,
-        sections=_sections(facts, tubes),
+        sections=_sections(facts, tubes, [tube_table] if tube_table else []),
         title=facts.scenario.title,
         claim=facts.scenario.verifies,
         legend=[(run.label, facts.styles[run.label]) for run in facts.runs],
@@ -106,7 +110,7 @@ def write_report(
     )
 
 
-def _sections(facts: Facts, tubes: Sequence[str]) -> list[Section]:
+def _sections(facts: Facts, tubes: Sequence[str], widths: list[Table]) -> list[Section]:
     errors_note = (
         "Errors are reference minus actual, the course error wrapped to ±180°. A band is the tube "
         "of a run: every flight of its model is in it."
@@ -124,7 +128,7 @@ def _sections(facts: Facts, tubes: Sequence[str]) -> list[Section]:
             title="Errors and metrics",
             note=" ".join([errors_note, *tubes]),
             charts=errors(facts.drawn),
-            tables=[tracking_table(facts), runs_table(facts)],
+            tables=[tracking_table(facts), runs_table(facts), *widths],
         ),
         Section(
             id="commands",

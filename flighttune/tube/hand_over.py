@@ -161,10 +161,10 @@ def return_map(
     enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
     passed, after = [], np.zeros((len(W), 2))
     for k in range(1, 2 * samples + 1):
-        bounds = enclosure.sample(k)
-        if bounds.limited.any():
+        ranges, limited = enclosure.sample(k)
+        if limited.any():
             return None
-        passed.append(bounds.ranges)
+        passed.append(ranges)
         if k == samples:
             after = hull(enclosure.pieces, W)
             if not inside(after, centre, size):

@@ -3,14 +3,16 @@
 import hashlib
 import json
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import FloatArray
 from flighttune.conformance import Conformance
+from flighttune.conformance.file import conformance_tables
+from flighttune.conformance.residual import COUNTED
 from flighttune.control.controller import Controller
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
@@ -18,6 +20,7 @@ from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.flight.fly import law_setup
+from flighttune.guarantee.bounds import Bounds
 from flighttune.plants.base import PLANT_KINDS
 from flighttune.plants.weather import course_of, velocity_along
 from flighttune.scenario.schema import Scenario
@@ -31,16 +34,13 @@ from flighttune.tube.sample import Inversion, SampledLoop
 class AircraftBoxes:
     """Boxes counted for an aircraft's flights, at the k samples of one flight."""
 
-    conformance_sha256: str  # hash of the conformance that the boxes come from
-    # `d_low` and `d_high` (shape (k, 2), rad/s): bounds on the residual rates of course and
-    # flight-path angle, of any shape, from each sample to the next.
-    d_low: FloatArray
-    d_high: FloatArray
-    # shape (k, 4), rad: `SampledLoop.roll`; None unless the feed-forward sees the roll flown
-    roll: FloatArray | None
-    counted: FloatArray  # shape (k, 4), rad: lowest and highest error of course and of path angle
+    # Bounds on `COUNTED`: from each sample to the next on the residual rates of course and
+    # flight-path angle, of any shape; on the roll seen minus that behind the lag, and its change
+    # to the next sample; on the errors.
+    bounds: Bounds
     lags: tuple[InnerLag, ...]  # of roll and load factor, in the model whose rates were subtracted
     start_known: bool  # whether the path over ground begins where the scenario says
+    conformance_sha256: str  # hash of the conformance that the boxes come from
     # Source of the boxes; None if they come from the file of a tube and were not compared
     conformance: Conformance | None = None
 
@@ -61,46 +61,29 @@ class AircraftBoxes:
         conformance.check(scenario, plant, gains, start)
         if not conformance.holds:
             raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
-        boxes = conformance.boxes.over(sample_times(scenario), reference[:, 0], reference[:, 1])
+        t = sample_times(scenario)
+        boxes = conformance.boxes.over(t, reference[:, 0], reference[:, 1])
         # The boxes of the last sample are never used; the arrays are as long as the others.
-        low, high = (np.concatenate([ends, ends[-1:]]) for ends in boxes)
-        pairs = np.stack([low, high], axis=2)
+        low, high = (np.concatenate([ends, ends[-1:]]) for ends in (boxes.low, boxes.high))
         return cls(
-            d_low=low[:, :2],
-            d_high=high[:, :2],
-            roll=pairs[:, 2:4].reshape(-1, 4) if sees_roll(scenario, reference) else None,
-            counted=pairs[:, 4:6].reshape(-1, 4),
+            bounds=Bounds(t, low, high, COUNTED),
             lags=conformance.model.lags,
             start_known=scenario.wind is not None or not conformance.distribution.windy,
             conformance_sha256=conformance_sha256(conformance),
             conformance=conformance,
         )
 
-    def check(self, samples: int) -> None:
-        """Refuse boxes that are not of `samples` samples, or empty ones."""
-        shapes = {"d_low": 2, "d_high": 2, "counted": 4, "roll": 4}
-        for name, columns in shapes.items():
-            if getattr(self, name) is not None:
-                read_only_matrix(name, getattr(self, name), (samples, columns))
-        if not (self.d_low <= self.d_high).all():
-            raise InputError("`d_low` must not be above `d_high`.")
-        for name in ("counted", "roll"):
-            pairs = getattr(self, name)
-            if pairs is not None and not (pairs[:, ::2] <= pairs[:, 1::2]).all():
-                raise InputError(f"`{name}` must be lower and upper bounds, twice, at a sample.")
-
     def difference(self, other: "AircraftBoxes") -> str | None:
-        """Name of the first attribute that differs, `conformance` aside; None if none does."""
-        for field in fields(self):
-            mine, theirs = getattr(self, field.name), getattr(other, field.name)
-            if field.name != "conformance" and not np.array_equal(mine, theirs):
-                return field.name
-        return None
+        """Name of the first part that differs, `conformance` aside; None if none does."""
+        if not np.array_equal(self.bounds.pairs, other.bounds.pairs):
+            return "boxes"
+        names = ("lags", "start_known", "conformance_sha256")
+        return next((x for x in names if getattr(self, x) != getattr(other, x)), None)
 
 
 def conformance_sha256(conformance: Conformance) -> str:
     """Hash of all values of a conformance, the same however its file is laid out."""
-    values = json.dumps(conformance.as_dict(), sort_keys=True)
+    values = json.dumps(conformance_tables(conformance), sort_keys=True)
     return hashlib.sha256(values.encode()).hexdigest()
 
 
@@ -145,9 +128,6 @@ class TubeProblem:
                 raise InputError(
                     "`disturbance` must not be given with a conformance: its boxes are."
                 )
-            self.boxes.check(len(self.t))
-            if (self.boxes.roll is not None) != sees_roll(self.scenario, self.reference):
-                raise InputError("`roll` must be given just where a feed-forward sees it.")
         condition, limits = self.scenario.condition, self.limits
         ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
         for name, lower, upper, starts in zip(
@@ -185,34 +165,23 @@ class TubeProblem:
         return None if self.boxes is None else self.conformance is not None
 
     @property
-    def d_low(self) -> FloatArray:
-        """Lower bounds on the disturbances of the two rates, shape (k, 2), rad/s."""
-        return -self.d_high if self.boxes is None else self.boxes.d_low
-
-    @property
-    def d_high(self) -> FloatArray:
-        """Upper bounds on the disturbances of the two rates, shape (k, 2), rad/s."""
+    def disturbances(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds on the disturbances of the two rates, shape (k, 2), rad/s."""
         if self.boxes is not None:
-            return self.boxes.d_high
+            return self.boxes.bounds.low[:, :2], self.boxes.bounds.high[:, :2]
         swing = self.scenario.disturbance
         flown = (0.0, 0.0) if swing is None else (swing.chi_amplitude, swing.gamma_amplitude)
         within = np.abs(flown) if self.disturbance is None else np.full(2, self.disturbance)
-        return np.tile(within, (len(self.t), 1))
+        high = np.tile(within, (len(self.t), 1))
+        return -high, high
 
     @property
     def roll(self) -> FloatArray | None:
-        """See `AircraftBoxes`."""
-        return None if self.boxes is None else self.boxes.roll
-
-    @property
-    def counted(self) -> FloatArray | None:
-        """See `AircraftBoxes`."""
-        return None if self.boxes is None else self.boxes.counted
-
-    @property
-    def start_known(self) -> bool:
-        """See `AircraftBoxes`."""
-        return self.boxes is None or self.boxes.start_known
+        """See `SampledLoop.roll`; None unless the feed-forward of an aircraft sees the roll."""
+        sees_roll = self.scenario.controller.feed_forward and not self.reference[:, 2:4].any()
+        if self.boxes is None or not sees_roll:
+            return None
+        return self.boxes.bounds.pairs[:, 2:4].reshape(-1, 4)
 
     @property
     def limits(self) -> Limits:
@@ -254,6 +223,7 @@ class TubeProblem:
         controller = sampled(self.scenario, self.gains, self.limits, self.law)
         dt = 1.0 / self.scenario.controller.rate_hz
         chi, gamma = self.path_at_start
+        d_low, d_high = self.disturbances
         planned, inversion = self.reference[:, 2:4], None
         if (law := controller.inverts) is not None:
             speed = flight.V_a_mps * law.per_g
@@ -268,8 +238,8 @@ class TubeProblem:
             g_over_v=flight.g_mps2 / flight.V_a_mps,
             chi_ref=self.reference[:, 0],
             gamma_ref=self.reference[:, 1],
-            d_low=self.d_low,
-            d_high=self.d_high,
+            d_low=d_low,
+            d_high=d_high,
             start=(chi, gamma, condition.phi, condition.n_z),
             exact=self.table.family.turn == "exact",
             lags=tuple(SampledLag.of(lag, dt) for lag in self.lags),
@@ -301,8 +271,7 @@ def tube_problem(
     table = _chosen(scenario, plant, aircraft=conformance is not None)
     law = law or scenario.law_for(gains)
     _check_enclosed(scenario, table, gains, law)
-    reference = reference_of(scenario)
-    boxes = None
+    reference, boxes = reference_of(scenario), None
     if conformance is not None:
         boxes = AircraftBoxes.of(conformance, scenario, table, gains, start, reference)
     return TubeProblem(
@@ -327,11 +296,6 @@ def reference_of(scenario: Scenario) -> FloatArray:
         followed[:, 2:4] = reference.commands(t)
     followed.flags.writeable = False
     return followed
-
-
-def sees_roll(scenario: Scenario, reference: FloatArray) -> bool:
-    """Whether the feed-forward uses the roll that is flown, and no planned commands."""
-    return scenario.controller.feed_forward and not reference[:, 2:4].any()
 
 
 def sample_times(scenario: Scenario) -> FloatArray:

@@ -4,42 +4,49 @@ import json
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance import Conformance
-from flighttune.conformance.file import LagTable
+from flighttune.conformance.residual import COUNTED
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
-from flighttune.mistakes import first_mistake, shown
-from flighttune.quantities import Finite, GainMatrix
+from flighttune.guarantee.bounds import Bounds
+from flighttune.mistakes import shown
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import Table
 from flighttune.table_file import json_object
 from flighttune.theory.certificate import Check, Verification
 from flighttune.tube.exact import enclosure_of
-from flighttune.tube.forms import Pieces
+from flighttune.tube.forms import Form, Indices, Pieces
 from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, return_map, settled_from
-from flighttune.tube.problem import AircraftBoxes, TubeProblem, reference_of, sample_count
-from flighttune.tube.replay import Replay
+from flighttune.tube.interval import Interval
+from flighttune.tube.problem import (
+    AircraftBoxes,
+    TubeProblem,
+    reference_of,
+    sample_count,
+    sample_times,
+)
 from flighttune.tube.result import (
     QUANTITIES,
     Settings,
     Tube,
+    bounds_of,
     counted_bounds,
     first_set,
     tightest,
 )
-from flighttune.tube.sample import SampledLoop, Unbounded
+from flighttune.tube.sample import Channel, Cut, SampledLoop, Unbounded
+from flighttune.value_file import STRICT, tables_of, value_of
 from flighttune.whole_file import whole_file
 
 BOUND_MARGIN = 1e-9
@@ -55,19 +62,20 @@ MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
 """Sizes of all members and of a file above which it is not read: three and five times those of the
 largest tube known, of an aircraft in the paper's step."""
 
-MAX_PIECES, MAX_SYMBOLS, MAX_SAMPLES = 4096, 20000, 10000
-"""Numbers in a file above which a proof would only take up time and memory."""
+MAX_SAMPLES = 10000
+"""Number of samples of a round above which a proof would only take up time."""
+
+MAX_NUMBERS = 2**23
+"""Most numbers in the arrays of a set: four times those of a search; a split at most doubles
+them."""
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
 ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
-REFERENCE = {"reference": FLOAT}
-BOXES = {"d_low": FLOAT, "d_high": FLOAT, "counted": FLOAT}
-ROLL = {"roll": FLOAT}
 EVER = {
     **{f"ever_{name}": FLOAT for name in ("W", "centre", "size", "bounds")},
     "ever_chosen": SINGLE,
 }
-MEMBERS = ALWAYS | REFERENCE | BOXES | ROLL | EVER
+MEMBERS = ALWAYS | {"reference": FLOAT, "boxes": FLOAT} | EVER
 """Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed."""
 
 LIMITLESS = np.array([[-np.inf, np.inf]] * len(QUANTITIES))
@@ -80,44 +88,31 @@ DAMAGE = (
 """Exceptions of NumPy and `zipfile` on a damaged file."""
 
 
-class _Gains(Table):
-    K_P: GainMatrix
-    K_I: GainMatrix
-    law: Literal["exact"] | None = None
-
-
-class _Settings(Table):
-    sides: Annotated[int, Field(ge=1, le=64)]
-    symbols: Annotated[int, Field(ge=1, le=MAX_SYMBOLS)]
-    tolerance: Finite
-    most: Annotated[int, Field(ge=1, le=MAX_PIECES)]
-
-
-class _HandOver(Table):
-    sample: int
-    samples: Annotated[int, Field(ge=1, le=MAX_SAMPLES)]
-
-
-class _Aircraft(Table):
-    lags: Annotated[list[LagTable], Field(min_length=2, max_length=2)]
-    start_known: bool
-    conformance_sha256: str
-
-
-class _Claim(Table):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
     """Values that cannot be rebuilt from the scenario, besides the arrays."""
 
-    format: Literal["flighttune tube 4"]
     scenario: dict[str, Any]
-    gains: _Gains
+    gains: PIGains
     plant: str
-    start_rad: Finite
-    disturbance_rad_s: Finite | None
+    start_rad: float
+    disturbance_rad_s: float | None
     law: str
-    settings: _Settings
+    settings: Settings
     lost: int | None
-    hand_over: _HandOver | None
-    aircraft: _Aircraft | None
+    # First sample of the set that is kept, and number of samples that map it into itself
+    hand_over: tuple[int, Annotated[int, Field(ge=1, le=MAX_SAMPLES)]] | None
+    # See `AircraftBoxes`; no lags and no hash where the plant is no aircraft
+    lags: tuple[InnerLag, ...]
+    start_known: bool
+    conformance_sha256: str | None
+
+    __pydantic_config__: ClassVar = STRICT
+    FORMAT: ClassVar[str] = "flighttune tube 5"
+    UNITS: ClassVar[Mapping[str, str]] = {
+        "bounds": "lower and upper bounds of the errors (rad) and commands (rad, 1) by sample",
+        "boxes": "bounds on the rates left over (rad/s), the roll and the errors (rad) by sample",
+    }
 
 
 def save_tube(tube: Tube, path: str | Path) -> None:
@@ -131,38 +126,31 @@ def save_tube(tube: Tube, path: str | Path) -> None:
             f"`tube` must be bounded to be proven, got one that is not: {tube.reason}."
         )
     problem, ever, boxes = tube.problem, tube.hand_over, tube.problem.boxes
-    claim = {
-        "format": "flighttune tube 4",
-        "scenario": problem.scenario.as_dict(),
-        "gains": problem.gains.as_lists(),
-        "plant": problem.plant,
-        "start_rad": problem.start,
-        "disturbance_rad_s": problem.disturbance,
-        "law": problem.law.name,
-        "settings": tube.settings._asdict(),
-        "lost": tube.lost,
-        "hand_over": None if ever is None else {"sample": ever.sample, "samples": ever.samples},
-        "aircraft": None
-        if boxes is None
-        else {
-            "lags": [asdict(lag) for lag in boxes.lags],
-            "start_known": boxes.start_known,
-            "conformance_sha256": boxes.conformance_sha256,
-        },
-    }
+    claim = Claim(
+        scenario=problem.scenario.as_dict(),
+        gains=problem.gains,
+        plant=problem.plant,
+        start_rad=problem.start,
+        disturbance_rad_s=problem.disturbance,
+        law=problem.law.name,
+        settings=tube.settings,
+        lost=tube.lost,
+        hand_over=None if ever is None else (ever.sample, ever.samples),
+        lags=() if boxes is None else boxes.lags,
+        start_known=boxes is None or boxes.start_known,
+        conformance_sha256=None if boxes is None else boxes.conformance_sha256,
+    )
     looser = np.array([-BOUND_MARGIN, BOUND_MARGIN])
     arrays = {
-        "claim": np.array(json.dumps(claim)),
-        "bounds": tube.bounds + looser,
+        "claim": np.array(json.dumps(tables_of(claim))),
+        "bounds": tube.bounds.pairs + looser,
         "held": tube.held,
         "chosen": tube.chosen,
     }
     if problem.scenario.reference.shape == "feasible":
         arrays["reference"] = problem.reference
     if boxes is not None:
-        arrays |= {name: getattr(boxes, name) for name in BOXES}
-        if boxes.roll is not None:
-            arrays["roll"] = boxes.roll
+        arrays["boxes"] = boxes.bounds.pairs
     if ever is not None:
         arrays |= {name: getattr(ever, name.removeprefix("ever_")) for name in EVER}
         arrays["ever_bounds"] = ever.bounds + looser
@@ -187,12 +175,10 @@ def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
     """
     try:
         arrays = _members(Path(path))
-        claim = _Claim.model_validate(json_object(str(arrays["claim"]), "`claim`"))
+        claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
         return _tube_from(claim, arrays, conformance)
     except OSError as error:
         raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_mistake(error)}") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -225,9 +211,8 @@ def _members(path: Path) -> dict[str, npt.NDArray[Any]]:
         raise
     except DAMAGE as error:
         raise InputError(f"the file must be a tube of flighttune: {error}.") from error
-    for name in ALWAYS:
-        if name not in arrays:
-            raise InputError(f"`{name}.npy` must be in the file of a tube.")
+    if "claim" not in arrays:
+        raise InputError("`claim.npy` must be in the file of a tube.")
     return arrays
 
 
@@ -244,22 +229,26 @@ def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> npt.NDArray[Any]
 
 
 def _tube_from(
-    claim: _Claim, arrays: Mapping[str, npt.NDArray[Any]], conformance: Conformance | None
+    claim: Claim, arrays: Mapping[str, npt.NDArray[Any]], conformance: Conformance | None
 ) -> Tube:
     scenario = scenario_from(claim.scenario)
     # Before anything as long as the scenario is made: a file may state a duration of years.
     k = sample_count(scenario)
-    _check_shapes(arrays, {"bounds": (k, len(QUANTITIES), 2), "held": (k, 2)})
-    problem = _problem(claim, scenario, arrays, conformance)
-    needed = {
-        **ALWAYS,
-        **(REFERENCE if scenario.reference.shape == "feasible" else {}),
-        **(BOXES if problem.boxes else {}),
-        **(ROLL if problem.roll is not None else {}),
-        **(EVER if claim.hand_over else {}),
+    shapes: dict[str, tuple[int, ...] | None] = {
+        **dict.fromkeys(ALWAYS),
+        "bounds": (k, len(QUANTITIES), 2),
+        "held": (k, 2),
     }
-    for name in arrays.keys() - needed.keys():
+    if scenario.reference.shape == "feasible":
+        shapes["reference"] = k, 6
+    if claim.conformance_sha256 is not None:
+        shapes["boxes"] = k, len(COUNTED), 2
+    if claim.hand_over is not None:
+        shapes |= dict.fromkeys(EVER)
+    for name in arrays.keys() - shapes.keys():
         raise InputError(f"`{name}.npy` must not be in the file of this tube.")
+    _check_shapes(arrays, shapes)
+    problem = _problem(claim, scenario, arrays, conformance)
     if claim.lost is not None and not (problem.boxes and 0 <= claim.lost < k):
         raise InputError("`lost` must be a sample of a tube with errors that were counted.")
     return Tube(
@@ -268,39 +257,46 @@ def _tube_from(
         reason=""
         if claim.lost is None
         else f"the flights of the model are not enclosed from t = {problem.t[claim.lost]:.2f} s on",
-        t=problem.t,
-        bounds=arrays["bounds"],
+        bounds=bounds_of(problem.t, arrays["bounds"]),
         held=arrays["held"],
-        settings=Settings(**claim.settings.model_dump()),
+        settings=claim.settings,
         chosen=arrays["chosen"].ravel(),
-        hand_over=None if claim.hand_over is None else _hand_over(claim.hand_over, arrays, problem),
+        hand_over=_hand_over(claim, arrays, problem),
         lost=claim.lost,
     )
 
 
 def _problem(
-    claim: _Claim,
+    claim: Claim,
     scenario: Scenario,
     arrays: Mapping[str, npt.NDArray[Any]],
     conformance: Conformance | None,
 ) -> TubeProblem:
     """The problem of the scenario; only boxes may come from the file, and a feasible reference."""
-    gains, plant = PIGains.from_lists(**claim.gains.model_dump()), scenario.plant_table(claim.plant)
+    gains, plant = claim.gains, scenario.plant_table(claim.plant)
+    if gains.K.shape != (2, 4):
+        raise InputError(f"`gains` must have 2 rows and columns, got {gains.K_P.shape}.")
     # Files of gains on roll and load factor may name the law of rates that the scenario had.
     law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
     reference = reference_of(scenario)
     if scenario.reference.shape == "feasible":
-        reference = _agreed(arrays, reference)
+        off = float(np.abs(arrays["reference"] - reference).max())
+        if off > SAME_REFERENCE:
+            raise InputError(
+                f"`reference` must be that of the scenario to {SAME_REFERENCE:g} (rad, 1, rad/s), "
+                f"got one that is off by {off:.3g}."
+            )
+        reference = read_only_matrix("reference", arrays["reference"])
     boxes = None
-    if claim.aircraft is not None:
+    if claim.conformance_sha256 is not None:
+        low, high = np.moveaxis(arrays["boxes"], 2, 0)
+        if len(claim.lags) != 2 or not (low <= high).all():
+            raise InputError("`boxes` must be lower and upper bounds, with two `lags`.")
         boxes = AircraftBoxes(
-            d_low=_present(arrays, "d_low"),
-            d_high=_present(arrays, "d_high"),
-            counted=_present(arrays, "counted"),
-            roll=arrays.get("roll"),
-            lags=tuple(InnerLag(**lag.model_dump()) for lag in claim.aircraft.lags),
-            start_known=claim.aircraft.start_known,
-            conformance_sha256=claim.aircraft.conformance_sha256,
+            bounds=Bounds(sample_times(scenario), low, high, COUNTED),
+            lags=claim.lags,
+            start_known=claim.start_known,
+            conformance_sha256=claim.conformance_sha256,
         )
     if conformance is not None:
         rebuilt = AircraftBoxes.of(conformance, scenario, plant, gains, claim.start_rad, reference)
@@ -320,49 +316,82 @@ def _problem(
     )
 
 
-def _agreed(arrays: Mapping[str, npt.NDArray[Any]], rebuilt: FloatArray) -> FloatArray:
-    """The reference of the file, which must be the one rebuilt but for its last digits."""
-    stored = read_only_matrix("reference", _present(arrays, "reference"), rebuilt.shape)
-    off = float(np.abs(stored - rebuilt).max())
-    if off > SAME_REFERENCE:
-        raise InputError(
-            f"`reference` must be that of the scenario to {SAME_REFERENCE:g} (rad, 1, rad/s), got "
-            f"one that is off by {off:.3g}."
-        )
-    return stored
-
-
-def _present(arrays: Mapping[str, npt.NDArray[Any]], name: str) -> npt.NDArray[Any]:
-    if name not in arrays:
-        raise InputError(f"`{name}.npy` must be in the file of this tube.")
-    return arrays[name]
-
-
 def _check_shapes(
-    arrays: Mapping[str, npt.NDArray[Any]], shapes: Mapping[str, tuple[int, ...]]
+    arrays: Mapping[str, npt.NDArray[Any]], shapes: Mapping[str, tuple[int, ...] | None]
 ) -> None:
+    """Refuse arrays that are missing or of another shape; of any shape where it is None."""
     for name, shape in shapes.items():
-        if _present(arrays, name).shape != shape:
+        if name not in arrays:
+            raise InputError(f"`{name}.npy` must be in the file of this tube.")
+        if shape not in (None, arrays[name].shape):
             raise InputError(f"`{name}` must have shape {shape}, got {arrays[name].shape}.")
 
 
 def _hand_over(
-    stated: _HandOver, arrays: Mapping[str, npt.NDArray[Any]], problem: TubeProblem
-) -> HandOver:
+    claim: Claim, arrays: Mapping[str, npt.NDArray[Any]], problem: TubeProblem
+) -> HandOver | None:
+    if claim.hand_over is None:
+        return None
+    sample, samples = claim.hand_over
     n, last = problem.loop.rows, len(problem.t)
     shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}
     _check_shapes(arrays, {f"ever_{name}": shape for name, shape in shapes.items()})
-    if not settled_from(problem.loop) < stated.sample < last:
+    if not settled_from(problem.loop) < sample < last:
         raise InputError(
             f"`hand_over` must be after the last change and before sample {last}, got sample "
-            f"{stated.sample}."
+            f"{sample}."
         )
     return HandOver(
-        sample=stated.sample,
-        samples=stated.samples,
-        chosen=_present(arrays, "ever_chosen").ravel(),
+        sample=sample,
+        samples=samples,
+        chosen=arrays["ever_chosen"].ravel(),
         **{name: arrays[f"ever_{name}"] for name in shapes},
     )
+
+
+class Replay:
+    """A `Plan` that reads what a search chose.
+
+    `chosen` (shape (n,)) must be finite.
+    """
+
+    def __init__(self, chosen: npt.NDArray[np.float32]) -> None:
+        self._chosen, self._at = chosen, 0
+
+    def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:  # noqa: ARG002
+        """The choice of the search."""
+        return self._next(len(pieces), int(pieces.constrained.sum()))
+
+    def slope(self, values: Interval) -> FloatArray:
+        """The choice of the search."""
+        return self._next(len(values.low))
+
+    def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
+        """The choice of the search."""
+        if pieces.values.size > MAX_NUMBERS:
+            raise IndexError("the choices make the set too large")
+        split, i, side = self._next(3)
+        if split == 0.0:
+            return None
+        channel = channels[1 if i else 0]
+        excess = channel.above if side > 0.0 else channel.below
+        which, at, row = (self._next(len(pieces)) for _ in range(3))
+        if excess is None or not ((row >= 0) & (row < len(pieces.constrained))).all():
+            raise IndexError("a split names a limit or a constraint that is not there")
+        return Cut(excess, which > 0.0, at, row.astype(np.intp))
+
+    def pairs(self, pieces: Pieces) -> Indices:  # noqa: ARG002
+        """The choice of the search."""
+        (count,) = self._next(1)
+        return self._next(int(count), 2).astype(np.intp)
+
+    def _next(self, *shape: int) -> FloatArray:
+        count = int(np.prod(shape))
+        values = self._chosen[self._at : self._at + count]
+        if count < 0 or len(values) < count:
+            raise IndexError("the choices end early")
+        self._at += count
+        return values.astype(float).reshape(shape)
 
 
 def verify_tube(
@@ -384,6 +413,7 @@ def verify_tube(
     enclosure = enclosure_of(problem.loop, first_set(problem, tube.settings), Replay(tube.chosen))
     margins, ever = np.full(len(QUANTITIES), np.inf), tube.hand_over
     counted = None if tube.lost is None else counted_bounds(problem)
+    claimed = tube.bounds.pairs
     for k, t in enumerate(problem.t):
         ranges, limited = LIMITLESS, np.ones(2, dtype=bool)
         if tube.lost is None or k < tube.lost:
@@ -394,13 +424,13 @@ def verify_tube(
         # Errors counted hold at every sample; where the set is lost nothing else does.
         if counted is not None:
             ranges = tightest(ranges, counted[k])
-        broken = _broken(ranges, tube.bounds[k])
+        broken = _broken(ranges, claimed[k])
         if broken:
             return _refused(f"sample {k} ({t:.2f} s): {broken}")
         if (limited & ~tube.held[k]).any():
             name = ("phi_cmd", "n_z_cmd")[int(np.argmax(limited & ~tube.held[k]))]
             return _refused(f"sample {k} ({t:.2f} s): that no limit holds {name} is not proven")
-        room = (ranges - tube.bounds[k]) * [1.0, -1.0]
+        room = (ranges - claimed[k]) * [1.0, -1.0]
         margins = np.minimum(margins, room.min(axis=1))
         if ever is not None and k + 1 == ever.sample and not _reached(enclosure.pieces, ever):
             return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")

@@ -1,13 +1,15 @@
-"""A tube: the bounds found, and what makes their proof short to check."""
+"""A tube: the proven bounds, and what makes their proof short to check."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
 from flighttune.arrays import FloatArray
 from flighttune.conformance.probability import CountedProbability
+from flighttune.guarantee.bounds import Bounds
 from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import HandOver
 from flighttune.tube.problem import TubeProblem
@@ -16,14 +18,18 @@ from flighttune.tube.sample import CONSTRAINTS, start_set
 QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 """Quantities that a tube bounds: errors in rad, commands in rad and 1."""
 
+MAX_PIECES, MAX_SYMBOLS = 4096, 20000
+"""Numbers in a file above which a proof would only take up time and memory."""
 
-class Settings(NamedTuple):
+
+@dataclass(frozen=True, slots=True)
+class Settings:
     """Settings of an enclosure."""
 
-    sides: int  # pieces of the starts along each axis
-    symbols: int  # most symbols of a piece
+    sides: Annotated[int, Field(ge=1, le=64)]  # pieces of the starts along each axis
+    symbols: Annotated[int, Field(ge=1, le=MAX_SYMBOLS)]  # most symbols of a piece
     tolerance: float  # see `Search`
-    most: int  # most pieces, see `Search`
+    most: Annotated[int, Field(ge=1, le=MAX_PIECES)]  # most pieces, see `Search`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,10 +39,9 @@ class Tube:
     problem: TubeProblem
     status: Literal["bounded", "unbounded"]  # whether the bounds last for the whole time
     reason: str  # time and cause where they do not
-    t: FloatArray  # shape (k,), s: times of the samples, up to where the bounds last
-    # shape (k, 4, 2): lower and upper bound of `QUANTITIES`. The errors stay between the straight
-    # lines from sample to sample, measured to the reference that moves straight as well.
-    bounds: FloatArray
+    # Bounds on `QUANTITIES` up to where they last. The errors stay between the straight lines from
+    # sample to sample, measured to the reference that moves straight as well.
+    bounds: Bounds
     # shape (k, 2): whether a limit can hold the command of roll and of load factor
     held: npt.NDArray[np.bool_]
     settings: Settings
@@ -60,11 +65,6 @@ class Tube:
         return None if self.hand_over is None else self.hand_over.sample * dt
 
     @property
-    def model(self) -> str:
-        """The model that flies, in words."""
-        return self.problem.model
-
-    @property
     def probability(self) -> CountedProbability | None:
         """Probability counted for an aircraft, of its flights if all of them are in the tube.
 
@@ -74,47 +74,38 @@ class Tube:
         if problem.conformance is None:
             return None
         return problem.conformance.probability(
-            problem.scenario,
-            problem.scenario.plant_table(problem.plant),
-            problem.start,
-            counted_only=self.lost == 0,
+            problem.scenario, problem.table, problem.start, counted_only=self.lost == 0
         )
-
-    @property
-    def half_widths(self) -> FloatArray:
-        """Half the distance between the bounds, shape (k, 4)."""
-        return 0.5 * (self.bounds[:, :, 1] - self.bounds[:, :, 0])
-
-    def contains(self, signals: Any) -> bool:
-        """Whether the flight with these `signals` (a table with `QUANTITIES`) is inside."""
-        flown = np.stack([np.asarray(signals[name]) for name in QUANTITIES], axis=1)
-        n = min(len(flown), len(self.bounds))
-        low, high = np.moveaxis(self.bounds[:n], 2, 0)
-        return bool(((flown[:n] >= low) & (flown[:n] <= high)).all())
 
     def held_intervals(self, channel: int) -> list[tuple[float, float]]:
         """Intervals, s, in which a limit can hold the command of a channel."""
         edges = np.diff(np.concatenate([[False], self.held[:, channel], [False]]).astype(int))
         begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
-        return [(float(self.t[a]), float(self.t[b])) for a, b in zip(begins, ends, strict=True)]
+        t = self.bounds.t
+        return [(float(t[a]), float(t[b])) for a, b in zip(begins, ends, strict=True)]
+
+
+def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
+    """Bounds on `QUANTITIES` from lower and upper ones, shape (k, 4, 2)."""
+    return Bounds(t, pairs[..., 0], pairs[..., 1], QUANTITIES)
 
 
 def within_counted(tube: Tube) -> Tube:
     """An unbounded tube of an aircraft, within the errors that were counted for its flights."""
-    problem, lost = tube.problem, len(tube.t)
-    counted = counted_bounds(problem)
-    bounds = counted.copy()
-    bounds[:lost] = tightest(tube.bounds, counted[:lost])
-    limited = np.ones((len(counted), 2), dtype=bool)
-    limited[:lost] = tube.held
-    return replace(tube, status="bounded", t=problem.t, bounds=bounds, held=limited, lost=lost)
+    problem, lost = tube.problem, len(tube.bounds.t)
+    pairs = counted_bounds(problem)
+    pairs[:lost] = tightest(tube.bounds.pairs, pairs[:lost])
+    held = np.ones((len(pairs), 2), dtype=bool)
+    held[:lost] = tube.held
+    bounds = bounds_of(problem.t, pairs)
+    return replace(tube, status="bounded", bounds=bounds, held=held, lost=lost)
 
 
 def counted_bounds(problem: TubeProblem) -> FloatArray:
     """Bounds on `QUANTITIES` that need no model, shape (k, 4, 2): errors counted, and limits."""
-    assert problem.counted is not None
+    assert problem.boxes is not None
+    errors = problem.boxes.bounds.pairs[:, 4:6]
     limits = np.stack([problem.limits.lower, problem.limits.upper], axis=1)
-    errors = problem.counted.reshape(-1, 2, 2)
     return np.concatenate([errors, np.broadcast_to(limits, errors.shape)], axis=1)
 
 

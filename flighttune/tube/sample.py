@@ -25,7 +25,6 @@ from itertools import accumulate, pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.control.mimo_pi import ChannelLaw
@@ -222,16 +221,6 @@ class Plan(Protocol):
         ...
 
 
-class Bounds(NamedTuple):
-    """Bounds that are proven at a sample."""
-
-    # shape (4, 2): lower and upper bound of course error, flight-path-angle error, roll and
-    # load-factor command. The errors have a margin, with which they also hold between the samples:
-    # on the straight line from the bounds of one to those of the next.
-    ranges: FloatArray
-    limited: npt.NDArray[np.bool_]  # shape (2,): whether a limit can hold the command
-
-
 def start_set(
     loop: SampledLoop, within_start: float, pieces: int, constraints: int, capacity: int
 ) -> Pieces:
@@ -303,8 +292,17 @@ class Enclosure:
         self.limits: dict[str, tuple[str, int]] = {}
         self._margin = np.zeros(2)
 
-    def sample(self, k: int) -> Bounds:
+    def sample(self, k: int) -> tuple[FloatArray, Flags]:
         """Take the set through sample k and on to the next; return what is proven of it.
+
+        Returns
+        -------
+        ranges : ndarray, shape (4, 2)
+            Lower and upper bound of course error, flight-path-angle error, roll and load-factor
+            command. The errors have a margin, with which they also hold between the samples: on
+            the straight line from the bounds of one to those of the next.
+        limited : ndarray of bool, shape (2,)
+            Whether a limit can hold the command.
 
         Raises
         ------
@@ -331,7 +329,7 @@ class Enclosure:
         margin, self._margin = np.maximum(self._margin, after), after
         bounds[:2, 0] -= margin
         bounds[:2, 1] += margin
-        return Bounds(bounds, np.array(at.limited))
+        return bounds, np.array(at.limited)
 
     def _controlled(self, k: int) -> "Controlled":
         """The commands of sample k, in as many pieces as that takes."""

@@ -1,19 +1,20 @@
 """The set of all errors that the flights of a scenario can have."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
+import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.conformance import Conformance
-from flighttune.control.gains import PIGains
-from flighttune.control.law import Law
-from flighttune.scenario.schema import Scenario
+from flighttune.flight.fly import plant_of
+from flighttune.simulate.loop import simulate
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
-from flighttune.tube.problem import TubeProblem, tube_problem
-from flighttune.tube.result import QUANTITIES, Settings, Tube, first_set, within_counted
-from flighttune.tube.sample import Bounds, Unbounded
+from flighttune.tube.problem import TubeProblem
+from flighttune.tube.result import QUANTITIES, Settings, Tube, bounds_of, first_set, within_counted
+from flighttune.tube.sample import Unbounded
 from flighttune.tube.search import Search
 from flighttune.tube.settling import coordinates, hand_over
 
@@ -26,68 +27,36 @@ LEAST_DISTURBANCE, MOST_DISTURBANCE = 1e-5, 10.0
 UNKNOWN_START = "in wind the path over ground begins elsewhere, and the scenario states no wind"
 
 
-def tube(
-    scenario: Scenario,
-    gains: PIGains,
-    *,
-    plant: str | None = None,
-    start: float = 0.0,
-    disturbance: float | None = None,
-    conformance: Conformance | None = None,
-    law: Law | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Tube:
-    """Enclose all flights of a scenario: the controller as it flies, with all its limits.
+def tube_of(problem: TubeProblem, *, progress: Callable[[float], None] | None = None) -> Tube:
+    """Enclose all flights of a problem: the controller as it flies, with all its limits.
 
-    `plant`: label of a plant; by default the first aircraft with a conformance, else the first
-    plant that is none. `start` (rad): course and flight-path angle start within this of the
-    scenario's. `disturbance` (rad/s): the disturbance of each rate is within this of zero, in any
-    shape; by default within the amplitudes of the scenario's sinusoid, or zero. `conformance`: that
-    of an aircraft: its model flies, under every disturbance in its boxes. Where the set of these
-    flights is lost, the errors are within the boxes that were counted for them. `law`: law that
-    flies the gains; by default the first of the scenario that takes them. `progress`: called with
-    the share of time that is enclosed, 0 to 1. Raises InputError if a value cannot be used, or the
-    tube does not know the law.
+    Where the set of the flights of an aircraft is lost, its errors are within the boxes that were
+    counted for them. `progress`: called with the share of time that is enclosed, 0 to 1.
     """
-    problem = tube_problem(
-        scenario,
-        gains,
-        plant=plant,
-        start=start,
-        disturbance=disturbance,
-        conformance=conformance,
-        law=law,
-    )
     result = enclosed(problem, progress=progress)
-    lost = result.status == "unbounded" and problem.counted is not None
+    lost = result.status == "unbounded" and problem.boxes is not None
     return within_counted(result) if lost else result
 
 
 def largest_disturbance(
-    scenario: Scenario,
-    gains: PIGains,
-    *,
-    plant: str | None = None,
-    start: float = 0.0,
-    law: Law | None = None,
-    progress: Callable[[float], None] | None = None,
+    problem: TubeProblem, *, progress: Callable[[float], None] | None = None
 ) -> list[Tube]:
     """Look for the largest disturbance, to two digits, for which the set is bounded.
 
-    Parameters are those of `tube`. Returns all tubes that were tried, by disturbance. The largest
-    bounded one is known to two digits if one that is larger follows it; the list ends with a
-    bounded one at `MOST_DISTURBANCE`, and has none at all if none down to `LEAST_DISTURBANCE`, or
-    to the scenario's own, is bounded.
+    Returns all tubes that were tried, by disturbance. The largest bounded one is known to two
+    digits if one that is larger follows it; the list ends with a bounded one at `MOST_DISTURBANCE`,
+    and has none at all if none down to `LEAST_DISTURBANCE`, or to the scenario's own, is bounded.
     """
     tried: dict[float, Tube] = {}
-    least = max(np.abs(tube_problem(scenario, gains, plant=plant, law=law).d_high).max(), 0.0)
+    least = float(problem.disturbances[1].max())
 
     def bounded(size: float) -> bool:
-        problem = tube_problem(scenario, gains, plant=plant, start=start, disturbance=size, law=law)
-        tried[size] = enclosed(problem, for_ever=False, progress=progress)
+        tried[size] = enclosed(
+            replace(problem, disturbance=size), for_ever=False, progress=progress
+        )
         return tried[size].status == "bounded"
 
-    low, high = _bracket(bounded, max(0.01, float(least)), max(LEAST_DISTURBANCE, float(least)))
+    low, high = _bracket(bounded, max(0.01, least), max(LEAST_DISTURBANCE, least))
     while low and high:
         middle = float(f"{np.sqrt(low * high):.2g}")
         if not low < middle < high:
@@ -123,24 +92,24 @@ def enclosed(
     """The tube of a problem: with few pieces where that is enough, else with many.
 
     `attempts`: tried one after the other until the set is bounded; by default two. `for_ever`: look
-    for a set that holds the flights after the time of the scenario too. `progress`: see `tube`.
+    for a set that holds the flights after the time of the scenario too. `progress`: see `tube_of`.
     """
     best: Tube | None = None
     for settings in attempts or _attempts(problem):
         result = _attempt(problem, settings, progress, for_ever=for_ever)
         if result.status == "bounded":
             return result
-        if best is None or len(result.t) > len(best.t):
+        if best is None or len(result.bounds.t) > len(best.bounds.t):
             best = result
     assert best is not None
     return best
 
 
 def _why_lost(
-    stop: str, t: FloatArray, bounds: Sequence[Bounds], limits: dict[str, tuple[str, int]]
+    stop: str, t: FloatArray, ranges: Sequence[FloatArray], limits: dict[str, tuple[str, int]]
 ) -> str:
     """Time at which the set is lost, limits that could act before, and growth of its width."""
-    lost = len(bounds)
+    lost = len(ranges)
     reason = f"{stop} from t = {t[lost]:.2f} s on"
     acting = [f"the {limit} of {side} from {t[k]:.2f} s on" for side, (limit, k) in limits.items()]
     if acting:
@@ -148,7 +117,7 @@ def _why_lost(
     span = round(DOUBLING / (t[1] - t[0]))
     if lost <= span:
         return reason
-    widths = np.ptp([sample.ranges[:2] for sample in bounds], axis=2)
+    widths = np.ptp([both[:2] for both in ranges], axis=2)
     steady = (widths[span:] < 2.0 * widths[:-span]).all(axis=1)
     first = int(np.flatnonzero(steady)[-1]) + 1 if steady.any() else 0
     if first < len(steady):
@@ -157,7 +126,7 @@ def _why_lost(
 
 
 def _attempts(problem: TubeProblem) -> list[Settings]:
-    disturbed = bool((problem.d_low < problem.d_high).any())
+    disturbed = not np.array_equal(*problem.disturbances)
     sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
     symbols = 660 if disturbed else 200
     # Splitting costs time for every piece: of a box of starts only where it must be.
@@ -178,13 +147,16 @@ def _attempt(
     rows, still, hulls = coordinates(loop) if for_ever else None, settled_from(loop), {}
     search = Search(loop, tolerance=settings.tolerance, most=settings.most)
     enclosure = enclosure_of(loop, first_set(problem, settings), search)
-    bounds, reason = [], "" if problem.start_known else UNKNOWN_START
-    for k in range(len(t) if problem.start_known else 0):
+    start_known = problem.boxes is None or problem.boxes.start_known
+    ranges, held, reason = [], [], "" if start_known else UNKNOWN_START
+    for k in range(len(t) if start_known else 0):
         try:
-            bounds.append(enclosure.sample(k))
+            both, limited = enclosure.sample(k)
         except Unbounded as stop:
-            reason = _why_lost(str(stop), t, bounds, enclosure.limits)
+            reason = _why_lost(str(stop), t, ranges, enclosure.limits)
             break
+        ranges.append(both)
+        held.append(limited)
         if rows is not None and k >= still:
             hulls[k + 1] = hull(enclosure.pieces, rows[0])
         if progress is not None and k % 50 == 0:
@@ -193,10 +165,33 @@ def _attempt(
         problem=problem,
         status="unbounded" if reason else "bounded",
         reason=reason,
-        t=t[: len(bounds)],
-        bounds=np.array([sample.ranges for sample in bounds]).reshape(-1, len(QUANTITIES), 2),
-        held=np.array([sample.limited for sample in bounds], dtype=bool).reshape(-1, 2),
+        bounds=bounds_of(t[: len(ranges)], np.reshape(ranges, (-1, len(QUANTITIES), 2))),
+        held=np.array(held, dtype=bool).reshape(-1, 2),
         settings=settings,
         chosen=search.choices,
         hand_over=None if reason or rows is None else hand_over(loop, *rows, hulls),
     )
+
+
+def flights_inside(enclosure: Tube) -> bool:
+    """Whether the scenario's own flight and those from the corners of the starts are inside.
+
+    A tube that is not bounded is compared as far as it goes.
+    """
+    return all(map(enclosure.bounds.contain, _flights(enclosure)))
+
+
+def _flights(enclosure: Tube) -> Iterator[pd.DataFrame]:
+    problem = enclosure.problem
+    scenario, condition = problem.scenario, problem.scenario.condition
+    corners = {(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}
+    for chi, gamma in sorted(corners):
+        start = replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma)
+        signals, _ = simulate(
+            plant_of(problem.table, scenario),
+            problem.controller(),
+            scenario.followed(),
+            condition=start,
+            duration=scenario.flight.duration_s,
+        )
+        yield signals

@@ -122,8 +122,8 @@ def test_a_tube_encloses_every_switching_time():
 
     problem = tube_problem(scenario, gain_set(scenario, "coupled"))
 
-    assert (problem.d_high == [0.01, 0.02]).all()
-    assert (problem.d_low == [-0.01, -0.02]).all()
+    assert (problem.disturbances[1] == [0.01, 0.02]).all()
+    assert (problem.disturbances[0] == [-0.01, -0.02]).all()
 
 
 @pytest.mark.parametrize(

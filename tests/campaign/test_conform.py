@@ -28,6 +28,7 @@ from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.conformance import Windows, load_conformance, save_conformance
 from flighttune.conformance.boxes import ResidualSummary
+from flighttune.conformance.file import conformance_tables
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.seal import BLANK, seal
@@ -162,7 +163,7 @@ def test_a_file_comes_back_as_it_was_written(found, tmp_path):
 
     again = load_conformance(tmp_path / "boxes.json")
 
-    assert again.as_dict() == found.as_dict()
+    assert conformance_tables(again) == conformance_tables(found)
     assert again.boxes.low.tolist() == found.boxes.low.tolist()
 
 
@@ -221,7 +222,7 @@ def test_other_gains_and_another_aircraft_are_refused(found):
 
 def rewritten(found, path, **changes):
     """The file of a conformance with other keys, and the SHA-256 of what it says then."""
-    tables = {**found.as_dict(), **changes, "seal": BLANK}
+    tables = {**conformance_tables(found), **changes, "seal": BLANK}
     path.write_bytes(seal(json.dumps(tables, ensure_ascii=False).encode()))
     return path
 
@@ -229,7 +230,7 @@ def rewritten(found, path, **changes):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "flighttune conformance 3"}, "`format`"),
+        ({"format": "flighttune conformance 4"}, "`format`"),
         ({"boxes": None}, "`boxes`"),
         ({"epsilon": "small"}, "`epsilon`"),
         ({"epsilon": 0.0}, "`epsilon` must be between 0 and 1"),
@@ -239,7 +240,7 @@ def rewritten(found, path, **changes):
         # The flights counted would be those that were learned from.
         (
             {"attempts": [{"learned": [0, 12], "counted": [4, 40], "outside": 0, "widened": 1.0}]},
-            "`attempts.0`.*`counted` must be draws after",
+            "`attempts.0.counted` must be draws after",
         ),
     ],
 )
@@ -360,7 +361,7 @@ def test_the_command_writes_what_it_says(tmp_path):
     assert said["attempts"][0]["counted"] == [12, 12 + FEW.flights]
     assert said["attempts"][-1]["outside"] == 0
     written = load_conformance(said["out"])
-    assert said["boxes"]["d_chi_rad_s"][0] == [written.boxes.low[0, 0], written.boxes.high[0, 0]]
+    assert said["boxes"]["low"] == written.boxes.low.tolist()
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """The worst flight and rare misses: against closed forms, and on small campaigns of the law."""
 
-import json
 import math
 from unittest import mock
 
@@ -18,7 +17,6 @@ from flighttune.campaign.conform import at_random
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.campaign.planning.tube_bounds import TubeBounds
 from flighttune.campaign.stated_set import planned
 from flighttune.campaign.worst import (
     SEEDS_EVERY,
@@ -32,9 +30,10 @@ from flighttune.campaign.worst import (
 )
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
+from flighttune.guarantee.bounds import Bounds
 from flighttune.metrics import measures
 from flighttune.scenario import load_scenario
-from flighttune.tube.sealed import AboutTube, write_sealed
+from flighttune.tube.store import AboutTube, read_bounds, write_sealed
 
 SAME = 1e-9
 """A flight of a batch and the same one alone differ by 1e-12."""
@@ -207,8 +206,8 @@ def tube_around(signals, path, below=0.03, above=0.01):
         counted_from_s=None,
         probability=None,
     )
-    write_sealed(pa.Table.from_pandas(tube), about, path)
-    return TubeBounds.read(path)
+    write_sealed({name: tube[name].to_numpy() for name in tube}, about, path)
+    return read_bounds(path)[1]
 
 
 def test_a_flight_beside_the_middle_of_a_tube(tmp_path):
@@ -219,7 +218,7 @@ def test_a_flight_beside_the_middle_of_a_tube(tmp_path):
     # 0.02 half wide, and 0.01 away from its middle
     assert tube.ratios(run) == pytest.approx({"chi": 2.0, "gamma": 2.0})
     assert tube.share(run) == pytest.approx(0.5)
-    again = TubeBounds.of(json.loads(json.dumps(tube.as_dict())))
+    again = Bounds.of(tube.columns)
     assert again.share(run) == tube.share(run)
 
 
@@ -230,7 +229,7 @@ def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowes
     width = np.where(t < 1.0, 0.01, 0.1)[:, None]
 
     def tube(beside):
-        return TubeBounds(t=t, low=middle + beside - width, high=middle + beside + width)
+        return Bounds(t=t, low=middle + beside - width, high=middle + beside + width)
 
     assert tube(0.009).share(run) == pytest.approx(0.09)
     assert tube(0.009).reach(run) == pytest.approx([0.09, 0.09])
@@ -266,9 +265,9 @@ def test_a_file_without_a_tube_is_refused(tmp_path, columns):
     pd.DataFrame(columns).to_parquet(tmp_path / "tube.parquet")
 
     with pytest.raises(InputError, match=r"tube.parquet: must be a Parquet file of a tube"):
-        TubeBounds.read(tmp_path / "tube.parquet")
+        read_bounds(tmp_path / "tube.parquet")
     with pytest.raises(InputError, match=r"nothing.parquet: must be a Parquet file of a tube"):
-        TubeBounds.read(tmp_path / "nothing.parquet")
+        read_bounds(tmp_path / "nothing.parquet")
 
 
 @pytest.mark.parametrize(

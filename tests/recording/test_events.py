@@ -141,7 +141,7 @@ def test_the_errors_of_a_law_have_their_bounds_where_they_are_within_the_errors_
 ):
     claim = flight_check(gusty(four_runs[0]))
     low, high = np.deg2rad(contents.values("/plots/gamma_err/kinematic_paper_tube")[:-1].T)
-    bound = claim.error_bounds[:, 1]
+    bound = claim.error_bounds.high[:, 1]
     near = bound <= four_runs[0].signals["gamma_err"].abs().max()
 
     shown = np.isfinite(high)

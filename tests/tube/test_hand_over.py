@@ -1,6 +1,5 @@
 """After the time of the scenario: the set that flights stay in for ever."""
 
-import json
 import re
 
 import numpy as np
@@ -15,8 +14,8 @@ from flighttune.simulate.loop import simulate
 from flighttune.tube.hand_over import hull, inside, parallelotope
 from flighttune.tube.proof import load_tube, save_tube, verify_tube
 from flighttune.tube.result import QUANTITIES
-from flighttune.tube.tube import tube
-from tests.tube.test_soundness import made_up
+from tests.tube.test_proof import arrays_of, claim_of, rewritten
+from tests.tube.test_soundness import made_up, tube
 
 pytestmark = pytest.mark.slow
 
@@ -85,12 +84,9 @@ def test_it_is_in_the_file_and_proven_again(found, path):
     ],
 )
 def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, change, said):
-    with np.load(path) as arrays:
-        content = {key: arrays[key] for key in arrays.files}
-    content[name] = change(content[name])
-    np.savez_compressed(tmp_path / "changed.npz", **content)
+    changed = {name: change(arrays_of(path)[name])}
 
-    verdict = verify_tube(tmp_path / "changed.npz")
+    verdict = verify_tube(rewritten(path, changed, tmp_path / "changed.npz"))
 
     assert not verdict.valid
     assert re.search(said, verdict.reason)
@@ -102,12 +98,8 @@ def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, 
 def test_a_hand_over_before_the_last_change_or_after_the_last_sample_is_refused(
     path, tmp_path, sample
 ):
-    with np.load(path) as arrays:
-        content = {key: arrays[key] for key in arrays.files}
-    claim = json.loads(str(content["claim"]))
-    claim["hand_over"]["sample"] = sample
-    content["claim"] = np.array(json.dumps(claim))
-    np.savez_compressed(tmp_path / "changed.npz", **content)
+    _, samples = claim_of(path)["hand_over"]
+    rewritten(path, {}, tmp_path / "changed.npz", hand_over=[sample, samples])
 
     with pytest.raises(InputError, match=f"`hand_over`.*201.*sample {sample}"):
         verify_tube(tmp_path / "changed.npz")

@@ -151,8 +151,8 @@ def check_a_sample(exact, plant, *, boxes, points):
         centre = np.array([chi, gamma, phi, lift, *integral, *error])
         pieces = boxed(centre, rng)
         before = pieces.values[0, :STATES, : 1 + STATES].copy()
-        bounds = enclosure_of(loop, pieces, Search(loop, tolerance=1.0, most=0)).sample(1)
-        met |= bounds.limited
+        _, limited = enclosure_of(loop, pieces, Search(loop, tolerance=1.0, most=0)).sample(1)
+        met |= limited
         after, err = pieces.values[0, :STATES], pieces.err[0, :STATES]
         slack = np.abs(after[:, 1 + STATES :]).sum(axis=1) + err
         for i in range(points):

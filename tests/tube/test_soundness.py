@@ -17,7 +17,7 @@ from flighttune.tube.exact import enclosure_of
 from flighttune.tube.problem import tube_problem
 from flighttune.tube.result import QUANTITIES, Settings, first_set
 from flighttune.tube.search import Search
-from flighttune.tube.tube import enclosed
+from flighttune.tube.tube import enclosed, tube_of
 from flighttune.units import DEG
 
 FLIGHTS = 64
@@ -67,6 +67,11 @@ def made_up(
     )
 
 
+def tube(scenario, gains, **flights):
+    """The tube of a scenario's flights."""
+    return tube_of(tube_problem(scenario, gains, **flights))
+
+
 def flown(scenario, gains, start, disturbance, seed):
     """Signals of flights from random starts in the set, under random sinusoids within the bound."""
     rng = np.random.default_rng(seed)
@@ -105,8 +110,10 @@ def flown(scenario, gains, start, disturbance, seed):
 
 def outside(found, result):
     """How far any flight is outside, rad and 1."""
-    signals = np.stack([result.signal(name) for name in QUANTITIES], axis=2)[:, : len(found.t)]
-    low, high = np.moveaxis(found.bounds, 2, 0)
+    signals = np.stack([result.signal(name) for name in QUANTITIES], axis=2)[
+        :, : len(found.bounds.t)
+    ]
+    low, high = found.bounds.low, found.bounds.high
     return float(np.nanmax(np.maximum(low - signals, signals - high)))
 
 
@@ -142,7 +149,7 @@ def check(case, seed):
     scenario, gains, start, disturbance = case
     problem = tube_problem(scenario, gains, start=start, disturbance=disturbance or None)
     found = enclosed(problem, attempts=FEW_PIECES, for_ever=False)
-    if len(found.t):
+    if len(found.bounds.t):
         assert outside(found, flown(scenario, gains, start, disturbance, seed)) <= 0.0
 
 
@@ -165,11 +172,12 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     level = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
     problem = tube_problem(level, PAPER_GAINS, disturbance=D)
     only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis]
-    loop = replace(problem.loop, d_low=problem.d_low * only_k, d_high=problem.d_high * only_k)
+    low, high = (ends * only_k for ends in problem.disturbances)
+    loop = replace(problem.loop, d_low=low, d_high=high)
     starts = first_set(problem, Settings(sides=1, symbols=660, tolerance=0.5, most=60))
     enclosure = enclosure_of(loop, starts, Search(loop, tolerance=0.5, most=60))
 
-    ranges = np.array([enclosure.sample(i).ranges for i in range(k + 3)])
+    ranges = np.array([enclosure.sample(i)[0] for i in range(k + 3)])
 
     # The rate is anywhere within +-D from sample k on and zero after k + 1: course is off by D h at
     # k + 1. The margin of the interval is a quarter of h times 2 D. Margins of a flight that is not

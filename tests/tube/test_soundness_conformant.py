@@ -107,7 +107,7 @@ def check_conformant(case, seed):
             (condition.phi, condition.n_z_start),
         )
         assert again == pytest.approx(rates, abs=SAME)
-        assert found.contains(signals)
+        assert found.bounds.contain(signals)
 
 
 @pytest.mark.slow

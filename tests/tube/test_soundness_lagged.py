@@ -43,7 +43,8 @@ def lagged_problems(draw):
         ramp_dps=draw(st.one_of(st.none(), st.floats(-8.0, 8.0))),
     )
     scenario = scenario_from({**scenario.as_dict(), "plant": [draw(lagged_plants())]})
-    return scenario, draw(st.sampled_from([0.0, 0.5])) * DEG, draw(st.sampled_from([0.0, 0.01]))
+    start, disturbance = draw(st.sampled_from([0.0, 0.5])), draw(st.sampled_from([0.0, 0.01]))
+    return scenario, PAPER_GAINS, start * DEG, disturbance
 
 
 def bang_bang(disturbance, dt, rng):
@@ -56,9 +57,10 @@ def bang_bang(disturbance, dt, rng):
     return at
 
 
-def check_lagged(case, seed):
-    scenario, start, disturbance = case
-    problem = tube_problem(scenario, PAPER_GAINS, start=start, disturbance=disturbance or None)
+def check_point_mass(case, seed):
+    """No flight from the edge of the starts leaves the tube, however it is disturbed."""
+    scenario, gains, start, disturbance = case
+    problem = tube_problem(scenario, gains, start=start, disturbance=disturbance or None)
     found = enclosed(problem, attempts=FEW_PIECES, for_ever=False)
     rng, condition = np.random.default_rng(seed), scenario.condition
     for chi, gamma in start * rng.choice([-1.0, 1.0], (4, 2)):
@@ -66,29 +68,26 @@ def check_lagged(case, seed):
             PointMassPlant(
                 scenario.plant[0].lags(),
                 disturbance=bang_bang(disturbance, problem.controller().dt, rng),
+                turn="paper" if scenario.plant[0].kind == "kinematic" else "exact",
                 g=scenario.flight.g_mps2,
             ),
             problem.controller(),
             scenario.followed(),
-            condition=replace(
-                condition,
-                chi=condition.chi + chi,
-                gamma=condition.gamma + gamma,
-            ),
+            condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
             duration=scenario.flight.duration_s,
         )
-        assert found.contains(signals)
+        assert found.bounds.contain(signals)
 
 
 @pytest.mark.slow
 @settings(max_examples=5, deadline=None, derandomize=True)
 @given(case=lagged_problems(), seed=st.integers(0, 2**32 - 1))
 def test_no_flight_of_the_exact_point_mass_leaves_its_tube(case, seed):
-    check_lagged(case, seed)
+    check_point_mass(case, seed)
 
 
 @pytest.mark.soak
 @settings(max_examples=200, deadline=None)
 @given(case=lagged_problems(), seed=st.integers(0, 2**32 - 1))
 def test_no_flight_of_the_exact_point_mass_leaves_its_tube_in_many_cases(case, seed):
-    check_lagged(case, seed)
+    check_point_mass(case, seed)

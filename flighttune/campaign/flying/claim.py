@@ -71,5 +71,5 @@ def _measured(run: Run, t_from: float) -> float | None:
     check = flight_check(run) if run.status == "completed" else None
     if check is None or check.of_the_law:
         return None
-    L_d = check.verdict(t_from).claim.L_d
+    L_d = check.claim(t_from)[0].L_d
     return L_d if 0.0 < L_d < np.inf else None

@@ -1,0 +1,350 @@
+"""Tubes of recorded flights: Parquet files named by a hash of their flight, found or made."""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pydantic import TypeAdapter, ValidationError
+
+from flighttune.arrays import FloatArray
+from flighttune.conformance.probability import CountedProbability
+from flighttune.control.gains import PIGains
+from flighttune.errors import FlightTuneError, InputError
+from flighttune.guarantee.bounds import Bounds, with_columns
+from flighttune.mistakes import first_mistake
+from flighttune.present.numbers import degrees
+from flighttune.scenario.load import scenario_from
+from flighttune.seal import BLANK, seal, seal_of, sealed_bytes
+from flighttune.simulate.run import WORST_SIGNALS, Run
+from flighttune.value_file import STRICT
+from flighttune.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from flighttune.conformance import Conformance
+    from flighttune.tube.result import Tube
+
+FOLDER = "tubes"
+"""Subfolder with the tubes of the runs in a folder."""
+
+WORST = "-worst"
+"""At the end of the name of the file of the worst flight found in a tube."""
+
+NOT_OF_FLIGHT = ("title", "verifies", "source", "seed", "gains", "expect", "tuning", "envelope")
+"""Tables of a scenario that a tube does not depend on."""
+
+ABOUT, SEAL = b"flighttune.tube", b"flighttune.file"
+"""Keys in the metadata, in the order of the file: what it is about, as JSON, and its SHA-256."""
+
+KIND, REMEDY = "Parquet file of a tube", "delete it and make it again with --tube"
+
+UNITS = {"t": "s", "n_z_cmd_low": "1", "n_z_cmd_high": "1"}
+"""Units of columns; all others are in rad."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AboutTube:
+    """Description in the file of a tube, beside its bounds."""
+
+    __pydantic_config__ = STRICT
+
+    run: str  # `flight_sha256` of its flight
+    status: Literal["bounded", "unbounded"]
+    reason: str
+    model: str
+    start_deg: float  # flights start within this of the scenario's course and path angle
+    handed_over_s: float | None
+    counted_from_s: float | None
+    probability: CountedProbability | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AboutWorst:
+    """Description in the file of the worst flight in a tube, beside its errors."""
+
+    __pydantic_config__ = STRICT
+
+    tube: str  # SHA-256 in the file of its tube
+    chi: float  # width of the tube over the width that this flight needs
+    gamma: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunTube:
+    """The tube of a run."""
+
+    bounds: Bounds  # of the errors, to where they last
+    about: AboutTube
+    file: Path
+    computed: bool  # in this call; False for a tube that was read and is not proven again here
+    inside: bool  # whether the run is
+    worst: AboutWorst | None  # None unless `flighttune worst` was run
+
+    @property
+    def half_widths(self) -> dict[str, dict[str, float]]:
+        """Largest and last half width of course and path-angle error, rad."""
+        widths = self.bounds.half_widths
+        return {
+            channel: {"max": float(column.max()), "end": float(column[-1])}
+            for channel, column in zip(("chi", "gamma"), widths.T, strict=True)
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunTubes:
+    """Tubes of runs."""
+
+    runs: tuple[Run, ...]  # a run that has a tube has its bounds as signals
+    tubes: Mapping[str, RunTube]  # by label of the run
+    why_not: Mapping[str, str]  # why there is none, of runs for which one was to be made
+    outside: tuple[str, ...]  # labels of runs that leave their tube
+
+    @property
+    def at_a_glance(self) -> tuple[str, ...]:
+        """Largest error of each aircraft and its probability, a sentence each."""
+        aircraft = [run.label for run in self.runs if run.provenance.aircraft is not None]
+        return tuple(_glance(label, self.tubes[label]) for label in aircraft if label in self.tubes)
+
+
+def _glance(label: str, tube: RunTube) -> str:
+    about = tube.about
+    chi, gamma = (degrees(widths["max"]) for widths in tube.half_widths.values())
+    chance = f"; {about.probability.sentence}" if about.probability else ""
+    return f"{label}: the tube is ±{chi} of course and ±{gamma} of path angle wide{chance}."
+
+
+def tubes_of(
+    runs: Sequence[Run],
+    folder: Path,
+    *,
+    make: bool = False,
+    conformance: "Conformance | None" = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> RunTubes:
+    """The tubes of runs that are in a folder, and where asked those that are not.
+
+    `folder`: its subfolder `FOLDER` is read and written. `make`: compute missing tubes.
+    `conformance`: boxes for runs of its aircraft with its gains. `progress`: called with the label
+    of the run and the part done. Raises OutputError if a file cannot be written.
+    """
+    files, why_not = _tube_files(folder / FOLDER)
+    tubes: dict[str, RunTube] = {}
+    outside: list[str] = []
+    drawn: list[Run] = []
+    for run in runs:
+        drawn.append(run)
+        if len(run.signals) < 2:
+            continue
+        sha256, computed = run_sha256(run), False
+        try:
+            if sha256 not in files and make:
+                made = _tube(run, conformance, progress)
+                if not made.bounds.contain(run.signals):
+                    # A tube that its own flight leaves is wrong: no later command may read it.
+                    outside.append(run.label)
+                    raise InputError("the flight leaves the tube made for it, which is not kept")
+                path = folder / FOLDER / f"{sha256[:16]}.parquet"
+                write_signals(made, path)
+                why_not.pop(str(path), None)  # a damaged file is replaced
+                files[sha256], computed = path, True
+            if sha256 not in files:
+                continue
+            tube = replace(read_tube(files[sha256], run), computed=computed)
+            drawn[-1] = tube.bounds.around(run)
+            worst = _read_worst(tube.file)
+        except FlightTuneError as error:
+            why_not[run.label] = str(error)
+            continue
+        if worst is not None:
+            about, errors = worst
+            tube = replace(tube, worst=about)
+            drawn[-1] = with_columns(drawn[-1], dict(zip(WORST_SIGNALS, errors.T, strict=True)))
+        tubes[run.label] = tube
+        if not tube.inside:
+            outside.append(run.label)
+    return RunTubes(runs=tuple(drawn), tubes=tubes, why_not=why_not, outside=tuple(outside))
+
+
+def _tube(
+    run: Run,
+    conformance: "Conformance | None",
+    progress: Callable[[str, float], None] | None,
+) -> "Tube":
+    from flighttune.tube.problem import tube_problem
+    from flighttune.tube.tube import tube_of
+
+    scenario, gains = scenario_from(dict(run.provenance.scenario)), run.provenance.gains
+    if gains is None:
+        raise InputError("a law of one's own has no tube.")
+    plant = scenario.plant_table(run.provenance.plant)
+    counts = None if plant.aircraft is None else conformance
+    # Where only the starts were drawn, the tube begins with all of them: it then holds the flights
+    # counted, and not only the flight from the scenario's own start.
+    start = None if counts is None else counts.distribution.start_range(scenario, plant)
+    problem = tube_problem(
+        scenario,
+        gains,
+        plant=plant.label,
+        start=start or 0.0,
+        conformance=counts,
+        law=run.provenance.law,
+    )
+    follow = None if progress is None else partial(progress, f"tube {run.label}")
+    return tube_of(problem, progress=follow)
+
+
+def flight_sha256(scenario: Mapping[str, Any], plant: str, gains: PIGains | None) -> str:
+    """Hash of everything that the tube of a flight depends on."""
+    flown = {key: value for key, value in scenario.items() if key not in NOT_OF_FLIGHT}
+    of = {**flown, "label": plant, "gains": None if gains is None else gains.as_lists()}
+    return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()
+
+
+def run_sha256(run: Run) -> str:
+    """Hash of what the tube of a run depends on: manoeuvre, limits, controller, plant and gains."""
+    made = run.provenance
+    return flight_sha256(made.scenario, made.plant, made.gains)
+
+
+def _tube_files(folder: Path) -> tuple[dict[str, Path], dict[str, str]]:
+    """The tubes in a folder by the hash of their flight, and why the others are not read."""
+    files, refused = {}, {}
+    for path in sorted(folder.glob("[!.]*.parquet")):
+        if path.stem.endswith(WORST):
+            continue
+        try:
+            files[read_sealed(path, AboutTube)[0].run] = path
+        except InputError as error:
+            refused[str(path)] = str(error).removeprefix(f"{path}: ")
+    return files, refused
+
+
+def read_bounds(path: str | Path) -> tuple[AboutTube, Bounds]:
+    """The bounds on the errors in the file of a tube, and its description.
+
+    Raises InputError if it is no such file or not as it was written.
+    """
+    about, columns = read_sealed(Path(path), AboutTube)
+    try:
+        bounds = Bounds.of(columns)
+    except KeyError as error:
+        raise InputError(f"{path}: must be a {KIND}, got no column {error}.") from error
+    if not (len(bounds.t) and (bounds.low <= bounds.high).all()):
+        raise InputError(f"{path}: must have rows, and lower bounds not above upper ones.")
+    return about, bounds
+
+
+def read_tube(path: Path, run: Run) -> RunTube:
+    """The bounds in the file of the tube of a run.
+
+    Raises InputError as `read_bounds` does, and if its bounds are not those of the samples.
+    """
+    from flighttune.tube.problem import sample_times
+
+    about, bounds = read_bounds(path)
+    t, samples = bounds.t, sample_times(scenario_from(dict(run.provenance.scenario)))
+    # One that is lost ends early.
+    least = len(samples) if about.status == "bounded" else 1
+    if not (least <= len(t) <= len(samples) and np.allclose(t, samples[: len(t)], atol=1e-9)):
+        raise InputError(
+            f"{path}: `t` must be the {len(samples)} samples of the flight, got {len(t)} rows"
+            + (f": {about.reason}." if about.reason else ".")
+        )
+    inside = bounds.contain(run.signals)
+    return RunTube(bounds=bounds, about=about, file=path, computed=False, inside=inside, worst=None)
+
+
+def write_signals(tube: "Tube", path: Path) -> None:
+    """Write the bounds: ``t`` in s, and every quantity with ``_low`` and ``_high``.
+
+    The metadata have the hash of the flight, by which `tubes_of` finds its tube. Raises OutputError
+    if the file cannot be written.
+    """
+    problem = tube.problem
+    about = AboutTube(
+        run=flight_sha256(problem.scenario.as_dict(), problem.plant, problem.gains),
+        status=tube.status,
+        reason=tube.reason,
+        model=problem.model,
+        start_deg=math.degrees(problem.start),
+        handed_over_s=tube.handed_over,
+        counted_from_s=tube.counted_from,
+        probability=tube.probability,
+    )
+    write_sealed(tube.bounds.columns, about, path)
+
+
+def write_worst(tube: Path, run: Run, ratio: Mapping[str, float]) -> Path:
+    """Write the errors of the worst flight found next to the file of its tube; return the file.
+
+    `ratio` says how many times wider the tube is than this flight needs, of ``chi`` and ``gamma``.
+    """
+    path = _worst_file(tube)
+    errors = {name: run.signals[name.removesuffix("_worst")].to_numpy() for name in WORST_SIGNALS}
+    about = AboutWorst(tube=seal_of(tube.read_bytes()), chi=ratio["chi"], gamma=ratio["gamma"])
+    write_sealed({"t": run.t, **errors}, about, path)
+    return path
+
+
+def _worst_file(tube: Path) -> Path:
+    return tube.with_name(f"{tube.stem}{WORST}.parquet")
+
+
+def _read_worst(tube: Path) -> tuple[AboutWorst, FloatArray] | None:
+    """The worst flight of a tube, its errors in rad; None where none is known of these bounds."""
+    path = _worst_file(tube)
+    if not path.exists():
+        return None
+    about, columns = read_sealed(path, AboutWorst)
+    if about.tube != seal_of(tube.read_bytes()):
+        return None
+    return about, np.column_stack([columns[name] for name in WORST_SIGNALS])
+
+
+A = TypeVar("A", AboutTube, AboutWorst)
+
+
+def write_sealed(
+    columns: Mapping[str, FloatArray], about: AboutTube | AboutWorst, path: Path
+) -> None:
+    """Write signals over time, whole or not at all."""
+    fields = [
+        pa.field(name, pa.float64(), metadata={"unit": UNITS.get(name, "rad")}) for name in columns
+    ]
+    metadata = {ABOUT: json.dumps(asdict(about)).encode(), SEAL: BLANK}
+    table = pa.table(list(columns.values()), schema=pa.schema(fields, metadata=metadata))
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    data = seal(sink.getvalue().to_pybytes())
+    with whole_file(path) as part:
+        part.write_bytes(data)
+
+
+def read_sealed(path: Path, kind: type[A]) -> tuple[A, dict[str, FloatArray]]:
+    """Read a file of `write_sealed`: its description and its signals.
+
+    Raises InputError if the file is not as it was written or is of another kind, if time does not
+    rise, or a value is not finite.
+    """
+    data = sealed_bytes(path, KIND, REMEDY)
+    try:
+        table = pq.read_table(pa.BufferReader(data))
+        about = TypeAdapter(kind).validate_json(table.schema.metadata[ABOUT])
+        columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
+        t = columns["t"]
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_mistake(error)}") from error
+    except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
+        got = " ".join(str(error).split())
+        raise InputError(f"{path}: must be a {KIND}, got: {got}.") from error
+    finite = all(np.isfinite(values).all() for values in columns.values())
+    if not (finite and (np.diff(t) > 0.0).all()):
+        raise InputError(f"{path}: `t` must rise and every value must be finite; {REMEDY}.")
+    return about, columns
