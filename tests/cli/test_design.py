@@ -85,7 +85,7 @@ def test_trim_names_the_elevator_of_a_nose_heavy_aircraft(tmp_path):
     ("aircraft", "condition", "outside"),
     [
         ("aerosonde", ("--V-a", 12), "`V_a` must lie in 15 to 45 m/s, got 12"),
-        ("aerosonde", ("--V-a", 25, "--phi", 70), "`n_z` must lie in -2.1 to"),
+        ("aerosonde", ("--V-a", 25, "--phi", 70), "`phi` must lie in -45 to 45 deg"),
         ("a4", ("--V-a", 50), "`V_a` must lie in 110 to 270 m/s, got 50 m/s"),
     ],
 )
