@@ -47,8 +47,7 @@ from flighttune.conformance.file import (
 from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.errors import InputError
 from flighttune.identify.file import identified_tables, load_identified
-from flighttune.scenario.aircraft_check import check_aircraft
-from flighttune.scenario.load import scenario_from
+from flighttune.scenario.load import check_aircraft, scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import INTENSITIES, TUNED_IDENTIFIED
 from flighttune.shipped import aircraft_folders

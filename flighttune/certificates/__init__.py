@@ -3,8 +3,12 @@
 docs/certificate.md explains what a certificate says, and what it does not.
 """
 
-from flighttune.certificates.certificate import Certificate, Claim
-from flighttune.certificates.file import load_certificate, save_certificate
+from flighttune.certificates.certificate import (
+    Certificate,
+    Claim,
+    load_certificate,
+    save_certificate,
+)
 from flighttune.certificates.make import Certification, certify
 from flighttune.certificates.verify import verify
 from flighttune.theory.certificate import Check, Verification

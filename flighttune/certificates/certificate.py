@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 from pydantic import Field
@@ -14,7 +15,7 @@ from flighttune.control.linear_model import LAW_NAMES, LinearModel
 from flighttune.errors import InputError
 from flighttune.present.numbers import matrix, number
 from flighttune.present.tables import html
-from flighttune.value_file import STRICT
+from flighttune.value_file import STRICT, read, write
 
 KINDS = "states", "inputs", "errors"
 
@@ -177,3 +178,31 @@ class Certificate:
             ("made with", ", ".join(f"{key}: {value}" for key, value in self.made_with.items())),
         ]
         return html("Certificate", (), rows)
+
+
+def save_certificate(certificate: Certificate, path: str | Path) -> None:
+    """Write a certificate as JSON, under a temporary name until it is whole.
+
+    Parameters
+    ----------
+    certificate : Certificate
+    path : path-like
+        File to write or replace; its folder is made where there is none.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    write(certificate, path)
+
+
+def load_certificate(path: str | Path) -> Certificate:
+    """Read a certificate; nothing in it is trusted before `verify` has checked it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not a certificate; the message names file and key.
+    """
+    return read(path, Certificate)

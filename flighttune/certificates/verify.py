@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.certificates.certificate import Certificate
-from flighttune.certificates.file import load_certificate
+from flighttune.certificates.certificate import Certificate, load_certificate
 from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, disturbance_entry

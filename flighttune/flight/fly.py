@@ -26,7 +26,7 @@ from flighttune.plants.air_path import AirPathPlant
 from flighttune.plants.base import GuardedPlant, Plant
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.weather import WIND, WindRecord
-from flighttune.scenario.aircraft_check import check_aircraft
+from flighttune.scenario.load import check_aircraft
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate

@@ -21,8 +21,14 @@ from flighttune.campaign.planning.schema import (
 )
 from flighttune.errors import InputError, ScenarioError
 from flighttune.plants.label import goes_by
-from flighttune.scenario.aircraft_check import check_aircraft, check_identified
-from flighttune.scenario.load import existing_file, leaves, load_scenario, validated
+from flighttune.scenario.load import (
+    check_aircraft,
+    check_identified,
+    existing_file,
+    leaves,
+    load_scenario,
+    validated,
+)
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.shipped import campaign_files, scenario_files

@@ -24,8 +24,7 @@ from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_sets
 from flighttune.mistakes import abridged
 from flighttune.plants.label import goes_by
-from flighttune.scenario.aircraft_check import check_aircraft
-from flighttune.scenario.load import validated
+from flighttune.scenario.load import check_aircraft, validated
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, Table
 
