@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
-from flighttune.campaign.planning.schema import Acts, Dispersion
+from flighttune.campaign.planning.schema import Dispersion
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import mistakes
 from flighttune.scenario.schema import Scenario
@@ -60,10 +60,8 @@ def value_at(tables: Mapping[str, Any], place: Place) -> Any:
     for step in place:
         if isinstance(value, Mapping):
             value = value.get(step)
-        elif isinstance(value, list) and isinstance(step, int):
-            value = value[step]
         else:
-            return None
+            value = value[step] if isinstance(value, list) and isinstance(step, int) else None
     return value
 
 
@@ -72,19 +70,20 @@ def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) 
 
     Tables on the way that are missing are made.
     """
-    result = dict(tables)
-    copied: dict[int, Any] = {id(result): result}
+    changed = dict(tables)
     for place, value in values:
-        at: Any = result
-        for step in place[:-1]:
-            below = at[step] if isinstance(step, int) else at.get(step, {})
-            if id(below) not in copied:
-                below = list(below) if isinstance(below, list) else dict(below)
-                copied[id(below)] = below
-                at[step] = below
-            at = below
-        at[place[-1]] = value
-    return result
+        changed = _with_value(changed, place, value)
+    return changed
+
+
+def _with_value(table: Any, place: Place, value: Any) -> Any:
+    step, *below = place
+    changed: Any = list(table) if isinstance(table, list) else dict(table or {})
+    if below:
+        own = changed[step] if isinstance(step, int) else changed.get(step)
+        value = _with_value(own, (*below,), value)
+    changed[step] = value
+    return changed
 
 
 def dispersed_places(
@@ -124,24 +123,16 @@ def with_drawn(
     drawn: Mapping[str, Any],
 ) -> dict[str, Any]:
     """The tables of a scenario with the drawn values of each key set, added or multiplied by."""
-    return with_values(
-        tables,
-        [
-            (place, _applied(table.acts, drawn[table.key], value_at(tables, place)))
-            for table in disperse
-            for place in places[table.key]
-        ],
-    )
-
-
-def _applied(acts: Acts, value: Any, own: Any) -> Any:
-    match acts:
-        case "sets":
-            return value
-        case "adds":
-            return own + value
-        case "multiplies":
-            return own * value
+    values: list[tuple[Place, Any]] = []
+    for table in disperse:
+        for place in places[table.key]:
+            value = drawn[table.key]
+            if table.acts == "adds":
+                value = value_at(tables, place) + value
+            elif table.acts == "multiplies":
+                value = value_at(tables, place) * value
+            values.append((place, value))
+    return with_values(tables, values)
 
 
 def _probe(table: Dispersion) -> Any:
