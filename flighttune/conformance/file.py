@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -14,7 +14,6 @@ from pydantic import Field
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import check_between
 from flighttune.conformance.boxes import RateBoxes
-from flighttune.conformance.probability import CountedProbability
 from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
@@ -166,6 +165,26 @@ def _leaves(value: Any, above: str) -> Iterator[tuple[str, Any]]:
             yield from _leaves(item, f"{above}[{i}]")
     else:
         yield above, value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CountedProbability:
+    """The probability that a flight of the distribution counted leaves a tube, or its boxes."""
+
+    of: Literal["flight", "residual_rates"]  # a flight leaves the tube, or rates their boxes
+    at_most: float
+    confidence: float
+
+    @property
+    def sentence(self) -> str:
+        """The probability in words."""
+        chance = f"probability at most {number(self.at_most)}, confidence {self.confidence:.10g}"
+        if self.of == "flight":
+            return f"a flight of the distribution counted leaves the tube with {chance}"
+        return (
+            "the residual rates of a flight of the distribution counted leave their boxes with "
+            f"{chance}"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

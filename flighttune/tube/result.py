@@ -8,7 +8,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from flighttune.arrays import FloatArray
-from flighttune.conformance.probability import CountedProbability
+from flighttune.conformance.file import CountedProbability
 from flighttune.guarantee.bounds import Bounds
 from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import HandOver

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from pydantic import TypeAdapter, ValidationError
 
 from flighttune.arrays import FloatArray
-from flighttune.conformance.probability import CountedProbability
+from flighttune.conformance.file import CountedProbability
 from flighttune.control.gains import PIGains
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.guarantee.bounds import Bounds, with_columns

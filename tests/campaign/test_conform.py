@@ -213,10 +213,10 @@ def test_other_gains_and_another_aircraft_are_refused(found):
     plan = small_plan()
     scenario, gains = plan.scenario_of(0), plan.gain_sets["soft"]
 
-    with pytest.raises(InputError, match="`K_P` must be that of soft"):
+    with pytest.raises(InputError, match=r"`K_P`.*soft"):
         found.check(scenario, scenario.plant[0], replace(gains, K_P=1.01 * gains.K_P))
     other = scenario.plant[0].model_copy(update={"aircraft": "c172p"})
-    with pytest.raises(InputError, match=r"`aircraft` must be aerosonde .* got c172p"):
+    with pytest.raises(InputError, match=r"`aircraft`.*aerosonde.*c172p"):
         found.check(scenario, other, gains)
 
 
@@ -279,7 +279,7 @@ def test_another_seed_draws_other_flights_and_none_is_outside_the_boxes(found):
     assert outside.outside == FEW.flights
     with (
         flown_here(conform_module, "_planned", small_plan(wind=WIND)) as pool,
-        pytest.raises(InputError, match="campaign: must be what the conformance was made of"),
+        pytest.raises(InputError, match=r"campaign: .*another hash"),
     ):
         recount("campaign", found, ConformSettings(), pool)
 
@@ -307,7 +307,7 @@ def test_air_is_taken_apart():
     assert air_of(in_air(campaign, "calm").nominal) == "calm"
     assert air_of(in_air(campaign, "wind").nominal) == "wind"
     assert air_of(in_air(words, "severe").nominal) == "severe"
-    with pytest.raises(InputError, match=r"`air` must be one of .*, got 'stormy'"):
+    with pytest.raises(InputError, match=r"`air`.*'stormy'"):
         in_air(campaign, "stormy")
 
 

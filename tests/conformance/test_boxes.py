@@ -138,5 +138,5 @@ def test_windows_may_be_shorter():
     assert windows.count == 10
     found = windows.of_samples(t, np.zeros(51), np.zeros(51))
     assert found.tolist() == [k // 5 for k in range(50)]
-    with pytest.raises(InputError, match=r"`window` must be at least 0\.02 s long, got 0 s"):
+    with pytest.raises(InputError, match=r"`window`.*0\.02 s.* 0 s"):
         Windows.covering("time", 1.0, 0.0)

@@ -96,5 +96,5 @@ def test_the_course_may_pass_north():
 def test_one_sample_is_not_enough():
     lags = (InnerLag(order=1, natural_frequency=6.0),) * 2
     model = ConformantModel(V_a=25.0, g=9.81, lags=lags)
-    with pytest.raises(InputError, match="`flown` must have 2 samples, got 1"):
+    with pytest.raises(InputError, match=r"`flown`.* 2 .* 1"):
         residual_rates(model, 0.02, np.zeros((1, 2)), np.ones((1, 2)), (0.0, 1.0))

@@ -199,9 +199,9 @@ def test_turbulence_is_that_of_the_boxes_and_no_other():
     assert found.status == "bounded"
     assert flights_inside(found)
     windy["turbulence"]["intensity"] = "severe"
-    with pytest.raises(InputError, match=r"`turbulence.intensity` must be 'light', got 'severe'"):
+    with pytest.raises(InputError, match=r"`turbulence.intensity`.*'light'.*'severe'"):
         tube(scenario_from(windy), PAPER_GAINS, conformance=known)
-    with pytest.raises(InputError, match=r"`wind.speed_mps` must be None, got 3"):
+    with pytest.raises(InputError, match=r"`wind.speed_mps`.*None.*3"):
         tube(scenario, PAPER_GAINS, conformance=conformance(flight(duration_s=0.3)))
 
 
@@ -212,10 +212,10 @@ def test_starts_are_those_of_the_boxes():
     dispersed = {"flight.chi_deg": [2.0, 7.0], "flight.gamma_deg": [-3.0, 3.0]}
     wider = replace(known, distribution=replace(known.distribution, dispersed=dispersed))
 
-    with pytest.raises(InputError, match=r"`start` must be at most 0 deg from `flight.chi_deg`"):
+    with pytest.raises(InputError, match=r"`start`.* 0 deg.*`flight.chi_deg`"):
         tube(scenario, PAPER_GAINS, conformance=known, start=0.01)
     assert tube(scenario, PAPER_GAINS, conformance=wider, start=0.03).status == "bounded"
-    with pytest.raises(InputError, match=r"`start` must be at most 2 deg from .*, got 2.292 deg"):
+    with pytest.raises(InputError, match=r"`start`.* 2 deg.*2.292 deg"):
         tube(scenario, PAPER_GAINS, conformance=wider, start=0.04)
 
 
@@ -224,9 +224,9 @@ def test_what_the_boxes_say_nothing_about_is_refused():
     known = conformance(scenario)
     other = PIGains(K_P=2.0 * PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
 
-    with pytest.raises(InputError, match="`K_P` must be that of paper"):
+    with pytest.raises(InputError, match=r"`K_P`.*paper"):
         tube(scenario, other, conformance=known)
-    with pytest.raises(InputError, match=r"`flight.chi_deg` must be 4.0, got 5.0"):
+    with pytest.raises(InputError, match=r"`flight.chi_deg`.*4.0.*5.0"):
         tube(flight(chi_err_deg=5.0), PAPER_GAINS, conformance=known)
     with pytest.raises(InputError, match="conformance: must hold"):
         tube(scenario, PAPER_GAINS, conformance=conformance(scenario, outside=2))
@@ -236,7 +236,7 @@ def test_what_the_boxes_say_nothing_about_is_refused():
         tube(scenario, PAPER_GAINS, plant="jsbsim:aerosonde")
     scheduled = scenario.as_dict()
     scheduled["controller"]["schedule"] = True
-    with pytest.raises(InputError, match=r"`schedule` of \[controller\] must be false"):
+    with pytest.raises(InputError, match=r"`schedule`.*false"):
         tube(scenario_from(scheduled), PAPER_GAINS, conformance=known)
     with pytest.raises(InputError, match="of kind jsbsim"):
         tube(made_up(), PAPER_GAINS, conformance=known)
@@ -306,9 +306,9 @@ def test_another_conformance_than_that_of_the_tube_is_refused(proof):
     weaker = replace(counted, epsilon=0.02)
     doubled = PIGains(K_P=2.0 * PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
 
-    with pytest.raises(InputError, match="`conformance_sha256` must be that of the conformance"):
+    with pytest.raises(InputError, match="`conformance_sha256`"):
         load_tube(proof[0], weaker)
-    with pytest.raises(InputError, match="`K_P` must be that of paper"):
+    with pytest.raises(InputError, match=r"`K_P`.*paper"):
         load_tube(proof[0], replace(counted, gains=doubled))
 
 
@@ -320,7 +320,7 @@ def test_boxes_and_an_aircraft_go_together(proof, tmp_path):
 
     scenario = {**claim_of(proof[0])["scenario"], "plant": [{"kind": "kinematic"}]}
     rewritten(proof[0], {}, path, scenario=scenario, plant="kinematic")
-    with pytest.raises(InputError, match="`boxes` must be of an aircraft, got kinematic"):
+    with pytest.raises(InputError, match=r"`boxes`.*kinematic"):
         load_tube(path)
 
 

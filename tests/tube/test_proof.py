@@ -156,7 +156,7 @@ def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path
     rewritten(proven[1], {}, path, scenario=scenario, disturbance_rad_s=None)
     assert "is not proven" in verify_tube(path).reason
     rewritten(proven[1], {}, path, scenario=scenario)
-    with pytest.raises(InputError, match=r"changed\.npz: `disturbance` must be at least .* 0.5 "):
+    with pytest.raises(InputError, match=r"changed\.npz: `disturbance`.* 0.5 "):
         load_tube(path)
 
 
@@ -174,7 +174,7 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
 
     assert verify_tube(path).valid
     assert (load_tube(tmp_path / "near.npz").problem.reference == reference + 1e-9).all()
-    with pytest.raises(InputError, match=r"far\.npz: `reference` .* off by 1e-05"):
+    with pytest.raises(InputError, match=r"far\.npz: `reference`.*1e-05"):
         load_tube(tmp_path / "far.npz")
 
 
@@ -249,7 +249,7 @@ def test_an_array_that_is_there_twice_is_refused(proven, tmp_path):
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("bounds.npy", archive.read("bounds.npy"))
 
-    with pytest.raises(InputError, match=r"`bounds\.npy` must be in the file once"):
+    with pytest.raises(InputError, match=r"`bounds\.npy`.*once"):
         load_tube(path)
 
 
@@ -257,7 +257,7 @@ def test_a_key_of_the_claim_that_is_there_twice_is_refused(proven, tmp_path):
     text = json.dumps(claim_of(proven[1])).replace('"law":', '"start_rad": 0.0, "law":')
     path = rewritten(proven[1], {"claim": np.array(text)}, tmp_path / "changed.npz")
 
-    with pytest.raises(InputError, match="`claim` must be valid JSON: `start_rad` is given twice"):
+    with pytest.raises(InputError, match=r"`claim`.*`start_rad`.*twice"):
         load_tube(path)
 
 
