@@ -349,6 +349,16 @@ class OwnTable(Table):
         """The class of the user's, once it is loaded or given from Python."""
         return self._maker
 
+    @property
+    def family(self) -> PlantKind | type[Law]:
+        """Description of its kind for the other rooms."""
+        raise NotImplementedError
+
+    @property
+    def of_the_user(self) -> bool:
+        """Whether a class of the user's flies."""
+        return "module" in self.family.keys
+
     def made_by(self, maker: Callable[..., Any]) -> Self:
         """The table with the class of the user's."""
         table = self.model_copy()
@@ -402,11 +412,6 @@ class PlantTable(OwnTable):
         return PLANT_KINDS[self.kind]
 
     @property
-    def of_the_user(self) -> bool:
-        """Whether a class of the user's flies."""
-        return "module" in self.family.keys
-
-    @property
     def label(self) -> str:
         """Name of the plant in tables, plots and files."""
         return plant_label(self.kind, self.aircraft, self.name)
@@ -458,13 +463,13 @@ class LawTable(OwnTable):
         return self
 
     @property
-    def of_the_user(self) -> bool:
-        """Whether a class of the user's flies."""
-        return "module" in law_kinds()[self.kind].keys
+    def family(self) -> type[Law]:
+        """Class of its kind."""
+        return law_kinds()[self.kind]
 
     def law(self) -> Law:
         """The law, with defaults where the table does not say."""
-        options = {key: getattr(self, key) for key in law_kinds()[self.kind].keys}
+        options = {key: getattr(self, key) for key in self.family.keys}
         return made_law(self.kind, self.name, **options, maker=self.maker)
 
 

@@ -134,9 +134,9 @@ def fly_sampled(
     The controller is `pi_step` or `exact_step`, the function of the law itself, compiled. The first
     call in a new installation compiles for some seconds; the result is kept on disk.
     """
-    known = [law for law in controllers if isinstance(law, MimoPI | ExactLaw)]
-    kinds = {_kind(controller) for controller in known}
-    if len(known) < len(controllers) or len(kinds) != 1:
+    laws_read = [law for law in controllers if isinstance(law, MimoPI | ExactLaw)]
+    kinds = {_kind(controller) for controller in laws_read}
+    if len(laws_read) < len(controllers) or len(kinds) != 1:
         raise InputError(
             "`controllers` must be all MimoPI or all ExactLaw, of one sample time and feed-forward."
         )
@@ -150,8 +150,8 @@ def fly_sampled(
         raise ShapeError(f"`ref` must have 1 or {len(t)} samples, got {followed.shape[1]}.")
     if any(wave.chi_switches or wave.gamma_switches for wave in disturbances):
         raise InputError("`disturbances` must have no switching times: a batch flies sinusoids.")
-    laws = np.zeros((len(known), LAW_NUMBERS))
-    for row, controller in zip(laws, known, strict=True):
+    laws = np.zeros((len(laws_read), LAW_NUMBERS))
+    for row, controller in zip(laws, laws_read, strict=True):
         numbers = list(_numbers(controller.law))
         row[: len(numbers)] = numbers
     starts = [(c.chi, c.gamma, c.phi, c.n_z_start, c.V_a) for c in conditions]
@@ -199,7 +199,7 @@ def fly_sampled(
 
 
 def _kind(controller: MimoPI | ExactLaw) -> tuple[bool, bool, bool, float]:
-    """What the kernel must have alike: law, wrapped course error, feed-forward and sample time."""
+    """Exact law or not, wrapped course error, feed-forward and sample time: alike in a batch."""
     if isinstance(controller, ExactLaw):
         return True, True, False, controller.dt
     return False, controller.wrapped[0], controller.feed_forward, controller.dt

@@ -108,7 +108,7 @@ def cosine(angle: float) -> Interval:
 
 def product(first: Interval, second: Interval) -> Interval:
     """The products of the numbers of two intervals."""
-    products = [one * other for one in first for other in second]
+    products = [a * b for a in first for b in second]
     return min(products), max(products)
 
 

@@ -108,16 +108,16 @@ def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> I
     if A_K.ndim != 2:
         raise ShapeError(f"`A_K` must have 2 axes, got shape {A_K.shape}.")
     scale = state_scaling(scaling, len(A_K))
-    found = indicators_batch(A_K, scaling=scale)
+    figures = indicators_batch(A_K, scaling=scale)
     eigenvalues = np.asarray(np.linalg.eigvals(A_K), dtype=complex)
     eigenvalues = eigenvalues[np.lexsort((-np.imag(eigenvalues), -np.real(eigenvalues)))]
-    stable = bool(found.stable)
+    stable = bool(figures.stable)
     return Indicators(
         status="stable" if stable else "unstable",
         reason="" if stable else _why_unstable(eigenvalues[0]),
-        R_K=float(found.R_K),
-        I_K=float(found.I_K),
-        spectral_abscissa=float(found.spectral_abscissa),
+        R_K=float(figures.R_K),
+        I_K=float(figures.I_K),
+        spectral_abscissa=float(figures.spectral_abscissa),
         eigenvalues=eigenvalues,
         Q=lyapunov_solution(scaled(A_K, scale)) if stable else None,
         scaling=scale,
