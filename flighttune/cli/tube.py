@@ -210,9 +210,7 @@ def tube_values(tube: "Tube") -> dict[str, Any]:
             channel: {
                 "max": float(widths[:, i].max()),
                 "end": float(widths[-1, i]),
-                "ever": None
-                if ever is None
-                else 0.5 * float(ever.bounds[i, 1] - ever.bounds[i, 0]) / DEG,
+                "ever": None if ever is None else float(ever[i]),
             }
             for i, channel in enumerate(CHANNEL_SYMBOLS)
             if len(widths)
