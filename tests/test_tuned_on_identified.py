@@ -210,7 +210,7 @@ def test_one_q_proves_a_rate_at_every_condition_identified():
         assert np.linalg.eigvalsh(decay).max() < ROUNDING
     assert 0.0 < np.linalg.eigvalsh(tuned.Q)[0]
     assert tuned.R == pytest.approx(1.0 / np.linalg.eigvalsh(tuned.Q)[-1])
-    for told, found in ((r"(\S+) /s for `tuned_identified`", tuned), (r"(\S+) for K\*,", printed)):
+    for told, found in ((r"(\S+) /s for `tuned_identified`", tuned), (r"(\S+) for K\*", printed)):
         (rate,) = re.findall(told, PAGE)
         assert float(rate) == pytest.approx(found.R, abs=0.1 * HALF_OF_THE_LAST_DIGIT)
 

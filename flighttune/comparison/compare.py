@@ -22,6 +22,9 @@ from flighttune.simulate.run import Run
 SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
 """Metrics shown in a notebook; `Comparison.metrics` has them all."""
 
+MAX_PAIRS = 3
+"""Pairs shown in a notebook."""
+
 BETTER_IF = {
     **dict.fromkeys((*METRICS, *FLIGHT_METRICS), "low"),
     **dict.fromkeys(("PT_s", "n_z_min", "n_z_max"), "neither"),
@@ -121,8 +124,13 @@ class Comparison:
         if not self.comparable:
             return html("Comparison: not comparable", (), [("reason", self.reason)])
         title = f"Comparison: paths at most {number(self.max_distance)} m apart"
-        table = comparison_table(title, self.metrics[self.metrics["name"].isin(SHOWN)])
-        return html(title, table.head, table.rows)
+        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
+        table = comparison_table(title, self.metrics[shown])
+        rows = table.rows
+        if len(self.pairs) > MAX_PAIRS:
+            more = f"{len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
+            rows.append([more, *[""] * (len(table.columns) - 1)])
+        return html(title, table.head, rows)
 
 
 def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
