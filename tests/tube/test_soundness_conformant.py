@@ -88,7 +88,8 @@ def check_conformant(case, seed):
     found = enclosed(problem, attempts=FEW_PIECES, for_ever=False)
     rng, dt, condition = np.random.default_rng(seed), problem.controller().dt, scenario.condition
     t = problem.t
-    low, high = (one[:, :2] for one in known.boxes.over(t, *scenario.followed().sampled(t)))
+    boxes = known.boxes.over(t, *scenario.followed().sampled(t))
+    low, high = boxes.low[:, :2], boxes.high[:, :2]
     for _ in range(FLIGHTS):
         share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
         rates = low + share * (high - low)
