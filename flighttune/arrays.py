@@ -11,7 +11,7 @@ from flighttune.errors import InputError, ShapeError
 
 
 class _Lists:
-    """In files an array is a list of finite numbers, or of such lists."""
+    """Form of an array in files: a list of finite numbers, or of such lists."""
 
     @staticmethod
     def __get_pydantic_core_schema__(_kind: Any, _handler: Any) -> Any:

@@ -65,13 +65,13 @@ CALM_DEG = 0.5
 
 RECORD = "adoption.json"
 
-# Every try writes these files.
+# Files that every try writes.
 WRITTEN = ("aircraft.toml", GAINS_FILE, FILE_NAME, TURN)
 
 # Shares of the bandwidths that are tried in turn, until a flight meets the criteria.
 BANDWIDTH_SHARES = (1.0, 0.7, 0.5)
 
-# Airspeed over the one chosen that is tried after them.
+# Factor on the chosen airspeed for a last try after them.
 AIRSPEED_FACTOR = 1.25
 
 # No further try begins after this time, s.
@@ -86,7 +86,7 @@ MAX_ROLL_RATE = 30.0 * DEG
 # Share of the roll rate at full aileron that commands use.
 ROLL_RATE_USED = 0.4
 
-# Share of full aileron that the start of a roll takes.
+# Share of full aileron that commands use to start a roll.
 AILERON_USED = 0.8
 
 # Share of the lift that the commands use.
@@ -94,7 +94,7 @@ LIFT_USED = 0.85
 
 MAX_LOAD_FACTOR, MIN_LOAD_FACTOR = 3.0, -1.0
 
-# Load factor that a turn takes at least.
+# Smallest load factor that must be available for a turn.
 MIN_TURN_LOAD_FACTOR = 1.5
 
 # Largest bandwidth of load factor over the zero of the elevator in the right half plane.
@@ -192,7 +192,7 @@ def _sentence(error: PlantError) -> str:
 def _best(
     surveyed: Survey, folder: Path, h: float, say: Callable[[str], object], began: float
 ) -> Adoption:
-    """The best of the tries, whose files are those in the folder."""
+    """The best of the tries; its files are left in the folder."""
     best, files, refused = None, {}, None
     for share, V_a in [(share, surveyed.V_a) for share in BANDWIDTH_SHARES] + [
         (1.0, AIRSPEED_FACTOR * surveyed.V_a)
@@ -225,7 +225,7 @@ def _best(
 
 
 def _merit(tried: Adoption) -> tuple[int, float]:
-    """Adopted before flying, then by the worse of the fits."""
+    """Order of the tries: by status, then by the worse of the two fits."""
     fits = tried.fit_percent.values()
     return ("refused", "flies", "adopted").index(tried.status), min(fits, default=0.0)
 

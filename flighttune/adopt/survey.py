@@ -22,9 +22,10 @@ from flighttune.units import DEG, FT, G_0
 
 SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
 
-# Most properties of another simulator that are declared for a model.
+# Maximum number of properties of another simulator that are declared for a model.
 MAX_DECLARED = 60
 
+# The missing property in an error message of JSBSim.
 MISSING = re.compile(
     r"(?:property|node)[^\w/]*([\w/.-]+(?:\[\d+\])?[\w/.-]*)\W+(?:does not|is not)", re.I
 )
@@ -35,46 +36,47 @@ STALL_SHARE = 1.0 / 3.0
 ALPHAS = np.arange(-14.0, 30.5, 1.0) * DEG
 MAX_STALL, MIN_STALL = 18.0 * DEG, -12.0 * DEG
 
-# An aeroplane has at the stall at least this lift coefficient, and an airspeed (m/s) in this range.
+# At the stall an aeroplane has at least this lift coefficient and an airspeed in this range, m/s.
 MIN_LIFT = 0.1
 MIN_STALL_SPEED, MAX_STALL_SPEED = 3.0, 300.0
 
-# Airspeeds over that of the stall, in the order in which they are preferred.
+# Airspeeds relative to that of the stall, in order of preference.
 SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4, 1.3)
 
-# Thrust beyond drag over weight that a climb of 3 deg and a turn take.
+# Thrust in excess of drag, over weight, that a climb of 3 deg and a turn need.
 SPARE_THRUST = 0.08
 
 # Departure from the final thrust, as a share of it, below which a thrust has settled.
 SETTLED = 1e-3
 
+# Shortest settling time of engines that do not respond at once, and the longest waited for, s.
 PROPELLER_SETTLES = 15.0
 MAX_SETTLING_S = 40.0
 
 COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 
-# A command is clipped where more of it adds less than this share of the first effect.
+# A command is clipped where the slope of its effect falls below this share of the first slope.
 CLIPPED = 0.2
 
-# Smallest effect of full travel, rad/s^2.
+# Smallest effect of full travel that can be used, rad/s^2.
 MIN_EFFECT = 1e-6
 
-# Travel, rad, where no position of the model shows it.
+# Travel assumed where no position property of the model shows it, rad.
 USUAL_TRAVEL = 0.35
 
 MAX_TRAVEL = 60.0 * DEG
 
-# Times (s) a command is held for: between them a flight control must not drift.
+# Times after a command, s, between which its effect must not drift.
 HOLD_TIMES = 3.0, 4.0
 
-# Share of the effect that may drift, or differ from an evaluation of the state.
+# Largest drift as a share of the effect; from the command to the first time, twice as much.
 DRIFT = 0.05
 
 ONE_RADIAN = math.degrees(1.0)
 
 
 class Refusal(PlantError):
-    """The model is no aeroplane that can be adopted; the message says why, in one sentence."""
+    """The model cannot be adopted as an aeroplane; the message says why, in one sentence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,8 +84,7 @@ class Lift:
     """Lift and drag of the airframe, surfaces neutral."""
 
     alpha: FloatArray  # (n,), rad
-    # (n,), 1: over dynamic pressure and weight times the pressure at the stall: 1 at the largest
-    # lift
+    # (n,), 1: coefficients as shares of the largest lift coefficient
     lift: FloatArray
     drag: FloatArray
     # rad: angles of attack up to which lift grows
@@ -92,7 +93,7 @@ class Lift:
     V_s: float  # m/s: airspeed at which the largest lift is the weight
 
     def at(self, V_a: float) -> tuple[float, float, float]:
-        """Angle of attack (rad) of level flight, its drag over weight, lift at the stall."""
+        """Angle of attack (rad) and drag over weight in level flight, largest lift over weight."""
         q = (V_a / self.V_s) ** 2
         inside = (self.alpha >= self.negative_stall) & (self.alpha <= self.stall)
         alpha = float(np.interp(1.0 / q, self.lift[inside], self.alpha[inside]))
@@ -120,7 +121,7 @@ def survey(
     V_a: float | None = None,
     say: Callable[[str], object] = lambda _: None,
 ) -> Survey:
-    """Find out what a model, named as in an ``aircraft.toml``, can do at height h (m)."""
+    """Measure what a model, named as in an ``aircraft.toml``, can do at height h (m)."""
     tables = wide_tables(model)
     say("reading the model")
     tables["engines"]["count"] = _check_parts(aircraft_from(tables, folder))
@@ -170,7 +171,7 @@ def wide_tables(model: str) -> dict[str, Any]:
 
 
 def _check_parts(config: AircraftConfig) -> int:
-    """The number of engines; refuses what cannot be an aeroplane."""
+    """Return the number of engines; refuse a model that cannot be an aeroplane."""
     folders = source_folders(config)
     root = main_root(config)
     parts = {tag: _part(root, tag, folders.parts) for tag in ("aerodynamics", "propulsion")}
@@ -213,7 +214,7 @@ def _loaded(tables: dict[str, Any], folder: Path) -> Fdm:
 
 
 def _levers(tables: dict[str, Any], folder: Path) -> dict[str, float]:
-    """Settings of what is neither surface nor throttle, as far as the model has it."""
+    """Settings of fuel, gear, flaps, speed brake, mixture and propeller that the model has."""
     fdm = _loaded(tables, folder)
     wanted = {"propulsion/fuel_freeze": 1.0, "gear/gear-cmd-norm": 0.0}
     wanted |= dict.fromkeys(("fcs/flap-cmd-norm", "fcs/speedbrake-cmd-norm"), 0.0)
@@ -229,7 +230,7 @@ def _level(V_a: float, alpha: float, throttle: float = 0.0) -> AirframeState:
 def _lift(fdm: Fdm, h: float) -> Lift:
     bench = Bench(fdm, h)
     lift = _swept(fdm, bench, 60.0)
-    for _ in range(2):  # the airspeed of the sweep follows what it finds
+    for _ in range(2):  # each sweep is flown at a multiple of the stall speed found by the last
         lift = _swept(fdm, bench, SPEEDS[0] * lift.V_s)
     return lift
 
@@ -242,6 +243,7 @@ def _swept(fdm: Fdm, bench: Bench, V_a: float) -> Lift:
     for alpha in ALPHAS.tolist():
         bench.accelerations(_level(V_a, alpha))
         x, z, q = ahead(), down(), pressure() * area
+        # body axes: x forward, z down
         lift = x * math.sin(alpha) - z * math.cos(alpha)
         rows.append((lift / q, -(x * math.cos(alpha) + z * math.sin(alpha)) / q))
     C_L, C_D = np.array(rows).T
@@ -255,7 +257,7 @@ def _swept(fdm: Fdm, bench: Bench, V_a: float) -> Lift:
     largest = C_L[stall]
     if not largest > MIN_LIFT:
         raise Refusal(f"it lifts too little: the largest lift coefficient is {largest:.2f}")
-    density = pressure() / (V_a / FT) ** 2
+    density = pressure() / (V_a / FT) ** 2  # half of it: dynamic pressure over airspeed squared
     V_s = math.sqrt(weight / (density * area * largest)) * FT
     if not MIN_STALL_SPEED < V_s < MAX_STALL_SPEED:
         raise Refusal(f"it would stall at {V_s:.0f} m/s")
@@ -282,7 +284,7 @@ def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
 def _engines(
     tables: dict[str, Any], folder: Path, lift: Lift, h: float, V_a: float | None
 ) -> tuple[float, float]:
-    """Airspeed to fly at, and spare thrust there; engines are started and their time is taken."""
+    """Airspeed to fly at and spare thrust there; the settling time is written into `tables`."""
     fdm = _loaded(tables, folder)
     bench = Bench(fdm, h)
     count = tables["engines"]["count"]
@@ -298,7 +300,7 @@ def _engines(
         return np.array([read() for read in thrusts])
 
     V = V_a or SPEEDS[0] * lift.V_s
-    propeller = True
+    propeller = True  # until the settling time is measured
     at_once = settled(V, 0.5)
     settle = _settling(fdm, bench, _level(V, lift.at(V)[0], 1.0), thrusts)
     propeller = settle > 0.0
@@ -329,7 +331,7 @@ def _engines(
 def _settling(
     fdm: Fdm, bench: Bench, state: AirframeState, thrusts: list[Callable[[], float]]
 ) -> float:
-    """Time the engines take from half to full throttle, s; 0 where they are there at once."""
+    """Time the engines take from half to full throttle, s; 0 if they respond at once."""
     bench.accelerations(state)
     history = [sum(read() for read in thrusts)]
     for _ in range(int(MAX_SETTLING_S)):
@@ -342,17 +344,17 @@ def _settling(
 
 @dataclass(frozen=True, slots=True)
 class _Moved:
-    """Response of a surface: sense of the command, positions at -1 and +1, usable commands."""
+    """Response of a surface to its command."""
 
-    effect: float
-    position: tuple[float, float]
-    usable: tuple[float, float]
+    effect: float  # rad/s^2: half the difference between the effects of full commands
+    position: tuple[float, float]  # rad: at commands -1 and +1
+    usable: tuple[float, float]  # 1: share of the travel to either side before it is clipped
 
 
 def _surfaces(
     tables: dict[str, Any], folder: Path, level: AirframeState, h: float
 ) -> tuple[dict[str, Any], list[str]]:
-    """The table of the surfaces, through the model's flight control or past it, and notes."""
+    """Tables of the surfaces, commanded through the flight control or past it, and notes."""
     surfaces, notes = tables["surfaces"], []
     moved, drift = _answers(tables, folder, level, h)
     past = _past_flight_control(tables, folder) if drift else {}
@@ -381,7 +383,7 @@ def _answers(
 ) -> tuple[dict[str, _Moved], str]:
     """Response of each surface to its command, and the fault of the flight control, if any.
 
-    There is no response where a command moves nothing.
+    There are no responses if a command moves nothing.
     """
     fdm = _loaded(tables, folder)
     bench = Bench(fdm, h)
@@ -467,6 +469,7 @@ def _past_flight_control(tables: dict[str, Any], folder: Path) -> dict[str, dict
     for file in model_files(aircraft_from(tables, folder)):
         root = read_xml(file, str(file))
         parts = [root] if root.tag == "aerodynamics" else root.findall("aerodynamics")
+        # JSBSim reads a minus before a property as its negative.
         read |= {(part.text or "").strip().lstrip("-") for top in parts for part in top.iter()}
     surfaces = {}
     for name in SURFACES:

@@ -43,7 +43,7 @@ METRICS = ("chi.ITAE",)
 RESAMPLES = 1000
 
 MAX_RESAMPLED = 2_000_000
-"""Numbers of one candidate that are resampled at a time."""
+"""Scores of all gain sets together that are resampled at a time, which bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,11 +69,11 @@ class CandidateResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustChoice:
-    """Gains that were chosen by flying them."""
+    """Result of choosing gains by flying them."""
 
     status: Status  # infeasible: no frontier; too_many_lost: no finite percentile
     reason: str  # a sentence unless the status is chosen
-    best: CandidateResult | None = None  # the best candidate, also where it is not good enough
+    best: CandidateResult | None = None  # the best candidate, even if it is not good enough
     loss: float = float("nan")  # mean over the resamples of its percentile less that of the winner
     candidates: tuple[CandidateResult, ...] = ()  # the whole frontier, I_K rising
     baselines: tuple[CandidateResult, ...] = ()  # the campaign's own gain sets
@@ -212,13 +212,14 @@ def resampled(
         return lack, ordered_quantile(values[:, at], q)
 
     def winners(lack: FloatArray, size: FloatArray) -> npt.NDArray[np.intp]:
-        """The smallest lack, then the smallest size, then the first."""
+        """Index of the smallest lack, then of the smallest size, then the first."""
+        # the last key of `lexsort` is its primary one
         return np.lexsort((size[:candidates], lack[:candidates]), axis=0)[0]
 
     n = values.shape[1]
     cycles, length = max(1, n // cycle), min(cycle, n)
     best = int(winners(*ranked(np.arange(n)[None]))[0])
-    # a stream that is not that of the draws
+    # a random stream apart from that of the draws
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
     some = max(1, MAX_RESAMPLED // values.size)
     parts = []
@@ -239,7 +240,7 @@ def resampled(
 
 
 def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]:
-    """Gains of the largest R_K for rising I_K, each once; empty if none is stable."""
+    """Gains of the frontier, I_K rising, without duplicates; empty if none is stable."""
     problem = tuning_problem(scenario)
     inputs, errors = problem.model.inputs, problem.model.errors
     candidates: list[Candidate] = []
@@ -260,9 +261,9 @@ def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]
 def own_candidates(
     scenario: Scenario, gain_sets: Mapping[str, PIGains | None]
 ) -> tuple[Candidate, ...]:
-    """The gain sets of a campaign, to be compared with; without those that tuning did not find.
+    """The campaign's own gain sets as baselines, without those that tuning did not find.
 
-    Named as ``gains`` lists them, whatever the law.
+    Their names are those in ``gains``, without the law in front.
     """
     problem = tuning_problem(scenario)
     candidates = []
@@ -275,7 +276,7 @@ def own_candidates(
 
 
 def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
-    """The same draws for other gain sets; requirements on sets that are not among them go."""
+    """The campaign with other gain sets, the same draws, and no requirements on the old sets."""
     tables = [GainsTable(name=name, **gain_set.as_lists()) for name, gain_set in gains.items()]
     names = [name for law in campaign.nominal.laws for name in law.names_of(list(gains))]
 
@@ -289,7 +290,7 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
         update={
             "gains": tables,
             "success": kept(campaign.success),
-            # with a bound given no flight is needed to measure one; nobody reads this claim
+            # A stated bound saves the flight that would measure one; this claim is not used.
             "certificate": CertificateTable(L_d_rad_s2=1.0),
             "nominal": changed(campaign.nominal),
             "central": changed(campaign.central),
@@ -300,7 +301,7 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
 def scored(
     rows: pd.DataFrame, names: Sequence[str], metrics: Sequence[str]
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Scores and success of gain sets on every draw, both of the worst plant.
+    """Score and success of each gain set on every draw, both those of the worst plant.
 
     Both have shape (names, draws); a score is infinite where a flight was not completed or has no
     value. Every draw must have been flown by all of `names`.

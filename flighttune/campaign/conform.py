@@ -71,15 +71,15 @@ SAMPLED_DRAWS = 16
 """Draws used to decide whether the references of a campaign move at the same instants."""
 
 OWN_FLIGHTS = 500
-"""Flights learned from where there is no campaign."""
+"""Number of training flights for a scenario without a campaign."""
 
 PART = 4096
-"""Fresh flights flown before it is looked whether one is outside, which ends the count."""
+"""Fresh flights flown at a time; the count ends after a part in which one is outside."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConformSettings:
-    """The claim, and the flights of a campaign that it is made for."""
+    """The claim to make, and the flights that it covers."""
 
     epsilon: float = 0.01  # 1; largest probability that a flight leaves the boxes
     confidence: float = 0.999  # 1; confidence of the claim, shared by all attempts
@@ -182,7 +182,7 @@ def recount(
         seed=conformance.seed,
     )
     _, counted, residuals = _plans(source, settings)
-    # Tuning gives other last digits on another machine, and the hash would be another one.
+    # The last digits of tuned gains depend on the machine, and the hash depends on them.
     counted = counted.with_tuned_gains_of(
         replace(counted, gain_sets={conformance.gains_name: conformance.gains})
     )
@@ -201,7 +201,7 @@ def recount(
 
 
 def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, ResidualSummary]:
-    """The flights to learn from, those to count, and what is learned of each.
+    """Plans of the training and of the fresh flights, and the summary made of each flight.
 
     All are of one aircraft and one gain set.
     """
@@ -229,7 +229,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
         runs=plan.draws,
         aircraft={aircraft: plan.aircraft[aircraft]},
     )
-    # Fresh draws come after those learned from, whose seeds they must not share.
+    # Fresh draws are numbered after the training draws, whose seeds they must not share.
     runs = plan.draws + settings.attempts * settings.flights
     return learned, replace(learned, campaign=at_random(campaign), runs=runs), residuals
 
@@ -437,7 +437,7 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
 
 
 def _over(plan: Plan) -> Over:
-    """By time where the references of the first draws move at the same instants, else by phase."""
+    """``time`` if the references of the first draws move at the same instants, else ``phase``."""
     moving = set()
     for draw in range(min(plan.draws, SAMPLED_DRAWS)):
         scenario = plan.scenario_of(draw)

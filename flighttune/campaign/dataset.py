@@ -1,7 +1,7 @@
 """A campaign on disk: ``campaign.json``, one Parquet file per chunk of runs, and kept signals.
 
-Any reader of Parquet can read ``runs/`` at any time: a file that is there is complete. What is
-written is hashed: the plan in ``campaign.json``, a file of rows in its name.
+Any reader of Parquet can read ``runs/`` at any time, because every file in it is complete. Hashes
+reveal damage: ``campaign.json`` holds its own, and a file of rows has its hash in its name.
 """
 
 import hashlib
@@ -59,7 +59,7 @@ class Span(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A file of rows, by its name."""
+    """A file of rows, as its name describes it."""
 
     span: Span
     digest: str  # first quarter of the SHA-256 of the file, hexadecimal
@@ -124,7 +124,10 @@ class Dataset:
         self._write(Part.holding(span, data).path, data)
 
     def read_part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
-        """The rows of one file; a file that is not as it was written is a `RecordingError`."""
+        """The rows of one file.
+
+        Raises RecordingError if the file cannot be read or is not as it was written.
+        """
         path = self.folder / part.path
         wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
         try:
@@ -164,7 +167,7 @@ class Dataset:
             raise OutputError(f"{path}: must be removable, got {reason_of(error)}.") from error
 
     def clean(self) -> None:
-        """Remove what was being written when a campaign was killed."""
+        """Remove the unfinished files of a campaign that was killed."""
         shutil.rmtree(self.folder / WRITING, ignore_errors=True)
 
     def _matches(self, folder: str, name: re.Pattern[str]) -> Iterator[re.Match[str]]:
@@ -190,9 +193,10 @@ class Dataset:
 def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
     """The runs to keep signals of: the first failures, the worst by a measure, and a sample.
 
-    The choice follows from the rows alone. A failure is a run that does not meet what the campaign
-    calls success; the worst have the largest measure over all groups; the seed of the campaign
-    draws the sample. Runs without a time history, or without the measure, are left out.
+    The choice follows from the rows alone. A failure is a run without success by the campaign's
+    requirements; the worst have the largest measure over all groups; the sample is drawn with the
+    seed of the campaign. Runs without a time history are left out, and runs without the measure
+    are not among the worst.
     """
     campaign = dataset.plan.campaign
     keep = campaign.keep
@@ -210,7 +214,7 @@ def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
 
 
 def parquet_bytes(rows: pa.Table) -> bytes:
-    """The file of rows."""
+    """The bytes of a Parquet file of rows."""
     sink = pa.BufferOutputStream()
     pq.write_table(rows, sink, compression="zstd", write_page_checksum=True)
     return sink.getvalue().to_pybytes()
@@ -224,7 +228,10 @@ class _CampaignFile(Table):
 
 
 def open_dataset(folder: str | Path) -> Dataset:
-    """The campaign in a folder; a `RecordingError` if there is none or it was changed."""
+    """The campaign in a folder.
+
+    Raises RecordingError if there is none or its ``campaign.json`` was changed.
+    """
     path = Path(folder) / CAMPAIGN
     if not path.exists():
         raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
@@ -247,9 +254,9 @@ def open_dataset(folder: str | Path) -> Dataset:
 
 
 def dataset_hash(folder: str | Path) -> str:
-    """Digest of the rows in order of run, of all columns but ``wall_s``.
+    """Digest of the rows in order of `run`, in all columns but ``wall_s``.
 
-    Two campaigns have the same digest only where every number has the same bits.
+    Two campaigns have the same digest only if every number has the same bits.
     """
     rows = open_dataset(folder).rows()
     digest = hashlib.sha256()
@@ -267,8 +274,10 @@ def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
     yield np.packbits(column.is_null().to_numpy()).tobytes()
     if not pa.types.is_primitive(column.type):
         for text in column.cast(pa.large_string()).fill_null("").to_pylist():
+            # the length keeps "ab", "c" apart from "a", "bc"
             yield f"{len(text)}:{text}".encode()
         return
+    # Arrow does not define the bits of a missing value
     zero = False if pa.types.is_boolean(column.type) else 0
     yield column.fill_null(pa.scalar(zero, column.type)).to_numpy().tobytes()
 

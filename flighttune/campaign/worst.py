@@ -42,7 +42,7 @@ POPULATION = 32
 """Flights of a generation: enough to keep workers busy."""
 
 SEEDS_EVERY = 6
-"""Every so many generations the worst draw so far is flown with other seeds."""
+"""Every this many generations the worst draw so far is flown with other seeds."""
 
 SPREAD = 0.5
 """First step of a search about the worst draw so far, in standard deviations."""
@@ -51,17 +51,17 @@ FAILED = 1e3
 """Value of a flight that was not flown to its end, beyond all others."""
 
 LEVEL = 0.1
-"""Share of the flights of a level of the subset simulation that begin the next one."""
+"""Share of the flights of a level of subset simulation from which the next level starts."""
 
 STRIDE = 0.6
-"""Length of a step of its chains, in standard deviations; 1 would be a new draw."""
+"""Step of the chains of subset simulation, in standard deviations; 1 is an independent draw."""
 
 
 Seeds = npt.NDArray[np.int64]
 
 Evaluate = Callable[[FloatArray, Seeds], FloatArray]
-"""Values of n draws, larger is worse: of normal scores before correlation, shape (n, d), and seeds.
-"""
+"""Values of the metric for n draws, larger is worse. The arguments are normal scores before
+correlation, shape (n, d), and seeds, shape (n,)."""
 
 
 class _StoppedError(Exception):
@@ -76,7 +76,7 @@ class WorstSettings:
     # A column of the rows, such as chi.ITAE, or margin. By default the margin where there are
     # requirements with bounds, else chi.ITAE; with a tube it is always tube.
     metric: str | None = None
-    tube: Bounds | None = None  # the tube that flights are to come close to leaving
+    tube: Bounds | None = None  # the search maximises the share of this tube that a flight uses
     gains: str | None = None  # by default tuned_identified, or else the first
     plant: str | None = None  # by default the first
     completed: bool = False  # consider only completed flights; otherwise lost ones are the worst
@@ -109,11 +109,11 @@ class WorstFlight:
     flights: int  # number of flights of the search
     group: Group
     family: str | None  # of the disturbance: bang_bang or square_wave; None without a disturbance
-    # dispersed keys and seed; of a bang-bang disturbance its amplitudes and switching times
+    # dispersed keys and seed; for a bang-bang disturbance also its amplitudes and switching times
     drawn: Mapping[str, Any]
-    # from the median in the standard normal space; None of a bang-bang disturbance
+    # from the median, in standard normal space; None for a bang-bang disturbance
     distance: float | None
-    radius: float | None  # of the region searched in that space
+    radius: float | None  # of the region searched, in that space
     status: str
     missed: str  # requirements that the flight does not meet
     # (2,); largest distance from the middle of the tube over the largest half width
@@ -144,25 +144,26 @@ def find_worst(source: str, settings: WorstSettings, pool: WorkerPool) -> WorstF
         Folder of a campaign, a campaign file, a scenario file, or the name of a shipped one.
     settings : WorstSettings
     pool : WorkerPool
-        Flies; its observer may stop it.
+        Workers that fly; the observer of the pool may stop the search.
 
     Returns
     -------
     WorstFlight or None
-        None where the observer stopped it.
+        None if the observer stopped the search.
 
     Raises
     ------
     InputError, ScenarioError
-        If source, gains, plant or metric are not there, nothing is dispersed, or cma is missing.
+        If source, gains, plant or metric do not exist, nothing is dispersed, or cma is missing.
 
     Notes
     -----
     Evolution strategy with covariance matrix adaptation [1]_ on the normal scores of the dispersed
-    keys, from their distribution itself. The region is the ball that holds `REGION` of them; a
-    point outside is moved to its surface. Chance (turbulence, noise) is that of the worst flight so
-    far; every `SEEDS_EVERY` generations that flight is flown with other seeds. With a disturbance
-    up to half of the budget is first spent on bang-bang ones: `search_bang_bang`.
+    keys; the first generation is drawn from their distribution. The region is the ball that holds
+    the share `REGION` of that distribution; a point outside is moved to its surface. The seed of
+    turbulence and noise is that of the worst flight so far; every `SEEDS_EVERY` generations that
+    flight is flown with other seeds. With a disturbance, up to half of the budget is first spent on
+    bang-bang disturbances, see `search_bang_bang`.
 
     References
     ----------
@@ -207,7 +208,7 @@ def rare_miss(
     """Probability that a flight of a campaign reaches a threshold, by subset simulation.
 
     A fifth of the budget is flown at each level. The threshold is a value of the metric: 0 for the
-    margin. The result is None where the observer stopped it.
+    margin. The result is None if the observer stopped the simulation.
     """
     search = _Search(source, settings, pool)
     try:
@@ -233,8 +234,8 @@ def search_worst(
 ) -> tuple[FloatArray, int, float]:
     """Search the region of a standard normal distribution for the largest value.
 
-    The result has the worst point, its seed and the largest value of the first generation. `budget`
-    is the maximum number of points.
+    The results are the worst point, its seed and the largest value of the first generation.
+    `budget` is the maximum number of points.
     """
     import cma
 
@@ -266,7 +267,7 @@ def search_worst(
         spent += POPULATION
         if generation % SEEDS_EVERY and strategy is not None:
             # A point outside the region scores as its projection, minus a penalty that grows with
-            # distance: the strategy learns to stay inside.
+            # distance: the strategy learns to stay inside. Signs are reversed, as it minimises.
             over = np.linalg.norm(asked - z, axis=1)
             strategy.tell(list(asked), (-objective + (1e-3 + np.std(objective)) * over**2).tolist())
         at = int(np.argmax(objective))
@@ -281,7 +282,7 @@ def search_worst(
 def subset_simulation(
     values: Evaluate, dimension: int, *, threshold: float, budget: int, seed: int
 ) -> RareMiss:
-    r"""Probability that a value of a standard normal distribution reaches a threshold.
+    r"""Probability that `values` of a standard normal distribution reach a threshold.
 
     Parameters
     ----------
@@ -289,14 +290,14 @@ def subset_simulation(
     dimension : int
     threshold : float
     budget : int
-        Points at most; a fifth of them a level.
+        Maximum number of points, a fifth of them per level.
     seed : int
 
     Returns
     -------
     RareMiss
-        Where the budget ends before the threshold is reached the probability is 0, with the last
-        level's as upper end.
+        If the budget ends before the threshold is reached, the probability is 0 and the upper end
+        of its interval is that of the last level.
 
     Notes
     -----
@@ -314,7 +315,7 @@ def subset_simulation(
     z, seeds = rng.standard_normal((size, dimension)), rng.integers(0, 2**31, size)
     objective = values(z, seeds)
     spent, probability, squares, levels = size, 1.0, 0.0, []
-    chains = np.arange(size)[:, None]  # each flight its own at first
+    chains = np.arange(size)[:, None]  # at first each flight is a chain of its own
     while True:
         order = np.argsort(-objective)
         # No level lies beyond the threshold: the last one counts the misses themselves.
@@ -372,7 +373,7 @@ def _variation(reached: npt.NDArray[np.bool_]) -> float:
 
 
 class _Search:
-    """Flies draws of a campaign by the workers, and keeps the worst row."""
+    """Flies draws of a campaign with the workers and keeps the worst row."""
 
     def __init__(self, source: str, settings: WorstSettings, pool: WorkerPool) -> None:
         plan = planned(
@@ -397,7 +398,7 @@ class _Search:
         self.reach = np.zeros(2)
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
-        """Fly draws for the values of the metric."""
+        """Fly draws and return the metric of each."""
         campaign = self.plan.campaign
         u = np.clip(ndtr(z), SMALLEST_POINT, LARGEST_POINT)
         u = correlated(u, list(campaign.keys), campaign.correlation)
@@ -412,8 +413,8 @@ class _Search:
         return self._fly(self.plan.with_runs(len(drawn)), drawn)
 
     def fly_bang_bang(self) -> None:
-        """Fly bang-bang disturbances."""
-        # One channel at a time in a tube: the nearer one would leave the other without a search.
+        """Search bang-bang disturbances with up to half of the budget."""
+        # In a tube one channel at a time: otherwise only the one nearer to its bound is searched.
         searches = ((0,), (1,)) if self._probes else ((0, 1),)
         scenario = self.plan.scenario
         for pushed in searches:
@@ -427,7 +428,7 @@ class _Search:
             )
 
     def _switched(self, flights: Sequence[FloatArray]) -> tuple[Plan, list[Drawn]]:
-        """The plan and draws of flights by their signs, as `search_bang_bang` has them."""
+        """The plan and draws of flights given as arrays of signs, see `search_bang_bang`."""
         campaign, rate = self.plan.campaign, self.plan.scenario.controller.rate_hz
         starts = [table for table in campaign.disperse if table.key.startswith("flight.")]
         tables = self.plan.scenario.as_dict()
@@ -451,7 +452,7 @@ class _Search:
         return replace(self.plan, campaign=campaign, runs=len(draws)), draws
 
     def _errors(self, flights: Sequence[FloatArray]) -> list[FloatArray | None]:
-        """Errors of flights, None of one that ends early."""
+        """Errors of each flight; None for one that ends early."""
         plan, draws = self._switched(flights)
         errors: list[FloatArray | None] = [None] * len(draws)
 
@@ -464,7 +465,7 @@ class _Search:
         return errors
 
     def _fly(self, plan: Plan, draws: Sequence[Drawn], channel: int | None = None) -> FloatArray:
-        """Fly draws for the values of the metric, or how far a `channel` reaches in the tube."""
+        """Fly draws and return the metric of each, or its reach in one `channel` of the tube."""
         values = np.full(len(draws), FAILED)
 
         def keep(rows: pa.Table) -> None:
@@ -506,9 +507,9 @@ def _use_of(tube: Bounds, run: Run, _: Scenario) -> list[float]:
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
-    """Value of a metric (a column, ``margin`` or ``tube``) of a row; larger is worse.
+    """Value of a metric (a column, ``margin`` or ``tube``) in a row; larger is worse.
 
-    A flight without a value has `FAILED`.
+    It is `FAILED` for a flight without a value.
     """
     if row["status"] != "completed":
         return FAILED

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
 CRASHED = ("crashed", "timed_out")
-"""Such a run has no measures to compare, and it may crash or hang here as it did there."""
+"""Statuses of runs without measures to compare, which may crash or hang again if flown here."""
 
 OF_BEST = (
     *("name", "K_P", "K_I", "R_K", "I_K"),
@@ -335,7 +335,7 @@ def _row(dataset: "Dataset", run: int) -> dict[str, Any]:
 
 
 def _planned(file: str, runs: int | None, folder: str, *, resume: bool) -> "Plan":
-    """The plan of a file; a campaign that was made longer by --runs stays so when it is resumed."""
+    """The plan of a file; a campaign extended by --runs keeps its length when resumed."""
     from flighttune.campaign.planning.load import load_campaign
     from flighttune.campaign.planning.plan import plan_campaign
 

@@ -259,7 +259,7 @@ def _verify_tube(file: Path, conformance: Path | None) -> None:
 
 
 def _where(certificate: "Certificate") -> str:
-    """For which flights the claim of a certificate holds."""
+    """The flights or models for which the claim of a certificate holds, in words."""
     claim, states = certificate.claim, ", ".join(certificate.model.states)
     if claim.envelope is not None:
         return f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"

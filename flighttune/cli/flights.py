@@ -193,7 +193,7 @@ def view(
 
 def _heading(path: Path) -> dict[str, str]:
     """Name, title and claim of a shipped file; the whole file is checked by a test, not here."""
-    # As far as the first table: the rest takes ten times as long to parse.
+    # Only the part before the first table is parsed: the rest takes ten times as long.
     tables = tomllib.loads(path.read_text(encoding="utf-8").partition("\n[")[0])
     return {"name": path.stem, "title": tables["title"], "verifies": tables.get("verifies", "")}
 

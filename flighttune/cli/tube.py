@@ -18,7 +18,7 @@ from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
 NOT_CHECKED = "for the boxes in the file; that an aircraft keeps them is not checked here"
-"""Said of the tube of an aircraft that was read without the conformance of its boxes."""
+"""Qualification of a proof for an aircraft that was read without the conformance of its boxes."""
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -197,7 +197,7 @@ def _tried(tubes: "Sequence[Tube]", gains: str) -> None:
 
 
 def tube_values(tube: "Tube") -> dict[str, Any]:
-    """A tube as ``--json`` has it."""
+    """The values of a tube that ``--json`` prints."""
     import numpy as np
 
     problem, widths = tube.problem, tube.bounds.half_widths / DEG
@@ -296,7 +296,7 @@ def bounds_after(tube: "Tube") -> list[str]:
 def run_tubes(
     runs: "Sequence[Run]", folder: Path, *, make: bool, conformance: Path | None
 ) -> "RunTubes":
-    """The tubes of runs that are in a folder; with `make` also those that are not."""
+    """The tubes of runs found in a folder; with `make`, missing ones are computed."""
     from flighttune.conformance import load_conformance
     from flighttune.tube.store import tubes_of
 
@@ -306,7 +306,7 @@ def run_tubes(
 
 
 def run_tubes_values(tubes: "RunTubes") -> dict[str, Any]:
-    """Tubes of runs as ``--json`` has them, by label of the run."""
+    """The values of the tubes of runs that ``--json`` prints, by label of the run."""
     return {
         label: {
             **pick(

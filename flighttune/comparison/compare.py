@@ -181,8 +181,8 @@ def compare(
     Parameters
     ----------
     a : str, path-like, Run, FlownScenario or Source
-        What the others are compared with. A string is what `load_source` takes: a run folder, a
-        Parquet file, a recording or ``scenario@gains``.
+        Source that the others are compared with. A string is anything `load_source` takes: a run
+        folder, a Parquet file, a recording or ``scenario@gains``.
     others : str, path-like, Run, FlownScenario or Source
         At least one more.
 

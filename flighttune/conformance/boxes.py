@@ -17,24 +17,24 @@ from flighttune.simulate.run import Run
 Over: TypeAlias = Literal["time", "phase"]
 
 WINDOW_S = 0.5
-"""Length of a window where none is asked for, s."""
+"""Default length of a window, s."""
 
 SHORTEST_S = 0.02
 """Shortest window, s: a sample."""
 
 LEAST_SHARE = 0.05
-"""Smallest half width of a box, as a share of the widest one of its rate: a window in which the
-flights learned from agree to the last digit would be left by the next flight."""
+"""Smallest half width of a box, as a share of the widest one of its quantity: without it the next
+flight would leave a window in which the training flights agree to the last digit."""
 
 LATER_S = 2.0
 """Time shift allowed between training and new flights, s: each error box covers the errors within
 +-LATER_S, so that a flight that settles later stays inside."""
 
 MARGIN = 1.25
-"""Widening of boxes learned from too few flights to see a tail."""
+"""Widening of boxes learned from too few flights to fit a tail."""
 
 TAIL, MAX_TAIL, MIN_FLIGHTS = 0.1, 100, 50
-"""Share of the scores that are the tail, the most that are, and the fewest flights to have one."""
+"""Share of the scores in the tail, their maximum number, and the fewest flights for a fit."""
 
 CHANCE = 0.1
 """Probability, by the fitted tail, that any of the fresh flights leaves the boxes."""
@@ -69,7 +69,8 @@ class Windows:
 
     @classmethod
     def covering(cls, over: Over, duration: float, length: float = WINDOW_S) -> "Windows":
-        """The windows of `length` (s) of flights of `duration` (s)."""
+        """The windows of `length` (s) in flights of `duration` (s)."""
+        # rounding shall not add a window to a duration of whole windows
         count = math.ceil(duration / max(SHORTEST_S, length) - 1e-9) + (over == "phase")
         return cls(over=over, count=count, length=length)
 
@@ -78,15 +79,16 @@ class Windows:
     ) -> npt.NDArray[np.intp]:
         """The window of each sample.
 
-        `t` (shape (n,), s): times of the samples from the start. `chi_ref`, `gamma_ref` (shape
-        (n,), rad): the reference. The windows, shape (n - 1,), are those of each sample but the
-        last; samples beyond all windows are in the last window.
+        `t` (shape (n,), s): times of the samples. `chi_ref`, `gamma_ref` (shape (n,), rad): the
+        reference. The result, shape (n - 1,), leaves out the last sample; samples beyond all
+        windows are in the last window.
         """
         since = t[:-1] - t[0]
         first = 0
         if self.over == "phase":
             moves = (np.diff(chi_ref) != 0.0) | (np.diff(gamma_ref) != 0.0)
             stopped = np.maximum.accumulate(np.where(moves, t[1:], t[0]))
+            # Window 0 while the reference moves: one length before the first of the others.
             since, first = np.where(moves, -self.length, t[:-1] - stopped), 1
         window = first + np.floor(since / self.length + 1e-9).astype(np.intp)
         return np.minimum(window, self.count - 1)
@@ -116,7 +118,7 @@ class ResidualSummary:
     def of_flight(self, run: Run, start: FlightCondition) -> tuple[FloatArray, FloatArray]:
         """`Windows.extremes` of the quantities `COUNTED` in a flight that began at `start`.
 
-        An error belongs to the window of the sample before it and to that of its own.
+        An error belongs both to the window of its own sample and to that of the sample before.
         """
         signals = run.signals
         window = self.windows.of_samples(
@@ -132,7 +134,7 @@ class ResidualSummary:
         return low, high
 
     def as_dict(self) -> dict[str, Any]:
-        """The summary as plain values, which are hashed."""
+        """The summary as plain values, for its hash."""
         return {"model": self.model.as_dict(), "windows": asdict(self.windows)}
 
 
@@ -141,7 +143,7 @@ class RateBoxes:
     """Bounds on the quantities `COUNTED` in flights, window by window."""
 
     windows: Windows
-    # `low` and `high` (shape (count, 6), rad/s and rad): read-only
+    # shape (count, 6), rad/s and rad; read-only
     low: FloatArray
     high: FloatArray
 
@@ -163,11 +165,11 @@ class RateBoxes:
 
     @property
     def half_width(self) -> FloatArray:
-        """Half its width, shape (count, 6), rad/s and rad."""
+        """Half width of each box, shape (count, 6), rad/s and rad."""
         return 0.5 * (self.high - self.low)
 
     def over(self, t: FloatArray, chi_ref: FloatArray, gamma_ref: FloatArray) -> Bounds:
-        """The box of every sample of a flight but the last: bounds from each to the next.
+        """Bounds on a flight from each sample to the next: the box of each but the last.
 
         `t` (shape (n,), s). `chi_ref`, `gamma_ref` (shape (n,), rad): the reference of the flight.
         """
@@ -186,11 +188,11 @@ class RateBoxes:
 def fitted_boxes(
     windows: Windows, lows: FloatArray, highs: FloatArray, fresh: int
 ) -> tuple[RateBoxes, float]:
-    """Boxes around the flights learned from, wide enough for fresh ones.
+    """Boxes around the training flights, wide enough for fresh ones, and their widening.
 
     `lows`, `highs` (shape (flights, count, 6), rad/s and rad): `Windows.extremes` of each. `fresh`:
-    number of flights that are to stay inside. `widened`: largest ratio of a half width to that of
-    the smallest boxes that hold the flights learned from. Raises InputError if there is no flight.
+    number of flights that are to stay inside. The widening is the largest ratio of a half width to
+    that of the smallest boxes around the training flights. Raises InputError if there is no flight.
     """
     if not len(lows):
         raise InputError("`lows` must be of at least one flight, got none.")
@@ -205,15 +207,15 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int, later: int = 0) ->
     """Factor by which the boxes of each quantity must be widened for fresh flights to stay inside.
 
     The score of a flight is the widening with which it stays in the smallest boxes around the other
-    half of the flights. Its upper `TAIL` is taken as a generalised Pareto distribution (S. Coles,
-    *An Introduction to Statistical Modeling of Extreme Values*, chapter 4) of `SHAPE` with the mean
-    found. At the values returned one of the fresh flights is outside with a probability of at most
-    `CHANCE`, shared by the quantities. What is claimed does not rest on this, only how often a
-    count succeeds.
+    half of the flights. The upper `TAIL` of the scores is fitted by a generalised Pareto
+    distribution (S. Coles, *An Introduction to Statistical Modeling of Extreme Values*, chapter 4)
+    of shape `SHAPE` with the same mean. With the factors returned, the probability that any fresh
+    flight is outside is at most `CHANCE`, shared by the quantities. No claim rests on this fit; it
+    only decides how often a count succeeds.
 
-    `lows`, `highs` (shape (flights, count, 6), rad/s and rad): extremes of the flights learned
-    from. `fresh`: number of flights that are to stay inside. `later`: windows by which a flight may
-    be sooner or later than another. The factors, shape (6,), are at least 1.
+    `lows`, `highs` (shape (flights, count, 6), rad/s and rad): extremes of the training flights.
+    `fresh`: number of flights that are to stay inside. `later`: windows by which a flight may be
+    earlier or later than another. The factors, shape (6,), are at least 1.
     """
     flights = len(lows)
     if flights < MIN_FLIGHTS:
@@ -231,7 +233,7 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int, later: int = 0) ->
     above = min(MAX_TAIL, round(TAIL * flights))
     start = scores[-above - 1]
     excess = (scores[-above:] - start).mean(axis=0)
-    # Quantile of the tail for the chance shared by all flights and quantities.
+    # Quantile of the tail, in mean excesses, for the chance shared by all flights and quantities.
     rarer = above / flights * fresh * len(start) / CHANCE
     further = (1.0 - SHAPE) / SHAPE * (rarer**SHAPE - 1.0)
     return np.maximum(1.0, start + further * excess)
@@ -242,6 +244,7 @@ def _smallest(lows: FloatArray, highs: FloatArray, later: int) -> tuple[FloatArr
     low, high = lows.min(axis=0), highs.max(axis=0)
     for column in range(len(RESIDUALS), low.shape[1]):
         low[:, column] = _around(low[:, column], later).min(axis=1)
+        # negated, so that the infinite padding is never the largest
         high[:, column] = -_around(-high[:, column], later).min(axis=1)
     for column in range(low.shape[1]):
         seen = low[:, column] <= high[:, column]
@@ -253,7 +256,7 @@ def _smallest(lows: FloatArray, highs: FloatArray, later: int) -> tuple[FloatArr
 
 
 def _around(values: FloatArray, count: int) -> FloatArray:
-    """Each of the values with the `count` before and after it, infinite where there is none."""
+    """Each value with the `count` values before and after it, infinite beyond the ends."""
     longer = np.pad(values, count, constant_values=np.inf)
     return np.lib.stride_tricks.sliding_window_view(longer, 2 * count + 1)
 

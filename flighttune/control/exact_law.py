@@ -94,13 +94,13 @@ class ExactLaw(StatefulPI):
     dt : float, s
         Sample time.
     anti_windup : {"conditional", "back_calculation", "none"}
-        What an integrator does while a limit holds the command of its channel (roll of the course,
+        Action of an integrator while a limit holds the command of its channel (roll of the course,
         load factor of the path angle), and that of the course while b is below the floor: stand,
         be led back towards the rate that the commands give with the tracking time, or go on.
     tracking_time : float, s, optional
         Time constant of back-calculation; by default ``norm(K_P) / norm(K_I)``, never below `dt`.
     priority : {"gamma", "chi"}
-        What is kept where the largest load factor is less than course and path angle need together:
+        Part of the lift that is kept where the largest load factor is too small for both channels:
         the vertical lift (the roll command is reduced to ``acos(b / n_z_max)``), or the horizontal
         one (it is raised to ``asin(a / n_z_max)``).
     lift_floor : float

@@ -164,7 +164,7 @@ class MimoPI(StatefulPI):
     dt : float, s
         Sample time.
     anti_windup : {"conditional", "back_calculation", "none"}
-        What the integrator does while the command after all limits differs from the one before:
+        Action of the integrator while the command after all limits differs from the one before:
         take only as much as the limits let through, be led back with the tracking time, or go on.
     tracking_time : float, s, optional
         Of back-calculation; by default the integral time ``norm(K_P) / norm(K_I)``, never below

@@ -18,12 +18,12 @@ Sense: TypeAlias = Literal["at_most", "at_least"]
 class BoundCheck:
     """A measure of a run against one bound of the scenario."""
 
-    run: str  # Label of the run; empty where only one is checked
+    run: str  # Label of the run; empty if only one run is checked
     subject: str  # ``chi``, ``gamma`` or ``flight``
     # Key of the measure as the scenario writes it; ``_deg`` in place of ``_rad`` is in degrees
     measure: str
     sense: Sense
-    # Both in the unit of `measure`; the value is NaN where the run has none
+    # Both in the unit of `measure`; the value is NaN if the run has none
     bound: float
     value: float
 
@@ -35,7 +35,7 @@ class BoundCheck:
     @property
     def met(self) -> bool:
         """Whether there is a value and it keeps the bound."""
-        return self.beyond <= 0.0
+        return self.beyond <= 0.0  # False for NaN
 
     @property
     def sentence(self) -> str:
@@ -52,7 +52,7 @@ class BoundCheck:
 class ClaimCheck:
     """The claim of a scenario against its runs."""
 
-    # Not tested where no ``[[expect]]`` is about these runs and all were completed
+    # Not tested if no ``[[expect]]`` is about these runs and all were completed
     verdict: Literal["met", "not met", "not tested"]
     requirements: int  # number of bounds and of ways to end that were checked
     bounds: tuple[BoundCheck, ...]  # Every bound that was checked
@@ -70,7 +70,7 @@ class ClaimCheck:
 
     @property
     def sentence(self) -> str:
-        """The same with the first requirement that is missed, or with the tightest bound."""
+        """The verdict with the first requirement that is missed, or with the tightest bound."""
         if self.missed:
             return f"{self.short}; {self.missed[0]}"
         if not self.bounds:
@@ -98,6 +98,7 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         bounds += own
         missed += [f"{run.label}: {check.sentence}" for check in own if not check.met]
     broken = sum(not check.met for check in bounds)
+    # `missed` less `broken` are the wrong ends: their runs have no bounds and are not in `ends`.
     requirements = len(bounds) + ends + len(missed) - broken
     return ClaimCheck(
         verdict="not met" if missed else "met" if requirements else "not tested",

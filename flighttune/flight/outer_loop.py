@@ -24,7 +24,7 @@ from flighttune.tuning.robust import tune_worst_case
 from flighttune.tuning.tune import tune
 from flighttune.units import wrap_angle
 
-# Of the course loop over the time by which a limited roll is late: design/roll_rate.md.
+# Smallest integral time of the course loop over the delay of a limited roll: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
 
 

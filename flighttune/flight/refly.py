@@ -117,7 +117,7 @@ def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
 def first_difference(recorded: Run, reflown: Run) -> Difference | None:
     """The first difference of two runs to the bit: gains, then signals in time, then outcome.
 
-    Of a recorded run with the status ``interrupted`` only its samples are compared.
+    Length and outcome are not compared if the recorded run has the status ``interrupted``.
     """
     return next(_differences(recorded, reflown), None)
 

@@ -20,10 +20,11 @@ AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
 
 # Shares of a tab's height, for a window of 1280 by 720, the smallest in which everything must fit.
 READING = 0.05  # the line on how to read the picture
-TABLE, TABLE_ROW, LONGEST_TABLE = 0.12, 0.037, 0.55  # the readout, without rows and at most
-LANES, LANE, MOST_LANES = 0.1, 0.065, 0.6  # the lanes, without runs and at most below a view
+TABLE, TABLE_ROW, LONGEST_TABLE = 0.12, 0.037, 0.55  # the readout: without rows, per row, at most
+LANES, LANE, MOST_LANES = 0.1, 0.065, 0.6  # the lanes: without runs, per run, at most below a view
 
-COLUMNS_PER_ROW = 1.36  # of a grid of plots: nine stand in 3 rows of three, fifteen in 3 of five
+# Columns over rows of a grid of plots: nine plots make 3 rows of three, fifteen 3 rows of five.
+COLUMNS_PER_ROW = 1.36
 
 SIDE, MIDDLE = 0.23, 0.31  # shares of the width: the column of lanes, the plots on Overview
 
@@ -66,10 +67,10 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     lanes = LANES + LANE * len(drawn)
     scene: rrb.Container | rrb.View = whole
     right: rrb.Container | rrb.View = _lanes(drawn)
-    if lanes > MOST_LANES:  # so many runs need the whole height
+    if lanes > MOST_LANES:  # the lanes of so many runs need the whole height
         scene = rrb.Horizontal(whole, chase, column_shares=[3, 2])
     else:
-        # The view from behind is as wide as high, or a little wider, like the aircraft in it.
+        # The view from behind is square or a little wider than high, like the aircraft in it.
         lanes = max(lanes, 0.5)
         right = rrb.Vertical(chase, right, row_shares=[1.0 - lanes, lanes])
     now = rrb.TextDocumentView(origin=entities.NOW, name="Now")
@@ -80,7 +81,7 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
         column_shares=[1.0 - MIDDLE - SIDE, MIDDLE, SIDE],
     )
     reading = rrb.TextDocumentView(origin=entities.READING, name="How to read", titlebar=False)
-    # On top: the viewer panics when a screenshot has a view without title at the lower edge.
+    # The line is on top: the viewer panics at a screenshot with an untitled view at its lower edge.
     return rrb.Vertical(reading, views, row_shares=[READING, 1.0 - READING], name="Overview")
 
 
@@ -140,13 +141,13 @@ def layout(
 def time_view(
     origin: str, name: str, span: tuple[float, float] | None = None
 ) -> rrb.TimeSeriesView:
-    """A plot over time; its axis `span` is found by the viewer where it is None."""
+    """A plot over time with the values in `span`; the viewer chooses the range if it is None."""
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
-        # It would cover small plots; lanes name the runs.
+        # A legend would cover small plots; the lanes name the runs.
         plot_legend=rrb.PlotLegend(visible=False),
     )
 

@@ -46,8 +46,8 @@ def load_recording(path: str | Path) -> Recording:
     Parameters
     ----------
     path : path-like
-        What ``flighttune fly`` or `record` wrote: a folder, or one of its ``.parquet`` files. A
-        ``.rrd`` file stands for the Parquet files beside it that it was drawn with.
+        Output of ``flighttune fly`` or `record`: a folder, or one of its ``.parquet`` files. A
+        ``.rrd`` file stands for the Parquet files beside it from which it was drawn.
 
     Returns
     -------

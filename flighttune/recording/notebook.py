@@ -67,7 +67,7 @@ def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     Parameters
     ----------
     flown : FlownScenario
-        What `flighttune.fly` returns.
+        Result of `flighttune.fly`.
     width, height : int, pixels
 
     Raises

@@ -63,7 +63,7 @@ def parquet_bytes(run: Run) -> bytes:
 
 
 def parts_of(run: Run) -> Parts:
-    """What the file of a run holds, if JSON can hold its scenario."""
+    """Parts of the file of a run; RecordingError if JSON cannot hold its scenario."""
     units = {**run.units, **SIGNAL_UNITS}
     description = {
         "format": FORMAT,

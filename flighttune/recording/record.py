@@ -26,7 +26,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     Parameters
     ----------
     flown : FlownScenario
-        What `flighttune.fly` returns.
+        Result of `flighttune.fly`.
     folder : path-like
         Made if need be; files of the same name are replaced, after all have been written.
     name : str

@@ -20,9 +20,9 @@ from flighttune.recording.entities import DrawnRun, on_screen, times
 # Made by ``docs/figures/aircraft_glb.py``; body axes, m.
 MODEL = Path(__file__).with_name("aircraft.glb")
 
-PATH_POINTS = 4000  # of a path as drawn; longer flights are thinned
-INSTANTS = 500  # at which arrows are drawn
-DASHES = 60  # of the path of a law
+PATH_POINTS = 4000  # maximum number of points of a path; longer flights are thinned
+INSTANTS = 500  # maximum number of instants at which arrows are drawn
+DASHES = 60  # number of dashes in the path of a law
 WIND_TIMES = 4.0  # scale of the wind arrow over that of the velocity arrow, as the page says
 REACH = 0.9  # length of the velocity arrow at the start, in drawn widths of the aircraft
 STILL_AIR = 1e-3  # wind (m/s) up to which there is no arrow
@@ -48,7 +48,7 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     )
     stream.log(f"{entities.GROUND}/axes", arrows, static=True)
     for drawn_run in drawn:
-        # NaN breaks the camera of a 3D view, which in a plot is only a gap.
+        # In a plot a NaN is only a gap, but it breaks the camera of a 3D view.
         signals = drawn_run.run.signals
         signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
         width = factor * geometry.span_of(drawn_run.run)
@@ -69,7 +69,7 @@ def aircraft_model(
     colour: tuple[int, int, int], width: float
 ) -> tuple[rr.Asset3D, rr.InstancePoses3D]:
     """The aircraft in the colour of its run, `width` m wide."""
-    # The size is that of an instance, because the transform of the entity holds the attitude.
+    # The scale is set on the instance, because the transform of the entity holds the attitude.
     return (
         rr.Asset3D(path=MODEL, albedo_factor=colour),
         rr.InstancePoses3D(scales=[[width / geometry.MODEL_SPAN] * 3]),
@@ -81,7 +81,7 @@ def _log_path(
 ) -> None:
     path = positions(signals)
     path = path[evenly(len(path), most=PATH_POINTS)]
-    # Where paths coincide, dashes of the law on the line of an aircraft show both.
+    # A law is dashed, so that both show where its path lies on that of an aircraft.
     dashes = [path] if _is_aircraft(drawn_run) else _dashes(path)
     width = on_screen(drawn_run.style.width if _is_aircraft(drawn_run) else 1.0)
     line = rr.LineStrips3D(dashes, radii=width, colors=[drawn_run.style.rgb])
@@ -120,12 +120,12 @@ def _log_aircraft(
 
 
 def _is_aircraft(drawn_run: DrawnRun) -> bool:
-    """Whether a run is of an aircraft; a law is drawn as outline and dashes."""
+    """Whether a run is of an aircraft; a law is drawn as an outline and dashes."""
     return drawn_run.run.provenance.aircraft is not None
 
 
 def _ghost(width: float) -> list[FloatArray]:
-    """Outlines of wing, fuselage and tail in body axes, m."""
+    """Outlines of wing, fuselage, tailplane and fin in body axes, m."""
     wing = [[0.1, -0.5], [0.1, 0.5], [-0.04, 0.5], [-0.04, -0.5], [0.1, -0.5]]
     body = [[0.35, 0.0], [-0.42, 0.0]]
     tail = [[-0.34, -0.16], [-0.34, 0.16], [-0.42, 0.16], [-0.42, -0.16], [-0.34, -0.16]]
@@ -144,14 +144,14 @@ def _dashes(path: FloatArray) -> list[FloatArray]:
 def _log_arrows(
     stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, width: float
 ) -> None:
-    """Velocity and wind, in the axes that turn with the course."""
+    """Log the arrows of velocity and wind, in axes that turn with the course."""
     signals = signals.iloc[evenly(len(signals), most=INSTANTS)]
     V = float(drawn_run.run.signals["V_a"].iloc[0])
     scale = REACH * width / V if math.isfinite(V) and V > 0.0 else 0.0  # m per m/s
     time = times(signals.index)
     frame = f"{entities.AIRCRAFT}/{drawn_run.key}"
     chi, gamma = (signals[name].to_numpy(dtype=float) for name in ("chi", "gamma"))
-    # Where course and path angle are those through the air, so is the speed along them.
+    # With columns over ground beside them, `chi` and `gamma` are through the air: so is the speed.
     over_ground = "V_g" in signals and OVER_GROUND[0] not in signals
     speed = signals["V_g" if over_ground else "V_a"].to_numpy(dtype=float)
     ahead = np.column_stack([np.cos(gamma), np.zeros_like(gamma), -np.sin(gamma)])

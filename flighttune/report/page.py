@@ -1,4 +1,4 @@
-"""The report as one HTML file that needs nothing else."""
+"""The report on the runs of a scenario, one self-contained HTML file."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -60,14 +60,14 @@ def write_report(
     Parameters
     ----------
     source : str, path-like or Source
-        What `flighttune.comparison.load_source` takes: a run folder, a recording, a Parquet file or
-        ``scenario@gains``.
+        Anything `flighttune.comparison.load_source` takes: a run folder, a recording, a Parquet
+        file or ``scenario@gains``.
     path : path-like
         HTML file to write or replace; parent folders are made.
     tubes : sequence of str
         A sentence for each tube of the runs. Tubes are drawn where the runs have them.
     at_a_glance : sequence of str
-        Sentences at the top on the possible deviation of each aircraft.
+        Sentences for the top of the page, on the possible deviation of each aircraft.
     tube_table : Table, optional
         Widths of the tubes.
 
@@ -78,7 +78,7 @@ def write_report(
     Raises
     ------
     RecordingError
-        If nothing flew, the runs are of several scenarios, or the file cannot be written.
+        If no run flew, the runs are of several scenarios, or the file cannot be written.
     ScenarioError
         If the recorded scenario is not valid any more.
     """

@@ -69,11 +69,11 @@ def simulate(
     duration : float, s
         Time to fly, positive; rounded to whole samples.
     limits : Limits, optional
-        What the loop limits the commands to; none by default. A controller that limits its own
+        Limits that the loop puts on the commands; none by default. A controller that limits its own
         commands takes no others.
     sensors : Sensors, optional
-        What the controller sees course, climb and airspeed through; by default it sees what is
-        flown. With them the signals hold `MEASURED` as well, and the errors stay the true ones.
+        Sensors through which the controller sees course, climb and airspeed; by default it sees the
+        true values. With sensors the signals also hold `MEASURED`; the errors are the true ones.
     progress : callable, optional
         Called with the time flown in s, about once a second of flight.
 

@@ -36,7 +36,7 @@ class Segment:
 
     def slope(self, t: FloatArray) -> FloatArray:
         """Return the slope from times `t` on, in that unit per second; a jump has none."""
-        # What rounding makes of a sample time shall not decide whether a sample is inside.
+        # The rounding of a sample time shall not decide whether the sample is inside.
         since, slope = t - self.start + SAME_INSTANT, np.zeros_like(t)
         for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=False):
             slope += np.where((since >= low) & (since < high), rate, 0.0)

@@ -80,7 +80,7 @@ class Verification:
 
 
 def matrix_check(name: str, matrix: Rationals, denominator: int = 1) -> Check:
-    """That a rational matrix, or one of integers over `denominator`, is positive definite."""
+    """Check that a matrix, rational or of integers over `denominator`, is positive definite."""
     size = max(abs(entry) for entry in matrix.flat) or Fraction(1)  # no entry may overflow
     smallest = float(np.linalg.eigvalsh((matrix / size).astype(float))[0])
     margin = Fraction(smallest) * size / denominator
@@ -88,7 +88,7 @@ def matrix_check(name: str, matrix: Rationals, denominator: int = 1) -> Check:
 
 
 def margin_check(name: str, margin: Fraction) -> Check:
-    """That an exact number is not negative."""
+    """Check that an exact number is not negative."""
     return Check(name=name, margin=_as_float(margin), exact=margin >= 0)
 
 

@@ -24,7 +24,7 @@ CHUNK_LOOPS = 8192
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Indicators:
-    """What the Lyapunov equation says about one closed loop.
+    """Indicators of one closed loop, from its Lyapunov equation.
 
     Attributes
     ----------

@@ -31,7 +31,7 @@ STATUSES: dict[str, LmiStatus] = {
 
 
 class LmiAnswer(NamedTuple):
-    """What the solver said, unchecked; the unknowns have values where it is solved."""
+    """Unchecked answer of the solver; the unknowns have values if the problem is solved."""
 
     status: LmiStatus
     reason: str  # why it is not optimal; empty otherwise

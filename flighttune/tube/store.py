@@ -35,13 +35,13 @@ FOLDER = "tubes"
 """Subfolder with the tubes of the runs in a folder."""
 
 WORST = "-worst"
-"""At the end of the name of the file of the worst flight found in a tube."""
+"""Suffix to the name of a tube's file, for that of the worst flight found in the tube."""
 
 NOT_OF_FLIGHT = ("title", "verifies", "source", "seed", "gains", "expect", "tuning", "envelope")
 """Tables of a scenario that a tube does not depend on."""
 
 ABOUT, SEAL = b"flighttune.tube", b"flighttune.file"
-"""Keys in the metadata, in the order of the file: what it is about, as JSON, and its SHA-256."""
+"""Keys of the metadata, in the order of the file: its description as JSON, and its SHA-256."""
 
 KIND, REMEDY = "Parquet file of a tube", "delete it and make it again with --tube"
 
@@ -80,11 +80,11 @@ class AboutWorst:
 class RunTube:
     """The tube of a run."""
 
-    bounds: Bounds  # of the errors, to where they last
+    bounds: Bounds  # on the errors, for as long as the tube lasts
     about: AboutTube
     file: Path
-    computed: bool  # in this call; False for a tube that was read and is not proven again here
-    inside: bool  # whether the run is
+    computed: bool  # whether this call computed it; a tube that is read is not proven again
+    inside: bool  # whether the run stays inside
     worst: AboutWorst | None  # None unless `flighttune worst` was run
 
     @property
@@ -99,11 +99,11 @@ class RunTube:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunTubes:
-    """Tubes of runs."""
+    """Runs, and the tubes that were found or computed for them."""
 
     runs: tuple[Run, ...]  # a run that has a tube has its bounds as signals
     tubes: Mapping[str, RunTube]  # by label of the run
-    why_not: Mapping[str, str]  # why there is none, of runs for which one was to be made
+    why_not: Mapping[str, str]  # reasons, by label of a run without a tube or path of a bad file
     outside: tuple[str, ...]  # labels of runs that leave their tube
 
     @property
@@ -128,7 +128,7 @@ def tubes_of(
     conformance: "Conformance | None" = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> RunTubes:
-    """The tubes of runs that are in a folder, and where asked those that are not.
+    """The tubes of runs found in a folder; missing ones are computed if asked for.
 
     `folder`: its subfolder `FOLDER` is read and written. `make`: compute missing tubes.
     `conformance`: boxes for runs of its aircraft with its gains. `progress`: called with the label
@@ -208,13 +208,13 @@ def flight_sha256(scenario: Mapping[str, Any], plant: str, gains: PIGains | None
 
 
 def run_sha256(run: Run) -> str:
-    """Hash of what the tube of a run depends on: manoeuvre, limits, controller, plant and gains."""
+    """Hash of what a run's tube depends on: manoeuvre, limits, controller, plant and gains."""
     made = run.provenance
     return flight_sha256(made.scenario, made.plant, made.gains)
 
 
 def _tube_files(folder: Path) -> tuple[dict[str, Path], dict[str, str]]:
-    """The tubes in a folder by the hash of their flight, and why the others are not read."""
+    """Files of tubes by the hash of their flight, and why the other files are not read."""
     files, refused = {}, {}
     for path in sorted(folder.glob("[!.]*.parquet")):
         if path.stem.endswith(WORST):
@@ -227,9 +227,9 @@ def _tube_files(folder: Path) -> tuple[dict[str, Path], dict[str, str]]:
 
 
 def read_bounds(path: str | Path) -> tuple[AboutTube, Bounds]:
-    """The bounds on the errors in the file of a tube, and its description.
+    """Read the file of a tube: its description and its bounds on the errors.
 
-    Raises InputError if it is no such file or not as it was written.
+    Raises InputError if the file is of another kind or is not as it was written.
     """
     about, columns = read_sealed(Path(path), AboutTube)
     try:
@@ -242,15 +242,15 @@ def read_bounds(path: str | Path) -> tuple[AboutTube, Bounds]:
 
 
 def read_tube(path: Path, run: Run) -> RunTube:
-    """The bounds in the file of the tube of a run.
+    """Read the tube of a run from its file.
 
-    Raises InputError as `read_bounds` does, and if its bounds are not those of the samples.
+    Raises InputError as `read_bounds` does, and if its times are not those of the samples.
     """
     from flighttune.tube.problem import sample_times
 
     about, bounds = read_bounds(path)
     t, samples = bounds.t, sample_times(scenario_from(dict(run.provenance.scenario)))
-    # One that is lost ends early.
+    # The bounds of a tube that was lost end early.
     least = len(samples) if about.status == "bounded" else 1
     if not (least <= len(t) <= len(samples) and np.allclose(t, samples[: len(t)], atol=1e-9)):
         raise InputError(
@@ -264,7 +264,7 @@ def read_tube(path: Path, run: Run) -> RunTube:
 def write_signals(tube: "Tube", path: Path) -> None:
     """Write the bounds: ``t`` in s, and every quantity with ``_low`` and ``_high``.
 
-    The metadata have the hash of the flight, by which `tubes_of` finds its tube. Raises OutputError
+    The metadata hold the hash of the flight, by which `tubes_of` finds its tube. Raises OutputError
     if the file cannot be written.
     """
     problem = tube.problem
@@ -284,7 +284,7 @@ def write_signals(tube: "Tube", path: Path) -> None:
 def write_worst(tube: Path, run: Run, ratio: Mapping[str, float]) -> Path:
     """Write the errors of the worst flight found next to the file of its tube; return the file.
 
-    `ratio` says how many times wider the tube is than this flight needs, of ``chi`` and ``gamma``.
+    `ratio`: width of the tube over the width that this flight needs, for ``chi`` and ``gamma``.
     """
     path = _worst_file(tube)
     errors = {name: run.signals[name.removesuffix("_worst")].to_numpy() for name in WORST_SIGNALS}
@@ -298,12 +298,12 @@ def _worst_file(tube: Path) -> Path:
 
 
 def _read_worst(tube: Path) -> tuple[AboutWorst, FloatArray] | None:
-    """The worst flight of a tube, its errors in rad; None where none is known of these bounds."""
+    """The worst flight found in a tube and its errors, rad; None if there is none."""
     path = _worst_file(tube)
     if not path.exists():
         return None
     about, columns = read_sealed(path, AboutWorst)
-    if about.tube != seal_of(tube.read_bytes()):
+    if about.tube != seal_of(tube.read_bytes()):  # the tube has been replaced since
         return None
     return about, np.column_stack([columns[name] for name in WORST_SIGNALS])
 
@@ -314,7 +314,7 @@ A = TypeVar("A", AboutTube, AboutWorst)
 def write_sealed(
     columns: Mapping[str, FloatArray], about: AboutTube | AboutWorst, path: Path
 ) -> None:
-    """Write signals over time, whole or not at all."""
+    """Write signals over time with their description; the file is written whole or not at all."""
     fields = [
         pa.field(name, pa.float64(), metadata={"unit": UNITS.get(name, "rad")}) for name in columns
     ]
@@ -330,8 +330,8 @@ def write_sealed(
 def read_sealed(path: Path, kind: type[A]) -> tuple[A, dict[str, FloatArray]]:
     """Read a file of `write_sealed`: its description and its signals.
 
-    Raises InputError if the file is not as it was written or is of another kind, if time does not
-    rise, or a value is not finite.
+    Raises InputError if the file is of another kind or is not as it was written, if time does not
+    rise, or if a value is not finite.
     """
     data = sealed_bytes(path, KIND, REMEDY)
     try:

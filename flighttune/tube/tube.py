@@ -68,7 +68,7 @@ def largest_disturbance(
 def _bracket(
     bounded: Callable[[float], bool], size: float, least: float
 ) -> tuple[float | None, float | None]:
-    """A disturbance that is bounded and twice as much, or less, that is not; None without one."""
+    """A bounded disturbance and an unbounded one at most twice as large; None if there is none."""
     if bounded(size):
         while size < MOST_DISTURBANCE:
             size, low = 2.0 * size, size
@@ -89,7 +89,7 @@ def enclosed(
     for_ever: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Tube:
-    """The tube of a problem: with few pieces where that is enough, else with many.
+    """The tube of a problem, with few pieces if they suffice, otherwise with many.
 
     `attempts`: tried one after the other until the set is bounded; by default two. `for_ever`: look
     for a set that holds the flights after the time of the scenario too. `progress`: see `tube_of`.
@@ -129,7 +129,7 @@ def _attempts(problem: TubeProblem) -> list[Settings]:
     disturbed = not np.array_equal(*problem.disturbances)
     sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
     symbols = 660 if disturbed else 200
-    # Splitting costs time for every piece: of a box of starts only where it must be.
+    # Every piece costs time: a box of starts, already in pieces, is split further only if need be.
     few, many = (1 if sides > 1 else 60), sides * sides + 100
     return [
         Settings(sides, symbols, tolerance, most) for tolerance, most in ((0.5, few), (0.2, many))

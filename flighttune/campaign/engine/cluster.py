@@ -58,7 +58,7 @@ class ClusterWorkers:
         for logger in loggers:
             logger.setLevel(logging.CRITICAL + 1)
         try:
-            # Where no process listens this fails at once; dask tries for as long as it may.
+            # This fails at once if no process listens; dask would retry until its timeout.
             socket.create_connection(check_scheduler(scheduler), CONNECT_S).close()
             with dask.config.set({"distributed.comm.timeouts.connect": CONNECT_S}):
                 self._client: Any = Client(scheduler, timeout=CONNECT_S, set_as_default=False)

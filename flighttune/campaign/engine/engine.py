@@ -1,4 +1,4 @@
-"""Flying a plan into a folder, here or on a cluster; runs that have a row are not repeated."""
+"""Fly a plan into a folder, here or on a cluster; runs that have a row are not repeated."""
 
 import math
 import time
@@ -37,10 +37,10 @@ GROWTH = 1.25
 """Runs at an interim analysis over those at the one before."""
 
 ENOUGH_S = 0.25
-"""Flights are timed until this many seconds of them are flown at a time."""
+"""A timing that takes at least this long is accurate enough, s."""
 
 MORE = 4
-"""Growth of the number of runs from one timing to the next."""
+"""Factor by which the number of runs grows from one timing to the next."""
 
 
 def run_campaign(
@@ -53,7 +53,7 @@ def run_campaign(
     until_halfwidth: float | None = None,
     observer: CampaignObserver | None = None,
 ) -> CampaignOutcome:
-    """Fly a campaign, or what is missing of it.
+    """Fly a campaign, or the runs that are missing from it.
 
     Parameters
     ----------
@@ -62,13 +62,13 @@ def run_campaign(
     out : str or Path
         Folder of the rows. Only this process writes.
     workers : int, optional
-        Processes that fly on this machine; by default one a core.
+        Processes that fly on this machine; by default one per core.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
-        Fly on with the campaign in `out`, if there is one.
+        Continue the campaign in `out`, if there is one.
     until_halfwidth : float, optional, 1
-        Stop as soon as the 95 % interval of every group's success rate is that narrow.
+        Stop as soon as the 95 % interval of every group's success rate has this half width.
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
 
@@ -82,9 +82,9 @@ def run_campaign(
     InputError
         If `out` holds another campaign, or is in use; if dask.distributed is not installed.
     OutputError
-        If `out` cannot be written: the disk may be full. What is there is whole.
+        If `out` cannot be written, e.g. on a full disk. Files already written are complete.
     CampaignError
-        If the cluster is gone. What is there is whole.
+        If the cluster is gone. Files already written are complete.
     """
     began = time.perf_counter()
     observer = observer or CampaignObserver()
@@ -121,9 +121,9 @@ def run_campaign(
 
 
 def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:
-    """Numbers of runs at the interim analyses of the success rates; the last is all.
+    """Numbers of runs at the interim analyses of the success rates; the last is that of the plan.
 
-    They depend on the plan alone, so that a campaign stops at the same run whoever flies it.
+    They depend on the plan alone, so that a campaign stops at the same run wherever it is flown.
     `halfwidth` is the half width asked for; without it there is no interim analysis.
     """
     if halfwidth is None:
@@ -149,7 +149,7 @@ def _widest(dataset: Dataset, runs: int) -> float:
 
 
 def _keep_signals(dataset: Dataset, pool: WorkerPool, tally: Tally) -> bool:
-    """Keep the signals that the rows ask for; return whether all were."""
+    """Keep the signals of `runs_to_keep` and no others; return False if the observer stopped it."""
     wanted, present = set(runs_to_keep(dataset)), set(dataset.kept)
     for run in present - wanted:
         dataset.remove(signals_path(run))
@@ -161,14 +161,14 @@ def _keep_signals(dataset: Dataset, pool: WorkerPool, tally: Tally) -> bool:
 def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
     """Fly a few runs of a plan in one process and estimate what all of them will take.
 
-    The runs of the last timing count: many kinematic flights together take less time each. Nothing
-    is kept.
+    The estimate follows from the last timing, which has the most runs: kinematic flights take less
+    time each in a larger batch. Nothing is written.
     """
     tables: list[pa.Table] = []
     sizes: list[int] = []
     with worker_pool(1) as pool:
         size = min(len(plan.groups), plan.runs)
-        pool.fly_rows(plan, [Span(0, size)], tables.append)  # starts the process
+        pool.fly_rows(plan, [Span(0, size)], tables.append)  # untimed: starts the process
         while True:
             began = time.perf_counter()
             tables.clear()
@@ -235,7 +235,7 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
 
 
 def _counted(dataset: Dataset, hear: Callable[[str], None]) -> Tally:
-    """Count what is there. Damaged files are removed, and their runs are missing then."""
+    """Count the rows on disk; a damaged file is removed, so that its runs are flown again."""
     tally = Tally()
     for part in dataset.parts:
         try:

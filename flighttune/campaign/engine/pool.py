@@ -40,20 +40,21 @@ from flighttune.errors import InputError
 from flighttune.simulate.batch import cores
 
 TASKS_PER_WORKER = 2
-"""Tasks of a worker: one that it flies, and one that is ready when it ends."""
+"""Tasks handed to each worker: one in flight, and one ready for when that ends."""
 
 POLL_S = 0.2
+"""Longest wait for a result before progress is shown and a stop is noticed, s."""
 
 KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
-"""Rows are kept every 0.25 s, later after a twentieth of the time so far, at the latest after 10 s:
-a killed campaign loses little, and a long one has few files."""
+"""Rows are written after a further twentieth of the time so far, but at least 0.25 s and at most
+10 s apart: a killed campaign loses little, and a long one has few files."""
 
 Task = tuple[Any, ...] | None
-"""A function of a worker and its arguments; None after a batch that was flown here."""
+"""A function for a worker with its arguments; None after a batch that this process flew."""
 
 
 class Threads:
-    """Threads of this process, each with a process that flies for it; as `ClusterWorkers`."""
+    """Threads of this process, each with a process that flies; used like `ClusterWorkers`."""
 
     def __init__(self, count: int) -> None:
         self._count, self._flyers = count, [Flyer() for _ in range(count)]
@@ -69,9 +70,9 @@ class Threads:
         return self._count
 
     def stop(self) -> None:
-        """Take back all tasks, and end the flights in progress."""
+        """Cancel the tasks that are waiting and end the flights in progress."""
         for flyer in self._flyers:
-            flyer.close()
+            flyer.close()  # before the shutdown, which waits for the threads in flight
         self._executor.shutdown(cancel_futures=True)
         for flyer in self._flyers:
             flyer.end()
@@ -86,10 +87,10 @@ def worker_pool(
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
 ) -> Iterator["WorkerPool"]:
-    """Workers for the block: so many processes here, or those of a dask scheduler elsewhere.
+    """A worker pool for the block: processes of this machine, or the workers of a dask scheduler.
 
-    They start, or are connected to, when there is something for them to fly. `workers` are one per
-    core by default. InputError if the arguments cannot be used.
+    They are started, or connected to, only when there is something to fly. `workers` is the number
+    of processes, by default one per core. Raises InputError if the arguments cannot be used.
     """
     if workers is not None and scheduler is not None:
         raise InputError("`workers` must not be given with `scheduler`, which has its own.")
@@ -108,9 +109,9 @@ def worker_pool(
 
 
 class WorkerPool:
-    """Flies runs by the workers of a campaign; `flown` counts the rows so far.
+    """Flies runs with the workers of a campaign; `flown` counts the rows so far.
 
-    `start` returns the workers, and is called when there is something for them to fly. The observer
+    `start` returns the workers and is called only when there is something to fly. The observer
     receives the progress and may stop the flights.
     """
 
@@ -133,11 +134,11 @@ class WorkerPool:
         probes: Probes | None = None,
         draws: Sequence[Drawn] | None = None,
     ) -> bool:
-        """Fly runs of a plan; return whether all were, and the observer did not stop it.
+        """Fly runs of a plan; return False if the observer stopped them.
 
-        `keep` gets the rows of successive runs in order of `run`; the tables come in any order.
-        `tally` holds the rows that exist already, and counts the new ones. `probes` and `draws` are
-        those of `flighttune.campaign.flying.rows.fly_runs`.
+        `keep` gets tables of consecutive runs, each in order of `run`; the order of the tables is
+        arbitrary. `tally` starts with the rows that exist already and counts the new ones. `probes`
+        and `draws` are those of `flighttune.campaign.flying.rows.fly_runs`.
         """
         tally, gaps, probes = tally or Tally(), list(gaps), probes or {}
         if not gaps:
@@ -154,7 +155,7 @@ class WorkerPool:
             in_batch = batched_groups(plan, probes, draws)
             if len(in_batch) < len(plan.groups):
                 self._start()  # the processes get ready while the first batch is flown
-            claim_of = claims(plan, in_batch)  # of kinematic flights: no JSBSim here
+            claim_of = claims(plan, in_batch)  # kinematic groups only: no JSBSim in this process
             work, limit = work_of(plan, probes), plan.campaign.time_limit_s
             runs = chain.from_iterable(range(*gap) for gap in gaps)
             for together, alone in blocks(plan, runs, in_batch, draws):
@@ -168,6 +169,7 @@ class WorkerPool:
             total = tally.runs + sum(gap.runs for gap in gaps)
             return self._hand_out(tasks(), done, doing, tally, total)
         finally:
+            # After a stop or an error, rows may be left behind a run that never came back.
             buffer.write(sorted(buffer.rows))
 
     def fly_signals(
@@ -178,9 +180,10 @@ class WorkerPool:
         *,
         tally: Tally,
     ) -> bool:
-        """Fly runs of a plan once more for their signals; return whether all were.
+        """Fly runs of a plan once more for their signals; return False if the observer stopped it.
 
-        `keep` gets each run and the bytes of its recording; `tally` counts the rows that are there.
+        `keep` gets each run and the bytes of its recording. `tally` holds the counts of the rows,
+        which the progress shows.
         """
         if not runs:
             return True
@@ -204,7 +207,7 @@ class WorkerPool:
         tally: Tally,
         runs: int,
     ) -> bool:
-        """Have all tasks done; return False if the observer stopped it.
+        """Hand all tasks to the workers; return False if the observer stopped it.
 
         `done` gets what each task returns, in any order.
         """
@@ -213,7 +216,7 @@ class WorkerPool:
             observer.see(CampaignProgress(doing="starting", done=tally.runs, runs=runs))
         since = self._flying_since = self._flying_since or time.perf_counter()
         pending: set[Future[Any]] = set()
-        threads, more = 1, True  # until there are workers this process flies
+        threads, more = 1, True  # this process flies until there are workers
         while not observer.stopped:
             rate = self.flown / (time.perf_counter() - since) if self.flown else 0.0
             observer.see(
@@ -229,7 +232,7 @@ class WorkerPool:
                     left_s=(runs - tally.runs) / rate if rate else None,
                 )
             )
-            # also with no worker one task is handed out: some schedulers start workers for it
+            # `<=` hands out a task even with no worker: some schedulers start workers for it
             if more and len(pending) <= TASKS_PER_WORKER * threads:
                 try:
                     task = next(tasks)
@@ -246,6 +249,7 @@ class WorkerPool:
                     done(self._result(future))
             if pending:
                 threads = self._start().threads()
+        # results that were ready when the observer stopped the flights are not lost
         for future in wait(pending, 0.0).done:
             done(self._result(future))
         return False
@@ -258,7 +262,7 @@ class WorkerPool:
 
 
 class _Buffer:
-    """Rows that have come back, until they are kept in order of `run`."""
+    """Rows that have come back and wait to be kept in order of `run`."""
 
     def __init__(self, gaps: Sequence[Span], keep: Callable[[list[Row]], None]) -> None:
         self.rows: dict[int, Row] = {}
@@ -268,7 +272,7 @@ class _Buffer:
         self._began = self._kept = time.perf_counter()
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Take rows, and keep those before the first that is still flown, if it is time to."""
+        """Take rows; if it is time, keep those before the first run still in flight."""
         self.rows |= {row["run"]: row for row in rows}
         now = time.perf_counter()
         if now < self._kept + min(max(KEEP_S, KEEP_SHARE * (now - self._began)), KEEP_MAX_S):
@@ -282,6 +286,6 @@ class _Buffer:
 
     def write(self, runs: Sequence[int]) -> None:
         """Keep the rows of these runs."""
-        # successive runs have the same difference from their place in the list
+        # consecutive runs have the same difference from their place in the list
         for _, span in groupby(enumerate(runs), key=lambda at: at[1] - at[0]):
             self._keep([self.rows.pop(run) for _, run in span])

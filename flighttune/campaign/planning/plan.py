@@ -1,4 +1,4 @@
-"""A campaign ready to fly: gains as numbers, who flies what, and every draw on demand."""
+"""A campaign ready to fly: gains as numbers, groups of plant and gains, and draws on demand."""
 
 import hashlib
 import json
@@ -29,17 +29,17 @@ from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, Table
 
 VERSION = 1
-"""Version of a plan as plain values; others are refused."""
+"""Version of the plain values of a plan; other versions are refused."""
 
 FOR_THE_READER = ("title", "verifies", "source")
-"""Keys that change no row."""
+"""Keys that are text for the reader and change no row."""
 
 TUNED_SETS = TUNED, TUNED_IDENTIFIED
 TUNING_ROUNDING = 1e-6
-"""Share of the largest gain by which tuning the same problem twice may differ."""
+"""Largest difference between two tunings of the same problem, as a share of the largest gain."""
 
 BLOCK = 1024
-"""Draws that are made at a time when they are requested one by one."""
+"""Number of draws made at a time when they are requested one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class Plan:
 
     @property
     def extendable(self) -> bool:
-        """Whether draws do not depend on `runs`: a campaign of more runs begins with these."""
+        """Whether draws are independent of `runs`: a longer campaign then begins with the same."""
         return self.campaign.design != "latin_hypercube"
 
     @property
@@ -121,18 +121,20 @@ class Plan:
 
     @cached_property
     def cycle(self) -> int:
-        """Draws that belong together and are best flown together; a design has whole cycles.
+        """Number of draws that belong together; a design consists of whole cycles of them.
 
-        The cells of a grid; of a Saltelli design the blocks A, B and one a factor; else 1.
+        A grid has one per cell; a Saltelli design one for A, for B and for each factor; others
+        have cycles of 1.
         """
         return cycle(self.campaign)
 
     def chosen_group(
         self, plant: str | None, gains: str | None, *, kind: str | None = None
     ) -> Group:
-        """The group that is asked for: by default the first plant, and the gains tuned on it.
+        """The group asked for; by default the first plant with its default gains.
 
-        `kind` restricts the choice to plants of that kind.
+        The default gains are ``tuned_identified`` if there are any, otherwise the first. `kind`
+        restricts the choice to plants of that kind.
         """
         plants = [table.label for table in self.scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(plants), "")
@@ -148,7 +150,7 @@ class Plan:
         return Group(chosen, name)
 
     def of_group(self, group: Group) -> "Plan":
-        """The same plan for one of its groups alone."""
+        """The same plan restricted to one of its groups."""
         gain_sets = {group.gains: self.gain_sets[group.gains]}
         return replace(self, groups=(group,), gain_sets=gain_sets)
 
@@ -157,10 +159,10 @@ class Plan:
         return replace(self, runs=runs)
 
     def with_tuned_gains_of(self, other: "Plan") -> "Plan":
-        """The same plan with tuned gains as `other` has them, where they are the same to rounding.
+        """The same plan with the tuned gains of `other` where they agree to rounding.
 
-        Tuning gives other last digits with another number of BLAS threads. Gains that are not tuned
-        stay: they are numbers of a file or of the paper.
+        The last digits of tuned gains depend on the number of BLAS threads. Other gains stay as
+        they are: they are numbers from a file or from the paper.
         """
         gain_sets = dict(self.gain_sets)
         for name, mine in self.gain_sets.items():
@@ -179,17 +181,17 @@ class Plan:
         return self.groups[run % len(self.groups)]
 
     def parameters(self, first: int = 0, end: int | None = None) -> pd.DataFrame:
-        """Drawn values of draws `first` to `end`, which is not among them; by default of all.
+        """Drawn values of draws `first` up to, but not including, `end`; by default of all.
 
         The index is ``draw``; the columns are the dispersed keys, in their units, and ``seed``.
-        A key that ``adds`` or ``multiplies`` has here the addend or the factor.
+        The column of a key that ``adds`` or ``multiplies`` holds the addends or the factors.
         """
         end = self.draws if end is None else end
         return drawn(self.campaign, first, end, draws=self.draws)
 
     @cached_property
     def places(self) -> Mapping[str, tuple[Place, ...]]:
-        """Every place in the scenario that a dispersed key means."""
+        """The places in the scenario that each dispersed key refers to."""
         return dispersed_places(self.campaign.disperse, self.scenario, self.campaign.title)
 
     def values_of(self, draw: int) -> dict[str, Any]:
@@ -213,9 +215,9 @@ class Plan:
         return self.scenario.as_dict()
 
     def dispersed(self, drawn: Mapping[str, Any], draw: int) -> Scenario:
-        """The scenario with drawn values in it; `draw` is for the message.
+        """The scenario with drawn values in it; `draw` is named in errors.
 
-        ScenarioError, which names the keys, if the scenario or an aircraft refuses a value.
+        Raises ScenarioError, which names the keys, if the scenario or an aircraft refuses a value.
         """
         scenario = validated(Scenario, self._tables_with(drawn), f"draw {draw}")
         check_aircraft(scenario, f"draw {draw}")
@@ -223,12 +225,15 @@ class Plan:
 
     def _tables_with(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
         tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
-        # the seed, and what draws in place of the design's set besides the dispersed keys
+        # the seed, and keys that only a search sets, e.g. the switching times of a disturbance
         others = [(key.split("."), drawn[key]) for key in drawn if key not in self.places]
         return with_values(tables, [((*steps,), value) for steps, value in others])
 
     def scenario_of(self, draw: int) -> Scenario:
-        """The scenario of a draw; ScenarioError as `dispersed`, InputError without such a draw."""
+        """The scenario of a draw.
+
+        Raises ScenarioError as `dispersed` does, and InputError if there is no such draw.
+        """
         return self.dispersed(self.values_of(draw), draw)
 
     def as_dict(self) -> dict[str, Any]:
@@ -264,20 +269,20 @@ class Plan:
 
 
 def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
-    """Tune the gains of a campaign, and say who flies what.
+    """Tune the gains of a campaign and form its groups.
 
     Parameters
     ----------
     campaign : Campaign
-        As `load_campaign` returns it.
+        The campaign that `load_campaign` returns.
     runs : int, optional
-        Flights in total; by default what the file says, and of a grid without it one flight a cell
-        and group.
+        Total number of flights; by default that of the file, or for a grid without one, one flight
+        per cell and group.
 
     Returns
     -------
     Plan
-        A gain set that tuning did not find is None: its runs say so.
+        A gain set that tuning did not find is None; its runs get a status that says so.
 
     Raises
     ------
@@ -300,14 +305,14 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
 
 
 def on_plants(scenario: Scenario, labels: Collection[str]) -> Scenario:
-    """The scenario with some of its plants, and the requirements that are about them."""
+    """The scenario with only the plants of these labels and the requirements about them."""
     kept = [plant for plant in scenario.plant if plant.label in labels]
     expect = [x for x in scenario.expect if any(goes_by(label, x.plant) for label in labels)]
     return scenario.model_copy(update={"plant": kept, "expect": expect})
 
 
 def _groups(campaign: Campaign) -> tuple[Group, ...]:
-    """Plant by plant; in wind aircraft first, because the others replay what they met."""
+    """Groups, plant by plant; in wind aircraft first, as the others replay the wind they met."""
     scenario, windy = campaign.nominal, campaign.central.windy
     plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
     return tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)

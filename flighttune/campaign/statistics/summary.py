@@ -17,10 +17,10 @@ BETWEEN_SENTENCES = "; "
 """Separator of the sentences of the column ``missed``."""
 
 GOT = ", got … (missed by …)"
-"""End of a shared sentence without a number left in it, which is cut off."""
+"""Ending that is cut off a shared sentence: it has no number left."""
 
 FIRST_PREFIX, POINTS = 10, 25
-"""Smallest number of flights of a convergence curve, and its points."""
+"""Smallest number of flights on a convergence curve, and the maximum number of its points."""
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=])-?(?:inf|nan)\b")
 
@@ -85,7 +85,7 @@ class ConvergenceCurve:
     """Estimates from the first flights of a group."""
 
     group: Group
-    n: tuple[int, ...]  # numbers of flights, evenly spaced by their logarithm; the last is all
+    n: tuple[int, ...]  # numbers of flights, evenly spaced in their logarithm, up to all of them
     success: tuple[Estimate, ...]  # success rate of the first n flights
     measure: str  # to be minimised
     p95: tuple[Estimate, ...]  # 95th percentile of the measure over the completed ones among them
@@ -135,7 +135,7 @@ def _statuses(rows: pd.DataFrame) -> tuple[Status, ...]:
 
 
 def _missed(failed: pd.DataFrame) -> tuple[Reason, ...]:
-    """Each sentence separately: a flight that misses two bounds counts for both."""
+    """Missed requirements, each counted by itself: a flight that misses two counts for both."""
     sentences = [
         (sentence, run)
         for text, run in zip(failed["missed"].tolist(), failed["run"].tolist(), strict=True)
@@ -177,7 +177,7 @@ def _certified(rows: pd.DataFrame, flights: Flights) -> CertifiedCount | None:
 
 
 def convergence(flights: Flights, measure: str) -> tuple[ConvergenceCurve, ...]:
-    """Success rate and percentiles of the groups from their first flights on."""
+    """Success rate and 95th percentile of each group over a growing number of its flights."""
     curves = []
     for group, rows in flights.groups():
         clusters, success = flights.clusters(rows), rows["success"].to_numpy(dtype=bool)
@@ -195,14 +195,14 @@ def convergence(flights: Flights, measure: str) -> tuple[ConvergenceCurve, ...]:
 
 
 def prefixes(n: int) -> list[int]:
-    """Up to 25 numbers to `n`, evenly spaced by their logarithm, from 10 on or a quarter of `n`."""
+    """Up to 25 numbers from 10, or `n` / 4 if less, to `n`, evenly spaced in their logarithm."""
     first = max(1, min(FIRST_PREFIX, n // 4))
     spaced: npt.NDArray[np.float64] = np.geomspace(first, n, POINTS)
     return sorted({round(value) for value in spaced.tolist()})
 
 
 def reasons(texts: Sequence[str], runs: Sequence[int]) -> tuple[Reason, ...]:
-    """Group sentences that differ in their numbers alone, the most frequent first."""
+    """Group sentences that differ only in their numbers, the most frequent first."""
     places_of: dict[str, list[int]] = {}
     for place, text in enumerate(texts):
         if text:
@@ -219,7 +219,7 @@ def reasons(texts: Sequence[str], runs: Sequence[int]) -> tuple[Reason, ...]:
 
 
 def _shared(texts: Sequence[str]) -> str:
-    """The words of texts that differ in numbers alone, and the numbers that are the same."""
+    """The common text of sentences that differ only in numbers, with the numbers they share."""
     places = zip(*(_NUMBER.findall(text) for text in texts), strict=True)
     numbers = iter([shown[0] if len(set(shown)) == 1 else "…" for shown in places])
     return _NUMBER.sub(lambda _: next(numbers), texts[0])

@@ -1,4 +1,4 @@
-"""What the figures of the paper share: colours, labels, kinds of panel, and what an item gives."""
+"""Common parts of the paper's figures: colours, labels, kinds of panel, and results of items."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -128,7 +128,7 @@ class JSBSimPlant:
     def start(self, condition: FlightCondition) -> None:
         """Build a fresh aircraft and trim it: steady, coordinated flight at `condition`.
 
-        In wind, `condition` is that of the velocity through the air.
+        The velocity in `condition` is that through the air, also in wind.
 
         An `n_z` of its own in `condition` does not change that: an aircraft cannot be held in
         unsteady flight. The inner loop takes up the first command at its own rate limit.
